@@ -1,0 +1,157 @@
+"""The aligner: feeds on batches, gives samples."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.alignment.series import Health, Series
+from palpate.alignment.settings import AlignmentSettings, Signal
+from palpate.alignment.touch import Tare, TouchFinder
+from palpate.device import Batch, Stream, address
+from palpate.estimation import Samples
+
+_SECOND = 1_000_000_000  # [ns]
+
+
+@dataclass(frozen=True)
+class AlignmentReport:
+    """What the alignment found out about a record."""
+
+    streams: Mapping[str, Health]  # by "device.stream"
+    tare: Tare | None
+    touch_force: float  # [N]
+    first_touch: tuple[float, float] | None  # time [s], position [m]
+    touches: int
+    samples: int
+    missing_force: int  # samples whose force could not be had: gap, saturation, invalid readings
+    missing_velocity: int
+    duration: float  # [s] between the first sample and the last
+
+
+class Aligner:
+    """Joins the streams of the devices; one for each run."""
+
+    def __init__(self, settings: AlignmentSettings, streams: Mapping[str, tuple[Stream, ...]]) -> None:
+        self._settings = settings
+        self._health = {(d, s.name): Health(s) for d, group in streams.items() for s in group}
+        self._series: dict[tuple[str, str], list[Series]] = {key: [] for key in self._health}
+        roles = ("force", "position", "velocity", "measuring")
+        signals = {role: signal for role in roles if (signal := getattr(settings, role)) is not None}
+        self._roles = {role: self._attach(role, signal, streams) for role, signal in signals.items()}
+        self._touch = TouchFinder(settings)
+        self._origin: int | None = None
+        self._previous: tuple[int, float] | None = None  # stamp [ns] and position [m] of the last instant served
+        self._counts = {"samples": 0, "force": 0, "velocity": 0}
+
+    def _attach(self, role: str, signal: Signal, streams: Mapping[str, tuple[Stream, ...]]) -> Series:
+        for device, group in streams.items():
+            for stream in group:
+                for column, channel in enumerate(stream.channels):
+                    if address(device, stream, channel) == signal.channel:
+                        limit = self._settings.force_limit
+                        limits = (-limit, limit) if role == "force" and limit is not None else channel.limits
+                        # A slow stream has long pauses by nature.
+                        gap = max(self._settings.gap, 5.0 / stream.rate if stream.rate else 0.0)
+                        series = Series(signal, column, gap, limits)
+                        self._series[device, stream.name].append(series)
+                        return series
+        raise KeyError(signal.channel)  # the configuration has checked every name
+
+    def feed(self, device: str, batch: Batch) -> None:
+        """Take in the readings of one of a device's streams."""
+        health = self._health[device, batch.stream]
+        health.invalid += int(np.count_nonzero(~batch.valid))
+        gap = round(max(self._settings.gap, 5.0 / health.stream.rate if health.stream.rate else 0.0) * _SECOND)
+        rows = health.in_order(batch.time, gap)
+        for series in self._series[device, batch.stream]:
+            stamps = batch.time if series.signal.time == "stamp" else batch.received
+            series.feed(stamps, batch, rows, health)
+
+    def samples(self, final: bool = False) -> Samples:
+        """The samples that have become ready; with `final`, all that the record still holds."""
+        return self._touch.run(self._paired(final), final)
+
+    def _paired(self, final: bool) -> Samples:
+        base = self._roles["position"]
+        others = [series for role, series in self._roles.items() if role != "position"]
+        horizon = min((-1 if series.last is None else series.last for series in (base, *others)), default=-1)
+        count = int(np.searchsorted(base.stamps, horizon, side="right"))
+        if "velocity" not in self._roles and not final:
+            count = min(count, len(base.stamps) - 1)  # a central difference wants the next position, too
+        count = max(count, 0)
+        if self._origin is None and count:
+            # Nothing can be said of instants before the first reading of every signal.
+            early = int(np.searchsorted(base.stamps[:count], max(int(series.stamps[0]) for series in others)))
+            base.drop(early)
+            count -= early
+        stamps, position = base.stamps[:count], base.values[:count]
+        block = self._block(stamps, position, base.stamps[: count + 1], base.values[: count + 1])
+        if count:
+            self._previous = int(stamps[-1]), float(position[-1])
+            base.drop(count)
+            for series in others:
+                series.forget_before(int(stamps[-1]))
+        return block
+
+    def _block(
+        self,
+        stamps: NDArray[np.int64],
+        position: NDArray[np.float64],
+        next_stamps: NDArray[np.int64],
+        next_position: NDArray[np.float64],
+    ) -> Samples:
+        if self._origin is None and len(stamps):
+            self._origin = int(stamps[0])
+        force = self._roles["force"].at(stamps)
+        if "velocity" in self._roles:
+            velocity = self._roles["velocity"].at(stamps)
+        else:
+            velocity = self._central_difference(next_stamps, next_position)[: len(stamps)]
+        measuring = np.ones(len(stamps), bool)
+        if "measuring" in self._roles:
+            measuring = self._roles["measuring"].at(stamps) > 0.5
+        before = stamps[:1] if self._previous is None else np.array([self._previous[0]])
+        interval = np.diff(np.concatenate([before, stamps])) / _SECOND if len(stamps) else np.zeros(0)
+        self._counts["samples"] += len(stamps)
+        self._counts["force"] += int(np.count_nonzero(np.isnan(force)))
+        self._counts["velocity"] += int(np.count_nonzero(np.isnan(velocity)))
+        time = (stamps - (self._origin or 0)) / _SECOND
+        contact = np.zeros(len(stamps), bool)
+        return Samples(stamps, time, interval, force, position, velocity, contact, measuring)
+
+    def _central_difference(self, stamps: NDArray[np.int64], position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Velocity [m/s] from the parabola through three neighbours: no delay; NaN at an end and beside a gap."""
+        if self._previous is not None:
+            stamps = np.concatenate([[self._previous[0]], stamps])
+            position = np.concatenate([[self._previous[1]], position])
+        velocity = np.full(len(stamps), np.nan)
+        if len(stamps) > 2:
+            step = np.diff(stamps) / _SECOND
+            slope = np.diff(position) / step
+            slope[step > self._settings.gap] = np.nan
+            velocity[1:-1] = (slope[1:] * step[:-1] + slope[:-1] * step[1:]) / (step[1:] + step[:-1])
+        return velocity[1:] if self._previous is not None else velocity
+
+    @property
+    def report(self) -> AlignmentReport:
+        """What has been found out so far."""
+        duration = 0.0
+        if self._previous is not None and self._origin is not None:
+            duration = (self._previous[0] - self._origin) / _SECOND
+        touch, counts = self._touch, self._counts
+        streams = {".".join(part for part in key if part): health for key, health in self._health.items()}
+        return AlignmentReport(
+            streams,
+            touch.tare,
+            touch.threshold,
+            touch.first_touch,
+            touch.touches,
+            counts["samples"],
+            counts["force"],
+            counts["velocity"],
+            duration,
+        )

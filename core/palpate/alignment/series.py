@@ -1,0 +1,130 @@
+"""One signal on its way to the samples: readings wait here until their instant can be served."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.alignment.settings import Signal
+from palpate.device import Batch, Stream
+
+_SECOND = 1_000_000_000  # [ns]
+
+
+@dataclass
+class Health:
+    """What was amiss with one stream's readings."""
+
+    stream: Stream
+    samples: int = 0
+    invalid: int = 0  # not finite
+    duplicates: int = 0  # time-stamp equal to the one before
+    backwards: int = 0  # time-stamp before an earlier one
+    gaps: int = 0
+    saturated: int = 0
+    longest_repeat: int = 0  # the longest run of exactly equal readings
+    first: int | None = None  # [ns]
+    last: int | None = None  # [ns]
+
+    def in_order(self, stamps: NDArray[np.int64], gap: int) -> NDArray[np.bool_]:
+        """(n,) True for readings whose time-stamp is after all those before it; counts the others, and gaps [ns]."""
+        if not len(stamps):
+            return np.zeros(0, bool)
+        before = np.concatenate([[stamps[0] - 1 if self.last is None else self.last], stamps])
+        latest = np.maximum.accumulate(before)[:-1]
+        step = stamps - latest
+        self.samples += len(stamps)
+        self.duplicates += int(np.count_nonzero(step == 0))
+        self.backwards += int(np.count_nonzero(step < 0))
+        fresh = self.first is None
+        self.gaps += int(np.count_nonzero(step[1:] > gap if fresh else step > gap))
+        self.first = int(stamps[0]) if self.first is None else self.first
+        self.last = max(int(latest[-1]), int(stamps[-1]))
+        return step > 0
+
+    @property
+    def rate(self) -> float | None:
+        """Mean rate [Hz] of the readings in order, from their time-stamps."""
+        count = self.samples - self.duplicates - self.backwards
+        if self.first is None or self.last is None or self.last == self.first:
+            return None
+        return (count - 1) * _SECOND / (self.last - self.first)
+
+
+class Series:
+    """The readings of one signal in the order of true time: late ones moved back by the declared delay."""
+
+    def __init__(self, signal: Signal, column: int, gap: float, limits: tuple[float, float] | None) -> None:
+        self.signal = signal
+        self._column = column
+        self._delay = round(signal.delay * _SECOND)
+        self._gap = round(gap * _SECOND)
+        self._limits = limits
+        self.stamps: NDArray[np.int64] = np.zeros(0, np.int64)
+        self.values: NDArray[np.float64] = np.zeros(0)
+        self._saturated: NDArray[np.bool_] = np.zeros(0, bool)
+        self._repeated = 0
+        self._previous = np.nan
+
+    def feed(self, stamps: NDArray[np.int64], batch: Batch, rows: NDArray[np.bool_], health: Health) -> None:
+        """Take over the rows of a batch that are in order and finite."""
+        values = batch.values[rows, self._column]
+        usable = np.isfinite(values)
+        values, stamps = values[usable], stamps[rows][usable]
+        saturated = self._beyond_limits(values)
+        health.saturated += int(np.count_nonzero(saturated))
+        health.longest_repeat = max(health.longest_repeat, self._longest_repeat(values))
+        self.stamps = np.concatenate([self.stamps, stamps - self._delay])
+        self.values = np.concatenate([self.values, values * self.signal.sign])
+        self._saturated = np.concatenate([self._saturated, saturated])
+
+    def _beyond_limits(self, values: NDArray[np.float64]) -> NDArray[np.bool_]:
+        if self._limits is None:
+            return np.zeros(len(values), bool)
+        low, high = self._limits
+        return (values <= low) | (values >= high)
+
+    def _longest_repeat(self, values: NDArray[np.float64]) -> int:
+        longest = 0
+        changes = np.flatnonzero(np.diff(np.concatenate([[self._previous], values])) != 0)
+        edges = np.concatenate([changes, [len(values)]])
+        if len(changes):
+            longest = max(int(np.diff(edges).max()), self._repeated + int(changes[0]))
+            self._repeated = int(len(values) - changes[-1])
+        else:
+            self._repeated += len(values)
+            longest = self._repeated
+        self._previous = values[-1] if len(values) else self._previous
+        return longest
+
+    @property
+    def last(self) -> int | None:
+        """True time [ns] of the latest reading."""
+        return int(self.stamps[-1]) if len(self.stamps) else None
+
+    def at(self, instants: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Values (n,) by linear interpolation; NaN outside the readings, across a gap, or beside a saturated one."""
+        values = np.full(len(instants), np.nan)
+        if not len(self.stamps):
+            return values
+        left = np.searchsorted(self.stamps, instants, side="right") - 1
+        inside = (left >= 0) & (instants <= self.stamps[-1])
+        left = left[inside]
+        exact = self.stamps[left] == instants[inside]
+        right = np.where(exact, left, left + 1)
+        width = self.stamps[right] - self.stamps[left]
+        weight = (instants[inside] - self.stamps[left]) / np.maximum(width, 1)
+        found = self.values[left] + weight * (self.values[right] - self.values[left])
+        lost = (width > self._gap) | self._saturated[left] | self._saturated[right]
+        values[inside] = np.where(lost, np.nan, found)
+        return values
+
+    def forget_before(self, instant: int) -> None:
+        """Drop the readings that no instant from this one [ns] on can need."""
+        self.drop(max(int(np.searchsorted(self.stamps, instant, side="right")) - 1, 0))
+
+    def drop(self, count: int) -> None:
+        """Drop the first readings."""
+        self.stamps, self.values, self._saturated = self.stamps[count:], self.values[count:], self._saturated[count:]

@@ -1,0 +1,135 @@
+"""The builder: tables become parts; a part named in another part's table is found, or built in place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from palpate import hooks
+from palpate.config.mistakes import Mistake, mistakes_of
+from palpate.config.source import Location
+from palpate.errors import PalpateError, PluginError
+from palpate.parts import Part, Settings, nested_settings, part_kind
+from palpate.registry import Registry, suggest
+
+
+class _Broken(Exception):  # noqa: N818  (a signal, never seen outside)
+    """A part that another one needs cannot be built; its own mistakes are noted."""
+
+
+class Builder:
+    """Builds the parts of one pipeline file and collects what is wrong with it."""
+
+    def __init__(self, tables: dict[str, Any], registry: Registry, base: Path) -> None:
+        self.mistakes: list[Mistake] = []
+        self._tables = tables
+        self._registry = registry
+        self._context = {"base": base}
+        self._built: dict[Location, Part | None] = {}
+
+    def parts(self, kind: str) -> dict[str, Any]:
+        """Every part of a kind that the file names and that is in order."""
+        tables = self._tables.get(kind, {})
+        if not isinstance(tables, dict):
+            self._note((kind,), f"is no table: name each {kind}, as in [{kind}.my_{kind}]")
+            return {}
+        found = {}
+        for name in tables:
+            part = self._named(kind, name)
+            if part is not None:
+                found[name] = part
+        return found
+
+    def settings(self, settings: type[Settings], location: Location) -> Any:
+        """The settings of one plain table, or None where they are not in order."""
+        table = self._tables.get(location[0], {})
+        try:
+            return self._validated(settings, table, location)
+        except _Broken:
+            return None
+
+    def _note(self, location: Location, problem: str) -> None:
+        self.mistakes.append(Mistake(location, problem))
+
+    def _named(self, kind: str, name: str) -> Part | None:
+        location = (kind, name)
+        if location not in self._built:
+            self._built[location] = None  # a part that needs itself finds nothing
+            try:
+                self._built[location] = self._part(kind, self._tables[kind][name], location)
+            except _Broken:
+                pass
+        return self._built[location]
+
+    def _part(self, kind: str, table: Any, location: Location) -> Part:
+        if not isinstance(table, dict) or not isinstance(table.get("type"), str):
+            known = ", ".join(sorted(self._registry.parts[kind]))
+            self._note(location, f'needs type = "..." (there are: {known})')
+            raise _Broken
+        try:
+            part = self._registry.find(kind, table["type"])
+        except PluginError as error:
+            self._note((*location, "type"), str(error))
+            raise _Broken from error
+        rest = {key: value for key, value in table.items() if key != "type"}
+        built = self._validated(part, rest, location)
+        assert isinstance(built, Part)
+        return built
+
+    def _validated(self, settings: type[Settings], table: Any, location: Location) -> Settings:
+        broken = False
+        if isinstance(table, dict):
+            table = dict(table)
+            for name, field in settings.model_fields.items():
+                if name not in table:
+                    continue
+                try:
+                    table[name] = self._inner(field.annotation, table[name], (*location, name))
+                except _Broken:
+                    broken = True
+                    del table[name]
+        try:
+            return settings.model_validate(table, context=self._context)
+        except ValidationError as error:
+            found = mistakes_of(error, settings, location)
+            noted = {mistake.location for mistake in self.mistakes}
+            self.mistakes += [m for m in found if not (broken and _covered(m.location, noted))]
+            raise _Broken from error
+        except PalpateError as error:  # a part that looks into its file
+            self._note(location, str(error))
+            raise _Broken from error
+
+    def _inner(self, annotation: Any, value: Any, location: Location) -> Any:
+        """A field's value: what asks for a part gets one, by its name or from a table in place."""
+        kind = part_kind(annotation)
+        if kind is None:
+            nested = nested_settings(annotation)
+            return self._validated(nested, value, location) if nested and isinstance(value, dict) else value
+        if isinstance(value, dict):
+            return self._part(kind, value, location)
+        if isinstance(value, str):
+            names = self._tables.get(kind, {})
+            if not isinstance(names, dict) or value not in names:
+                self._note(location, f"there is no [{kind}.{value}]{suggest(value, names)}")
+                raise _Broken
+            part = self._named(kind, value)
+            if part is None:
+                if (kind, value) not in {m.location[:2] for m in self.mistakes}:
+                    self._note(location, f"[{kind}.{value}] needs itself")
+                raise _Broken
+            return part
+        self._note(location, f"must name a [{kind}.*] table or be one")
+        raise _Broken
+
+
+def _covered(location: Location, noted: set[Location]) -> bool:
+    """Whether a mistake only says that a broken inner part is missing, of which the inner mistakes speak."""
+    return any(other[: len(location)] == location for other in noted) or location in noted
+
+
+def unknown_tables(tables: dict[str, Any], known: tuple[str, ...] = ()) -> list[Mistake]:
+    """A mistake for every top-level table that no pipeline has."""
+    allowed = ("run", "alignment", *hooks.KINDS, *known)
+    return [Mistake((name,), f"unknown table{suggest(name, allowed)}") for name in tables if name not in allowed]

@@ -1,0 +1,103 @@
+"""Mistakes in a pipeline file, all shown at once, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from palpate.config.source import Location, Source
+from palpate.errors import ConfigurationError
+from palpate.registry import suggest
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One thing that is wrong, and where."""
+
+    location: Location  # ("model", "dr", "poisson")
+    problem: str
+
+
+def raise_mistakes(mistakes: Iterable[Mistake], source: Source) -> None:
+    """Raise ConfigurationError with every mistake, in the order of the file; do nothing where there is none."""
+    ordered = sorted(dict.fromkeys(mistakes), key=lambda mistake: source.line(mistake.location))
+    if not ordered:
+        return
+    lines = [f"{source.where(m.location)}: {_named(m.location)}{m.problem}" for m in ordered]
+    if len(lines) > 1:
+        lines = [f"{source.path}: {len(lines)} mistakes", *(f"  {line}" for line in lines)]
+    raise ConfigurationError("\n".join(lines))
+
+
+def _named(location: Location) -> str:
+    if not location:
+        return ""
+    table, key = (location[:2], location[2:]) if len(location) > 2 else (location[:1], location[1:])
+    if location[0] not in ("run", "alignment", "sweep") and len(location) == 2:
+        table, key = location, ()
+    elif location[0] in ("run", "alignment", "sweep"):
+        table, key = location[:1], location[1:]
+    return f"[{'.'.join(table)}]{' ' + '.'.join(key) if key else ''}: "
+
+
+def mistakes_of(error: ValidationError, settings: type[BaseModel], location: Location) -> list[Mistake]:
+    """The mistakes in one table that validation found."""
+    found = []
+    for detail in error.errors(include_url=False):
+        inner = tuple(str(step) for step in detail["loc"] if not _is_branch(step))
+        key = inner[:-1] if detail["type"] == "extra_forbidden" else inner
+        found.append(Mistake(location + key, _problem(detail, settings, inner)))
+    return found
+
+
+def _is_branch(step: int | str) -> bool:
+    """Union branches show up in pydantic's locations; no key of ours looks like one."""
+    return isinstance(step, str) and ("[" in step or step in ("float", "constrained-str", "Signal"))
+
+
+def _problem(detail: ErrorDetails, settings: type[BaseModel], inner: Location) -> str:
+    given = detail["input"]
+    match detail["type"]:
+        case "missing":
+            return f"is missing ({_meaning(settings, inner)})"
+        case "extra_forbidden":
+            return f"unknown key {inner[-1]!r}{suggest(inner[-1], _fields(settings, inner[:-1]))}"
+        case "literal_error":
+            allowed = [word.strip().strip("'") for word in detail["ctx"]["expected"].replace(" or ", ",").split(",")]
+            return f"{given!r} is not allowed{suggest(str(given), allowed)}"
+        case "quantity" | "tare" | "value_error":
+            return str(detail["msg"]).removeprefix("Value error, ")
+    return f"{_shown(given)}: {detail['msg'][0].lower()}{detail['msg'][1:].removeprefix('Input')}".replace(
+        "input should be", "must be"
+    )
+
+
+def _shown(given: Any) -> str:
+    text = repr(given)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _nested(settings: type[BaseModel], path: Location) -> type[BaseModel] | None:
+    current: type[BaseModel] | None = settings
+    for step in path:
+        if current is None or step not in current.model_fields:
+            return None
+        annotation = current.model_fields[step].annotation
+        candidates = (annotation, *getattr(annotation, "__args__", ()))
+        current = next((c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel)), None)
+    return current
+
+
+def _fields(settings: type[BaseModel], path: Location) -> list[str]:
+    nested = _nested(settings, path)
+    return list(nested.model_fields) if nested else []
+
+
+def _meaning(settings: type[BaseModel], inner: Location) -> str:
+    nested = _nested(settings, inner[:-1])
+    field = nested.model_fields.get(inner[-1]) if nested else None
+    return (field.description if field and field.description else "") or "it must be given"

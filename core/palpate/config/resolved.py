@@ -1,0 +1,43 @@
+"""The pipeline as resolved: every setting with the value that was used, written back as TOML."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from palpate.config.pipeline_file import Pipeline
+from palpate.parts import Part, Settings
+from palpate.registry import Registry
+
+
+def resolved_text(pipeline: Pipeline) -> str:
+    """The pipeline as a TOML text in SI units, with every default spelled out and every reference in place."""
+    tables: dict[str, Any] = {
+        "run": _plain(pipeline.run, pipeline.registry),
+        "alignment": _plain(pipeline.alignment, pipeline.registry),
+    }
+    kinds = {
+        "device": pipeline.devices,
+        "trajectory": pipeline.trajectories,
+        "indenter": pipeline.indenters,
+        "model": pipeline.models,
+        "estimator": pipeline.estimators,
+        "sink": pipeline.sinks,
+    }
+    for kind, parts in kinds.items():
+        tables[kind] = {name: _plain(part, pipeline.registry) for name, part in parts.items()}
+    return tomli_w.dumps({name: table for name, table in tables.items() if table})
+
+
+def _plain(value: Any, registry: Registry) -> Any:
+    if isinstance(value, Settings):
+        head = {"type": registry.name_of(type(value))} if isinstance(value, Part) else {}
+        fields = {name: getattr(value, name) for name in type(value).model_fields}
+        return head | {name: _plain(field, registry) for name, field in fields.items() if field is not None}
+    if isinstance(value, dict):
+        return {name: _plain(item, registry) for name, item in value.items() if item is not None}
+    if isinstance(value, tuple | list):
+        return [_plain(item, registry) for item in value]
+    return str(value) if isinstance(value, Path) else value

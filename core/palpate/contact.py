@@ -1,0 +1,99 @@
+"""Contact: the interfaces of tips and of contact models, from depth to force."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, ClassVar, Literal
+
+from palpate.parts import Part
+
+
+class Indenter(Part, ABC):
+    """A rigid axisymmetric tip as the method of dimensionality reduction sees it (Popov and Hess 2015)."""
+
+    kind: ClassVar[str] = "indenter"
+
+    @abstractmethod
+    def contact_radius(self, depth: Any) -> Any:
+        """Contact radius a [m] at a depth d >= 0 [m]: the root of g(a) = d, g the reduced profile.
+
+        Plain operators only, so that one expression runs on floats, arrays, complex numbers and CasADi symbols.
+        """
+
+    def profile_area(self, depth: Any) -> Any:
+        """Area A(d) [m^2] between tip and surface in the reduced plane: the integral of d - g(x) over 0..a(d).
+
+        Since A' = a, it is the integral of `contact_radius`; by Gauss-Legendre in t with depth d t^4, which is exact
+        for contact radii that are powers d^(k/4). Override it where a closed form exists.
+        """
+        return sum(
+            weight * 4.0 * node**3 * depth * self.contact_radius(depth * node**4) for node, weight in _gauss_legendre(8)
+        )
+
+
+@cache
+def _gauss_legendre(order: int) -> tuple[tuple[float, float], ...]:
+    import numpy as np
+
+    nodes, weights = np.polynomial.legendre.leggauss(order)
+    return tuple((float(node + 1) / 2, float(weight) / 2) for node, weight in zip(nodes, weights, strict=True))
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number that a contact model needs and an estimator looks for."""
+
+    name: str  # "elasticity"
+    symbol: str  # "E"
+    unit: str  # SI: "Pa"
+    meaning: str
+    lower: float = 0.0
+    upper: float = math.inf
+    # "elastic": the force is proportional to it at rest; "viscous": the force per speed is proportional to it.
+    role: Literal["elastic", "viscous"] | None = None
+
+
+class ContactModel(Part, ABC):
+    """The force of a soft material on a tip, from depth, its rate, and the material's parameters."""
+
+    kind: ClassVar[str] = "model"
+    parameters: ClassVar[tuple[Parameter, ...]]
+
+    @abstractmethod
+    def force(self, depth: Any, rate: Any, theta: Sequence[Any]) -> Any:
+        """Force [N], positive where it pushes the tip out, at depth >= 0 [m] and its rate [m/s].
+
+        `theta` holds one value for each of `parameters`, in their order. Plain operators only: one formula runs on
+        floats, arrays, complex numbers and CasADi symbols. Below depth 0 it is not asked: see `contact_force`.
+        """
+
+    def delay_shift(self, theta: Sequence[float]) -> tuple[float, ...]:
+        """Shift of each estimated parameter per second that the force is recorded late [unit/s]; 0 where unknown.
+
+        A force that is late by tau reads F(d, d') = K d + B d' as if B were smaller by K tau.
+        """
+        return (0.0,) * len(self.parameters)
+
+
+def contact_force(model: ContactModel, depth: Any, rate: Any, theta: Sequence[Any], pulls: bool = True) -> Any:
+    """Force [N] at any depth [m]: that of the model in contact, 0 out of it (paper, eq. final_ext_contact2).
+
+    With ``pulls = False`` the force is never negative: a material that does not stick cannot hold a tip back that
+    leaves faster than the material recovers.
+    """
+    if type(depth).__module__.startswith("casadi"):
+        import casadi  # noqa: TID253
+
+        inside = depth > 0
+        # Both branches are evaluated: the guarded argument keeps a Jacobian at d = 0 finite.
+        force = casadi.if_else(inside, model.force(casadi.if_else(inside, depth, 1.0), rate, theta), 0.0)
+        return force if pulls else casadi.fmax(force, 0.0)
+    import numpy as np
+
+    inside = np.asarray(depth) > 0
+    force = np.where(inside, model.force(np.where(inside, depth, 1.0), rate, theta), 0.0)
+    return force if pulls else np.maximum(force, 0.0)

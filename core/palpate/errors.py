@@ -1,0 +1,44 @@
+"""What can go wrong, drawn as a tree.
+
+::
+
+    PalpateError                exit code 1: not the user's doing
+    ├── DeviceError             a robot, sensor or link failed while in use
+    └── UserError               exit code 2: something the user can mend
+        ├── ConfigurationError  a pipeline file or a command line says something impossible
+        ├── PluginError         a plugin cannot be loaded, clashes, or breaks its interface
+        ├── LogError            a recorded log cannot be read, or does not hold what is asked of it
+        └── OutputError         a result cannot be written where it is wanted
+"""
+
+
+class PalpateError(Exception):
+    """Anything that palpate raises on purpose."""
+
+    exit_code = 1
+
+
+class DeviceError(PalpateError):
+    """A robot, a sensor or the link to it failed while in use."""
+
+
+class UserError(PalpateError):
+    """Something that the user can mend; shown without a traceback."""
+
+    exit_code = 2
+
+
+class ConfigurationError(UserError):
+    """A pipeline file or a command line says something that cannot be."""
+
+
+class PluginError(UserError):
+    """A plugin cannot be loaded, clashes with another one, or breaks its interface."""
+
+
+class LogError(UserError):
+    """A recorded log cannot be read, or does not hold what is asked of it."""
+
+
+class OutputError(UserError):
+    """A result cannot be written where it is wanted."""

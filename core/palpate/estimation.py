@@ -1,0 +1,173 @@
+"""Estimation: from samples to parameters, as they come or afterwards."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from enum import IntFlag
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.contact import ContactModel
+from palpate.parts import Part
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A block of samples: what the aligned streams say at the instants of the position stream.
+
+    Missing force or velocity is NaN. `force` is what the sensor feels without tare and weight of the tip; the inertia
+    of the tip, mass times acceleration, is still in it, since only a process model knows the acceleration.
+    """
+
+    stamp: NDArray[np.int64]  # (n,) [ns] in the record's own clock
+    time: Floats  # (n,) [s] since the record's first sample
+    interval: Floats  # (n,) [s] since the sample before; 0 at the first
+    force: Floats  # (n,) [N] positive where the tip is pushed out
+    position: Floats  # (n,) [m] height of the tip, positive out of the material
+    velocity: Floats  # (n,) [m/s] of that height
+    contact: NDArray[np.bool_]  # (n,) the tip touches the material
+    active: NDArray[np.bool_]  # (n,) in contact, and in the part of the motion that is meant for estimation
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __getitem__(self, rows: slice | NDArray[Any]) -> Samples:
+        return Samples(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
+
+    @classmethod
+    def joined(cls, blocks: Sequence[Samples]) -> Samples:
+        """One block from several in their order."""
+        return cls(**{f.name: np.concatenate([getattr(block, f.name) for block in blocks]) for f in fields(cls)})
+
+
+class Status(IntFlag):
+    """What an estimator says of one estimate; 0 where nothing is amiss."""
+
+    IDLE = 1  # not tracking: out of contact, or outside the part of the motion meant for estimation
+    LIFTED = 2  # the estimated depth is not positive although the sample is in contact
+    RESTARTED = 4  # the estimator began anew here: its depth had stayed at or below zero
+    DIVERGED = 8  # the numbers stopped being finite or plausible; nothing after this can be used
+    BLIND = 16  # a measurement is missing: predicted only
+    STIFF = 32  # the contact is too stiff for the estimator's time step
+    RESUMED = 64  # carried over a gap in the samples, or a second touch, by the measured position
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """A block of estimates, one for each sample; NaN where there is none."""
+
+    time: Floats  # (n,) [s]
+    values: Floats  # (n, k) [SI] the contact model's parameters
+    std: Floats  # (n, k) [SI] standard deviation of each, as the estimator believes it
+    surface: Floats  # (n,) [m] height of the untouched surface
+    surface_std: Floats  # (n,) [m]
+    force: Floats  # (n,) [N] contact force of the model at the estimate
+    nis: Floats  # (n,) normalised innovation squared; 1 on average where model and noise are right
+    status: NDArray[np.uint32]  # (n,) of Status
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @classmethod
+    def idle(cls, samples: Samples, parameters: int) -> Estimates:
+        """Estimates that say nothing, for samples that are not tracked."""
+        n, nan = len(samples), np.nan
+        column, table = np.full(n, nan), np.full((n, parameters), nan)
+        status = np.full(n, Status.IDLE, np.uint32)
+        return cls(samples.time, table, table.copy(), column, column.copy(), column.copy(), column.copy(), status)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What an estimator is started on: the contact model and what the alignment knows of the rig."""
+
+    model: ContactModel
+    tip_mass: float | None  # [kg] of all that hangs behind the sensor; None where it is not declared
+
+
+class Tracker(Protocol):
+    """An estimator at work: what it has learned lives here."""
+
+    def run(self, samples: Samples) -> Estimates:
+        """Estimates for a block of 1..n samples; the same numbers however the samples are cut into blocks."""
+        ...
+
+
+class Estimator(Part, ABC):
+    """Settings of an estimator; `start` makes the tracker that does the work."""
+
+    kind: ClassVar[str] = "estimator"
+    online: ClassVar[bool] = True  # False: it wants all samples in one block
+
+    @abstractmethod
+    def start(self, problem: Problem) -> Tracker:
+        """A fresh tracker on a problem; raises ConfigurationError where the problem lacks what the estimator needs."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One sample, as `track_by_step` hands it to a step function."""
+
+    interval: float  # [s] since the sample before; 0 at the first of a stretch
+    force: float  # [N]
+    position: float  # [m]
+    velocity: float  # [m/s]
+    first: bool  # the first active sample, or the first after a pause
+
+
+@dataclass(frozen=True)
+class Belief:
+    """What a step function answers: its estimate after one sample."""
+
+    values: Floats  # (k,)
+    std: Floats  # (k,)
+    depth: float  # [m]
+    depth_std: float  # [m]
+    force: float  # [N]
+    nis: float = np.nan
+    status: int = 0
+
+
+def track_by_step(parameters: int, step: Callable[[Moment], Belief]) -> Tracker:
+    """A tracker from a plain function of one sample, called for the active samples in their order.
+
+    The way for a filter in plain numpy: keep the state where you like (a closure, an object), answer a `Belief`.
+    """
+    return _StepTracker(parameters, step)
+
+
+class _StepTracker:
+    def __init__(self, parameters: int, step: Callable[[Moment], Belief]) -> None:
+        self._parameters = parameters
+        self._step = step
+        self._paused = True
+
+    def run(self, samples: Samples) -> Estimates:
+        estimates = Estimates.idle(samples, self._parameters)
+        for i in range(len(samples)):
+            if not samples.active[i]:
+                self._paused = True
+                continue
+            interval = 0.0 if self._paused else float(samples.interval[i])
+            moment = Moment(
+                interval,
+                float(samples.force[i]),
+                float(samples.position[i]),
+                float(samples.velocity[i]),
+                self._paused,
+            )
+            _write(estimates, i, moment, self._step(moment))
+            self._paused = False
+        return estimates
+
+
+def _write(estimates: Estimates, row: int, moment: Moment, belief: Belief) -> None:
+    estimates.values[row], estimates.std[row] = belief.values, belief.std
+    estimates.surface[row], estimates.surface_std[row] = moment.position + belief.depth, belief.depth_std
+    estimates.force[row], estimates.nis[row], estimates.status[row] = belief.force, belief.nis, belief.status

@@ -1,0 +1,69 @@
+"""Parts: anything that a TOML table can name by ``type = "..."``; frozen settings, no state.
+
+A part's fields are the keys of its table, its documentation and its JSON schema at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, get_args
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationInfo, model_validator
+
+
+def _tuples(value: Any) -> Any:
+    """TOML has only lists; settings are frozen, so they hold tuples."""
+    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
+
+
+class Settings(BaseModel):
+    """A table of a pipeline file: frozen, strict, and closed to keys that it does not know."""
+
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", protected_namespaces=())
+
+    @model_validator(mode="before")
+    @classmethod
+    def _freeze_lists(cls, data: Any) -> Any:
+        return {key: _tuples(value) for key, value in data.items()} if isinstance(data, dict) else data
+
+
+class Part(Settings):
+    """Settings that a table names by ``type = "..."``; a class that sets `kind` in its body opens a new kind."""
+
+    kind: ClassVar[str]
+
+
+def part_kind(annotation: Any) -> str | None:
+    """The kind of part that a field's annotation asks for, or None where it asks for none."""
+    for candidate in (annotation, *get_args(annotation)):
+        if isinstance(candidate, type) and issubclass(candidate, Part):
+            return candidate.kind
+    return None
+
+
+def nested_settings(annotation: Any) -> type[Settings] | None:
+    """The settings (not parts) that a field's annotation asks for, or None where it asks for none."""
+    for candidate in (annotation, *get_args(annotation)):
+        if isinstance(candidate, type) and issubclass(candidate, Settings) and not issubclass(candidate, Part):
+            return candidate
+    return None
+
+
+def parts_within(settings: Settings) -> Iterator[tuple[str, Part]]:
+    """The fields of some settings that hold parts, one level deep, as (field, part)."""
+    for name in type(settings).model_fields:
+        value = getattr(settings, name)
+        if isinstance(value, Part):
+            yield name, value
+
+
+def _beside_the_pipeline(value: Any, info: ValidationInfo) -> Any:
+    if not isinstance(value, str | Path):
+        return value
+    base = (info.context or {}).get("base", Path())
+    return Path(base) / Path(value).expanduser()
+
+
+File = Annotated[Path, BeforeValidator(_beside_the_pipeline)]
+"""A path; where it is relative, relative to the pipeline file that names it."""

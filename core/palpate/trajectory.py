@@ -1,0 +1,36 @@
+"""Trajectories: where the tip goes, known in full before anything moves."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.parts import Part
+
+
+@dataclass(frozen=True)
+class Setpoint:
+    """Where the tip shall be at some instants, in the work frame: origin on the skin, z outwards."""
+
+    position: NDArray[np.float64]  # (n, 3) [m]
+    velocity: NDArray[np.float64]  # (n, 3) [m/s]
+    measuring: NDArray[np.bool_]  # (n,) in the part of the motion that is meant for estimation
+
+
+class Trajectory(Part, ABC):
+    """A motion of the tip that starts and ends at rest."""
+
+    kind: ClassVar[str] = "trajectory"
+
+    @property
+    @abstractmethod
+    def total_duration(self) -> float:
+        """From the first setpoint to the last [s]."""
+
+    @abstractmethod
+    def at(self, time: NDArray[np.float64]) -> Setpoint:
+        """Setpoints at times (n,) [s] since the start; before it and after the end, the resting places."""

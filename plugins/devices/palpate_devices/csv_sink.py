@@ -1,0 +1,50 @@
+"""Samples as a CSV file, for spreadsheets and plotting scripts."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from typing import Any
+
+from palpate import Batch, Estimates, OutputError, Run, Samples, Sink, Writer
+from pydantic import Field
+
+_HEADER = ["time_s", "force_N", "position_m", "velocity_m_s", "contact", "active"]
+
+
+class CsvSink(Sink):
+    """Writes the aligned samples, one row each, with a header that names the units."""
+
+    file: str = Field("samples.csv", min_length=1, description="name of the file within the run folder")
+
+    def open(self, run: Run) -> AbstractContextManager[Writer]:
+        """A writer of the samples; raises OutputError where the file cannot be made."""
+        return self._opened(run)
+
+    @contextmanager
+    def _opened(self, run: Run) -> Iterator[Writer]:
+        path = run.folder / self.file
+        try:
+            with path.open("x", newline="", encoding="utf-8") as file:
+                yield _SampleRows(file)
+        except OSError as error:
+            raise OutputError(f"sink csv: cannot write {path}: {error.strerror}") from error
+
+
+class _SampleRows:
+    def __init__(self, file: Any) -> None:
+        self._rows = csv.writer(file, lineterminator="\n")
+        self._rows.writerow(_HEADER)
+
+    def batch(self, device: str, batch: Batch) -> None:
+        """Raw readings are not written."""
+
+    def samples(self, samples: Samples) -> None:
+        """One row for each sample."""
+        columns = (samples.time, samples.force, samples.position, samples.velocity)
+        marks = (samples.contact.astype(int), samples.active.astype(int))
+        self._rows.writerows(zip(*(column.tolist() for column in (*columns, *marks)), strict=True))
+
+    def estimates(self, track: str, estimates: Estimates) -> None:
+        """Estimates are not written: the run folder has them in estimates.csv."""

@@ -1,0 +1,208 @@
+"""A simulated rig: a robot that holds a force sensor that holds a tip that presses on a specimen."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import (
+    Batch,
+    Channel,
+    ContactModel,
+    Device,
+    Force,
+    ForceDrift,
+    Frequency,
+    Length,
+    Link,
+    Mass,
+    Settings,
+    Speed,
+    Stream,
+    Time,
+    Trajectory,
+    contact_force,
+    to_si,
+)
+from palpate_devices.motion import PositionLoop
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+Floats = NDArray[np.float64]
+
+_GRAVITY = 9.80665  # [m/s^2]
+_SECOND = 1_000_000_000  # [ns]
+_BLOCK = 0.05  # [s] of simulated time in one round of batches
+
+
+class Specimen(Settings):
+    """What the tip presses on: a contact model with its true parameters, at a height that nobody is told.
+
+    The parameters stand beside the model, by name: ``{ model = "dr", elasticity = "112.5 kPa", ... }``.
+    """
+
+    model: ContactModel = Field(description="contact model of the truth; need not be one that is estimated with")
+    surface: Length = Field(0.0, description="height of the skin over the origin of the work frame")
+    parameters: dict[str, float] = Field(description="true values by parameter name; may stand in the table itself")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _gather_parameters(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or "parameters" in data:
+            return data
+        own = {key: value for key, value in data.items() if key in ("model", "surface")}
+        return own | {"parameters": {key: value for key, value in data.items() if key not in own}}
+
+    @field_validator("parameters", mode="before")
+    @classmethod
+    def _in_si(cls, given: Any, info: ValidationInfo) -> Any:
+        model = info.data.get("model")
+        if model is None or not isinstance(given, dict):
+            return given
+        names = {parameter.name: parameter.unit for parameter in model.parameters}
+        for name in (*given, *names):
+            if name not in names or name not in given:
+                problem = "is unknown" if name in given else "is missing"
+                raise ValueError(f"parameter {name!r} {problem}; the specimen's model has: {', '.join(names)}")
+        return {name: to_si(given[name], unit) for name, unit in names.items()}
+
+
+class SimulatedRig(Device):
+    """A UR3e-like robot with a SensONE-like sensor on a soft specimen, in software.
+
+    The robot tracks setpoints by a PD law on position at its own rate; its speed follows the command with a first-order
+    lag, and contact does not move it (position control). The sensor sits between flange and tip and so feels contact
+    force, weight and inertia of the tip: reading = F + m d'' - m g + bias + drift t + noise, compressive positive.
+    Everything is sampled from the exact motion at the instants of each stream. Nothing downstream can tell the rig from
+    hardware; pose and twist come at the robot's rate, the wrench at the sensor's.
+    """
+
+    specimen: Specimen = Field(description="what the tip presses on")
+    tip_mass: Mass = Field(0.14, gt=0, description="mass of all that hangs behind the sensor")
+    rate: Frequency = Field(500.0, gt=0, description="control and sampling rate of the robot")
+    gain: float = Field(20.0, gt=0, allow_inf_nan=False, description="proportional gain of the position loop, in 1/s")
+    damping: float = Field(0.5, ge=0, lt=10, description="derivative gain of the position loop")
+    lag: Time = Field(0.01, gt=0, description="time constant of the robot's inner speed loop")
+    position_std: Length = Field(5e-6, ge=0, description="noise of the measured position")
+    velocity_std: Speed = Field(0.67e-3, ge=0, description="noise of the measured velocity")
+    sensor_rate: Frequency = Field(800.0, gt=0, description="sampling rate of the sensor")
+    force_std: Force = Field(0.05, ge=0, description="white noise of the sensor")
+    bias: Force = Field(0.6, description="offset of the sensor")
+    drift: ForceDrift = Field(1.5 / 3600, description="drift of the sensor's offset")
+    force_limit: Force = Field(500.0, gt=0, description="range of the sensor; readings stop there")
+    force_delay: Time = Field(0.0, description="how late the wrench is stamped; an estimator has to be told")
+    motion_delay: Time = Field(0.0, description="how late pose and twist are stamped; an estimator has to be told")
+    seed: int | None = Field(None, ge=0, description="seed of the noise; left out: that of the run")
+    pace: Literal["fast", "real-time"] = Field("fast", description="as fast as the machine can, or by the clock")
+
+    @property
+    def streams(self) -> tuple[Stream, ...]:
+        """Wrench, tip pose, tip twist and setpoint."""
+        limits = (-self.force_limit, self.force_limit)
+        wrench = [Channel(axis, "N", limits) for axis in "xyz"] + [Channel(f"t{axis}", "N*m") for axis in "xyz"]
+        pose = [Channel(axis, "m") for axis in "xyz"] + [Channel(f"q{axis}", "1") for axis in "xyzw"]
+        twist = [Channel(axis, "m/s") for axis in "xyz"] + [Channel(f"w{axis}", "rad/s") for axis in "xyz"]
+        setpoint = [Channel(axis, "m") for axis in "xyz"] + [Channel(f"v{axis}", "m/s") for axis in "xyz"]
+        setpoint.append(Channel("measuring", "1"))
+        return (
+            Stream("wrench", tuple(wrench), self.sensor_rate, "wrench", frame="tip"),
+            Stream("tip", tuple(pose), self.rate, "pose", frame="work"),
+            Stream("twist", tuple(twist), self.rate, "twist", frame="work"),
+            Stream("setpoint", tuple(setpoint), self.rate, "setpoint", frame="work", estimated=True),
+        )
+
+    @property
+    def truth(self) -> Mapping[str, float]:
+        """The specimen's parameters and the height of its surface."""
+        return {**self.specimen.parameters, "surface": self.specimen.surface}
+
+    def connect(self, seed: int) -> AbstractContextManager[Link]:
+        """The rig at rest; `follow` sets it in motion."""
+        return self._connected(self.seed if self.seed is not None else seed)
+
+    @contextmanager
+    def _connected(self, seed: int) -> Iterator[Link]:
+        arm = _Rig(self, seed)
+        try:
+            yield arm
+        finally:
+            arm.stop()
+
+
+class _Rig:
+    """The rig at work (an Arm)."""
+
+    def __init__(self, settings: SimulatedRig, seed: int) -> None:
+        self._settings = settings
+        streams = np.random.SeedSequence(seed).spawn(3)
+        self._force_noise, self._position_noise, self._velocity_noise = map(np.random.default_rng, streams)
+        self._stopped = threading.Event()
+        self._trajectory: Trajectory | None = None
+
+    def follow(self, trajectory: Trajectory) -> None:
+        """Start a motion."""
+        self._trajectory = trajectory
+        self._stopped.clear()
+
+    def stop(self) -> None:
+        """Stop where it is."""
+        self._stopped.set()
+
+    def batches(self) -> Iterator[Batch]:
+        """What the streams say while the motion lasts, in rounds of 50 ms."""
+        if self._trajectory is None:
+            return
+        settings = self._settings
+        end = self._trajectory.total_duration
+        ticks = np.arange(int(np.floor(end * settings.rate)) + 1) / settings.rate
+        setpoint = self._trajectory.at(ticks)
+        loop = PositionLoop(settings.gain, settings.damping, settings.lag, 1.0 / settings.rate)
+        motion = loop.track(setpoint.position, setpoint.velocity)
+        readings = np.arange(int(np.floor(ticks[-1] * settings.sensor_rate)) + 1) / settings.sensor_rate
+        origin = time.time_ns() if settings.pace == "real-time" else 0
+        began = time.monotonic()
+        for start in np.arange(0.0, end, _BLOCK):
+            if settings.pace == "real-time":
+                self._stopped.wait(max(start + _BLOCK - (time.monotonic() - began), 0.0))
+            if self._stopped.is_set():
+                return
+            now = readings[(readings >= start) & (readings < start + _BLOCK)]
+            yield self._batch("wrench", now, settings.force_delay, self._wrench(now, motion), origin)
+            rows = (ticks >= start) & (ticks < start + _BLOCK)
+            pose, twist = self._kinematics(motion.position[rows], motion.velocity[rows])
+            yield self._batch("tip", ticks[rows], settings.motion_delay, pose, origin)
+            yield self._batch("twist", ticks[rows], settings.motion_delay, twist, origin)
+            commanded = [setpoint.position[rows], setpoint.velocity[rows], setpoint.measuring[rows, None]]
+            yield self._batch("setpoint", ticks[rows], settings.motion_delay, np.hstack(commanded), origin)
+
+    def _wrench(self, instants: Floats, motion: Any) -> Floats:
+        """What the sensor reads (n, 6) at true times (n,) [s]."""
+        settings, specimen = self._settings, self._settings.specimen
+        position, velocity, acceleration = motion.at(instants)
+        depth, rate = specimen.surface - position[:, 2], -velocity[:, 2]
+        theta = [specimen.parameters[parameter.name] for parameter in specimen.model.parameters]
+        contact = contact_force(specimen.model, depth, rate, theta, pulls=False)
+        inertia = -settings.tip_mass * acceleration
+        wrench = np.zeros((len(instants), 6))
+        wrench[:, :3] = inertia
+        wrench[:, 2] += contact - settings.tip_mass * _GRAVITY + settings.bias + settings.drift * instants
+        noise = self._force_noise.standard_normal((len(instants), 6)) * settings.force_std
+        noise[:, 3:] *= 0.02  # torque noise in N*m for one newton of force noise, of the order of the real sensor's
+        return np.clip(wrench + noise, -settings.force_limit, settings.force_limit)
+
+    def _kinematics(self, position: Floats, velocity: Floats) -> tuple[Floats, Floats]:
+        """Measured pose (n, 7) and twist (n, 6); the tool keeps its orientation."""
+        n = len(position)
+        pose, twist = np.zeros((n, 7)), np.zeros((n, 6))
+        pose[:, :3] = position + self._position_noise.standard_normal((n, 3)) * self._settings.position_std
+        pose[:, 6] = 1.0
+        twist[:, :3] = velocity + self._velocity_noise.standard_normal((n, 3)) * self._settings.velocity_std
+        return pose, twist
+
+    def _batch(self, stream: str, instants: Floats, delay: float, values: Floats, origin: int) -> Batch:
+        stamps = origin + np.rint((instants + delay) * _SECOND).astype(np.int64)
+        return Batch(stream, stamps, stamps, values)

@@ -1,0 +1,11 @@
+"""Filters and fits."""
+
+from palpate import Estimator, plugin
+
+from palpate_filters.ekf import ExtendedKalmanFilter
+
+
+@plugin
+def palpate_estimators() -> dict[str, type[Estimator]]:
+    """Filters and fits."""
+    return {"ekf": ExtendedKalmanFilter}

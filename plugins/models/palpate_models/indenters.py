@@ -1,0 +1,74 @@
+"""Tips: rigid, axisymmetric, pressed along their axis into a flat surface."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from palpate import Indenter, Length
+from pydantic import Field
+
+
+class Sphere(Indenter):
+    """A sphere, approximated by the paraboloid r^2/(2 R) at its tip, as in the paper and in Hertz's theory.
+
+    a(d) = sqrt(R d), A(d) = (2/3) sqrt(R) d^1.5, so that the elastic force is (4/3) E* sqrt(R) d^1.5.
+    Valid for a contact radius small against R: at d = 0.8 R the real sphere's force is about 10 % lower.
+    Source: paper, eq. TotalForce; Hertz 1882; Popov and Hess 2015, table 2.1.
+    """
+
+    radius: Length = Field(gt=0, description="radius R of the sphere, half of its diameter")
+
+    def contact_radius(self, depth: Any) -> Any:
+        """sqrt(R d) [m]."""
+        return (self.radius * depth) ** 0.5
+
+    def profile_area(self, depth: Any) -> Any:
+        """(2/3) sqrt(R) d^1.5 [m^2]."""
+        return 2.0 / 3.0 * depth * (self.radius * depth) ** 0.5
+
+
+class Flat(Indenter):
+    """A flat-ended cylinder.
+
+    a(d) = R, A(d) = R d, so that the elastic force is 2 R E* d. Valid while the face is parallel to the surface:
+    a tilt of 2 degrees costs some 5 % of the force.
+    Source: paper, eq. flat; Boussinesq 1885; Popov and Hess 2015.
+    """
+
+    radius: Length = Field(gt=0, description="radius R of the face")
+
+    def contact_radius(self, depth: Any) -> Any:
+        """R [m], whatever the depth."""
+        return self.radius + 0.0 * depth
+
+    def profile_area(self, depth: Any) -> Any:
+        """R d [m^2]."""
+        return self.radius * depth
+
+
+class Power(Indenter):
+    """A tip whose profile is the power c_n r^n.
+
+    The reduced profile is k_n c_n x^n with Hess's factor k_n = sqrt(pi)/2 n Gamma(n/2) / Gamma((n + 1)/2), hence
+    a(d) = (d/(k_n c_n))^(1/n) and A(d) = n/(n + 1) (k_n c_n)^(-1/n) d^((n+1)/n). n = 2 with c = 1/(2 R) is `Sphere`
+    (k_2 = 2); n = 4 with c = 1e7 m^-3 is the paper's quartic tip (k_4 = 2.667).
+    Source: paper, eq. x4; Popov and Hess 2015, table 2.1; Galin 1946.
+    """
+
+    exponent: float = Field(ge=1, allow_inf_nan=False, description="n of c_n r^n; 1: cone, 2: paraboloid, 4: quartic")
+    coefficient: float = Field(gt=0, allow_inf_nan=False, description="c_n of c_n r^n, in m^(1-n)")
+
+    @property
+    def reduced_coefficient(self) -> float:
+        """k_n c_n [m^(1-n)]."""
+        n = self.exponent
+        return self.coefficient * math.sqrt(math.pi) / 2 * n * math.gamma(n / 2) / math.gamma((n + 1) / 2)
+
+    def contact_radius(self, depth: Any) -> Any:
+        """(d/(k_n c_n))^(1/n) [m]."""
+        return (depth / self.reduced_coefficient) ** (1.0 / self.exponent)
+
+    def profile_area(self, depth: Any) -> Any:
+        """n/(n + 1) a(d) d [m^2]."""
+        return self.exponent / (self.exponent + 1.0) * depth * self.contact_radius(depth)

@@ -1,0 +1,96 @@
+"""Palpation at a point: approach, sine, retract."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Frequency, Length, Setpoint, Speed, Time, Trajectory
+from pydantic import Field, model_validator
+
+Floats = NDArray[np.float64]
+
+
+class Point(Trajectory):
+    """Palpation at a point: rest in free air, approach, sine around a depth, retract.
+
+    While measuring, z(t) = -bias - amplitude sin(2 pi f t) (paper, section Online Point Estimation). Approach and
+    retraction are fifth-order polynomials that meet the sine where it crosses the bias at full speed, so position,
+    velocity and acceleration are continuous; the measured part starts there, as the paper's filter wants it.
+    """
+
+    bias: Length = Field(gt=0, description="depth around which the sine goes, below the nominal surface")
+    amplitude: Length = Field(0.001, gt=0, description="amplitude of the sine")
+    frequency: Frequency = Field(2.0, gt=0, description="frequency of the sine")
+    duration: Time = Field(10.0, gt=0, description="length of the measured part")
+    clearance: Length = Field(0.005, gt=0, description="height above the nominal surface at which it starts and ends")
+    rest: Time = Field(1.0, ge=0, description="rest in free air before the approach, for the tare")
+    speed: Speed = Field(0.01, gt=0, description="mean speed of approach and retraction")
+
+    @model_validator(mode="after")
+    def _stays_in_contact(self) -> Any:
+        if self.amplitude >= self.bias:
+            raise ValueError(f"amplitude {self.amplitude:g} m must be smaller than bias {self.bias:g} m")
+        return self
+
+    @property
+    def total_duration(self) -> float:
+        """From rest to rest [s]."""
+        return self.rest + 2 * self._transfer + self._sine_time
+
+    @property
+    def _transfer(self) -> float:
+        """Duration of the approach, and of the retraction [s]."""
+        return (self.clearance + self.bias) / self.speed
+
+    @property
+    def _sine_time(self) -> float:
+        """The sine goes on after the measured part until it next crosses the bias outwards [s]."""
+        half_periods = np.ceil(2 * self.frequency * self.duration - 1e-9)
+        return float(half_periods + (half_periods % 2 == 0)) / (2 * self.frequency)
+
+    @cached_property
+    def _polynomials(self) -> tuple[Floats, Floats]:
+        """Coefficients of approach and retraction, in time since their beginning."""
+        speed = 2 * np.pi * self.frequency * self.amplitude
+        above, below = (self.clearance, 0.0, 0.0), (-self.bias, speed, 0.0)
+        inwards = (-self.bias, -speed, 0.0)
+        return _quintic(above, inwards, self._transfer), _quintic(below, above, self._transfer)
+
+    def at(self, time: Floats) -> Setpoint:
+        """Setpoints (n, 3); only z moves."""
+        t = np.asarray(time, float)
+        sine_begins = self.rest + self._transfer
+        sine_ends = sine_begins + self._sine_time
+        omega, phase = 2 * np.pi * self.frequency, t - sine_begins
+        approach, retraction = self._polynomials
+        pieces = [t < self.rest, t < sine_begins, t < sine_ends, t < sine_ends + self._transfer]
+        inward, outward = t - self.rest, t - sine_ends
+        z = [
+            np.full_like(t, self.clearance),
+            np.polyval(approach, inward),
+            -self.bias - self.amplitude * np.sin(omega * phase),
+            np.polyval(retraction, outward),
+        ]
+        v = [
+            np.zeros_like(t),
+            np.polyval(np.polyder(approach), inward),
+            -self.amplitude * omega * np.cos(omega * phase),
+            np.polyval(np.polyder(retraction), outward),
+        ]
+        position, velocity = np.zeros((len(t), 3)), np.zeros((len(t), 3))
+        position[:, 2] = np.select(pieces, z, self.clearance)
+        velocity[:, 2] = np.select(pieces, v, 0.0)
+        return Setpoint(position, velocity, (phase >= 0) & (phase < self.duration))
+
+
+def _quintic(start: tuple[float, float, float], end: tuple[float, float, float], duration: float) -> Floats:
+    """Coefficients, highest first, of the fifth-order polynomial with given position, velocity, acceleration at both ends."""
+    rows = []
+    for t in (0.0, duration):
+        powers = [np.poly1d([1.0] + [0.0] * k) for k in range(5, -1, -1)]
+        rows += [[np.polyder(p, order)(t) if order else p(t) for p in powers] for order in range(3)]
+    coefficients: Floats = np.linalg.solve(np.array(rows), np.array([*start, *end]))
+    return coefficients
