@@ -107,6 +107,11 @@ class Device(Part, ABC):
         """What a user should know before trusting this device, such as a log that is cut."""
         return ()
 
+    @property
+    def duration(self) -> float | None:
+        """How long a recorded log is [s], for progress bars; None where that is not known."""
+        return None
+
 
 def address(device: str, stream: Stream, channel: Channel) -> str:
     """How a pipeline names a channel: ``rig.wrench.z``, or ``log.fz`` where the stream has no name."""

@@ -5,9 +5,9 @@ A part's fields are the keys of its table, its documentation and its JSON schema
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, get_args
+from types import UnionType
+from typing import Annotated, Any, ClassVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationInfo, model_validator
 
@@ -34,9 +34,16 @@ class Part(Settings):
     kind: ClassVar[str]
 
 
+def _alternatives(annotation: Any) -> tuple[Any, ...]:
+    """What an annotation allows directly: itself, or the members of a union; not what a container holds."""
+    if get_origin(annotation) in (Union, UnionType):
+        return get_args(annotation)
+    return (annotation,)
+
+
 def part_kind(annotation: Any) -> str | None:
     """The kind of part that a field's annotation asks for, or None where it asks for none."""
-    for candidate in (annotation, *get_args(annotation)):
+    for candidate in _alternatives(annotation):
         if isinstance(candidate, type) and issubclass(candidate, Part):
             return candidate.kind
     return None
@@ -44,18 +51,10 @@ def part_kind(annotation: Any) -> str | None:
 
 def nested_settings(annotation: Any) -> type[Settings] | None:
     """The settings (not parts) that a field's annotation asks for, or None where it asks for none."""
-    for candidate in (annotation, *get_args(annotation)):
+    for candidate in _alternatives(annotation):
         if isinstance(candidate, type) and issubclass(candidate, Settings) and not issubclass(candidate, Part):
             return candidate
     return None
-
-
-def parts_within(settings: Settings) -> Iterator[tuple[str, Part]]:
-    """The fields of some settings that hold parts, one level deep, as (field, part)."""
-    for name in type(settings).model_fields:
-        value = getattr(settings, name)
-        if isinstance(value, Part):
-            yield name, value
 
 
 def _beside_the_pipeline(value: Any, info: ValidationInfo) -> Any:

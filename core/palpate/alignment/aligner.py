@@ -56,7 +56,7 @@ class Aligner:
                         limits = (-limit, limit) if role == "force" and limit is not None else channel.limits
                         # A slow stream has long pauses by nature.
                         gap = max(self._settings.gap, 5.0 / stream.rate if stream.rate else 0.0)
-                        series = Series(signal, column, gap, limits)
+                        series = Series(signal, column, gap, limits, watched=role == "force")
                         self._series[device, stream.name].append(series)
                         return series
         raise KeyError(signal.channel)  # the configuration has checked every name

@@ -56,8 +56,9 @@ class Health:
 class Series:
     """The readings of one signal in the order of true time: late ones moved back by the declared delay."""
 
-    def __init__(self, signal: Signal, column: int, gap: float, limits: tuple[float, float] | None) -> None:
+    def __init__(self, signal: Signal, column: int, gap: float, limits: tuple[float, float] | None, watched: bool) -> None:
         self.signal = signal
+        self._watched = watched  # for a sensor that is stuck
         self._column = column
         self._delay = round(signal.delay * _SECOND)
         self._gap = round(gap * _SECOND)
@@ -75,7 +76,8 @@ class Series:
         values, stamps = values[usable], stamps[rows][usable]
         saturated = self._beyond_limits(values)
         health.saturated += int(np.count_nonzero(saturated))
-        health.longest_repeat = max(health.longest_repeat, self._longest_repeat(values))
+        if self._watched:
+            health.longest_repeat = max(health.longest_repeat, self._longest_repeat(values))
         self.stamps = np.concatenate([self.stamps, stamps - self._delay])
         self.values = np.concatenate([self.values, values * self.signal.sign])
         self._saturated = np.concatenate([self._saturated, saturated])

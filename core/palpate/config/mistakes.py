@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
@@ -82,14 +82,17 @@ def _shown(given: Any) -> str:
 
 
 def _nested(settings: type[BaseModel], path: Location) -> type[BaseModel] | None:
-    current: type[BaseModel] | None = settings
+    """The settings at the end of a path of keys; the keys of a dictionary of settings count as steps."""
+    current: Any = settings
     for step in path:
-        if current is None or step not in current.model_fields:
-            return None
-        annotation = current.model_fields[step].annotation
-        candidates = (annotation, *getattr(annotation, "__args__", ()))
-        current = next((c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel)), None)
-    return current
+        if isinstance(current, type) and issubclass(current, BaseModel):
+            field = current.model_fields.get(step)
+            current = field.annotation if field else None
+        else:
+            current = next((a for a in get_args(current) if isinstance(a, type) and issubclass(a, BaseModel)), None)
+    if not isinstance(current, type):
+        current = next((a for a in get_args(current) if isinstance(a, type) and issubclass(a, BaseModel)), None)
+    return current if isinstance(current, type) and issubclass(current, BaseModel) else None
 
 
 def _fields(settings: type[BaseModel], path: Location) -> list[str]:

@@ -165,18 +165,19 @@ class _Rig:
         readings = np.arange(int(np.floor(ticks[-1] * settings.sensor_rate)) + 1) / settings.sensor_rate
         origin = time.time_ns() if settings.pace == "real-time" else 0
         began = time.monotonic()
-        for start in np.arange(0.0, end, _BLOCK):
+        done_ticks = done_readings = 0
+        for edge in np.arange(1, int(end / _BLOCK) + 2) * _BLOCK:
             if settings.pace == "real-time":
-                self._stopped.wait(max(start + _BLOCK - (time.monotonic() - began), 0.0))
+                self._stopped.wait(max(edge - (time.monotonic() - began), 0.0))
             if self._stopped.is_set():
                 return
-            now = readings[(readings >= start) & (readings < start + _BLOCK)]
+            now = readings[done_readings : (done_readings := int(np.searchsorted(readings, edge)))]
             yield self._batch("wrench", now, settings.force_delay, self._wrench(now, motion), origin)
-            rows = (ticks >= start) & (ticks < start + _BLOCK)
+            rows = slice(done_ticks, done_ticks := int(np.searchsorted(ticks, edge)))
             pose, twist = self._kinematics(motion.position[rows], motion.velocity[rows])
             yield self._batch("tip", ticks[rows], settings.motion_delay, pose, origin)
             yield self._batch("twist", ticks[rows], settings.motion_delay, twist, origin)
-            commanded = [setpoint.position[rows], setpoint.velocity[rows], setpoint.measuring[rows, None]]
+            commanded = [setpoint.position[rows], setpoint.velocity[rows], setpoint.measuring[rows][:, None]]
             yield self._batch("setpoint", ticks[rows], settings.motion_delay, np.hstack(commanded), origin)
 
     def _wrench(self, instants: Floats, motion: Any) -> Floats:

@@ -59,7 +59,7 @@ class InertialTracker:
         self._state, outputs = self._kernel.run(self._state, inputs, self._settings)
         self._write(outputs, part, estimates, rows)
         if resumed:
-            estimates.status[rows.start] |= Status.RESUMED
+            estimates.status[rows.start] |= np.uint32(Status.RESUMED)
 
     def _begin(self, position: float, rate: float) -> bool:
         """Start afresh, or carry the last estimate over a pause by the measured position; True in this case."""
@@ -82,10 +82,10 @@ class InertialTracker:
         marks = outputs[:, 2 * n + 2 :] > 0.5
         status = np.zeros(len(outputs), np.uint32)
         for column, mark in enumerate(_MARKS):
-            status[marks[:, column]] |= mark
+            status[marks[:, column]] |= np.uint32(mark)
         broken = np.logical_or.accumulate(marks[:, -1] | self._diverged)
         self._diverged = bool(broken[-1])
-        status[broken] |= Status.DIVERGED
+        status[broken] |= np.uint32(Status.DIVERGED)
         variance = np.maximum(outputs[:, n : 2 * n], 0.0)
         nis = outputs[:, 2 * n + 1]
         columns = {

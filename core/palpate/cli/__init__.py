@@ -1,0 +1,61 @@
+"""The command line: ``palpate run``, ``check``, ``list``, ``describe``, ``schema``."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import sys
+import traceback
+from typing import Annotated
+
+import typer
+
+from palpate.cli import inspect, run
+from palpate.errors import PalpateError
+
+app = typer.Typer(
+    name="palpate",
+    help="Elasticity and viscosity of soft material from robotic palpation, each with its uncertainty.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"palpate {importlib.metadata.version('palpate')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")] = False,
+) -> None:
+    """Shared options."""
+
+
+app.command(name="run")(run.run)
+app.command(name="check")(inspect.check)
+app.command(name="list")(inspect.list_parts)
+app.command(name="describe")(inspect.describe)
+app.command(name="schema")(inspect.schema)
+
+
+def main() -> None:
+    """The ``palpate`` command: exit code 0, 2 for what the user can mend, 1 for what they cannot, 130 for Ctrl-C."""
+    try:
+        app()
+    except PalpateError as error:
+        typer.echo(f"palpate: {error}", err=True)
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        typer.echo("palpate: stopped", err=True)
+        sys.exit(130)
+    except BrokenPipeError:  # the reader of a pipe, such as head, has gone
+        sys.stderr.close()
+        sys.exit(1)
+    except Exception:
+        traceback.print_exc()
+        typer.echo("palpate: this is a bug in palpate or in a plugin of yours, not in your pipeline", err=True)
+        sys.exit(1)

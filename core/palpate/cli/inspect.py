@@ -1,0 +1,121 @@
+"""``palpate check``, ``list``, ``describe`` and ``schema``: look before you run."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import typing
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from palpate import registry as registries
+from palpate.config import load_pipeline, pipeline_schema, resolved_text
+from palpate.errors import ConfigurationError
+from palpate.parts import Part, nested_settings, part_kind
+from palpate.registry import Registry, suggest
+from palpate.units import Quantity, dimension
+
+_PluginFiles = Annotated[
+    list[Path] | None, typer.Option("--plugin", metavar="FILE", help="A Python file with parts of your own.")
+]
+
+
+def check(
+    file: Annotated[Path, typer.Argument(help="The pipeline file.")],
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override a setting; can be repeated.")
+    ] = None,
+    resolved: Annotated[bool, typer.Option("--resolved", help="Print the pipeline with every default, in SI.")] = False,
+) -> None:
+    """Check a pipeline without running it: every mistake at once, each with its line."""
+    from palpate.pipeline import start_tracks
+
+    pipeline = load_pipeline(file, overrides or [])
+    tracks = ", ".join(running.track.name for running in start_tracks(pipeline))
+    if resolved:
+        typer.echo(resolved_text(pipeline), nl=False)
+    else:
+        devices = ", ".join(pipeline.devices)
+        typer.echo(f"{file} is in order: devices {devices}; tracks {tracks}")
+
+
+def list_parts(plugin: _PluginFiles = None) -> None:
+    """List every part that a pipeline can name, by kind, with the plugin it comes from."""
+    registry = registries.load(plugin or [])
+    width = max(len(name) for entries in registry.parts.values() for name in entries)
+    for kind, entries in registry.parts.items():
+        typer.echo(f"[{kind}.*]")
+        for name, entry in sorted(entries.items()):
+            typer.echo(f"  {name:<{width}}  {_summary(entry.part)}  ({entry.plugin.name})")
+    for name, reason in registry.failures.items():
+        typer.echo(f"plugin {name} could not be loaded: {reason}", err=True)
+
+
+def describe(
+    part: Annotated[str, typer.Argument(help="Name of a part, as in `palpate list`.")], plugin: _PluginFiles = None
+) -> None:
+    """Describe a part: what it is, and every key with unit, default and meaning."""
+    registry = registries.load(plugin or [])
+    found = [(kind, entries[part].part) for kind, entries in registry.parts.items() if part in entries]
+    if not found:
+        names = [name for entries in registry.parts.values() for name in entries]
+        raise ConfigurationError(f"there is no part {part!r}{suggest(part, names)}")
+    typer.echo("\n\n".join("\n".join(_description(kind, part, cls)) for kind, cls in found))
+
+
+def schema(plugin: _PluginFiles = None) -> None:
+    """Print the JSON schema of pipeline files, for editors."""
+    registry: Registry = registries.load(plugin or [])
+    typer.echo(json.dumps(pipeline_schema(registry), indent=2))
+
+
+def _summary(part: type[Part]) -> str:
+    return (inspect.getdoc(part) or "").splitlines()[0] if part.__doc__ else ""
+
+
+def _description(kind: str, name: str, part: type[Part]) -> Iterator[str]:
+    yield f"{name}: a type of [{kind}.*]"
+    yield ""
+    yield inspect.getdoc(part) or ""
+    parameters = getattr(part, "parameters", ())
+    if parameters:
+        yield ""
+        yield "Parameters:"
+        yield from (f"  {p.name} ({p.symbol}) [{p.unit}]: {p.meaning}" for p in parameters)
+    if part.model_fields:
+        yield ""
+        yield "Keys:"
+    for key, field in part.model_fields.items():
+        default = "must be given" if field.is_required() else f"default {_default(field.get_default(), field.metadata)}"
+        yield f"  {key}: {_type(field.annotation, field.metadata)}, {default}"
+        if field.description:
+            yield f"      {field.description}"
+
+
+def _default(value: Any, metadata: list[Any]) -> str:
+    unit = next((f" {item.unit}" for item in metadata if isinstance(item, Quantity)), "")
+    return f"{value:.6g}{unit}" if isinstance(value, float) else json.dumps(value, default=str)
+
+
+def _type(annotation: Any, metadata: list[Any]) -> str:
+    for item in metadata:
+        if isinstance(item, Quantity):
+            return dimension(item.unit)
+    kind = part_kind(annotation)
+    if kind is not None:
+        return f"name of a [{kind}.*] or a table"
+    if nested_settings(annotation) is not None:
+        return "table"
+    arguments = typing.get_args(annotation)
+    if typing.get_origin(annotation) is typing.Literal:
+        return " or ".join(json.dumps(choice) for choice in arguments)
+    for argument in arguments:  # optional quantities carry their unit inside the union
+        if getattr(argument, "__metadata__", None):
+            return _type(argument.__origin__, list(argument.__metadata__))
+    words = {float: "number", int: "whole number", str: "text", bool: "true or false", Path: "path"}
+    if annotation in words:
+        return words[annotation]
+    return {dict: "table", tuple: "list"}.get(typing.get_origin(annotation), "value")

@@ -1,0 +1,152 @@
+"""Flags: failed assumptions, each as a short code and a sentence for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from palpate.alignment import AlignmentReport, AlignmentSettings
+from palpate.contact import ContactModel, contact_force
+from palpate.estimation import Status
+from palpate.result.record import Tail, TrackRecord
+
+_STILL_MOVING = 0.02  # of a value: slope times time tracked
+_NIS_RANGE = (0.5, 1.6)  # of the mean over the last second; 0.9 to 1.1 would be one by chance alone
+_PAPER_NOISE = 0.05  # [N]
+_WEAK = 5.0  # the force must swing by more than so many standard deviations of its noise
+_SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the one that the first touch says
+_STUCK = 0.1  # [s] of exactly equal readings
+
+Flag = str
+
+
+def flag(code: str, text: str) -> Flag:
+    """``code: text``; the code is for programs."""
+    return f"{code}: {text}"
+
+
+def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterator[Flag]:
+    """What was amiss with the record, whatever is estimated from it."""
+    for name, health in report.streams.items():
+        counts = {
+            "invalid": health.invalid,
+            "duplicates": health.duplicates,
+            "backwards": health.backwards,
+            "gaps": health.gaps,
+            "saturated": health.saturated,
+        }
+        words = {"invalid": "invalid readings", "duplicates": "repeated time-stamps", "backwards": "time going backwards",
+                 "gaps": "gaps", "saturated": "saturated readings"}
+        for code, count in counts.items():
+            if count:
+                yield flag(code, f"{name} has {count} x {words[code]}")
+        if health.rate and health.longest_repeat / health.rate > _STUCK:
+            yield flag("stuck", f"{name} repeats one reading for {health.longest_repeat / health.rate:.2f} s")
+    if report.missing_force:
+        yield flag("missing-force", f"{report.missing_force} of {report.samples} samples have no force")
+    if report.missing_velocity > 1:
+        yield flag("missing-velocity", f"{report.missing_velocity} of {report.samples} samples have no velocity")
+    if settings.tare == "free-air" and (report.tare is None or report.tare.noise is None):
+        yield flag("no-tare", "the record is too short, or has no force, for a tare in free air")
+    if report.touches > 1:
+        yield flag("touched-again", f"contact was lost and found again {report.touches - 1} times")
+
+
+def track_flags(
+    record: TrackRecord, model: ContactModel, report: AlignmentReport, average: float
+) -> Iterator[Flag]:
+    """What is amiss with one track."""
+    tail = record.tail
+    if tail is None:
+        yield flag("no-contact", f"the force never stayed above {report.touch_force:.3g} N: nothing was estimated")
+        return
+    yield from _status_flags(record)
+    if record.marks[Status.DIVERGED]:
+        return
+    end = float(tail.time[-1])
+    last = tail.since(end - average)
+    yield from _bound_flags(last, model)
+    yield from _convergence_flags(tail, last, model, average, record.tracked)
+    yield from _force_flags(last, report)
+    yield from _surface_flags(last, model, report)
+
+
+def _status_flags(record: TrackRecord) -> Iterator[Flag]:
+    marks = record.marks
+    if marks[Status.DIVERGED]:
+        yield flag("diverged", "the estimates stopped being finite or plausible numbers; none can be used")
+    if marks[Status.LIFTED]:
+        yield flag("depth-not-positive", f"the estimated depth was not positive in {marks[Status.LIFTED]} samples in contact")
+    if marks[Status.RESTARTED]:
+        yield flag("restarted", f"the filter began anew {marks[Status.RESTARTED]} times")
+    if marks[Status.BLIND]:
+        yield flag("blind", f"{marks[Status.BLIND]} samples lacked a measurement and were predicted only")
+    if marks[Status.STIFF]:
+        yield flag("too-stiff", f"the contact was too stiff for the time step in {marks[Status.STIFF]} samples")
+    if marks[Status.RESUMED]:
+        yield flag("resumed", f"the estimate was carried over a pause {marks[Status.RESUMED]} times")
+
+
+def _bound_flags(last: Tail, model: ContactModel) -> Iterator[Flag]:
+    for column, parameter in enumerate(model.parameters):
+        value = float(last.values[:, column].mean())
+        if not parameter.lower < value < parameter.upper:
+            yield flag("implausible", f"{parameter.name} of {value:.3g} {parameter.unit} is outside what is possible")
+
+
+def _convergence_flags(tail: Tail, last: Tail, model: ContactModel, average: float, tracked: float) -> Iterator[Flag]:
+    """Whether the estimates have come to rest.
+
+    The error of these filters dies away like a power of time, E(t) = E + c/t^p, so that time times slope is p times
+    what is left of it, whatever c is. The filter's own standard deviation knows nothing of that.
+    """
+    if tracked < 2 * average or len(tail.time) < 10:
+        yield flag("not-converged", f"only {tracked:.2g} s were tracked")
+        return
+    moving = []
+    for column, parameter in enumerate(model.parameters):
+        value = float(last.values[:, column].mean())
+        slope = float(np.polyfit(tail.time - tail.time[0], tail.values[:, column], 1)[0])
+        limit = max(_STILL_MOVING * abs(value), 3.0 * float(last.std[-1, column]))
+        if abs(slope) * tracked > limit:
+            moving.append(f"{parameter.name} moves by {100 * slope / abs(value):+.2f} % a second")
+    if moving:
+        yield flag("not-converged", f"after {tracked:.3g} s {' and '.join(moving)}: the std is too small")
+    nis = float(np.nanmean(last.nis)) if np.isfinite(last.nis).any() else float("nan")
+    if not np.isnan(nis) and not _NIS_RANGE[0] <= nis <= _NIS_RANGE[1]:
+        yield flag("inconsistent", f"NIS of {nis:.2g} in the last {average:g} s where 1 is expected: noise or model is wrong")
+
+
+def _force_flags(last: Tail, report: AlignmentReport) -> Iterator[Flag]:
+    noise = report.tare.noise if report.tare and report.tare.noise else _PAPER_NOISE
+    swing = float(np.nanmax(last.model_force) - np.nanmin(last.model_force))
+    if swing < _WEAK * noise:
+        yield flag("not-identifiable", f"the force swings by {swing:.2g} N against a noise of {noise:.2g} N")
+
+
+def _surface_flags(last: Tail, model: ContactModel, report: AlignmentReport) -> Iterator[Flag]:
+    """The model at the estimate must give the force of first touch where the first touch was."""
+    if report.first_touch is None or report.tare is None or report.tare.noise is None:
+        return
+    theta, surface = last.values.mean(axis=0), float(last.surface.mean())
+    depths = np.linspace(0.0, 0.02, 2001)
+    force = contact_force(model, depths, 0.0, theta)
+    expected = float(depths[min(int(np.searchsorted(force, report.touch_force)), len(depths) - 1)])
+    apart = surface - (report.first_touch[1] + expected)
+    if abs(apart) > _SURFACE_TOLERANCE:
+        yield flag("surface-mismatch", f"the estimated surface is {1e3 * apart:+.2f} mm from where the tip touched")
+
+
+def timing_flags(
+    model: ContactModel, values: np.ndarray, uncertainty: float | None  # type: ignore[type-arg]
+) -> Iterator[Flag]:
+    """Parameters that a force or motion recorded late would shift, against the declared timing uncertainty [s]."""
+    for parameter, value, shift in zip(model.parameters, values, model.delay_shift(list(values)), strict=True):
+        if not shift:
+            continue
+        if uncertainty is None:
+            per_ms = f"{abs(shift) * 1e-3:.3g} {parameter.unit}"
+            yield flag("timing-undeclared", f"no timing uncertainty is declared; 1 ms is {per_ms} of {parameter.name}")
+        elif abs(value) < 2 * abs(shift) * uncertainty:
+            yield flag("not-distinguishable-from-delay", f"{parameter.name} is within {uncertainty * 1e3:.3g} ms of none")

@@ -1,0 +1,140 @@
+"""What a run found out: the contents of ``result.json``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from palpate.alignment import AlignmentReport, AlignmentSettings
+from palpate.contact import ContactModel
+from palpate.estimation import Status
+from palpate.result.flags import alignment_flags, flag, timing_flags, track_flags
+from palpate.result.record import TrackRecord
+
+
+@dataclass(frozen=True)
+class Found:
+    """A value with its uncertainty [SI]."""
+
+    value: float
+    std: float  # standard deviation, as the estimator believes it
+    unit: str
+    systematic: float | None = None  # standard uncertainty from the declared timing; None where undeclared or none
+    per_shear: float | None = None  # [s] shift of timing that would explain the value: eta/G
+
+    @property
+    def combined(self) -> float:
+        """Standard uncertainty of random and systematic parts together."""
+        return math.hypot(self.std, self.systematic or 0.0)
+
+    def table(self) -> dict[str, Any]:
+        """As in ``result.json``; what is not a finite number becomes null."""
+        known = {"value": self.value, "std": self.std, "unit": self.unit}
+        if self.systematic is not None:
+            known |= {"systematic": self.systematic, "combined": self.combined}
+        if self.per_shear is not None:
+            known["equivalent_delay"] = self.per_shear
+        return {key: finite(value) for key, value in known.items()}
+
+
+def finite(value: Any) -> Any:
+    """A number as JSON can hold it: null where it is not finite."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+@dataclass(frozen=True)
+class TrackResult:
+    """What one track found."""
+
+    model: str
+    estimator: str
+    samples: int
+    parameters: Mapping[str, Found]
+    surface: Found
+    force_rms: float  # [N]
+    nis: float  # mean over the averaging window at the end
+    flags: tuple[str, ...]
+    seconds_per_sample: float
+
+    def table(self) -> dict[str, Any]:
+        """As in ``result.json``."""
+        return {
+            "model": self.model,
+            "estimator": self.estimator,
+            "samples": self.samples,
+            "parameters": {name: found.table() for name, found in self.parameters.items()},
+            "surface": self.surface.table(),
+            "force_rms": finite(self.force_rms),
+            "nis": finite(self.nis),
+            "flags": list(self.flags),
+            "seconds_per_sample": self.seconds_per_sample,
+        }
+
+
+def track_result(
+    name: str,
+    model: ContactModel,
+    record: TrackRecord,
+    report: AlignmentReport,
+    settings: AlignmentSettings,
+    average: float,
+) -> TrackResult:
+    """The result of one track: means over the last `average` seconds of its estimates, and its flags."""
+    model_name, _, estimator_name = name.partition("/")
+    flags = list(track_flags(record, model, report, average))
+    tail = record.tail
+    nothing = float("nan")
+    usable = tail is not None and not record.marks[Status.DIVERGED]
+    if tail is None or not usable:
+        empty = {p.name: Found(nothing, nothing, p.unit) for p in model.parameters}
+        surface, rms, nis = Found(nothing, nothing, "m"), nothing, nothing
+        parameters = empty
+    else:
+        last = tail.since(float(tail.time[-1]) - average)
+        values, std = last.values.mean(axis=0), last.std[-1]
+        timing = timing_uncertainty(settings)
+        flags += timing_flags(model, values, timing)
+        shifts = model.delay_shift(list(values))
+        parameters = {
+            p.name: Found(
+                float(value),
+                float(deviation),
+                p.unit,
+                abs(shift) * timing if shift and timing is not None else None,
+                float(value / abs(shift)) if shift else None,
+            )
+            for p, value, deviation, shift in zip(model.parameters, values, std, shifts, strict=True)
+        }
+        surface = Found(float(last.surface.mean()), float(last.surface_std[-1]), "m")
+        rms = last.force_rms(settings.tip_mass or 0.0)
+        seen = last.nis[last.nis == last.nis]
+        nis = float(seen.mean()) if len(seen) else nothing
+    per_sample = record.seconds / record.samples if record.samples else 0.0
+    return TrackResult(
+        model_name, estimator_name, record.samples, parameters, surface, rms, nis, tuple(flags), per_sample
+    )
+
+
+def timing_uncertainty(settings: AlignmentSettings) -> float | None:
+    """Standard uncertainty [s] of the time between force and motion; None where it is not declared for both sides."""
+    motion = settings.velocity or settings.position
+    if settings.force.uncertainty is None and motion.uncertainty is None:
+        return None
+    return math.hypot(settings.force.uncertainty or 0.0, motion.uncertainty or 0.0)
+
+
+def stream_tables(report: AlignmentReport) -> dict[str, Any]:
+    """The ``streams`` of ``result.json``."""
+    names = ("samples", "invalid", "duplicates", "backwards", "gaps", "saturated")
+    return {
+        name: {"rate": health.rate, **{key: getattr(health, key) for key in names}}
+        for name, health in report.streams.items()
+    }
+
+
+def record_flags(report: AlignmentReport, settings: AlignmentSettings, interrupted: str | None) -> tuple[str, ...]:
+    """Flags that concern every track."""
+    ended = [flag("interrupted", interrupted)] if interrupted else []
+    return (*ended, *alignment_flags(report, settings))

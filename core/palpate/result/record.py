@@ -1,0 +1,86 @@
+"""What is kept of a track while it runs: counts over the whole run, and the last few seconds in full."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.estimation import Estimates, Samples, Status
+
+Floats = NDArray[np.float64]
+
+_SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
+
+
+@dataclass(frozen=True)
+class Tail:
+    """The latest tracked samples and their estimates."""
+
+    time: Floats  # (n,) [s]
+    force: Floats  # (n,) [N] measured
+    velocity: Floats  # (n,) [m/s]
+    values: Floats  # (n, k)
+    std: Floats  # (n, k)
+    surface: Floats  # (n,) [m]
+    surface_std: Floats  # (n,) [m]
+    model_force: Floats  # (n,) [N]
+    nis: Floats  # (n,)
+
+    def since(self, begin: float) -> Tail:
+        """The part from a time [s] on."""
+        rows = self.time >= begin
+        return Tail(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+    def force_rms(self, tip_mass: float) -> float:
+        """RMS [N] of measured force less inertia of the tip less the model's force; NaN where it cannot be told."""
+        n = _SLOPE_SAMPLES
+        if len(self.time) <= 2 * n:
+            return float("nan")
+        step = self.time[2 * n :] - self.time[: -2 * n]
+        acceleration = (self.velocity[2 * n :] - self.velocity[: -2 * n]) / step
+        # Height and depth count in opposite directions: u = F + m d'' = F - m z''.
+        residual = (self.force - self.model_force)[n:-n] + tip_mass * acceleration
+        residual = residual[np.isfinite(residual)]
+        return float(np.sqrt(np.mean(residual**2))) if len(residual) else float("nan")
+
+
+@dataclass
+class TrackRecord:
+    """Counts of one track over the whole run, and its tail."""
+
+    keep: float  # [s] of tail
+    samples: int = 0  # tracked
+    tracked: float = 0.0  # [s]
+    seconds: float = 0.0  # of computing
+    marks: dict[Status, int] = field(default_factory=lambda: dict.fromkeys(Status, 0))
+    _blocks: list[Tail] = field(default_factory=list)
+
+    def add(self, samples: Samples, estimates: Estimates, seconds: float) -> None:
+        """Take in a block."""
+        self.seconds += seconds
+        for mark in Status:
+            self.marks[mark] += int(np.count_nonzero(estimates.status & mark))
+        rows = (estimates.status & Status.IDLE) == 0
+        if not rows.any():
+            return
+        self.samples += int(np.count_nonzero(rows))
+        self.tracked += float(samples.interval[rows].sum())
+        columns = (estimates.values, estimates.std, estimates.surface, estimates.surface_std, estimates.force)
+        kept = [column[rows] for column in (samples.time, samples.force, samples.velocity, *columns, estimates.nis)]
+        self._blocks.append(Tail(*kept))
+        self._forget(float(samples.time[rows][-1]) - self.keep)
+
+    def _forget(self, before: float) -> None:
+        while len(self._blocks) > 1 and self._blocks[0].time[-1] < before:
+            self._blocks.pop(0)
+
+    @property
+    def tail(self) -> Tail | None:
+        """The last seconds of tracked samples; None where nothing was tracked."""
+        if not self._blocks:
+            return None
+        names = Tail.__dataclass_fields__
+        joined = Tail(*(np.concatenate([getattr(block, name) for block in self._blocks]) for name in names))
+        return joined.since(float(joined.time[-1]) - self.keep)

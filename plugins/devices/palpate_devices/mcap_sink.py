@@ -1,0 +1,151 @@
+"""Recording to MCAP: raw streams as standard ROS 2 messages, samples and estimates as small types of our own."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Batch, Estimates, OutputError, Run, Samples, Sink, Stream, Writer
+from palpate_devices.messages import STANDARD, MessageType, numbers_type, pack
+from pydantic import Field
+
+_FLUSH_EVERY = 0.25  # [s]; what a kill can cost
+_SYNC_EVERY = 1.0  # [s]; what a power cut can cost
+
+_SAMPLE_FIELDS = ("time", "interval", "force", "position", "velocity", "contact", "active")
+
+
+class McapSink(Sink):
+    """Records everything: raw streams, samples, estimates of every track, the pipeline, versions and seed.
+
+    Topics: ``/DEVICE/STREAM`` (WrenchStamped, PoseStamped, TwistStamped, or ``palpate_msgs`` types: a header and
+    float64 numbers), ``/palpate/samples``, ``/palpate/estimates/MODEL/ESTIMATOR``. The file is flushed four times and
+    synced once a second, so that it opens up to the last moment after a crash.
+    """
+
+    file: str = Field("log.mcap", min_length=1, description="name of the file within the run folder")
+
+    def open(self, run: Run) -> AbstractContextManager[Writer]:
+        """A writer of the whole run; raises OutputError where the file cannot be made or the disk is full."""
+        return self._opened(run)
+
+    @contextmanager
+    def _opened(self, run: Run) -> Iterator[Writer]:
+        path = run.folder / self.file
+        try:
+            with path.open("xb") as file:
+                recorder = _Recorder(file, run)
+                try:
+                    yield recorder
+                finally:
+                    recorder.finish()
+        except OSError as error:
+            raise OutputError(f"sink mcap: cannot write {path}: {error.strerror}") from error
+
+
+class _Recorder:
+    def __init__(self, file: IO[bytes], run: Run) -> None:
+        from mcap.writer import CompressionType, Writer  # noqa: TID253
+
+        self._file = file
+        self._log = Writer(file, compression=CompressionType.ZSTD)
+        self._log.start(profile="ros2", library=f"palpate {run.facts.get('palpate', '')}")
+        self._schemas: dict[str, int] = {}
+        self._streams: dict[tuple[str, str], tuple[int, Stream]] = {}
+        for device, streams in run.streams.items():
+            for stream in streams:
+                kind = STANDARD.get(stream.layout) or _own_type(device, stream)
+                topic = f"/{device}/{stream.name}" if stream.name else f"/{device}"
+                facts = {"palpate": json.dumps(_facts(device, stream))}
+                self._streams[device, stream.name] = self._channel(topic, kind, facts), stream
+        self._samples = self._channel("/palpate/samples", numbers_type("Samples", _SAMPLE_FIELDS))
+        self._tracks = {}
+        for track, parameters in run.tracks.items():
+            names = [parameter.name for parameter in parameters]
+            kind = numbers_type(_type_name(track), _estimate_fields(names))
+            self._tracks[track] = self._channel(f"/palpate/estimates/{track}", kind)
+        self._log.add_metadata("palpate", dict(run.facts))
+        for name, text in run.documents.items():
+            self._log.add_attachment(0, 0, name, "application/toml", text.encode())
+        self._stamps = np.zeros(0, np.int64)
+        self._flushed = self._synced = time.monotonic()
+
+    def _channel(self, topic: str, kind: MessageType, facts: dict[str, str] | None = None) -> int:
+        if kind.name not in self._schemas:
+            self._schemas[kind.name] = self._log.register_schema(kind.name, "ros2msg", kind.definition.encode())
+        return self._log.register_channel(topic, "cdr", self._schemas[kind.name], facts or {})
+
+    def batch(self, device: str, batch: Batch) -> None:
+        channel, stream = self._streams[device, batch.stream]
+        self._write(channel, batch.time, batch.received, stream.frame or device, batch.values)
+
+    def samples(self, samples: Samples) -> None:
+        self._stamps = samples.stamp
+        numbers = np.column_stack([np.asarray(getattr(samples, name), float) for name in _SAMPLE_FIELDS])
+        self._write(self._samples, samples.stamp, samples.stamp, "surface", numbers)
+
+    def estimates(self, track: str, estimates: Estimates) -> None:
+        columns = (estimates.surface, estimates.surface_std, estimates.force, estimates.nis, estimates.status)
+        numbers = np.column_stack([estimates.time, estimates.values, estimates.std, *columns])
+        stamps = self._stamps if len(self._stamps) == len(estimates) else np.rint(estimates.time * 1e9).astype(np.int64)
+        self._write(self._tracks[track], stamps, stamps, "surface", numbers)
+
+    def _write(
+        self,
+        channel: int,
+        stamps: NDArray[np.int64],
+        logged: NDArray[np.int64],
+        frame: str,
+        numbers: NDArray[np.float64],
+    ) -> None:
+        for log_time, stamp, message in zip(logged.tolist(), stamps.tolist(), pack(stamps, frame, numbers), strict=True):
+            self._log.add_message(channel, log_time=log_time, data=message, publish_time=stamp)
+        now = time.monotonic()
+        if now - self._flushed > _FLUSH_EVERY:
+            self._flush(now)
+
+    def _flush(self, now: float) -> None:
+        self._log.flush()
+        self._file.flush()
+        self._flushed = now
+        if now - self._synced > _SYNC_EVERY:
+            os.fsync(self._file.fileno())
+            self._synced = now
+
+    def finish(self) -> None:
+        self._log.finish()
+        self._file.flush()
+
+
+def _facts(device: str, stream: Stream) -> dict[str, Any]:
+    """What a replay must know of a stream and the messages do not say."""
+    return {
+        "device": device,
+        "stream": stream.name,
+        "rate": stream.rate,
+        "layout": stream.layout,
+        "frame": stream.frame,
+        "units": [channel.unit for channel in stream.channels],
+        "limits": [channel.limits for channel in stream.channels],
+    }
+
+
+def _own_type(device: str, stream: Stream) -> MessageType:
+    name = "Setpoint" if stream.layout == "setpoint" else _type_name(f"{device} {stream.name}")
+    return numbers_type(name, [channel.name for channel in stream.channels])
+
+
+def _type_name(text: str) -> str:
+    words = "".join(character if character.isalnum() else " " for character in text).split()
+    return "".join(word[:1].upper() + word[1:] for word in words) or "Numbers"
+
+
+def _estimate_fields(names: Sequence[str]) -> list[str]:
+    return ["time", *names, *(f"{name}_std" for name in names), "surface", "surface_std", "force", "nis", "status"]
+

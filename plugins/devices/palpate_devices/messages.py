@@ -1,0 +1,140 @@
+"""ROS 2 messages that are a header followed by numbers, packed and unpacked in whole arrays.
+
+CDR, little-endian: 4 bytes of encapsulation, then int32 sec, uint32 nanosec, the frame as a counted string with its
+closing zero, padding to a multiple of 8 counted from byte 4, and float64 numbers. Every message of a stream has one
+frame, so all have one size and a block of them is one numpy array.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+_SECOND = 1_000_000_000  # [ns]
+_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
+_SEPARATOR = "\n" + "=" * 80 + "\n"
+_TIME = "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec"
+_HEADER = "MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id"
+_VECTOR = "MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z"
+
+
+@dataclass(frozen=True)
+class MessageType:
+    """A message type of the family: its name, its definition, and its numbers in their order."""
+
+    name: str
+    definition: str
+    fields: tuple[str, ...]
+
+
+def _composed(*parts: str) -> str:
+    return _SEPARATOR.join([*parts, _HEADER, _TIME])
+
+
+WRENCH = MessageType(
+    "geometry_msgs/msg/WrenchStamped",
+    _composed(
+        "std_msgs/Header header\ngeometry_msgs/Wrench wrench",
+        "MSG: geometry_msgs/Wrench\ngeometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque",
+        _VECTOR,
+    ),
+    ("x", "y", "z", "tx", "ty", "tz"),
+)
+POSE = MessageType(
+    "geometry_msgs/msg/PoseStamped",
+    _composed(
+        "std_msgs/Header header\ngeometry_msgs/Pose pose",
+        "MSG: geometry_msgs/Pose\ngeometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
+        "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z",
+        "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w",
+    ),
+    ("x", "y", "z", "qx", "qy", "qz", "qw"),
+)
+TWIST = MessageType(
+    "geometry_msgs/msg/TwistStamped",
+    _composed(
+        "std_msgs/Header header\ngeometry_msgs/Twist twist",
+        "MSG: geometry_msgs/Twist\ngeometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular",
+        _VECTOR,
+    ),
+    ("x", "y", "z", "wx", "wy", "wz"),
+)
+STANDARD = {"wrench": WRENCH, "pose": POSE, "twist": TWIST}
+UNITS = {
+    WRENCH.name: ("N", "N", "N", "N*m", "N*m", "N*m"),
+    POSE.name: ("m", "m", "m", "1", "1", "1", "1"),
+    TWIST.name: ("m/s", "m/s", "m/s", "rad/s", "rad/s", "rad/s"),
+}
+
+
+def numbers_type(name: str, fields: Sequence[str]) -> MessageType:
+    """A type of our own, ``palpate_msgs/msg/NAME``: a header and one float64 for each field."""
+    body = "\n".join(["std_msgs/Header header", *(f"float64 {field}" for field in fields)])
+    return MessageType(f"palpate_msgs/msg/{name}", _composed(body), tuple(fields))
+
+
+def known_type(schema_name: str, definition: str) -> MessageType | None:
+    """The type of a recorded schema if it is of this family, else None."""
+    parts = schema_name.split("/")
+    name = f"{parts[0]}/msg/{parts[-1]}"  # schema names come with and without /msg/
+    for standard in STANDARD.values():
+        if standard.name == name:
+            return standard
+    lines = [line.split("#")[0].split() for line in definition.split("\n===")[0].splitlines()]
+    fields = [words for words in lines if words]
+    if not fields or fields[0][0] not in ("std_msgs/Header", "std_msgs/msg/Header"):
+        return None
+    if any(len(words) != 2 or words[0] != "float64" for words in fields[1:]):
+        return None
+    return MessageType(name, definition, tuple(words[1] for words in fields[1:]))
+
+
+def _layout(frame_length: int, numbers: int) -> np.dtype[np.void]:
+    """Memory of one message; `frame_length` counts the closing zero."""
+    padding = -(12 + frame_length) % 8
+    return np.dtype(
+        [
+            ("encapsulation", "S4"),
+            ("sec", "<i4"),
+            ("nanosec", "<u4"),
+            ("length", "<u4"),
+            ("frame", f"V{frame_length}"),
+            ("padding", f"V{padding}"),
+            ("numbers", "<f8", (numbers,)),
+        ]
+    )
+
+
+def pack(stamps: NDArray[np.int64], frame: str, numbers: NDArray[np.float64]) -> list[bytes]:
+    """One CDR message for each stamp [ns] and row of numbers (n, k)."""
+    text = frame.encode() + b"\0"
+    layout = _layout(len(text), numbers.shape[1])
+    messages = np.zeros(len(stamps), layout)
+    messages["sec"], messages["nanosec"] = stamps // _SECOND, stamps % _SECOND
+    messages["length"] = len(text)
+    messages["frame"] = np.void(text)
+    messages["numbers"] = numbers
+    raw = bytearray(messages.tobytes())
+    for start in range(0, len(raw), layout.itemsize):
+        raw[start : start + 4] = _LITTLE_ENDIAN
+    return [bytes(raw[start : start + layout.itemsize]) for start in range(0, len(raw), layout.itemsize)]
+
+
+def unpack(messages: Sequence[bytes], numbers: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Stamps [ns] (n,) and numbers (n, k) of CDR messages; raises ValueError where one is not of that shape."""
+    if len({len(message) for message in messages}) > 1 or len({message[12:16] for message in messages}) > 1:
+        pairs = [unpack([message], numbers) for message in messages]
+        return np.concatenate([stamps for stamps, _ in pairs]), np.concatenate([rows for _, rows in pairs])
+    first = messages[0]
+    frame_length = int.from_bytes(first[12:16], "little") if len(first) >= 16 else 0
+    if not 0 < frame_length <= len(first) or first[:2] != _LITTLE_ENDIAN[:2]:
+        raise ValueError("not a little-endian CDR message with a header")
+    layout = _layout(frame_length, numbers)
+    if layout.itemsize != len(first):
+        raise ValueError(f"a message has {len(first)} bytes where {layout.itemsize} are expected")
+    table = np.frombuffer(b"".join(messages), layout)
+    stamps = table["sec"].astype(np.int64) * _SECOND + table["nanosec"].astype(np.int64)
+    return stamps, np.ascontiguousarray(table["numbers"], np.float64)
