@@ -86,7 +86,7 @@ def contact_force(model: ContactModel, depth: Any, rate: Any, theta: Sequence[An
     leaves faster than the material recovers.
     """
     if type(depth).__module__.startswith("casadi"):
-        import casadi  # noqa: TID253
+        import casadi
 
         inside = depth > 0
         # Both branches are evaluated: the guarded argument keeps a Jacobian at d = 0 finite.

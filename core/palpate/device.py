@@ -49,8 +49,7 @@ class Batch:
     @property
     def valid(self) -> NDArray[np.bool_]:
         """(n,) True where every channel is a finite number."""
-        finite: NDArray[np.bool_] = np.isfinite(self.values).all(axis=1)
-        return finite
+        return np.asarray(np.isfinite(self.values).all(axis=1))
 
 
 class Link(Protocol):

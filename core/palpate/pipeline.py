@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +86,7 @@ def run_pipeline(pipeline: Pipeline, out: Path | None = None, progress: Progress
     Raises UserError for what the user can mend; what was recorded until then stays.
     """
     running = start_tracks(pipeline)
-    started = datetime.now(timezone.utc).astimezone()
+    started = datetime.now(UTC).astimezone()
     folder = make_folder(pipeline.run.name, out, started)
     facts = _facts(pipeline)
     documents = {"pipeline.toml": pipeline.text, "resolved.toml": resolved_text(pipeline)}
@@ -98,7 +98,9 @@ def run_pipeline(pipeline: Pipeline, out: Path | None = None, progress: Progress
     began = time.monotonic()
     interrupted = failure = None
     with ExitStack() as stack:
-        run = Run(folder, streams, tracks, {**facts["versions"], **facts["inputs"], "seed": str(facts["seed"])}, documents)
+        run = Run(
+            folder, streams, tracks, {**facts["versions"], **facts["inputs"], "seed": str(facts["seed"])}, documents
+        )
         outputs = _Outputs(stack, pipeline, run, running)
         try:
             _flow(stack, pipeline, aligner, running, outputs, progress)

@@ -51,7 +51,7 @@ _EXAMPLES = {
 
 @cache
 def _registry() -> pint.UnitRegistry[float]:
-    import pint  # noqa: TID253  (a third of a second: only those who give units pay for it)
+    import pint  # a third of a second: only those who give units pay for it
 
     return pint.UnitRegistry()
 
@@ -82,7 +82,7 @@ def to_si(value: object, unit: str) -> float:
     ValueError: '5 kPa' is a pressure, not a length; write for example "5 mm"
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise ValueError(f"a {dimension(unit)} is wanted, a number in {unit} or a text such as \"{example(unit)}\"")
+        raise ValueError(f'a {dimension(unit)} is wanted, a number in {unit} or a text such as "{example(unit)}"')
     number = float(value) if isinstance(value, int | float) else _parse(value, unit)
     if not math.isfinite(number):
         raise ValueError(f"{value!r} is not a finite {dimension(unit)}")
@@ -91,7 +91,7 @@ def to_si(value: object, unit: str) -> float:
 
 def _parse(text: str, unit: str) -> float:
     match = _QUANTITY.fullmatch(text)
-    wanted = f"write for example \"{example(unit)}\""
+    wanted = f'write for example "{example(unit)}"'
     if not match:
         raise ValueError(f"{text!r} is not a {dimension(unit)}; {wanted}")
     number, written = float(match[1]), (match[2] or "").strip()

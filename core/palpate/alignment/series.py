@@ -56,7 +56,9 @@ class Health:
 class Series:
     """The readings of one signal in the order of true time: late ones moved back by the declared delay."""
 
-    def __init__(self, signal: Signal, column: int, gap: float, limits: tuple[float, float] | None, watched: bool) -> None:
+    def __init__(
+        self, signal: Signal, column: int, gap: float, limits: tuple[float, float] | None, watched: bool
+    ) -> None:
         self.signal = signal
         self._watched = watched  # for a sensor that is stuck
         self._column = column

@@ -15,10 +15,14 @@ class Signal(Settings):
     """One channel in one role; a plain text is short for ``{ channel = "..." }``."""
 
     channel: str = Field(description='device, stream and column, such as "rig.wrench.z"')
-    sign: Literal[1, -1] = Field(1, description="-1 where the channel counts the other way round")
-    delay: Time = Field(0.0, description="declared lateness: the true time is the time-stamp minus this")
-    uncertainty: Time | None = Field(None, ge=0, description="standard uncertainty of the delay; undeclared: unknown")
-    time: Literal["stamp", "received"] = Field("stamp", description="the stream's own time-stamps, or host arrival")
+    sign: Literal[1, -1] = Field(default=1, description="-1 where the channel counts the other way round")
+    delay: Time = Field(default=0.0, description="declared lateness: the true time is the time-stamp minus this")
+    uncertainty: Time | None = Field(
+        default=None, ge=0, description="standard uncertainty of the delay; undeclared: unknown"
+    )
+    time: Literal["stamp", "received"] = Field(
+        default="stamp", description="the stream's own time-stamps, or host arrival"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -30,22 +34,34 @@ class AlignmentSettings(Settings):
     """How streams become samples."""
 
     force: Signal = Field(description="force along the surface normal, positive where it pushes the tip out")
-    position: Signal = Field(description="height of the tip, positive out of the material; its stream sets the instants")
-    velocity: Signal | None = Field(None, description="velocity of that height; left out: central difference of it")
-    measuring: Signal | None = Field(None, description="above 0.5 while the motion is meant for estimation")
-    tip_mass: Mass | None = Field(None, gt=0, description="mass of all that hangs behind the sensor")
+    position: Signal = Field(
+        description="height of the tip, positive out of the material; its stream sets the instants"
+    )
+    velocity: Signal | None = Field(
+        default=None, description="velocity of that height; left out: central difference of it"
+    )
+    measuring: Signal | None = Field(default=None, description="above 0.5 while the motion is meant for estimation")
+    tip_mass: Mass | None = Field(default=None, gt=0, description="mass of all that hangs behind the sensor")
     weight: Literal["tared", "removed"] = Field(
-        "tared", description='"tared": the tare or the recording took it; "removed": subtract tip_mass times gravity'
+        default="tared",
+        description='"tared": the tare or the recording took it; "removed": subtract tip_mass times gravity',
     )
     tare: float | Literal["free-air", "none"] = Field(
-        "free-air", description='"free-air": mean of the first tare_duration, at rest in air; "none"; or a force'
+        default="free-air",
+        description='"free-air": mean of the first tare_duration, at rest in air; "none"; or a force',
     )
-    tare_duration: Time = Field(0.9, gt=0, description="length of the free-air window at the beginning of the record")
+    tare_duration: Time = Field(
+        default=0.9, gt=0, description="length of the free-air window at the beginning of the record"
+    )
     touch_force: Force | None = Field(
-        None, gt=0, description="force that counts as touch; left out: 5 sigma of the free air, or 0.25 N"
+        default=None, gt=0, description="force that counts as touch; left out: 5 sigma of the free air, or 0.25 N"
     )
-    force_limit: Force | None = Field(None, gt=0, description="readings at or beyond this magnitude are saturated")
-    gap: Time = Field(0.02, gt=0, description="a longer pause between readings is a gap; nothing is interpolated over it")
+    force_limit: Force | None = Field(
+        default=None, gt=0, description="readings at or beyond this magnitude are saturated"
+    )
+    gap: Time = Field(
+        default=0.02, gt=0, description="a longer pause between readings is a gap; nothing is interpolated over it"
+    )
 
     @field_validator("tare", mode="before")
     @classmethod

@@ -15,7 +15,9 @@ from palpate.config import load_pipeline
 
 def run(
     file: Annotated[Path, typer.Argument(help="The pipeline file.")],
-    out: Annotated[Path | None, typer.Option(help="Run folder; must be new or empty. [default: runs/DATE_TIME_NAME]")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Run folder; must be new or empty. [default: runs/DATE_TIME_NAME]")
+    ] = None,
     overrides: Annotated[
         list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override a setting; can be repeated.")
     ] = None,

@@ -44,16 +44,17 @@ def result_view(result: Result) -> RenderableType:
     table.add_column("track")
     for name, unit in units.items():
         table.add_column(f"{name}\n{_PEOPLE.get(unit, (unit, 1))[0]}", justify="right")
-    for head in ("eta/G\nms", "surface\nmm", "residual\nN", "NIS\n"):
-        table.add_column(head, justify="right")
-    for name, track in result.tracks.items():
-        table.add_row(name, *_cells(track, list(units)))
+    for heading in ("eta/G\nms", "surface\nmm", "residual\nN", "NIS\n"):
+        table.add_column(heading, justify="right")
+    for label, track in result.tracks.items():
+        table.add_row(label, *_cells(track, list(units)))
     if result.truth:
         known = [_scaled(result.truth.get(name, math.nan), unit) for name, unit in units.items()]
         surface = _scaled(result.truth.get("surface", math.nan), "m")
         table.add_row("truth", *(_plain(v) for v in known), "", _plain(surface), "", "", style="dim")
-    flags = [Text(f"  every track: {text}", style="yellow") for text in result.flags]
-    flags += [Text(f"  {name}: {text}", style="yellow") for name, t in result.tracks.items() for text in t.flags]
+    lines = [f"  every track: {text}" for text in result.flags]
+    lines += [f"  {label}: {text}" for label, track in result.tracks.items() for text in track.flags]
+    flags = [Text(line, style="yellow") for line in lines]
     head = [Text("flags")] if flags else [Text("no flags")]
     return Group(table, *head, *flags, Text(f"written to {result.folder}"))
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from palpate import hooks
-from palpate.config.mistakes import Mistake, mistakes_of
+from palpate.config.mistakes import PLAIN_TABLES, Mistake, mistakes_of
 from palpate.config.source import Location
 from palpate.errors import PalpateError, PluginError
 from palpate.parts import Part, Settings, nested_settings, part_kind
@@ -57,10 +58,8 @@ class Builder:
         location = (kind, name)
         if location not in self._built:
             self._built[location] = None  # a part that needs itself finds nothing
-            try:
+            with suppress(_Broken):
                 self._built[location] = self._part(kind, self._tables[kind][name], location)
-            except _Broken:
-                pass
         return self._built[location]
 
     def _part(self, kind: str, table: Any, location: Location) -> Part:
@@ -129,7 +128,7 @@ def _covered(location: Location, noted: set[Location]) -> bool:
     return any(other[: len(location)] == location for other in noted) or location in noted
 
 
-def unknown_tables(tables: dict[str, Any], known: tuple[str, ...] = ()) -> list[Mistake]:
+def unknown_tables(tables: dict[str, Any]) -> list[Mistake]:
     """A mistake for every top-level table that no pipeline has."""
-    allowed = ("run", "alignment", *hooks.KINDS, *known)
+    allowed = (*PLAIN_TABLES, *hooks.KINDS)
     return [Mistake((name,), f"unknown table{suggest(name, allowed)}") for name in tables if name not in allowed]

@@ -13,6 +13,8 @@ from palpate.config.source import Location, Source
 from palpate.errors import ConfigurationError
 from palpate.registry import suggest
 
+PLAIN_TABLES = ("run", "alignment")  # tables that hold settings; all others hold named parts
+
 
 @dataclass(frozen=True)
 class Mistake:
@@ -34,14 +36,12 @@ def raise_mistakes(mistakes: Iterable[Mistake], source: Source) -> None:
 
 
 def _named(location: Location) -> str:
+    """``[model.dr] poisson: ``, or nothing for the file as a whole."""
     if not location:
         return ""
-    table, key = (location[:2], location[2:]) if len(location) > 2 else (location[:1], location[1:])
-    if location[0] not in ("run", "alignment", "sweep") and len(location) == 2:
-        table, key = location, ()
-    elif location[0] in ("run", "alignment", "sweep"):
-        table, key = location[:1], location[1:]
-    return f"[{'.'.join(table)}]{' ' + '.'.join(key) if key else ''}: "
+    depth = 1 if location[0] in PLAIN_TABLES else 2
+    table, key = ".".join(location[:depth]), ".".join(location[depth:])
+    return f"[{table}] {key}: " if key else f"[{table}]: "
 
 
 def mistakes_of(error: ValidationError, settings: type[BaseModel], location: Location) -> list[Mistake]:
@@ -67,7 +67,10 @@ def _problem(detail: ErrorDetails, settings: type[BaseModel], inner: Location) -
         case "extra_forbidden":
             return f"unknown key {inner[-1]!r}{suggest(inner[-1], _fields(settings, inner[:-1]))}"
         case "literal_error":
-            allowed = [word.strip().strip("'") for word in detail["ctx"]["expected"].replace(" or ", ",").split(",")]
+            allowed = [
+                word.strip().strip("'")
+                for word in detail.get("ctx", {}).get("expected", "").replace(" or ", ",").split(",")
+            ]
             return f"{given!r} is not allowed{suggest(str(given), allowed)}"
         case "quantity" | "tare" | "value_error":
             return str(detail["msg"]).removeprefix("Value error, ")

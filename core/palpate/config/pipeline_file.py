@@ -29,12 +29,16 @@ from palpate.units import Time
 class RunSettings(Settings):
     """The ``[run]`` table: what concerns the run as a whole."""
 
-    name: str = Field("run", min_length=1, description="what the run is called, in its folder and its tables")
-    tracks: tuple[str, ...] = Field(("*",), description='which model/estimator pairs run, as patterns: "dr/*", "*/ekf"')
-    plugins: tuple[File, ...] = Field((), description="Python files beside the pipeline with parts of your own")
-    seed: int = Field(0, ge=0, description="seed of everything that plays dice")
-    average: Time = Field(1.0, ge=0, description="results are means over the last so many seconds of estimates")
-    estimates_interval: Time = Field(0.01, ge=0, description="estimates.csv has one row in so much time; 0: every sample")
+    name: str = Field(default="run", min_length=1, description="what the run is called, in its folder and its tables")
+    tracks: tuple[str, ...] = Field(
+        default=("*",), description='which model/estimator pairs run, as patterns: "dr/*", "*/ekf"'
+    )
+    plugins: tuple[File, ...] = Field(default=(), description="Python files beside the pipeline with parts of your own")
+    seed: int = Field(default=0, ge=0, description="seed of everything that plays dice")
+    average: Time = Field(default=1.0, ge=0, description="results are means over the last so many seconds of estimates")
+    estimates_interval: Time = Field(
+        default=0.01, ge=0, description="estimates.csv has one row in so much time; 0: every sample"
+    )
 
 
 @dataclass(frozen=True)
@@ -116,7 +120,9 @@ def build_pipeline(source: Source) -> Pipeline:
 def _missing_kinds(tables: Mapping[str, Any], registry: Registry) -> list[Mistake]:
     missing = [kind for kind in ("device", "model", "estimator") if not tables.get(kind)]
     return [
-        Mistake((), f"a pipeline needs at least one [{kind}.*] table (there are: {', '.join(sorted(registry.parts[kind]))})")
+        Mistake(
+            (), f"a pipeline needs at least one [{kind}.*] table (there are: {', '.join(sorted(registry.parts[kind]))})"
+        )
         for kind in missing
     ]
 

@@ -16,7 +16,7 @@ class VirtualMachine:
     name = "CasADi virtual machine"
 
     def __init__(self, state: Any, sample: Any, settings: Any, next_state: Any, output: Any) -> None:
-        import casadi  # noqa: TID253
+        import casadi
 
         outputs = [casadi.densify(next_state), casadi.densify(output)]
         step = casadi.Function("step", [state, sample, settings], outputs, {"cse": True})
@@ -56,9 +56,9 @@ class _Call:
         self._buffer, self._trigger = compiled.buffer()
         # Columns in CasADi are rows here: both keep one sample's numbers together in memory.
         for i, array in enumerate((self._state, self._samples, self._settings)):
-            self._buffer.set_arg(i, memoryview(array))
+            self._buffer.set_arg(i, memoryview(array.data))
         for i, array in enumerate((self._states, self._outputs)):
-            self._buffer.set_res(i, memoryview(array))
+            self._buffer.set_res(i, memoryview(array.data))
 
     def __call__(
         self,
@@ -70,4 +70,4 @@ class _Call:
         self._state[:], self._samples[:], self._settings[:] = state, samples, settings
         self._trigger()
         outputs[:] = self._outputs
-        return self._states[-1].copy()
+        return np.array(self._states[-1])

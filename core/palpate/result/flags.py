@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.contact import ContactModel, contact_force
@@ -36,8 +37,13 @@ def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Ite
             "gaps": health.gaps,
             "saturated": health.saturated,
         }
-        words = {"invalid": "invalid readings", "duplicates": "repeated time-stamps", "backwards": "time going backwards",
-                 "gaps": "gaps", "saturated": "saturated readings"}
+        words = {
+            "invalid": "invalid readings",
+            "duplicates": "repeated time-stamps",
+            "backwards": "time going backwards",
+            "gaps": "gaps",
+            "saturated": "saturated readings",
+        }
         for code, count in counts.items():
             if count:
                 yield flag(code, f"{name} has {count} x {words[code]}")
@@ -53,9 +59,7 @@ def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Ite
         yield flag("touched-again", f"contact was lost and found again {report.touches - 1} times")
 
 
-def track_flags(
-    record: TrackRecord, model: ContactModel, report: AlignmentReport, average: float
-) -> Iterator[Flag]:
+def track_flags(record: TrackRecord, model: ContactModel, report: AlignmentReport, average: float) -> Iterator[Flag]:
     """What is amiss with one track."""
     tail = record.tail
     if tail is None:
@@ -77,7 +81,9 @@ def _status_flags(record: TrackRecord) -> Iterator[Flag]:
     if marks[Status.DIVERGED]:
         yield flag("diverged", "the estimates stopped being finite or plausible numbers; none can be used")
     if marks[Status.LIFTED]:
-        yield flag("depth-not-positive", f"the estimated depth was not positive in {marks[Status.LIFTED]} samples in contact")
+        yield flag(
+            "depth-not-positive", f"the estimated depth was not positive in {marks[Status.LIFTED]} samples in contact"
+        )
     if marks[Status.RESTARTED]:
         yield flag("restarted", f"the filter began anew {marks[Status.RESTARTED]} times")
     if marks[Status.BLIND]:
@@ -115,7 +121,9 @@ def _convergence_flags(tail: Tail, last: Tail, model: ContactModel, average: flo
         yield flag("not-converged", f"after {tracked:.3g} s {' and '.join(moving)}: the std is too small")
     nis = float(np.nanmean(last.nis)) if np.isfinite(last.nis).any() else float("nan")
     if not np.isnan(nis) and not _NIS_RANGE[0] <= nis <= _NIS_RANGE[1]:
-        yield flag("inconsistent", f"NIS of {nis:.2g} in the last {average:g} s where 1 is expected: noise or model is wrong")
+        yield flag(
+            "inconsistent", f"NIS of {nis:.2g} in the last {average:g} s where 1 is expected: noise or model is wrong"
+        )
 
 
 def _force_flags(last: Tail, report: AlignmentReport) -> Iterator[Flag]:
@@ -138,9 +146,7 @@ def _surface_flags(last: Tail, model: ContactModel, report: AlignmentReport) -> 
         yield flag("surface-mismatch", f"the estimated surface is {1e3 * apart:+.2f} mm from where the tip touched")
 
 
-def timing_flags(
-    model: ContactModel, values: np.ndarray, uncertainty: float | None  # type: ignore[type-arg]
-) -> Iterator[Flag]:
+def timing_flags(model: ContactModel, values: NDArray[np.float64], uncertainty: float | None) -> Iterator[Flag]:
     """Parameters that a force or motion recorded late would shift, against the declared timing uncertainty [s]."""
     for parameter, value, shift in zip(model.parameters, values, model.delay_shift(list(values)), strict=True):
         if not shift:
@@ -149,4 +155,6 @@ def timing_flags(
             per_ms = f"{abs(shift) * 1e-3:.3g} {parameter.unit}"
             yield flag("timing-undeclared", f"no timing uncertainty is declared; 1 ms is {per_ms} of {parameter.name}")
         elif abs(value) < 2 * abs(shift) * uncertainty:
-            yield flag("not-distinguishable-from-delay", f"{parameter.name} is within {uncertainty * 1e3:.3g} ms of none")
+            yield flag(
+                "not-distinguishable-from-delay", f"{parameter.name} is within {uncertainty * 1e3:.3g} ms of none"
+            )

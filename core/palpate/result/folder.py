@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.contact import Parameter
 from palpate.errors import OutputError
@@ -78,7 +79,7 @@ class EstimatesFile:
         for row in zip(*(column.tolist() for column in columns), strict=True):
             self._rows.writerow(["" if value != value else value for value in row])
 
-    def _due(self, time: np.ndarray) -> list[int]:  # type: ignore[type-arg]
+    def _due(self, time: NDArray[np.float64]) -> list[int]:
         if self._interval <= 0:
             return list(range(len(time)))
         rows = []

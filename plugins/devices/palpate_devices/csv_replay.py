@@ -9,12 +9,12 @@ from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from itertools import islice
 from pathlib import Path
+from typing import IO, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Batch, Channel, Device, File, Frequency, Link, LogError, Settings, Stream, to_si
 from pydantic import Field, model_validator
-from typing_extensions import Self
 
 _SECOND = 1_000_000_000  # [ns]
 _BLOCK = 4096  # rows in one batch
@@ -37,9 +37,9 @@ class CsvReplay(Device):
 
     file: File = Field(description="the log, .csv or .csv.gz, relative to the pipeline file")
     columns: dict[str, Column] = Field(min_length=1, description="channels by name: { column = 0, unit = 'mm' }")
-    rate: Frequency | None = Field(None, gt=0, description="sampling rate, where no column holds the time")
-    time: Column | None = Field(None, description="the column that holds the time: { column = 0, unit = 's' }")
-    delimiter: str = Field(",", min_length=1, max_length=1, description="what separates the columns")
+    rate: Frequency | None = Field(default=None, gt=0, description="sampling rate, where no column holds the time")
+    time: Column | None = Field(default=None, description="the column that holds the time: { column = 0, unit = 's' }")
+    delimiter: str = Field(default=",", min_length=1, max_length=1, description="what separates the columns")
 
     @model_validator(mode="after")
     def _one_source_of_time(self) -> Self:
@@ -137,7 +137,8 @@ class _CsvLink:
 
     def _number(self, cells: list[str], column: int, line: int) -> float:
         if column >= len(cells):
-            raise LogError(f"{self._log.file}:{line}: there is no column {column}; the line has {len(cells)} (0 to {len(cells) - 1})")
+            there = f"the line has {len(cells)}, 0 to {len(cells) - 1}"
+            raise LogError(f"{self._log.file}:{line}: there is no column {column}; {there}")
         text = cells[column].strip()
         try:
             return float(text) if text else np.nan
@@ -145,11 +146,10 @@ class _CsvLink:
             raise LogError(f"{self._log.file}:{line}: column {column} holds {text!r}, which is no number") from error
 
 
-@contextmanager
-def _open_text(path: Path) -> Iterator[Iterator[str]]:
-    opened = gzip.open(path, "rt", encoding="utf-8", newline="") if path.suffix == ".gz" else path.open(newline="", encoding="utf-8")
-    with opened as file:
-        yield file
+def _open_text(path: Path) -> IO[str]:
+    if path.suffix == ".gz":
+        return gzip.open(path, "rt", encoding="utf-8", newline="")
+    return path.open(newline="", encoding="utf-8")
 
 
 def _is_number(cell: str) -> bool:

@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 from palpate import Batch, Channel, Device, File, Link, LogError, Stream
-from palpate_devices.messages import UNITS, MessageType, known_type, unpack
 from pydantic import Field
+
+from palpate_devices.messages import UNITS, MessageType, known_type, unpack
 
 _MAGIC = b"\x89MCAP0\r\n"
 _BLOCK = 4000  # messages read before batches go out
@@ -33,14 +34,21 @@ class McapReplay(Device):
     """An MCAP log as a device: its topics are streams, with their time from the message headers.
 
     Of a log that palpate recorded, the raw streams come back under their names, to the last bit. Of other logs, topics
-    with WrenchStamped, PoseStamped, TwistStamped, or a header followed by float64 numbers (all CDR) can be used; `topics`
-    names them. CRCs are checked. A log without its end, as a crash leaves it, is refused unless `accept_cut` is set.
+    with WrenchStamped, PoseStamped, TwistStamped, or a header followed by float64 numbers (all CDR) can be used;
+    `topics` names them. CRCs are checked. A log without its end, as a crash leaves it, is refused unless `accept_cut`
+    is set.
     """
 
     file: File = Field(description="the log, relative to the pipeline file")
-    topics: dict[str, str] = Field({}, description='streams by name: { wrench = "/ft_sensor/wrench" }; left out: all')
-    recorded: str | None = Field(None, description="only the streams of the device that had this name in the recording")
-    accept_cut: bool = Field(False, description="read what is whole of a log that is cut or damaged, and say so")
+    topics: dict[str, str] = Field(
+        default={}, description='streams by name: { wrench = "/ft_sensor/wrench" }; left out: all'
+    )
+    recorded: str | None = Field(
+        default=None, description="only the streams of the device that had this name in the recording"
+    )
+    accept_cut: bool = Field(
+        default=False, description="read what is whole of a log that is cut or damaged, and say so"
+    )
 
     @property
     def streams(self) -> tuple[Stream, ...]:
@@ -130,9 +138,9 @@ class McapReplay(Device):
 
         Raises LogError where the file is no MCAP log, or damaged and `accept_cut` is not set.
         """
-        from mcap.exceptions import McapError  # noqa: TID253
-        from mcap.reader import make_reader  # noqa: TID253
-        from mcap.stream_reader import StreamReader  # noqa: TID253
+        from mcap.exceptions import McapError
+        from mcap.reader import make_reader
+        from mcap.stream_reader import StreamReader
 
         with self.file.open("rb") as file:
             head = file.read(len(_MAGIC))
@@ -155,10 +163,14 @@ class McapReplay(Device):
                 yield from StreamReader(file, validate_crcs=True, record_size_limit=_RECORD_LIMIT).records
             except GeneratorExit:
                 raise
-            except Exception as error:  # zstd, struct, CRC and mcap errors: all say that the bytes are not what they were
+            except (
+                Exception
+            ) as error:  # zstd, struct, CRC and mcap errors: all say that the bytes are not what they were
                 if self._is_whole and not self.accept_cut:
                     reason = str(error) or type(error).__name__
-                    raise LogError(f"{self.file}: the log is damaged: {reason}; accept_cut = true reads up to there") from error
+                    raise LogError(
+                        f"{self.file}: the log is damaged: {reason}; accept_cut = true reads up to there"
+                    ) from error
 
 
 def _topic(channel: Any, schema: Any) -> _Topic | None:

@@ -12,8 +12,9 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Batch, Estimates, OutputError, Run, Samples, Sink, Stream, Writer
-from palpate_devices.messages import STANDARD, MessageType, numbers_type, pack
 from pydantic import Field
+
+from palpate_devices.messages import STANDARD, MessageType, numbers_type, pack
 
 _FLUSH_EVERY = 0.25  # [s]; what a kill can cost
 _SYNC_EVERY = 1.0  # [s]; what a power cut can cost
@@ -29,7 +30,7 @@ class McapSink(Sink):
     synced once a second, so that it opens up to the last moment after a crash.
     """
 
-    file: str = Field("log.mcap", min_length=1, description="name of the file within the run folder")
+    file: str = Field(default="log.mcap", min_length=1, description="name of the file within the run folder")
 
     def open(self, run: Run) -> AbstractContextManager[Writer]:
         """A writer of the whole run; raises OutputError where the file cannot be made or the disk is full."""
@@ -51,7 +52,7 @@ class McapSink(Sink):
 
 class _Recorder:
     def __init__(self, file: IO[bytes], run: Run) -> None:
-        from mcap.writer import CompressionType, Writer  # noqa: TID253
+        from mcap.writer import CompressionType, Writer
 
         self._file = file
         self._log = Writer(file, compression=CompressionType.ZSTD)
@@ -91,7 +92,13 @@ class _Recorder:
         self._write(self._samples, samples.stamp, samples.stamp, "surface", numbers)
 
     def estimates(self, track: str, estimates: Estimates) -> None:
-        columns = (estimates.surface, estimates.surface_std, estimates.force, estimates.nis, estimates.status)
+        columns = (
+            estimates.surface,
+            estimates.surface_std,
+            estimates.force,
+            estimates.nis,
+            estimates.status.astype(float),
+        )
         numbers = np.column_stack([estimates.time, estimates.values, estimates.std, *columns])
         stamps = self._stamps if len(self._stamps) == len(estimates) else np.rint(estimates.time * 1e9).astype(np.int64)
         self._write(self._tracks[track], stamps, stamps, "surface", numbers)
@@ -104,14 +111,16 @@ class _Recorder:
         frame: str,
         numbers: NDArray[np.float64],
     ) -> None:
-        for log_time, stamp, message in zip(logged.tolist(), stamps.tolist(), pack(stamps, frame, numbers), strict=True):
+        for log_time, stamp, message in zip(
+            logged.tolist(), stamps.tolist(), pack(stamps, frame, numbers), strict=True
+        ):
             self._log.add_message(channel, log_time=log_time, data=message, publish_time=stamp)
         now = time.monotonic()
         if now - self._flushed > _FLUSH_EVERY:
             self._flush(now)
 
     def _flush(self, now: float) -> None:
-        self._log.flush()
+        self._log.flush()  # type: ignore[no-untyped-call]
         self._file.flush()
         self._flushed = now
         if now - self._synced > _SYNC_EVERY:
@@ -119,7 +128,7 @@ class _Recorder:
             self._synced = now
 
     def finish(self) -> None:
-        self._log.finish()
+        self._log.finish()  # type: ignore[no-untyped-call]
         self._file.flush()
 
 
@@ -148,4 +157,3 @@ def _type_name(text: str) -> str:
 
 def _estimate_fields(names: Sequence[str]) -> list[str]:
     return ["time", *names, *(f"{name}_std" for name in names), "surface", "surface_std", "force", "nis", "status"]
-

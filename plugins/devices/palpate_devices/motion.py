@@ -56,7 +56,9 @@ class PositionLoop:
         for axis in range(3):
             # Plain floats: a scalar recursion is several times faster than one on numpy rows.
             z, v = float(actual[0, axis]), 0.0
-            for i, (wanted, rate) in enumerate(zip(position[:, axis].tolist(), velocity[:, axis].tolist(), strict=True)):
+            for i, (wanted, rate) in enumerate(
+                zip(position[:, axis].tolist(), velocity[:, axis].tolist(), strict=True)
+            ):
                 command = self.gain * (wanted - z) + self.damping * (rate - v)
                 actual[i, axis], speed[i, axis], commands[i, axis] = z, v, command
                 lacking = v - command

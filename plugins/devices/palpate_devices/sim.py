@@ -29,8 +29,9 @@ from palpate import (
     contact_force,
     to_si,
 )
-from palpate_devices.motion import PositionLoop
 from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from palpate_devices.motion import PositionLoop
 
 Floats = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ class Specimen(Settings):
     """
 
     model: ContactModel = Field(description="contact model of the truth; need not be one that is estimated with")
-    surface: Length = Field(0.0, description="height of the skin over the origin of the work frame")
+    surface: Length = Field(default=0.0, description="height of the skin over the origin of the work frame")
     parameters: dict[str, float] = Field(description="true values by parameter name; may stand in the table itself")
 
     @model_validator(mode="before")
@@ -82,22 +83,28 @@ class SimulatedRig(Device):
     """
 
     specimen: Specimen = Field(description="what the tip presses on")
-    tip_mass: Mass = Field(0.14, gt=0, description="mass of all that hangs behind the sensor")
-    rate: Frequency = Field(500.0, gt=0, description="control and sampling rate of the robot")
-    gain: float = Field(20.0, gt=0, allow_inf_nan=False, description="proportional gain of the position loop, in 1/s")
-    damping: float = Field(0.5, ge=0, lt=10, description="derivative gain of the position loop")
-    lag: Time = Field(0.01, gt=0, description="time constant of the robot's inner speed loop")
-    position_std: Length = Field(5e-6, ge=0, description="noise of the measured position")
-    velocity_std: Speed = Field(0.67e-3, ge=0, description="noise of the measured velocity")
-    sensor_rate: Frequency = Field(800.0, gt=0, description="sampling rate of the sensor")
-    force_std: Force = Field(0.05, ge=0, description="white noise of the sensor")
-    bias: Force = Field(0.6, description="offset of the sensor")
-    drift: ForceDrift = Field(1.5 / 3600, description="drift of the sensor's offset")
-    force_limit: Force = Field(500.0, gt=0, description="range of the sensor; readings stop there")
-    force_delay: Time = Field(0.0, description="how late the wrench is stamped; an estimator has to be told")
-    motion_delay: Time = Field(0.0, description="how late pose and twist are stamped; an estimator has to be told")
-    seed: int | None = Field(None, ge=0, description="seed of the noise; left out: that of the run")
-    pace: Literal["fast", "real-time"] = Field("fast", description="as fast as the machine can, or by the clock")
+    tip_mass: Mass = Field(default=0.14, gt=0, description="mass of all that hangs behind the sensor")
+    rate: Frequency = Field(default=500.0, gt=0, description="control and sampling rate of the robot")
+    gain: float = Field(
+        default=20.0, gt=0, allow_inf_nan=False, description="proportional gain of the position loop, in 1/s"
+    )
+    damping: float = Field(default=0.5, ge=0, lt=10, description="derivative gain of the position loop")
+    lag: Time = Field(default=0.01, gt=0, description="time constant of the robot's inner speed loop")
+    position_std: Length = Field(default=5e-6, ge=0, description="noise of the measured position")
+    velocity_std: Speed = Field(default=0.67e-3, ge=0, description="noise of the measured velocity")
+    sensor_rate: Frequency = Field(default=800.0, gt=0, description="sampling rate of the sensor")
+    force_std: Force = Field(default=0.05, ge=0, description="white noise of the sensor")
+    bias: Force = Field(default=0.6, description="offset of the sensor")
+    drift: ForceDrift = Field(default=1.5 / 3600, description="drift of the sensor's offset")
+    force_limit: Force = Field(default=500.0, gt=0, description="range of the sensor; readings stop there")
+    force_delay: Time = Field(default=0.0, description="how late the wrench is stamped; an estimator has to be told")
+    motion_delay: Time = Field(
+        default=0.0, description="how late pose and twist are stamped; an estimator has to be told"
+    )
+    seed: int | None = Field(default=None, ge=0, description="seed of the noise; left out: that of the run")
+    pace: Literal["fast", "real-time"] = Field(
+        default="fast", description="as fast as the machine can, or by the clock"
+    )
 
     @property
     def streams(self) -> tuple[Stream, ...]:

@@ -20,9 +20,10 @@ from palpate import (
     Tracker,
     to_si,
 )
+from pydantic import Field
+
 from palpate_filters.ekf_step import ekf_step
 from palpate_filters.tracking import InertialTracker
-from pydantic import Field
 
 _REFERENCE_DEPTH = 1e-3  # [m], where the paper's kappa and lambda are numerically force and damping
 
@@ -38,19 +39,25 @@ class ExtendedKalmanFilter(Estimator):
     drives the state; a standard deviation far too small. The Jacobian is derived, not written by hand.
     """
 
-    force_std: Force = Field(0.05, gt=0, description="standard deviation sigma_u of the force")
-    velocity_std: Speed = Field(0.67e-3, gt=0, description="standard deviation sigma_vel of the velocity")
-    start_depth: Length = Field(1e-3, gt=0, description="first guess of the depth")
-    start_depth_std: Length = Field(math.sqrt(5) * 1e-3, gt=0, description="its standard deviation")
-    start_rate_std: Speed = Field(1e-3, gt=0, description="standard deviation of the first rate, which is measured")
-    start_force: Force = Field(0.1, gt=0, description="first guess of the elastic force at a depth of 1 mm")
-    start_force_std: Force = Field(1.0, gt=0, description="its standard deviation")
-    start_damping: Damping = Field(10.0, gt=0, description="first guess of the force per speed at a depth of 1 mm")
-    start_damping_std: Damping = Field(1000.0, gt=0, description="its standard deviation")
-    first_guess: dict[str, float | str] = Field(
-        {}, description='first guesses by parameter name, such as { elasticity = "50 kPa" }'
+    force_std: Force = Field(default=0.05, gt=0, description="standard deviation sigma_u of the force")
+    velocity_std: Speed = Field(default=0.67e-3, gt=0, description="standard deviation sigma_vel of the velocity")
+    start_depth: Length = Field(default=1e-3, gt=0, description="first guess of the depth")
+    start_depth_std: Length = Field(default=math.sqrt(5) * 1e-3, gt=0, description="its standard deviation")
+    start_rate_std: Speed = Field(
+        default=1e-3, gt=0, description="standard deviation of the first rate, which is measured"
     )
-    first_guess_std: dict[str, float | str] = Field({}, description="their standard deviations, by parameter name")
+    start_force: Force = Field(default=0.1, gt=0, description="first guess of the elastic force at a depth of 1 mm")
+    start_force_std: Force = Field(default=1.0, gt=0, description="its standard deviation")
+    start_damping: Damping = Field(
+        default=10.0, gt=0, description="first guess of the force per speed at a depth of 1 mm"
+    )
+    start_damping_std: Damping = Field(default=1000.0, gt=0, description="its standard deviation")
+    first_guess: dict[str, float | str] = Field(
+        default={}, description='first guesses by parameter name, such as { elasticity = "50 kPa" }'
+    )
+    first_guess_std: dict[str, float | str] = Field(
+        default={}, description="their standard deviations, by parameter name"
+    )
 
     def start(self, problem: Problem) -> Tracker:
         """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""

@@ -20,7 +20,7 @@ def ekf_step(process: InertialProcess, states: int) -> Step:
     start standard deviation (n). Output: mean (n), variances (n), contact force, NIS, and 0/1 for low depth,
     restart, blind, stiff, not finite.
     """
-    import casadi as ca  # noqa: TID253
+    import casadi as ca
 
     mean, covariance = ca.SX.sym("x", states), ca.SX.sym("P", states, states)
     force_before, low_count = ca.SX.sym("u"), ca.SX.sym("low")
@@ -60,7 +60,7 @@ def ekf_step(process: InertialProcess, states: int) -> Step:
 
 def _prediction(process: InertialProcess, mean: Any, force: Any, interval: Any, known: Any) -> tuple[Any, Any, Any]:
     """Predicted mean, its Jacobian, and the contact stiffness dF/dd [N/m]."""
-    import casadi as ca  # noqa: TID253
+    import casadi as ca
 
     state = ca.vertsplit(mean)
     # A missing force is taken to be the model's: the tip goes on at its rate, with the noise that this deserves.
@@ -74,7 +74,7 @@ def _prediction(process: InertialProcess, mean: Any, force: Any, interval: Any, 
 
 def _rate_update(mean: Any, covariance: Any, rate: Any, variance: Any, seen: Any) -> tuple[Any, Any, Any]:
     """Mean and covariance after a measured rate (Joseph form), and the normalised innovation squared."""
-    import casadi as ca  # noqa: TID253
+    import casadi as ca
 
     innovation = ca.if_else(seen, rate - mean[1], 0.0)
     spread = covariance[1, 1] + variance

@@ -96,8 +96,8 @@ class InertialTracker:
             "force": outputs[:, 2 * n],
             "nis": np.where(nis < 0, np.nan, nis),
         }
-        for name, column in columns.items():
-            column[broken] = np.nan
-            getattr(estimates, name)[rows] = column
+        for name, found in columns.items():
+            found[broken] = np.nan
+            getattr(estimates, name)[rows] = found
         estimates.status[rows] = status
         self._surface = float(estimates.surface[rows][-1])

@@ -25,7 +25,7 @@ class DimensionalityReduction(ContactModel):
     )
 
     indenter: Indenter = Field(description="the tip")
-    poisson: float = Field(0.5, ge=0, le=0.5, description="Poisson's ratio nu; 0.5 for incompressible material")
+    poisson: float = Field(default=0.5, ge=0, le=0.5, description="Poisson's ratio nu; 0.5 for incompressible material")
 
     def force(self, depth: Any, rate: Any, theta: Sequence[Any]) -> Any:
         """2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' [N]."""

@@ -22,12 +22,14 @@ class Point(Trajectory):
     """
 
     bias: Length = Field(gt=0, description="depth around which the sine goes, below the nominal surface")
-    amplitude: Length = Field(0.001, gt=0, description="amplitude of the sine")
-    frequency: Frequency = Field(2.0, gt=0, description="frequency of the sine")
-    duration: Time = Field(10.0, gt=0, description="length of the measured part")
-    clearance: Length = Field(0.005, gt=0, description="height above the nominal surface at which it starts and ends")
-    rest: Time = Field(1.0, ge=0, description="rest in free air before the approach, for the tare")
-    speed: Speed = Field(0.01, gt=0, description="mean speed of approach and retraction")
+    amplitude: Length = Field(default=0.001, gt=0, description="amplitude of the sine")
+    frequency: Frequency = Field(default=2.0, gt=0, description="frequency of the sine")
+    duration: Time = Field(default=10.0, gt=0, description="length of the measured part")
+    clearance: Length = Field(
+        default=0.005, gt=0, description="height above the nominal surface at which it starts and ends"
+    )
+    rest: Time = Field(default=1.0, ge=0, description="rest in free air before the approach, for the tare")
+    speed: Speed = Field(default=0.01, gt=0, description="mean speed of approach and retraction")
 
     @model_validator(mode="after")
     def _stays_in_contact(self) -> Any:
@@ -87,7 +89,7 @@ class Point(Trajectory):
 
 
 def _quintic(start: tuple[float, float, float], end: tuple[float, float, float], duration: float) -> Floats:
-    """Coefficients, highest first, of the fifth-order polynomial with given position, velocity, acceleration at both ends."""
+    """Coefficients, highest first, of the fifth-order polynomial with given motion (z, z', z'') at both ends."""
     rows = []
     for t in (0.0, duration):
         powers = [np.poly1d([1.0] + [0.0] * k) for k in range(5, -1, -1)]

@@ -1,0 +1,56 @@
+"""Checks of devices."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from palpate.device import Arm, Batch, Device
+from palpate.testing.demand import demand
+from palpate.trajectory import Trajectory
+
+
+def check_device(device: Device, trajectory: Trajectory | None = None, seed: int = 0) -> None:
+    """A device sends what it announces; for one that moves, give a short trajectory.
+
+    Checked: channels known before connecting, with names that differ; batches only of announced streams, of the right
+    width, with time-stamps in whole nanoseconds, one per row; `stop` twice does no harm; a device that is connected
+    again with the same seed sends the same readings.
+    """
+    name = type(device).__name__
+    names = [stream.name for stream in device.streams]
+    demand(names, f"{name} announces no stream")
+    demand(len(set(names)) == len(names), f"{name} announces two streams of one name")
+    for stream in device.streams:
+        channels = [channel.name for channel in stream.channels]
+        demand(channels and len(set(channels)) == len(channels), f"{name}.{stream.name}: channels must have own names")
+    first = _batches(device, trajectory, seed)
+    demand(first, f"{name} sends nothing")
+    widths = {stream.name: len(stream.channels) for stream in device.streams}
+    for batch in first:
+        demand(batch.stream in widths, f"{name} sends a stream {batch.stream!r} that it does not announce")
+        demand(batch.values.ndim == 2, f"{name}.{batch.stream}: values must be a table")
+        demand(batch.values.shape[1] == widths[batch.stream], f"{name}.{batch.stream}: values of the wrong width")
+        for stamps in (batch.time, batch.received):
+            demand(stamps.dtype == np.int64, f"{name}.{batch.stream}: time-stamps must be int64 nanoseconds")
+            demand(stamps.shape == (len(batch.values),), f"{name}.{batch.stream}: one time-stamp for each row")
+    second = _batches(device, trajectory, seed)
+    same = len(first) == len(second) and all(
+        a.stream == b.stream and np.array_equal(a.values, b.values, equal_nan=True)
+        for a, b in zip(first, second, strict=True)
+    )
+    demand(same, f"{name} sends other readings when connected again with the same seed")
+
+
+def _batches(device: Device, trajectory: Trajectory | None, seed: int) -> list[Batch]:
+    with device.connect(seed) as link:
+        moves = isinstance(link, Arm)
+        if isinstance(link, Arm):
+            demand(trajectory is not None, f"{type(device).__name__} moves: give check_device a trajectory")
+            assert trajectory is not None
+            link.follow(trajectory)
+        found = list(link.batches())
+        if moves:
+            assert isinstance(link, Arm)
+            link.stop()
+            link.stop()
+    return found
