@@ -62,14 +62,20 @@ class ContactModel(Part, ABC):
 
     kind: ClassVar[str] = "model"
     parameters: ClassVar[tuple[Parameter, ...]]
+    memory: ClassVar[tuple[str, ...]] = ()  # names of internal states, for materials that relax
 
     @abstractmethod
-    def force(self, depth: Any, rate: Any, theta: Sequence[Any]) -> Any:
+    def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
         """Force [N], positive where it pushes the tip out, at depth >= 0 [m] and its rate [m/s].
 
-        `theta` holds one value for each of `parameters`, in their order. Plain operators only: one formula runs on
-        floats, arrays, complex numbers and CasADi symbols. Below depth 0 it is not asked: see `contact_force`.
+        `theta` holds one value for each of `parameters`, `memory` one for each internal state, in their order. Plain
+        operators only: one formula runs on floats, arrays, complex numbers and CasADi symbols. Below depth 0 it is not
+        asked: see `contact_force`.
         """
+
+    def memory_rate(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any]) -> tuple[Any, ...]:
+        """Time derivative of each internal state [unit/s], at any depth; empty for a model without memory."""
+        return ()
 
     def delay_shift(self, theta: Sequence[float]) -> tuple[float, ...]:
         """Shift of each estimated parameter per second that the force is recorded late [unit/s]; 0 where unknown.
@@ -79,7 +85,9 @@ class ContactModel(Part, ABC):
         return (0.0,) * len(self.parameters)
 
 
-def contact_force(model: ContactModel, depth: Any, rate: Any, theta: Sequence[Any], pulls: bool = True) -> Any:
+def contact_force(
+    model: ContactModel, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = (), *, pulls: bool = True
+) -> Any:
     """Force [N] at any depth [m]: that of the model in contact, 0 out of it (paper, eq. final_ext_contact2).
 
     With ``pulls = False`` the force is never negative: a material that does not stick cannot hold a tip back that
@@ -90,10 +98,10 @@ def contact_force(model: ContactModel, depth: Any, rate: Any, theta: Sequence[An
 
         inside = depth > 0
         # Both branches are evaluated: the guarded argument keeps a Jacobian at d = 0 finite.
-        force = casadi.if_else(inside, model.force(casadi.if_else(inside, depth, 1.0), rate, theta), 0.0)
+        force = casadi.if_else(inside, model.force(casadi.if_else(inside, depth, 1.0), rate, theta, memory), 0.0)
         return force if pulls else casadi.fmax(force, 0.0)
     import numpy as np
 
     inside = np.asarray(depth) > 0
-    force = np.where(inside, model.force(np.where(inside, depth, 1.0), rate, theta), 0.0)
+    force = np.where(inside, model.force(np.where(inside, depth, 1.0), rate, theta, memory), 0.0)
     return force if pulls else np.maximum(force, 0.0)

@@ -27,7 +27,7 @@ class DimensionalityReduction(ContactModel):
     indenter: Indenter = Field(description="the tip")
     poisson: float = Field(default=0.5, ge=0, le=0.5, description="Poisson's ratio nu; 0.5 for incompressible material")
 
-    def force(self, depth: Any, rate: Any, theta: Sequence[Any]) -> Any:
+    def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
         """2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' [N]."""
         elasticity, viscosity = theta
         elastic = 2.0 / (1.0 - self.poisson**2) * elasticity * self.indenter.profile_area(depth)
