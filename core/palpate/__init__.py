@@ -1,6 +1,19 @@
 """palpate: elasticity and viscosity of soft material from robotic palpation, each with its uncertainty."""
 
-from palpate.contact import ContactModel, Indenter, Parameter, contact_force
+from palpate.contact import (
+    ContactModel,
+    Indenter,
+    MaterialValue,
+    Parameter,
+    arctan,
+    contact_force,
+    force_over_time,
+    log,
+    select,
+    sqrt,
+    tanh,
+    tip_profile,
+)
 from palpate.device import Arm, Batch, Channel, Device, Link, Stream
 from palpate.errors import ConfigurationError, DeviceError, LogError, OutputError, PalpateError, PluginError, UserError
 from palpate.estimation import (
@@ -61,6 +74,7 @@ __all__ = [
     "Link",
     "LogError",
     "Mass",
+    "MaterialValue",
     "Moment",
     "OutputError",
     "PalpateError",
@@ -84,9 +98,16 @@ __all__ = [
     "UserError",
     "Viscosity",
     "Writer",
+    "arctan",
     "compile_step",
     "contact_force",
+    "force_over_time",
+    "log",
     "plugin",
+    "select",
+    "sqrt",
+    "tanh",
+    "tip_profile",
     "to_si",
     "track_by_step",
 ]

@@ -13,7 +13,8 @@ from palpate.contact import ContactModel, contact_force
 class InertialProcess:
     """The tip's mass between sensor and contact: force is the input, velocity the measurement.
 
-    State: depth d [m], its rate [m/s], and the contact model's parameters, which are constant. Between two samples
+    State: depth d [m], its rate [m/s], the contact model's internal states, which follow its `memory_rate`, and its
+    parameters, which are constant. Between two samples
 
         d     <- d + T d' + T^2/(2 m) (u - F(d, d'))
         d'    <- d' + T/m (u - F(d, d'))
@@ -27,14 +28,32 @@ class InertialProcess:
 
     def force(self, state: Sequence[Any]) -> Any:
         """Contact force [N] in a state."""
-        return contact_force(self.model, state[0], state[1], state[2:])
+        memory, theta = self.split(state)
+        return contact_force(self.model, state[0], state[1], theta, memory)
+
+    def split(self, state: Sequence[Any]) -> tuple[Sequence[Any], Sequence[Any]]:
+        """The internal states and the parameters in a state."""
+        first = 2 + len(self.model.memory)
+        return state[2:first], state[first:]
+
+    def remembered(self, state: Sequence[Any], interval: Any) -> list[Any]:
+        """The internal states one interval [s] later: a step of Heun's method along a straight motion."""
+        memory, theta = self.split(state)
+        if not len(memory):
+            return []
+        depth, rate = state[0], state[1]
+        first = self.model.memory_rate(depth, rate, theta, memory)
+        guess = [m + interval * change for m, change in zip(memory, first, strict=True)]
+        second = self.model.memory_rate(depth + interval * rate, rate, theta, guess)
+        return [m + interval / 2 * (a + b) for m, a, b in zip(memory, first, second, strict=True)]
 
     def predict(self, state: Sequence[Any], force: Any, interval: Any) -> list[Any]:
         """The state one interval [s] later under a measured force [N]."""
         to_depth, to_rate = self.gain(interval)
         excess = force - self.force(state)
         depth = state[0] + interval * state[1] + to_depth * excess
-        return [depth, state[1] + to_rate * excess, *state[2:]]
+        _, theta = self.split(state)
+        return [depth, state[1] + to_rate * excess, *self.remembered(state, interval), *theta]
 
     def gain(self, interval: Any) -> tuple[Any, Any]:
         """B: what one newton adds to depth [m/N] and rate [m/s/N] over an interval [s]."""

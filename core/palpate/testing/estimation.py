@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from palpate.contact import ContactModel, contact_force
+from palpate.contact import ContactModel, force_over_time
 from palpate.estimation import Estimates, Estimator, Problem, Samples, Status
 from palpate.testing.demand import demand
 
@@ -30,7 +30,7 @@ def synthetic_samples(
     depth = 3e-3 + 1e-3 * np.sin(omega * time)
     speed = 1e-3 * omega * np.cos(omega * time)
     acceleration = -1e-3 * omega**2 * np.sin(omega * time)
-    force = contact_force(model, depth, speed, theta) + _TIP_MASS * acceleration
+    force = force_over_time(model, time, depth, speed, theta) + _TIP_MASS * acceleration
     always = np.ones(n, bool)
     return Samples(
         stamp,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from palpate import (
     Batch,
     Channel,
+    ConfigurationError,
     ContactModel,
     Device,
     Force,
@@ -26,12 +27,12 @@ from palpate import (
     Stream,
     Time,
     Trajectory,
-    contact_force,
+    force_over_time,
     to_si,
 )
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from palpate_devices.motion import PositionLoop
+from palpate_devices.motion import Motion, PositionLoop
 
 Floats = NDArray[np.float64]
 
@@ -170,6 +171,7 @@ class _Rig:
         loop = PositionLoop(settings.gain, settings.damping, settings.lag, 1.0 / settings.rate)
         motion = loop.track(setpoint.position, setpoint.velocity)
         readings = np.arange(int(np.floor(ticks[-1] * settings.sensor_rate)) + 1) / settings.sensor_rate
+        contact = self._contact(readings, motion)
         origin = time.time_ns() if settings.pace == "real-time" else 0
         began = time.monotonic()
         done_ticks = done_readings = 0
@@ -178,8 +180,9 @@ class _Rig:
                 self._stopped.wait(max(edge - (time.monotonic() - began), 0.0))
             if self._stopped.is_set():
                 return
-            now = readings[done_readings : (done_readings := int(np.searchsorted(readings, edge)))]
-            yield self._batch("wrench", now, settings.force_delay, self._wrench(now, motion), origin)
+            felt = slice(done_readings, done_readings := int(np.searchsorted(readings, edge)))
+            now = readings[felt]
+            yield self._batch("wrench", now, settings.force_delay, self._wrench(now, motion, contact[felt]), origin)
             rows = slice(done_ticks, done_ticks := int(np.searchsorted(ticks, edge)))
             pose, twist = self._kinematics(motion.position[rows], motion.velocity[rows])
             yield self._batch("tip", ticks[rows], settings.motion_delay, pose, origin)
@@ -187,13 +190,21 @@ class _Rig:
             commanded = [setpoint.position[rows], setpoint.velocity[rows], setpoint.measuring[rows][:, None]]
             yield self._batch("setpoint", ticks[rows], settings.motion_delay, np.hstack(commanded), origin)
 
-    def _wrench(self, instants: Floats, motion: Any) -> Floats:
-        """What the sensor reads (n, 6) at true times (n,) [s]."""
-        settings, specimen = self._settings, self._settings.specimen
-        position, velocity, acceleration = motion.at(instants)
+    def _contact(self, instants: Floats, motion: Motion) -> Floats:
+        """Contact force (n,) [N] over the whole motion, which a material that remembers has to be asked for."""
+        specimen = self._settings.specimen
+        position, velocity, _ = motion.at(instants)
         depth, rate = specimen.surface - position[:, 2], -velocity[:, 2]
         theta = [specimen.parameters[parameter.name] for parameter in specimen.model.parameters]
-        contact = contact_force(specimen.model, depth, rate, theta, pulls=False)
+        try:
+            return force_over_time(specimen.model, instants, depth, rate, theta, pulls=False)
+        except ValueError as error:
+            raise ConfigurationError(f"device sim: specimen: {error}") from error
+
+    def _wrench(self, instants: Floats, motion: Motion, contact: Floats) -> Floats:
+        """What the sensor reads (n, 6) at true times (n,) [s]."""
+        settings = self._settings
+        _, _, acceleration = motion.at(instants)
         inertia = -settings.tip_mass * acceleration
         wrench = np.zeros((len(instants), 6))
         wrench[:, :3] = inertia

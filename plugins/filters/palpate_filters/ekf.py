@@ -67,18 +67,19 @@ class ExtendedKalmanFilter(Estimator):
                 'such as "140 g"'
             )
         guess, spread = self._first_guess(problem.model)
-        start = np.array([self.start_depth, 0.0, *guess])
-        std = np.array([self.start_depth_std, self.start_rate_std, *spread])
+        memory = len(problem.model.memory)
+        start = np.array([self.start_depth, 0.0, *[0.0] * memory, *guess])
+        std = np.array([self.start_depth_std, self.start_rate_std, *[self.start_force_std] * memory, *spread])
         process = InertialProcess(problem.model, problem.tip_mass)
         settings = np.array([self.force_std, self.velocity_std, *start, *std])
-        return InertialTracker(ekf_step(process, len(start)), settings, start, std)
+        return InertialTracker(ekf_step(process, len(start)), settings, start, std, len(guess))
 
     def _first_guess(self, model: ContactModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         guess, spread = [], []
         for i, parameter in enumerate(model.parameters):
             unit = [float(j == i) for j in range(len(model.parameters))]
             at_rest = {"elastic": 0.0, "viscous": 1.0}.get(parameter.role or "")
-            value = deviation = None
+            value, deviation = parameter.start, parameter.start_std
             if at_rest is not None:
                 # The force is proportional to this parameter: its value follows from the force it is to give.
                 per_unit = float(model.force(_REFERENCE_DEPTH, at_rest, unit))

@@ -18,7 +18,8 @@ _MARKS = (Status.LIFTED, Status.RESTARTED, Status.BLIND, Status.STIFF, Status.DI
 class InertialTracker:
     """Runs a compiled step over the active samples, stretch by stretch."""
 
-    def __init__(self, step: Step, settings: Floats, start: Floats, start_std: Floats) -> None:
+    def __init__(self, step: Step, settings: Floats, start: Floats, start_std: Floats, parameters: int) -> None:
+        self._parameters = parameters  # the last of the states; before them depth, rate and the model's internal ones
         self._kernel = compile_step(step)
         self._settings = settings
         self._start, self._start_std = start, start_std
@@ -29,7 +30,7 @@ class InertialTracker:
 
     def run(self, samples: Samples) -> Estimates:
         """Estimates for a block; see `palpate.Tracker`."""
-        estimates = Estimates.idle(samples, len(self._start) - 2)
+        estimates = Estimates.idle(samples, self._parameters)
         for rows in self._stretches(samples):
             self._run_stretch(samples, rows, estimates)
         if len(samples):
@@ -89,8 +90,8 @@ class InertialTracker:
         variance = np.maximum(outputs[:, n : 2 * n], 0.0)
         nis = outputs[:, 2 * n + 1]
         columns = {
-            "values": outputs[:, 2:n],
-            "std": np.sqrt(variance[:, 2:]),
+            "values": outputs[:, n - self._parameters : n],
+            "std": np.sqrt(variance[:, n - self._parameters :]),
             "surface": part.position + outputs[:, 0],
             "surface_std": np.sqrt(variance[:, 0]),
             "force": outputs[:, 2 * n],
