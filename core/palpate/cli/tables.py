@@ -54,9 +54,17 @@ def result_view(result: Result) -> RenderableType:
         table.add_row("truth", *(_plain(v) for v in known), "", _plain(surface), "", "", style="dim")
     lines = [f"  every track: {text}" for text in result.flags]
     lines += [f"  {label}: {text}" for label, track in result.tracks.items() for text in track.flags]
+    derived = [
+        Text(f"  {label}: {value.name} {_shown(value.found)} {_PEOPLE[value.found.unit][0]} ({value.caveat})")
+        for label, track in result.tracks.items()
+        for value in track.derived
+        if math.isfinite(value.found.value)
+    ]
+    if derived:
+        derived.insert(0, Text("derived"))
     flags = [Text(line, style="yellow") for line in lines]
     head = [Text("flags")] if flags else [Text("no flags")]
-    return Group(table, *head, *flags, Text(f"written to {result.folder}"))
+    return Group(table, *derived, *head, *flags, Text(f"written to {result.folder}"))
 
 
 def _scaled(value: float, unit: str) -> float:

@@ -78,7 +78,7 @@ class Builder:
         return built
 
     def _validated(self, settings: type[Settings], table: Any, location: Location) -> Settings:
-        broken = False
+        broken: set[Location] = set()
         if isinstance(table, dict):
             table = dict(table)
             for name, field in settings.model_fields.items():
@@ -87,14 +87,14 @@ class Builder:
                 try:
                     table[name] = self._inner(field.annotation, table[name], (*location, name))
                 except _Broken:
-                    broken = True
+                    broken.add((*location, name))
                     del table[name]
         try:
             return settings.model_validate(table, context=self._context)
         except ValidationError as error:
             found = mistakes_of(error, settings, location)
-            noted = {mistake.location for mistake in self.mistakes}
-            self.mistakes += [m for m in found if not (broken and _covered(m.location, noted))]
+            # What a broken inner part leaves missing is no mistake of its own.
+            self.mistakes += [m for m in found if m.location not in broken]
             raise _Broken from error
         except PalpateError as error:  # a part that looks into its file
             self._note(location, str(error))
@@ -121,11 +121,6 @@ class Builder:
             return part
         self._note(location, f"must name a [{kind}.*] table or be one")
         raise _Broken
-
-
-def _covered(location: Location, noted: set[Location]) -> bool:
-    """Whether a mistake only says that a broken inner part is missing, of which the inner mistakes speak."""
-    return any(other[: len(location)] == location for other in noted) or location in noted
 
 
 def unknown_tables(tables: dict[str, Any]) -> list[Mistake]:

@@ -13,6 +13,7 @@ from pydantic import Field
 from palpate import registry as registries
 from palpate.alignment import AlignmentSettings, Signal
 from palpate.config.builder import Builder, unknown_tables
+from palpate.config.conformance import check_tips
 from palpate.config.mistakes import Mistake, raise_mistakes
 from palpate.config.source import Source
 from palpate.contact import ContactModel, Indenter
@@ -100,6 +101,7 @@ def build_pipeline(source: Source) -> Pipeline:
     if not builder.mistakes:
         builder.mistakes += lost
     raise_mistakes(builder.mistakes, source)
+    check_tips((*kinds["indenter"].values(), *kinds["model"].values(), *kinds["device"].values()), registry)
     assert alignment is not None
     return Pipeline(
         source.path,

@@ -146,6 +146,14 @@ def _surface_flags(last: Tail, model: ContactModel, report: AlignmentReport) -> 
         yield flag("surface-mismatch", f"the estimated surface is {1e3 * apart:+.2f} mm from where the tip touched")
 
 
+def validity_flags(model: ContactModel, last: Tail) -> Iterator[Flag]:
+    """What the model says against itself at the greatest depth that was reached."""
+    depth = float(np.max(last.surface - last.position)) if len(last.time) else 0.0
+    problem = model.validity(depth) if np.isfinite(depth) and depth > 0 else ""
+    if problem:
+        yield flag("beyond-model-range", problem)
+
+
 def timing_flags(model: ContactModel, values: NDArray[np.float64], uncertainty: float | None) -> Iterator[Flag]:
     """Parameters that a force or motion recorded late would shift, against the declared timing uncertainty [s]."""
     for parameter, value, shift in zip(model.parameters, values, model.delay_shift(list(values)), strict=True):

@@ -10,7 +10,7 @@ from typing import Any
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.contact import ContactModel
 from palpate.estimation import Status
-from palpate.result.flags import alignment_flags, flag, timing_flags, track_flags
+from palpate.result.flags import alignment_flags, flag, timing_flags, track_flags, validity_flags
 from palpate.result.record import TrackRecord
 
 
@@ -39,6 +39,38 @@ class Found:
         return {key: finite(value) for key, value in known.items()}
 
 
+@dataclass(frozen=True)
+class Derived:
+    """Elasticity or viscosity that follows from a model's parameters, which are something else [SI]."""
+
+    name: str
+    found: Found
+    caveat: str  # what has to hold for it to be a property of the material
+
+    def table(self) -> dict[str, Any]:
+        """As in ``result.json``."""
+        return self.found.table() | {"caveat": self.caveat}
+
+
+def derived_values(model: ContactModel, parameters: Mapping[str, Found]) -> tuple[Derived, ...]:
+    """What the parameters found say of the material, with their uncertainties carried over as uncorrelated.
+
+    A value that is a parameter itself is not repeated.
+    """
+    found = [parameters[parameter.name] for parameter in model.parameters]
+    derived = []
+    for value in model.material([f.value for f in found]):
+        if value.name in parameters:
+            continue
+        std = value.std([f.std for f in found])
+        systematic = value.std([f.systematic or 0.0 for f in found])
+        known = any(f.systematic is not None for f in found) and systematic > 0
+        derived.append(
+            Derived(value.name, Found(value.value, std, value.unit, systematic if known else None), value.caveat)
+        )
+    return tuple(derived)
+
+
 def finite(value: Any) -> Any:
     """A number as JSON can hold it: null where it is not finite."""
     return None if isinstance(value, float) and not math.isfinite(value) else value
@@ -57,6 +89,7 @@ class TrackResult:
     nis: float  # mean over the averaging window at the end
     flags: tuple[str, ...]
     seconds_per_sample: float
+    derived: tuple[Derived, ...] = ()
 
     def table(self) -> dict[str, Any]:
         """As in ``result.json``."""
@@ -65,6 +98,7 @@ class TrackResult:
             "estimator": self.estimator,
             "samples": self.samples,
             "parameters": {name: found.table() for name, found in self.parameters.items()},
+            "derived": {value.name: value.table() for value in self.derived},
             "surface": self.surface.table(),
             "force_rms": finite(self.force_rms),
             "nis": finite(self.nis),
@@ -108,12 +142,14 @@ def track_result(
             for p, value, deviation, shift in zip(model.parameters, values, std, shifts, strict=True)
         }
         surface = Found(float(last.surface.mean()), float(last.surface_std[-1]), "m")
+        flags += validity_flags(model, last)
         rms = last.force_rms(settings.tip_mass or 0.0)
         seen = last.nis[last.nis == last.nis]
         nis = float(seen.mean()) if len(seen) else nothing
     per_sample = record.seconds / record.samples if record.samples else 0.0
+    derived = derived_values(model, parameters)
     return TrackResult(
-        model_name, estimator_name, record.samples, parameters, surface, rms, nis, tuple(flags), per_sample
+        model_name, estimator_name, record.samples, parameters, surface, rms, nis, tuple(flags), per_sample, derived
     )
 
 

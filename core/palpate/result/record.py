@@ -20,6 +20,7 @@ class Tail:
 
     time: Floats  # (n,) [s]
     force: Floats  # (n,) [N] measured
+    position: Floats  # (n,) [m]
     velocity: Floats  # (n,) [m/s]
     values: Floats  # (n, k)
     std: Floats  # (n, k)
@@ -68,7 +69,10 @@ class TrackRecord:
         self.samples += int(np.count_nonzero(rows))
         self.tracked += float(samples.interval[rows].sum())
         columns = (estimates.values, estimates.std, estimates.surface, estimates.surface_std, estimates.force)
-        kept = [column[rows] for column in (samples.time, samples.force, samples.velocity, *columns, estimates.nis)]
+        kept = [
+            column[rows]
+            for column in (samples.time, samples.force, samples.position, samples.velocity, *columns, estimates.nis)
+        ]
         self._blocks.append(Tail(*kept))
         self._forget(float(samples.time[rows][-1]) - self.keep)
 

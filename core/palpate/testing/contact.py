@@ -29,13 +29,13 @@ def check_indenter(indenter: Indenter, depths: NDArray[np.float64] = _DEPTHS) ->
     _never_falls(area, depths, f"{name}.profile_area")
     demand(np.all(radius >= 0), f"{name}.contact_radius is negative")
     demand(abs(complex(indenter.profile_area(1e-15))) < 1e-12, f"{name}.profile_area is not 0 at touch")
+    for method in ("contact_radius", "profile_area"):
+        _same_everywhere(getattr(indenter, method), depths, f"{name}.{method}")
     steps = [_called(indenter.profile_area, d + 1e-30j, f"{name}.profile_area on a complex number") for d in depths]
     slope = np.array([complex(step).imag / 1e-30 for step in steps])
     demand_close(
         slope / radius, np.ones_like(radius), 1e-6, f"{name}: the derivative of profile_area is not contact_radius"
     )
-    for method in ("contact_radius", "profile_area"):
-        _same_everywhere(getattr(indenter, method), depths, f"{name}.{method}")
     _scales(indenter, depths, radius, name)
 
 
@@ -94,9 +94,9 @@ def _remembers(model: ContactModel, theta: Sequence[float], name: str) -> None:
     forces = []
     for duration in (0.1, 0.05):
         time = np.linspace(0.0, duration, 200)
-        depth = 1e-3 * time / duration
-        forces.append(force_over_time(model, time, depth, np.full(200, 1e-3 / duration), theta))
-        _never_falls(forces[-1], depth, f"{name}: the force on a ramp")
+        ramp = 1e-3 * time / duration
+        forces.append(force_over_time(model, time, ramp, np.full(200, 1e-3 / duration), theta))
+        _never_falls(forces[-1], ramp, f"{name}: the force on a ramp")
     demand(forces[1][-1] >= forces[0][-1], f"{name}: the force is smaller on a faster ramp")
 
 

@@ -146,7 +146,7 @@ def _fitted(inverse: _Inverse, start: float, width: float, floor: float) -> tupl
     """Coefficients in t of a over one piece, and the largest error relative to a between the nodes."""
     nodes = (1.0 - np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)) / 2.0
     values = inverse(start + width * nodes)
-    coefficients = np.linalg.solve(np.vander(nodes, increasing=True), values)
+    coefficients: Floats = np.linalg.solve(np.vander(nodes, increasing=True), values).astype(float)
     between = (nodes[1:] + nodes[:-1]) / 2.0
     exact = inverse(start + width * between)
     fitted = np.polynomial.polynomial.polyval(between, coefficients)

@@ -31,7 +31,7 @@ def reduced_of_curve(curve: Any) -> Callable[[Floats], Floats]:
         angle, cosine = np.arcsin(sine), np.sqrt((1 - sine) * (1 + sine))
         square = (angle - sine * cosine) / 2  # integral of sin^2
         terms = np.diff(angle), -x[:, None] * np.diff(cosine), x[:, None] ** 2 * np.diff(square)
-        return x * sum(term @ power for term, power in zip(terms, powers, strict=True))
+        return np.asarray(x * sum(term @ power for term, power in zip(terms, powers, strict=True)), float)
 
     return reduced
 
@@ -56,7 +56,7 @@ def reduced_of_function(profile: Callable[[Any], Any], edge: float) -> Callable[
         half = np.diff(edges)[:, :, None] / 2
         angles = edges[:, :-1, None] + half * (1 + nodes)
         slopes = slope(x[:, None, None] * np.sin(angles))
-        return x * np.sum(slopes * half * weights, axis=(1, 2))
+        return np.asarray(x * np.sum(slopes * half * weights, axis=(1, 2)), float)
 
     return reduced
 
