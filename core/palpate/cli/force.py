@@ -71,7 +71,7 @@ def force(
     motion = _ramp(depth, speed) if frequency is None else _sine(depth, amplitude, frequency, cycles)
     time, depths, rates = motion
     try:
-        forces = force_over_time(part, time, depths, rates, theta)
+        forces = force_over_time(part, time, depths, rates, theta, pulls=False)
     except ValueError as error:
         raise ConfigurationError(f"palpate force: {error}") from error
     curve = _Curve(time, depths, rates, forces)
@@ -246,4 +246,4 @@ def draw_tip(axis: Any, tip: Any, depth: float) -> None:
     for side in (-1, 1):
         axis.plot(side * 1e3 * radii, 1e3 * heights, color="black")
     axis.axhline(1e3 * depth, linestyle=":", color="gray")
-    axis.set(xlabel="r [mm]", ylabel="z [mm]", title=type(tip).__name__)
+    axis.set(xlabel="r [mm]", ylabel="z [mm]", title=type(tip).__name__, aspect="equal")

@@ -21,6 +21,27 @@ from palpate_models.indenters import (
 from palpate_models.kelvin_voigt import KelvinVoigt
 from palpate_models.relaxation import Maxwell, StandardLinearSolid
 
+__all__ = [
+    "BluntCone",
+    "Compression",
+    "Cone",
+    "DimensionalityReduction",
+    "Ellipsoid",
+    "ExactSphere",
+    "Flat",
+    "FreeHuntCrossley",
+    "HuntCrossley",
+    "KelvinVoigt",
+    "Maxwell",
+    "Paraboloid",
+    "Power",
+    "Profile",
+    "Quartic",
+    "Sphere",
+    "StandardLinearSolid",
+    "TruncatedCone",
+]
+
 
 @plugin
 def palpate_indenters() -> dict[str, type[Indenter]]:

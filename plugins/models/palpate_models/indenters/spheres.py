@@ -35,7 +35,7 @@ class ExactSphere(Indenter):
 
     d = (a/2) ln((R + a)/(R - a)) gives the contact radius a(d), by Newton's method with a fixed number of steps;
     A = 1/2 [(a^2 + R^2)/2 ln((R + a)/(R - a)) - a R]. The force is below that of the paraboloid `sphere`: by 0.1 %, 1 %
-    and 12 % at d/R = 0.01, 0.1 and 1. Small strain is still assumed; below the equator the tip counts as a sphere on.
+    and 10 % at d/R = 0.01, 0.1 and 1. Small strain is still assumed; below the equator the tip counts as a sphere on.
     Source: Sneddon 1965; Popov and Hess 2015, table 2.1.
     """
 

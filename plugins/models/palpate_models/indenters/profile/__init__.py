@@ -19,6 +19,7 @@ __all__ = ["Profile"]
 
 _UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 _FORMULA, _POINTS = (1e-9, 1e-6), (1e-6, 1e-2)  # tolerance of a(d), and the part of the edge it is relative to below
+_STEEPEST = 1e6  # slope of a formula
 _WORST = 1e-3  # of a(d): a tip that the series cannot follow this well is refused
 
 
@@ -94,6 +95,11 @@ class Profile(Indenter):
         falls = np.flatnonzero(np.diff(heights) < -1e-12 * np.max(np.abs(heights)))
         if len(falls):
             raise ValueError(f"{self.formula!r} falls at r = {radii[falls[0]]:.4g} m; the tip would be hollow")
+        with np.errstate(all="ignore"):
+            slopes = np.broadcast_to(np.imag(profile(radii + 1e-40j)) / 1e-40, radii.shape)
+        steep = np.flatnonzero(~(np.abs(slopes) < _STEEPEST))
+        if len(steep):
+            raise ValueError(f"{self.formula!r} is vertical at r = {radii[steep[0]]:.4g} m; end the tip before it")
         return reduced_of_function(profile, self.radius), self.radius
 
     def contact_radius(self, depth: Any) -> Any:
