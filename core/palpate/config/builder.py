@@ -29,6 +29,7 @@ class Builder:
         self._registry = registry
         self._context = {"base": base}
         self._built: dict[Location, Part | None] = {}
+        self._begun: set[Location] = set()
 
     def parts(self, kind: str) -> dict[str, Any]:
         """Every part of a kind that the file names and that is in order."""
@@ -58,8 +59,10 @@ class Builder:
         location = (kind, name)
         if location not in self._built:
             self._built[location] = None  # a part that needs itself finds nothing
+            self._begun.add(location)
             with suppress(_Broken):
                 self._built[location] = self._part(kind, self._tables[kind][name], location)
+            self._begun.remove(location)
         return self._built[location]
 
     def _part(self, kind: str, table: Any, location: Location) -> Part:
@@ -115,7 +118,7 @@ class Builder:
                 raise _Broken
             part = self._named(kind, value)
             if part is None:
-                if (kind, value) not in {m.location[:2] for m in self.mistakes}:
+                if (kind, value) in self._begun:
                     self._note(location, f"[{kind}.{value}] needs itself")
                 raise _Broken
             return part

@@ -63,7 +63,9 @@ class Specimen(Settings):
     @classmethod
     def _in_si(cls, given: Any, info: ValidationInfo) -> Any:
         model = info.data.get("model")
-        if model is None or not isinstance(given, dict):
+        if model is None:
+            return {}  # the model's own mistakes are told; nothing can be said of its parameters
+        if not isinstance(given, dict):
             return given
         names = {parameter.name: parameter.unit for parameter in model.parameters}
         for name in (*given, *names):
