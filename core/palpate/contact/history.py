@@ -79,7 +79,8 @@ def _steps(model: ContactModel, time: Floats, depth: Floats, rate: Floats, theta
     change = casadi.vertcat(*model.memory_rate(motion[0], motion[1], list(theta), casadi.vertsplit(state)))
     forgetting = casadi.Function("j", [state, motion], [casadi.norm_1(casadi.jacobian(change, state))])
     rows = np.linspace(0, len(depth) - 1, min(len(depth), 50)).astype(int)
-    fastest = max(float(forgetting(np.zeros(len(model.memory)), [depth[i], rate[i]])) for i in rows)
+    at_rest = casadi.DM.zeros(len(model.memory))
+    fastest = max(float(forgetting(at_rest, casadi.DM([float(depth[i]), float(rate[i])]))) for i in rows)
     longest = float(np.max(np.diff(time), initial=0.0))
     if not math.isfinite(fastest):
         raise ValueError(f"{type(model).__name__}.memory_rate is not finite")

@@ -78,7 +78,8 @@ def curve_through(radii: Floats, heights: Floats) -> Any:
 
     spline = CubicSpline(radii, heights)
     if abs(float(spline(0.0, 1))) < _ROUND * heights[1] / radii[1]:
-        spline = CubicSpline(radii, heights, bc_type=((1, 0.0), "not-a-knot"))
+        ends: Any = ((1, 0.0), "not-a-knot")
+        spline = CubicSpline(radii, heights, bc_type=ends)
     fine = np.linspace(radii[0], radii[-1], 20 * len(radii))
     dips = float(np.min(spline(fine, 1))) < -1e-9 * float(heights[-1] / radii[-1])
     return PchipInterpolator(radii, heights) if dips else spline
