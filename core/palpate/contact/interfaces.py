@@ -31,9 +31,7 @@ class Indenter(Part, ABC):
         Since A' = a, it is the integral of `contact_radius`; by Gauss-Legendre in t with depth d t^4, which is exact
         for contact radii that are powers d^(k/4), k up to 12. Override it where a closed form exists.
         """
-        return sum(
-            weight * 4.0 * node**3 * depth * self.contact_radius(depth * node**4) for node, weight in _gauss_legendre(8)
-        )
+        return depth * sum(weight * self.contact_radius(depth * node) for node, weight in _quartic_nodes(8))
 
     def validity(self, depth: float) -> str:
         """What does not hold of this tip at a depth [m], as a sentence for people; empty where all is well."""
@@ -41,11 +39,13 @@ class Indenter(Part, ABC):
 
 
 @cache
-def _gauss_legendre(order: int) -> tuple[tuple[float, float], ...]:
+def _quartic_nodes(order: int) -> tuple[tuple[float, float], ...]:
+    """t^4 and 4 t^3 times the weight of t, for Gauss-Legendre on 0..1."""
     import numpy as np
 
     nodes, weights = np.polynomial.legendre.leggauss(order)
-    return tuple((float(node + 1) / 2, float(weight) / 2) for node, weight in zip(nodes, weights, strict=True))
+    pairs = zip((nodes + 1) / 2, weights / 2, strict=True)
+    return tuple((float(t**4), float(4 * t**3 * weight)) for t, weight in pairs)
 
 
 @dataclass(frozen=True)

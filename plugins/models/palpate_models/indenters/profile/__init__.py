@@ -11,8 +11,10 @@ from palpate import File, Indenter, Length
 from pydantic import Field, PrivateAttr, model_validator
 
 from palpate_models.indenters.profile.formula import parse_formula
+from palpate_models.indenters.profile.inverse import ContactRadius
 from palpate_models.indenters.profile.points import curve_through, read_points
 from palpate_models.indenters.profile.series import RadiusSeries, radius_series
+from palpate_models.indenters.profile.smooth import SmoothRadius, smooth_radius
 from palpate_models.indenters.profile.transform import reduced_of_curve, reduced_of_function
 
 __all__ = ["Profile"]
@@ -27,8 +29,9 @@ class Profile(Indenter):
     """A tip of any axisymmetric profile z = f(r), from a CSV file of points or from a formula.
 
     The MDR integral g(x) = x * integral of f'(r)/sqrt(x^2 - r^2) over r from 0 to x is computed once, exactly for the
-    piecewise cubic through points, by quadrature for a formula; its inverse a(d) is kept as a few polynomials in
-    d^(1/4), to 1e-9 of a(d) for a smooth formula. Beyond its edge the tip counts as a straight shaft.
+    piecewise cubic through points, by quadrature for a formula; its inverse a(d) is kept as a power times a polynomial
+    of depth, to 1e-9 of a(d) for a smooth formula, or as several polynomials in d^(1/4) where the tip has kinks. Beyond
+    its edge the tip counts as a straight shaft.
     Assumes a profile that begins at the apex, never falls, and is the same all around; small strain as for every tip.
     Source: Popov and Hess 2015, eq. of the reduced profile; paper, section on the method of dimensionality reduction.
     """
@@ -46,7 +49,7 @@ class Profile(Indenter):
     radius: Length | None = Field(
         default=None, gt=0, description="radius at the edge of the tip; left out with points: the last one"
     )
-    _series: RadiusSeries = PrivateAttr()
+    _series: RadiusSeries | SmoothRadius = PrivateAttr()
 
     @model_validator(mode="after")
     def _transform(self) -> Self:
@@ -58,7 +61,8 @@ class Profile(Indenter):
             reduced, edge, tolerance = *self._of_formula(), _FORMULA
         source = self.points or repr(self.formula)
         try:
-            self._series = radius_series(reduced, edge, *tolerance)
+            exact = ContactRadius(reduced, edge)
+            self._series = smooth_radius(exact, *tolerance) or radius_series(exact, *tolerance)
         except ValueError as error:
             raise ValueError(f"{source}: {error}") from error
         if self._series.error > _WORST:
