@@ -102,23 +102,17 @@ def _bound_flags(last: Tail, model: ContactModel) -> Iterator[Flag]:
 
 
 def _convergence_flags(tail: Tail, last: Tail, model: ContactModel, average: float, tracked: float) -> Iterator[Flag]:
-    """Whether the estimates have come to rest.
-
-    The error of these filters dies away like a power of time, E(t) = E + c/t^p, so that time times slope is p times
-    what is left of it, whatever c is. The filter's own standard deviation knows nothing of that.
-    """
+    """Whether the estimates have come to rest, and the innovations are as large as the filter expects."""
     if tracked < 2 * average or len(tail.time) < 10:
         yield flag("not-converged", f"only {tracked:.2g} s were tracked")
         return
     moving = []
     for column, parameter in enumerate(model.parameters):
-        value = float(last.values[:, column].mean())
-        slope = float(np.polyfit(tail.time - tail.time[0], tail.values[:, column], 1)[0])
-        limit = max(_STILL_MOVING * abs(value), 3.0 * float(last.std[-1, column]))
-        if abs(slope) * tracked > limit:
-            moving.append(f"{parameter.name} moves by {100 * slope / abs(value):+.2f} % a second")
+        value, rest = float(last.values[:, column].mean()), float(tail.unsettled(tail.values, tracked)[column])
+        if rest > max(_STILL_MOVING * abs(value), 3.0 * float(last.std[-1, column])):
+            moving.append(f"{parameter.name} by {100 * rest / tracked / abs(value):.2f} % a second")
     if moving:
-        yield flag("not-converged", f"after {tracked:.3g} s {' and '.join(moving)}: the std is too small")
+        yield flag("not-converged", f"still moving after {tracked:.3g} s: {', '.join(moving)}")
     nis = float(np.nanmean(last.nis)) if np.isfinite(last.nis).any() else float("nan")
     if not np.isnan(nis) and not _NIS_RANGE[0] <= nis <= _NIS_RANGE[1]:
         yield flag(

@@ -33,6 +33,17 @@ class Tail:
         rows = self.time >= begin
         return Tail(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
+    def unsettled(self, values: Floats, tracked: float) -> Floats:
+        """Time tracked [s] times slope of each column of values (n, k): what may be left of its way to rest (k,).
+
+        The error of a filter that settles dies away like a power of time, x(t) = x + c/t^p, so that this is p times
+        what is left of it, whatever c is. The filter's own standard deviation knows nothing of that.
+        """
+        if len(self.time) < 10:
+            return np.zeros(values.shape[1])
+        slopes = np.polyfit(self.time - self.time[0], values, 1)[0]
+        return np.asarray(np.abs(slopes) * tracked)
+
     def force_rms(self, tip_mass: float) -> float:
         """RMS [N] of measured force less inertia of the tip less the model's force; NaN where it cannot be told."""
         n = _SLOPE_SAMPLES

@@ -1,12 +1,8 @@
-"""Run a pipeline: devices -> alignment -> tracks -> sinks -> result."""
+"""Run a pipeline, from the first batch to the written result."""
 
 from __future__ import annotations
 
-import importlib.metadata
 import json
-import platform
-import socket
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
@@ -20,6 +16,8 @@ from palpate.config import Pipeline, Track, resolved_text
 from palpate.device import Arm, Batch, Link
 from palpate.errors import ConfigurationError, DeviceError, OutputError
 from palpate.estimation import Estimates, Problem, Samples, Tracker
+from palpate.pipeline.facts import flat_facts, run_facts
+from palpate.pipeline.interrupt import Interrupt, interruptible
 from palpate.result import (
     EstimatesFile,
     TrackRecord,
@@ -32,10 +30,9 @@ from palpate.result import (
     write_new,
 )
 from palpate.sink import Run, Writer
+from palpate.trajectory import Trajectory
 
 Progress = Callable[[float, float | None], None]  # log time [s], total [s] where known
-
-_LIBRARIES = ("casadi", "numpy", "scipy", "pydantic", "pint", "pluggy", "mcap")
 
 
 @dataclass(frozen=True)
@@ -88,7 +85,7 @@ def run_pipeline(pipeline: Pipeline, out: Path | None = None, progress: Progress
     running = start_tracks(pipeline)
     started = datetime.now(UTC).astimezone()
     folder = make_folder(pipeline.run.name, out, started)
-    facts = _facts(pipeline)
+    facts = run_facts(pipeline)
     documents = {"pipeline.toml": pipeline.text, "resolved.toml": resolved_text(pipeline)}
     for name, text in documents.items():
         write_new(folder / name, text)
@@ -96,21 +93,16 @@ def run_pipeline(pipeline: Pipeline, out: Path | None = None, progress: Progress
     aligner = Aligner(pipeline.alignment, streams)
     tracks = {track.track.name: track.track.model.parameters for track in running}
     began = time.monotonic()
-    interrupted = failure = None
-    with ExitStack() as stack:
-        run = Run(
-            folder, streams, tracks, {**facts["versions"], **facts["inputs"], "seed": str(facts["seed"])}, documents
-        )
-        outputs = _Outputs(stack, pipeline, run, running)
+    failure: DeviceError | None = None
+    with interruptible() as interrupt, ExitStack() as stack:
+        outputs = _Outputs(stack, pipeline, Run(folder, streams, tracks, flat_facts(facts), documents), running)
         try:
-            _flow(stack, pipeline, aligner, running, outputs, progress)
-        except KeyboardInterrupt:
-            interrupted = "stopped by the user; the result is what was found until then"
+            _flow(pipeline, aligner, running, outputs, progress, interrupt)
         except DeviceError as error:
-            interrupted, failure = f"stopped by a device: {error}", error
+            interrupt.reason, failure = f"stopped by a device: {error}", error
         outputs.finish(aligner, running)
     facts |= {"started": started.isoformat(timespec="seconds"), "duration": time.monotonic() - began}
-    result = _result(pipeline, folder, facts, aligner, running, interrupted)
+    result = _result(pipeline, folder, facts, aligner, running, interrupt.reason)
     write_new(folder / "result.json", json.dumps(result.table(), indent=2, allow_nan=False) + "\n")
     if failure is not None:
         raise DeviceError(f"{failure} (what was found until then is in {folder})") from failure
@@ -177,23 +169,17 @@ class _Outputs:
 
 
 def _flow(
-    stack: ExitStack,
     pipeline: Pipeline,
     aligner: Aligner,
     running: list[_Running],
     outputs: _Outputs,
     progress: Progress | None,
+    interrupt: Interrupt,
 ) -> None:
     """Connect, set in motion, and pass every batch on until there are no more."""
-    links = {name: stack.enter_context(d.connect(pipeline.run.seed)) for name, d in pipeline.devices.items()}
-    arms = [link for link in links.values() if isinstance(link, Arm)]
-    total = max((d.duration for d in pipeline.devices.values() if d.duration is not None), default=None)
-    if arms:
-        trajectory = _the_trajectory(pipeline)
-        total = trajectory.total_duration
-        for arm in arms:
-            arm.follow(trajectory)
-    try:
+    with ExitStack() as stack:
+        links = {name: stack.enter_context(d.connect(pipeline.run.seed)) for name, d in pipeline.devices.items()}
+        total = _set_in_motion(pipeline, links, stack)
         for device, batch in _merged(links):
             outputs.batch(device, batch)
             aligner.feed(device, batch)
@@ -201,12 +187,23 @@ def _flow(
             outputs.samples(samples, running)
             if progress is not None and len(samples):
                 progress(float(samples.time[-1]), total)
-    finally:
-        for arm in arms:
-            arm.stop()
+            if interrupt.reason is not None:
+                return
 
 
-def _the_trajectory(pipeline: Pipeline) -> Any:
+def _set_in_motion(pipeline: Pipeline, links: Mapping[str, Link], stack: ExitStack) -> float | None:
+    """Start the arms, which stop when the stack unwinds, whatever happens; how long it will take [s], if known."""
+    arms = [link for link in links.values() if isinstance(link, Arm)]
+    if not arms:
+        return max((d.duration for d in pipeline.devices.values() if d.duration is not None), default=None)
+    trajectory = _the_trajectory(pipeline)
+    for arm in arms:
+        stack.callback(arm.stop)
+        arm.follow(trajectory)
+    return trajectory.total_duration
+
+
+def _the_trajectory(pipeline: Pipeline) -> Trajectory:
     if len(pipeline.trajectories) != 1:
         count = len(pipeline.trajectories)
         raise ConfigurationError(f"{pipeline.path}: a device that moves needs one [trajectory.*] table, not {count}")
@@ -228,23 +225,6 @@ def _merged(links: Mapping[str, Link]) -> Iterator[tuple[str, Batch]]:
             return
         name = min(heads, key=lambda name: int(heads[name].received[0]))
         yield name, heads.pop(name)
-
-
-def _facts(pipeline: Pipeline) -> dict[str, Any]:
-    """What it takes to redo the run."""
-    versions = {"palpate": importlib.metadata.version("palpate"), "python": platform.python_version()}
-    versions |= {name: importlib.metadata.version(name) for name in _LIBRARIES}
-    inputs = {f"{name}.{key}": text for name, d in pipeline.devices.items() for key, text in d.provenance.items()}
-    return {
-        "name": pipeline.run.name,
-        "pipeline": str(pipeline.path),
-        "command": sys.argv,
-        "seed": pipeline.run.seed,
-        "versions": versions,
-        "plugins": [plugin.name for plugin in pipeline.registry.plugins],
-        "inputs": inputs,
-        "host": socket.gethostname(),
-    }
 
 
 def _result(

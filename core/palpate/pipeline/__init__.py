@@ -1,0 +1,5 @@
+"""The pipeline at work: devices -> alignment -> tracks -> sinks -> result."""
+
+from palpate.pipeline.running import Result, run_pipeline, start_tracks
+
+__all__ = ["Result", "run_pipeline", "start_tracks"]
