@@ -94,7 +94,7 @@ def build_pipeline(source: Source) -> Pipeline:
         builder.mistakes.append(Mistake((), "the table [alignment] is missing: it says which channel is the force"))
     kinds = {kind: builder.parts(kind) for kind in registry.parts}
     builder.mistakes += _missing_kinds(tables, registry)
-    if alignment and not any(mistake.location[:1] == ("device",) for mistake in builder.mistakes):
+    if alignment and len(kinds["device"]) == len(tables.get("device", {})):
         builder.mistakes += _wrong_channels(alignment, kinds["device"])
     tracks, lost = _tracks(run or RunSettings(), kinds["model"], kinds["estimator"])
     if not builder.mistakes:

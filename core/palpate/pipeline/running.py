@@ -6,21 +6,20 @@ import json
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from palpate.alignment import Aligner
-from palpate.config import Pipeline, Track, resolved_text
+from palpate.config import Pipeline, resolved_text
 from palpate.device import Arm, Batch, Link
-from palpate.errors import ConfigurationError, DeviceError, OutputError
-from palpate.estimation import Estimates, Problem, Samples, Tracker
+from palpate.errors import ConfigurationError, DeviceError
 from palpate.pipeline.facts import flat_facts, run_facts
 from palpate.pipeline.interrupt import Interrupt, interruptible
+from palpate.pipeline.outputs import Outputs
+from palpate.pipeline.tracks import RunningTrack, start_tracks
 from palpate.result import (
-    EstimatesFile,
-    TrackRecord,
     TrackResult,
     finite,
     make_folder,
@@ -29,7 +28,7 @@ from palpate.result import (
     track_result,
     write_new,
 )
-from palpate.sink import Run, Writer
+from palpate.sink import Run
 from palpate.trajectory import Trajectory
 
 Progress = Callable[[float, float | None], None]  # log time [s], total [s] where known
@@ -61,22 +60,6 @@ class Result:
         }
 
 
-@dataclass
-class _Running:
-    """A track at work."""
-
-    track: Track
-    tracker: Tracker
-    record: TrackRecord
-    waiting: list[Samples] = field(default_factory=list)  # an offline estimator wants them all at once
-
-    def run(self, samples: Samples) -> Estimates:
-        before = time.perf_counter()
-        estimates = self.tracker.run(samples)
-        self.record.add(samples, estimates, time.perf_counter() - before)
-        return estimates
-
-
 def run_pipeline(pipeline: Pipeline, out: Path | None = None, progress: Progress | None = None) -> Result:
     """Run a pipeline to its end, or to Ctrl-C, and write the run folder.
 
@@ -95,7 +78,7 @@ def run_pipeline(pipeline: Pipeline, out: Path | None = None, progress: Progress
     began = time.monotonic()
     failure: DeviceError | None = None
     with interruptible() as interrupt, ExitStack() as stack:
-        outputs = _Outputs(stack, pipeline, Run(folder, streams, tracks, flat_facts(facts), documents), running)
+        outputs = Outputs(stack, pipeline, Run(folder, streams, tracks, flat_facts(facts), documents), running)
         try:
             _flow(pipeline, aligner, running, outputs, progress, interrupt)
         except DeviceError as error:
@@ -109,70 +92,11 @@ def run_pipeline(pipeline: Pipeline, out: Path | None = None, progress: Progress
     return result
 
 
-def start_tracks(pipeline: Pipeline) -> list[_Running]:
-    """Every track with a fresh tracker; raises ConfigurationError where an estimator cannot start."""
-    keep = max(3.0 * pipeline.run.average, 1.0)
-    running = []
-    for track in pipeline.tracks:
-        problem = Problem(track.model, pipeline.alignment.tip_mass)
-        try:
-            tracker = track.estimator.start(problem)
-        except ConfigurationError as error:
-            raise ConfigurationError(f"{pipeline.path}: [estimator.{track.name.split('/')[-1]}]: {error}") from error
-        running.append(_Running(track, tracker, TrackRecord(keep)))
-    return running
-
-
-class _Outputs:
-    """Sinks and the table of estimates, all open."""
-
-    def __init__(self, stack: ExitStack, pipeline: Pipeline, run: Run, running: list[_Running]) -> None:
-        self._writers: list[Writer] = [stack.enter_context(sink.open(run)) for sink in pipeline.sinks.values()]
-        path = run.folder / "estimates.csv"
-        try:
-            file = stack.enter_context(path.open("x", newline="", encoding="utf-8"))
-        except OSError as error:
-            raise OutputError(f"{path}: cannot write: {error.strerror}") from error
-        online = {r.track.name: r.track.model.parameters for r in running if r.track.estimator.online}
-        self._table = EstimatesFile(file, online, pipeline.run.estimates_interval)
-
-    def batch(self, device: str, batch: Batch) -> None:
-        for writer in self._writers:
-            writer.batch(device, batch)
-
-    def samples(self, samples: Samples, running: list[_Running]) -> None:
-        """Through every track, and out."""
-        if not len(samples):
-            return
-        for writer in self._writers:
-            writer.samples(samples)
-        found = {}
-        for track in running:
-            if track.track.estimator.online:
-                found[track.track.name] = track.run(samples)
-                self._write(track.track.name, found[track.track.name])
-            else:
-                track.waiting.append(samples)
-        self._table.write(found)
-
-    def finish(self, aligner: Aligner, running: list[_Running]) -> None:
-        """The rest of the record, then the offline estimators."""
-        self.samples(aligner.samples(final=True), running)
-        for track in running:
-            if track.waiting:
-                self._write(track.track.name, track.run(Samples.joined(track.waiting)))
-                track.waiting = []
-
-    def _write(self, name: str, estimates: Estimates) -> None:
-        for writer in self._writers:
-            writer.estimates(name, estimates)
-
-
 def _flow(
     pipeline: Pipeline,
     aligner: Aligner,
-    running: list[_Running],
-    outputs: _Outputs,
+    running: list[RunningTrack],
+    outputs: Outputs,
     progress: Progress | None,
     interrupt: Interrupt,
 ) -> None:
@@ -232,7 +156,7 @@ def _result(
     folder: Path,
     facts: dict[str, Any],
     aligner: Aligner,
-    running: list[_Running],
+    running: list[RunningTrack],
     interrupted: str | None,
 ) -> Result:
     report, settings = aligner.report, pipeline.alignment
