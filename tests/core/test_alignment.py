@@ -260,3 +260,10 @@ def test_no_delay_is_told_without_motion_or_without_a_channel():
     still = [batch("wrench", force, force_of(force)), batch("tip", motion, motion * 0.0, motion * 0.0)]
     assert aligned(still)[1].velocity_delay is None
     assert aligned(record(), velocity=None)[1].velocity_delay is None
+
+
+def test_a_force_that_is_not_zero_in_air_is_reported():
+    _, report = aligned(pressed(offset=-0.7), tare="none")
+    assert report.air_force == pytest.approx(-0.7, abs=0.01)
+    assert aligned(pressed(offset=-0.7), tare="free-air")[1].air_force == pytest.approx(0.0, abs=0.01)
+    assert aligned(record(), tare="none")[1].air_force is None

@@ -27,6 +27,7 @@ class AlignmentReport:
     touch_force: float  # [N]
     first_touch: tuple[float, float] | None  # time [s], position [m]
     touches: int
+    air_force: float | None  # [N] mean before the first touch, where it should be none
     samples: int
     missing_force: int  # samples whose force could not be had: gap, saturation, invalid readings
     missing_velocity: int
@@ -156,6 +157,7 @@ class Aligner:
             touch.threshold,
             touch.first_touch,
             touch.touches,
+            touch.air_force,
             counts["samples"],
             counts["force"],
             counts["velocity"],

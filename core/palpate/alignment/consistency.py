@@ -7,6 +7,7 @@ import numpy as np
 from palpate.estimation import Floats, Samples
 
 _SPAN = 10  # samples in one stretch; 20 ms at 500 Hz, short against a palpation's period and long against noise
+_LONGEST = 0.03  # [s]; longer stretches blur the acceleration of a palpation
 
 
 class VelocityCheck:
@@ -42,11 +43,11 @@ class VelocityCheck:
 
     @property
     def delay(self) -> tuple[float, float] | None:
-        """Lateness of the velocity against the position and its standard uncertainty [s]; None where it cannot be told."""
+        """Lateness of velocity against position and its standard uncertainty [s]; None where it cannot be told."""
         if not self._stretches:
             return None
         mean, slope, duration = np.concatenate(self._stretches).T
-        if len(mean) < 20:
+        if len(mean) < 20 or np.median(duration) > _LONGEST:
             return None
         acceleration = (mean[2:] - mean[:-2]) / (2 * duration[1:-1])
         apart = (mean - slope)[1:-1]

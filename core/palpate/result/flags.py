@@ -18,6 +18,7 @@ _PAPER_NOISE = 0.05  # [N]
 _WEAK = 5.0  # the force must swing by more than so many standard deviations of its noise
 _SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the one that the first touch says
 _LATE = 1e-3  # [s] of the velocity against the position
+_AIR = 0.05  # [N] before the first touch
 _STUCK = 0.1  # [s] of exactly equal readings
 
 Flag = str
@@ -61,6 +62,8 @@ def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Ite
             yield flag("velocity-late", what)
     if settings.tare == "free-air" and (report.tare is None or report.tare.noise is None):
         yield flag("no-tare", "the record is too short, or has no force, for a tare in free air")
+    if report.air_force is not None and abs(report.air_force) > _AIR:
+        yield flag("untared", f"before the first touch the force is {report.air_force:+.2g} N, where it should be none")
     if report.touches > 1:
         yield flag("touched-again", f"contact was lost and found again {report.touches - 1} times")
 
