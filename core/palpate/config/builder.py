@@ -29,7 +29,7 @@ class Builder:
         self._registry = registry
         self._context = {"base": base}
         self._built: dict[Location, Part | None] = {}
-        self._begun: set[Location] = set()
+        self._begun: set[Location] = set()  # parts that are being built: one that needs such a part needs itself
 
     def parts(self, kind: str) -> dict[str, Any]:
         """Every part of a kind that the file names and that is in order."""
@@ -58,7 +58,7 @@ class Builder:
     def _named(self, kind: str, name: str) -> Part | None:
         location = (kind, name)
         if location not in self._built:
-            self._built[location] = None  # a part that needs itself finds nothing
+            self._built[location] = None
             self._begun.add(location)
             with suppress(_Broken):
                 self._built[location] = self._part(kind, self._tables[kind][name], location)
@@ -81,23 +81,21 @@ class Builder:
         return built
 
     def _validated(self, settings: type[Settings], table: Any, location: Location) -> Settings:
-        broken: set[Location] = set()
+        broken = set()
         if isinstance(table, dict):
             table = dict(table)
-            for name, field in settings.model_fields.items():
-                if name not in table:
-                    continue
+            for name in settings.model_fields.keys() & table.keys():
                 try:
-                    table[name] = self._inner(field.annotation, table[name], (*location, name))
+                    table[name] = self._inner(settings.model_fields[name].annotation, table[name], (*location, name))
                 except _Broken:
                     broken.add((*location, name))
                     del table[name]
         try:
             return settings.model_validate(table, context=self._context)
         except ValidationError as error:
+            # That a broken inner table is missing now is no mistake of its own.
             found = mistakes_of(error, settings, location)
-            # What a broken inner part leaves missing is no mistake of its own.
-            self.mistakes += [m for m in found if m.location not in broken]
+            self.mistakes += [mistake for mistake in found if mistake.location not in broken]
             raise _Broken from error
         except PalpateError as error:  # a part that looks into its file
             self._note(location, str(error))
@@ -116,10 +114,11 @@ class Builder:
             if not isinstance(names, dict) or value not in names:
                 self._note(location, f"there is no [{kind}.{value}]{suggest(value, names)}")
                 raise _Broken
+            if (kind, value) in self._begun:
+                self._note(location, f"[{kind}.{value}] needs itself")
+                raise _Broken
             part = self._named(kind, value)
             if part is None:
-                if (kind, value) in self._begun:
-                    self._note(location, f"[{kind}.{value}] needs itself")
                 raise _Broken
             return part
         self._note(location, f"must name a [{kind}.*] table or be one")
