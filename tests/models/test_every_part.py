@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import Indenter, contact_force
-from palpate.testing import check_indenter, check_model
+from palpate.testing import check_estimator, check_indenter, check_model
 from palpate.units import to_si
-from palpate_models import Cone, Flat, Paraboloid, Quartic, Sphere
+from palpate_filters.ekf import ExtendedKalmanFilter
+from palpate_models import Cone, DimensionalityReduction, Flat, Paraboloid, Quartic, Sphere
 
 sys.path.insert(0, str(Path(__file__).parent))
 from parts import MODELS, THICKNESSES, TIPS
@@ -122,3 +123,24 @@ def test_docstring_of_a_correction_says_how_speed_is_treated(thickness):
     text = " ".join(inspect.getdoc(type(thickness)).split())
     assert thickness.law in text
     assert "None of the sources treats speed" in text
+
+
+@pytest.mark.parametrize("thickness", [None, THICKNESSES["dimitriadis-free"]], ids=["half-space", "layer"])
+@tips
+def test_jacobian_is_finite_at_and_around_touch_under_every_tip(tip, thickness):
+    import casadi
+
+    if thickness is not None:
+        thickness = thickness.model_copy(update={"radius": 5e-3})
+    model = DimensionalityReduction(indenter=tip, thickness=thickness)
+    state = casadi.SX.sym("s", 4)
+    force = contact_force(model, *casadi.vertsplit(state[:2]), casadi.vertsplit(state[2:]))
+    slopes = casadi.Function("j", [state], [force, casadi.jacobian(force, state)])
+    for depth in (-1e-3, -1e-12, 0.0, 1e-12, 1e-6, 6e-3, 0.1):
+        for number in slopes([depth, 0.01, 1e5, 300.0]):
+            assert np.isfinite(np.array(number)).all(), depth
+
+
+@pytest.mark.parametrize(("model", "theta"), MODELS.values(), ids=MODELS.keys())
+def test_the_papers_filter_keeps_its_promises_with_every_model(model, theta):
+    check_estimator(ExtendedKalmanFilter(), model, theta)
