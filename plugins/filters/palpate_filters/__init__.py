@@ -2,10 +2,16 @@
 
 from palpate import Estimator, plugin
 
-from palpate_filters.ekf import ExtendedKalmanFilter
+from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
+from palpate_filters.ukf import AdaptiveFadingUkf, UnscentedKalmanFilter
 
 
 @plugin
 def palpate_estimators() -> dict[str, type[Estimator]]:
     """Filters and fits."""
-    return {"ekf": ExtendedKalmanFilter}
+    return {
+        "ekf": ExtendedKalmanFilter,
+        "afekf": AdaptiveFadingEkf,
+        "ukf": UnscentedKalmanFilter,
+        "afukf": AdaptiveFadingUkf,
+    }
