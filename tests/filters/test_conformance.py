@@ -74,7 +74,7 @@ def test_estimator_conforms(estimator: str, model: str) -> None:
     check_estimator(part(), *MODELS[model])
 
 
-@pytest.mark.parametrize("estimator", ["ekf", "afukf"])
+@pytest.mark.parametrize("estimator", ["ekf", "afukf", "kinematic-ekf", "kinematic-smoother"])
 def test_models_that_remember_are_estimated(estimator: str) -> None:
     part: type[Estimator] = palpate_estimators()[estimator]
     # The synthetic samples know nothing of the branch: what counts is that its state is carried along.

@@ -49,16 +49,33 @@ class Opening:
     name: str = "filter"
 
 
+@dataclass(frozen=True)
+class Passage:
+    """What a filter did on samples without a pause between them."""
+
+    rows: slice  # in the block
+    samples: Samples
+    interval: Floats  # (m,) [s], 0 at the first of a stretch
+    outputs: Floats  # (m, ny)
+
+
 class RecursiveTracker:
     """Runs a compiled step over the active samples, stretch by stretch."""
 
-    def __init__(self, recursion: Recursion, opening: Opening | None = None) -> None:
+    def __init__(
+        self,
+        recursion: Recursion,
+        opening: Opening | None = None,
+        listener: Callable[[Passage], None] | None = None,
+    ) -> None:
         from palpate_filters.free_air import FreeAir
 
         self._recursion = recursion
+        self._listener = listener
         self._opening = opening or Opening()
         self._kernel = compile_step(recursion.step)
         self._free_air = FreeAir(self._opening.name) if self._opening.measure_noise else None
+        self.noise: tuple[float | None, float | None] = (None, None)  # of force [N] and velocity [m/s], where measured
         self._settings: Floats | None = None if self._free_air else recursion.settings(None, None)
         self._carry = Carry(None, np.nan)
         self._gathered: list[Samples] = []
@@ -80,11 +97,12 @@ class RecursiveTracker:
         if self._free_air is not None and self._settings is None:
             self._free_air.add(samples[:until])
 
-    def _noise(self, samples: Samples, until: int) -> Floats:
+    def _numbers(self, samples: Samples, until: int) -> Floats:
         if self._settings is None:
             assert self._free_air is not None
             self._listen(samples, until)
-            self._settings = self._recursion.settings(*self._free_air.noise())
+            self.noise = self._free_air.noise()
+            self._settings = self._recursion.settings(*self.noise)
         return self._settings
 
     def _stretches(self, samples: Samples) -> Iterator[slice]:
@@ -99,7 +117,7 @@ class RecursiveTracker:
 
     def _run_stretch(self, samples: Samples, rows: slice, estimates: Estimates) -> None:
         part = samples[rows]
-        settings = self._noise(samples, rows.start)
+        settings = self._numbers(samples, rows.start)
         continued = self._active if rows.start == 0 else bool(samples.active[rows.start - 1])
         begins = not continued or part.interval[0] > PAUSE
         if self._carry.state is None and self._opening.window > 0:
@@ -110,15 +128,17 @@ class RecursiveTracker:
         if state is None or begins:
             interval[0] = 0.0
             state, resumed = self._recursion.begin(self._carry, part[:1])
-        outputs = self._advance(state, part, interval, settings)
+        outputs = self._advance(state, part, interval, settings, rows)
         self._write(outputs, part, estimates, rows)
         if resumed:
             estimates.status[rows.start] |= np.uint32(Status.RESUMED)
 
-    def _advance(self, state: Floats, part: Samples, interval: Floats, settings: Floats) -> Floats:
+    def _advance(self, state: Floats, part: Samples, interval: Floats, settings: Floats, rows: slice) -> Floats:
         state, outputs = self._kernel.run(state, self._recursion.inputs(part, interval), settings)
         k = self._recursion.parameters
         self._carry = Carry(state, float(part.position[-1] + outputs[-1, 2 * k]))
+        if self._listener is not None:
+            self._listener(Passage(rows, part, interval, outputs))
         return outputs
 
     def _gather(self, part: Samples, rows: slice, begins: bool, settings: Floats, estimates: Estimates) -> None:
@@ -138,19 +158,20 @@ class RecursiveTracker:
         interval = window.interval.copy()
         interval[0] = 0.0
         state, _ = self._recursion.begin(self._carry, window)
-        outputs = self._advance(state, window, interval, settings)
         here = slice(rows.start + start, rows.start + start + 1)
+        outputs = self._advance(state, window, interval, settings, slice(here.stop - len(window), here.stop))
         self._write(outputs[-1:], part[start : start + 1], estimates, here, before=outputs)
         if start + 1 < len(part):
             rest, after = part[start + 1 :], slice(here.stop, rows.stop)
             assert self._carry.state is not None
-            self._write(self._advance(self._carry.state, rest, rest.interval, settings), rest, estimates, after)
+            outputs = self._advance(self._carry.state, rest, rest.interval, settings, after)
+            self._write(outputs, rest, estimates, after)
 
     def _write(
         self, outputs: Floats, part: Samples, estimates: Estimates, rows: slice, before: Floats | None = None
     ) -> None:
         k = self._recursion.parameters
-        marks = outputs[:, 2 * k + 4 :] > 0.5
+        marks = outputs[:, 2 * k + 4 : 2 * k + 4 + len(_MARKS)] > 0.5
         status = np.zeros(len(outputs), np.uint32)
         for column, mark in enumerate(_MARKS):
             status[marks[:, column]] |= np.uint32(mark)
