@@ -25,6 +25,7 @@ from pydantic import Field
 
 from palpate_filters.first_guess import first_guess
 from palpate_filters.fit import fit_start
+from palpate_filters.inertial_filter import mass_of
 from palpate_filters.kinematic_step import kinematic_step
 from palpate_filters.tracking import Carry, Opening, Recursion, RecursiveTracker
 
@@ -119,11 +120,7 @@ def kinematic_recursion(
     settings: KinematicSettings, name: str, problem: Problem, *, with_state: bool = False
 ) -> Recursion:
     """The filter as its tracker needs it."""
-    if problem.tip_mass is None or problem.tip_mass < 0:
-        raise ConfigurationError(
-            f"estimator {name}: the tip's mass is not declared; this filter needs it: set [alignment] tip_mass, "
-            'such as "140 g"'
-        )
+    mass_of(name, problem)
     process = kinematic_process(settings, problem)
     guess = _guess(settings, name, process)
     count = len(problem.model.parameters)
