@@ -41,7 +41,9 @@ class Tail:
         """
         if len(self.time) < 10:
             return np.zeros(values.shape[1])
-        slopes = np.polyfit(self.time - self.time[0], values, 1)[0]
+        # Sums, not a linear solve: libraries for that do not promise the same bits twice.
+        since = (self.time - self.time.mean())[:, None]
+        slopes = (since * (values - values.mean(axis=0))).sum(axis=0) / (since**2).sum()
         return np.asarray(np.abs(slopes) * tracked)
 
     def force_rms(self, tip_mass: float) -> float:
@@ -63,7 +65,7 @@ class TrackRecord:
 
     keep: float  # [s] of tail
     samples: int = 0  # tracked
-    tracked: float = 0.0  # [s]
+    nanoseconds: int = 0  # tracked [ns]; whole numbers add up to the same sum in any order
     seconds: float = 0.0  # of computing
     marks: dict[Status, int] = field(default_factory=lambda: dict.fromkeys(Status, 0))
     _blocks: list[Tail] = field(default_factory=list)
@@ -77,11 +79,16 @@ class TrackRecord:
         if not rows.any():
             return
         self.samples += int(np.count_nonzero(rows))
-        self.tracked += float(samples.interval[rows].sum())
+        self.nanoseconds += int(np.rint(samples.interval[rows] * 1e9).astype(np.int64).sum())
         columns = (estimates.values, estimates.std, estimates.surface, estimates.surface_std, estimates.force)
         kept = [column[rows] for column in (samples.time, samples.force, samples.velocity, *columns, estimates.nis)]
         self._blocks.append(Tail(*kept))
         self._forget(float(samples.time[rows][-1]) - self.keep)
+
+    @property
+    def tracked(self) -> float:
+        """How long the track has tracked [s]."""
+        return self.nanoseconds / 1e9
 
     def _forget(self, before: float) -> None:
         while len(self._blocks) > 1 and self._blocks[0].time[-1] < before:
