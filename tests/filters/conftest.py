@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -13,8 +12,6 @@ from palpate import ContactModel, Indenter, Parameter, Samples
 from palpate_models.dimensionality_reduction import DimensionalityReduction
 from palpate_models.indenters import Power, Sphere
 from pydantic import Field
-
-_SHARED = Path(os.environ.get("PALPATE_SHARED", Path(__file__).parents[3] / "shared"))
 
 Recording = Callable[[str, int], tuple[Samples, np.ndarray]]
 
@@ -78,12 +75,9 @@ def contact_models() -> dict[str, tuple[ContactModel, list[float]]]:
 
 
 @pytest.fixture(scope="session")
-def recording() -> Recording:
+def recording(shared: Path) -> Recording:
     """Samples of a recording whose motion is so many samples late, and its table (columns as in data/README.md)."""
-    folder = _SHARED / "data" / "ur3e-bota-2024"
-    if not folder.is_dir():
-        pytest.skip(f"the recordings are not at {folder} (PALPATE_SHARED says where the folder `shared` is)")
-    return lambda name, lateness: _read(folder / f"{name}.csv.gz", lateness)
+    return lambda name, lateness: _read(shared / "ur3e-bota-2024" / f"{name}.csv.gz", lateness)
 
 
 def _read(path: Path, lateness: int) -> tuple[Samples, np.ndarray]:

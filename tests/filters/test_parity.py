@@ -86,7 +86,7 @@ def reference(settings: Any, model: ContactModel, samples: Samples) -> np.ndarra
     from palpate_filters.inertial_filter import first_state
 
     process = InertialProcess(model, 0.14, settings.order)
-    start = first_state(settings, "reference", process, settings.evolution_time)
+    start = first_state(settings, process, settings.evolution_time)
     rig, n = _Rig(process, start, settings.force_std, settings.velocity_std), process.states
     row = np.eye(n)[1:2]
     unscented = isinstance(settings, AdaptiveFadingUkf)

@@ -1,4 +1,4 @@
-"""The command line: ``palpate run``, ``check``, ``list``, ``describe``, ``schema``."""
+"""The command line: ``palpate run``, ``sweep``, ``check``, ``list``, ``describe``, ``schema``, ``info``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli import inspect, run
+from palpate.cli import info, inspect, run, sweep
 from palpate.errors import PalpateError
 
 app = typer.Typer(
@@ -38,10 +38,12 @@ def _options(
 
 
 app.command(name="run")(run.run)
+app.command(name="sweep")(sweep.sweep)
 app.command(name="check")(inspect.check)
 app.command(name="list")(inspect.list_parts)
 app.command(name="describe")(inspect.describe)
 app.command(name="schema")(inspect.schema)
+app.command(name="info")(info.info)
 
 
 def main() -> None:

@@ -53,10 +53,10 @@ class FilterpyFilter(PaperStart):
             import filterpy.kalman
         except ImportError as error:
             raise ConfigurationError(
-                f'estimator filterpy: filterpy cannot be imported ({error}); pip install "palpate[filterpy]"'
+                f'filterpy cannot be imported ({error}); pip install "palpate[filterpy]"'
             ) from error
-        process = InertialProcess(problem.model, mass_of("filterpy", problem))
-        start = first_state(self, "filterpy", process)
+        process = InertialProcess(problem.model, mass_of(problem))
+        start = first_state(self, process)
         rig = _Rig(process, start, self.force_std, self.velocity_std)
         makers: dict[str, Callable[[], _Filter]] = {
             "ekf": lambda: _Extended(rig),
@@ -74,6 +74,26 @@ class FilterpyFilter(PaperStart):
         return JulierSigmaPoints(states, self.kappa) if self.points == "julier" else SimplexSigmaPoints(states)
 
 
+class _Evaluated:
+    """An expression of a state, a force and an interval, as a function of numbers."""
+
+    def __init__(self, given: Any, expression: Any) -> None:
+        import casadi as ca
+
+        self._given, self._found = np.zeros(given.numel()), np.zeros(expression.numel())
+        self._function = ca.Function("f", [given], [ca.densify(expression)])
+        buffer: Any
+        buffer, self._evaluate = self._function.buffer()
+        buffer.set_arg(0, memoryview(self._given.data))
+        buffer.set_res(0, memoryview(self._found.data))
+        self._buffer = buffer  # it owns what the evaluation uses
+
+    def __call__(self, x: Floats, force: float, interval: float) -> Floats:
+        self._given[:-2], self._given[-2], self._given[-1] = x, force, interval
+        self._evaluate()
+        return self._found.copy()
+
+
 class _Rig:
     """The process in units of the first standard deviations."""
 
@@ -88,19 +108,26 @@ class _Rig:
         driven = ca.if_else(ca.fabs(u) <= 1e300, u, process.force(state))
         ahead = ca.vertcat(*process.predict(state, driven, t))
         slope = ca.substitute(ca.jacobian(ahead, x), x, ca.vertcat(away(x[0]), x[1:]))
-        self._ahead, self._slope = ca.Function("f", [x, u, t], [ahead]), ca.Function("F", [x, u, t], [slope])
-        self._force = ca.Function("F", [x], [process.force(state)])
+        given, n = ca.vertcat(x, u, t), process.states
+        self._ahead, self._slope = _Evaluated(given, ahead), _Evaluated(given, ca.vec(slope.T))
+        self._force = _Evaluated(given, process.force(state))
+        self._shape = (n, n)
 
     def ahead(self, x: Floats, interval: float, force: float) -> Floats:
-        return np.array(self._ahead(x.ravel() * self.scale, force, interval)).ravel() / self.scale
+        """The state one interval [s] later under a force [N]."""
+        return self._ahead(x.ravel() * self.scale, force, interval) / self.scale
 
     def slope(self, x: Floats, interval: float, force: float) -> Floats:
-        return np.array(self._slope(x.ravel() * self.scale, force, interval)) * self.scale / self.scale[:, None]
+        """The Jacobian (n, n) of `ahead`."""
+        found = self._slope(x.ravel() * self.scale, force, interval).reshape(self._shape)
+        return found * self.scale / self.scale[:, None]
 
     def force(self, x: Floats) -> float:
-        return float(self._force(x * self.scale))
+        """Contact force [N] in a state."""
+        return float(self._force(x.ravel() * self.scale, 0.0, 0.0)[0])
 
     def noise(self, interval: float, force: float) -> Floats:
+        """Process noise (n, n)."""
         gain = np.zeros(len(self.scale))
         gain[:2] = self.process.gain(interval)
         std = self.force_std if np.isfinite(force) else _BLIND_STD

@@ -113,24 +113,23 @@ class Start:
     std: Floats
 
 
-def mass_of(name: str, problem: Problem) -> float:
+def mass_of(problem: Problem) -> float:
     """The tip's mass [kg]; raises ConfigurationError where none is declared."""
     if problem.tip_mass is None or not problem.tip_mass > 0:
         raise ConfigurationError(
-            f"estimator {name}: the tip's mass is not declared; this filter needs it: set [alignment] tip_mass, "
-            'such as "140 g"'
+            'the tip\'s mass is not declared; this filter needs it: set [alignment] tip_mass, such as "140 g"'
         )
     return problem.tip_mass
 
 
-def inertial_tracker(settings: InertialFilter, name: str, problem: Problem, prediction: Prediction) -> Tracker:
+def inertial_tracker(settings: InertialFilter, problem: Problem, prediction: Prediction) -> Tracker:
     """A tracker of a filter on the inertial process.
 
     Raises ConfigurationError where no tip mass is declared or a first guess cannot be made.
     """
     fading = settings if isinstance(settings, FadingFilter) else None
-    process = InertialProcess(problem.model, mass_of(name, problem), fading.order if fading else 0)
-    start = first_state(settings, name, process, fading.evolution_time if fading else 1.0)
+    process = InertialProcess(problem.model, mass_of(problem), fading.order if fading else 0)
+    start = first_state(settings, process, fading.evolution_time if fading else 1.0)
     fade = (fading.theta, fading.alpha_max, fading.step_up, fading.step_down) if fading else _NO_FADING
     cap = (fading.covariance_cap * start.std) ** 2 if fading else np.full(process.states, 1e300)
 
@@ -145,21 +144,21 @@ def inertial_tracker(settings: InertialFilter, name: str, problem: Problem, pred
     step = inertial_step(process, prediction, fading=fading is not None, signed=fading is not None and fading.signed)
     window = settings.start_duration if settings.start_from == "fit" else 0.0
     recursion = Recursion(step, len(problem.model.parameters), numbers, begin, _inputs)
-    return RecursiveTracker(recursion, Opening(window, settings.noise == "measure", name))
+    return RecursiveTracker(recursion, Opening(window, settings.noise == "measure"))
 
 
 def _inputs(samples: Samples, interval: Floats) -> Floats:
     return np.column_stack([samples.force, -samples.velocity, interval])
 
 
-def first_state(settings: PaperStart, name: str, process: InertialProcess, evolution_time: float = 1.0) -> Start:
+def first_state(settings: PaperStart, process: InertialProcess, evolution_time: float = 1.0) -> Start:
     """The state that the first guess gives; raises ConfigurationError where it gives none."""
     model = process.model
     forces = {
         "elastic": (settings.start_force, settings.start_force_std),
         "viscous": (settings.start_damping, settings.start_damping_std),
     }
-    guess, spread = first_guess(name, model, forces, settings.first_guess, settings.first_guess_std)
+    guess, spread = first_guess(model, forces, settings.first_guess, settings.first_guess_std)
     zeros, memory = np.zeros(process.order * len(guess)), np.zeros(len(model.memory))
     derivatives = [spread / evolution_time**k for k in range(1, process.order + 1)]
     mean = np.concatenate([[settings.start_depth, 0.0], memory, guess, zeros])
