@@ -1,4 +1,4 @@
-"""The command line: ``palpate run``, ``check``, ``list``, ``describe``, ``schema``, ``force``."""
+"""The command line: what each ``palpate`` command is, and what its exit code says."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli import force, inspect, run
+from palpate.cli import force, info, inspect, run, sweep
 from palpate.errors import PalpateError
 
 app = typer.Typer(
@@ -38,11 +38,13 @@ def _options(
 
 
 app.command(name="run")(run.run)
+app.command(name="sweep")(sweep.sweep)
 app.command(name="check")(inspect.check)
 app.command(name="list")(inspect.list_parts)
 app.command(name="describe")(inspect.describe)
 app.command(name="schema")(inspect.schema)
 app.command(name="force")(force.force)
+app.command(name="info")(info.info)
 
 
 def main() -> None:
