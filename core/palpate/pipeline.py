@@ -28,6 +28,7 @@ from palpate.result import (
     make_folder,
     record_flags,
     stream_tables,
+    timing_uncertainty,
     track_result,
     write_new,
 )
@@ -122,7 +123,7 @@ def start_tracks(pipeline: Pipeline) -> list[_Running]:
     keep = max(3.0 * pipeline.run.average, 1.0)
     running = []
     for track in pipeline.tracks:
-        problem = Problem(track.model, pipeline.alignment.tip_mass)
+        problem = Problem(track.model, pipeline.alignment.tip_mass, timing_uncertainty(pipeline.alignment))
         try:
             tracker = track.estimator.start(problem)
         except ConfigurationError as error:
@@ -269,7 +270,9 @@ def _result(
         {key: finite(value) for key, value in facts.items()},
         stream_tables(report),
         {
-            r.track.name: track_result(r.track.name, r.track.model, r.record, report, settings, pipeline.run.average)
+            r.track.name: track_result(
+                r.track.name, r.track.model, r.record, report, settings, pipeline.run.average, r.track.estimator.online
+            )
             for r in running
         },
         (*warnings, *record_flags(report, settings, interrupted)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from palpate.alignment import AlignmentReport, AlignmentSettings
@@ -44,6 +44,15 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+def _finite_tree(value: Any) -> Any:
+    """Plain data with null for every number that is not finite."""
+    if isinstance(value, Mapping):
+        return {key: _finite_tree(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite_tree(inner) for inner in value]
+    return finite(value)
+
+
 @dataclass(frozen=True)
 class TrackResult:
     """What one track found."""
@@ -57,6 +66,7 @@ class TrackResult:
     nis: float  # mean over the averaging window at the end
     flags: tuple[str, ...]
     seconds_per_sample: float
+    details: Mapping[str, Any] = field(default_factory=dict)  # what the estimator says beyond its numbers
 
     def table(self) -> dict[str, Any]:
         """As in ``result.json``."""
@@ -70,6 +80,7 @@ class TrackResult:
             "nis": finite(self.nis),
             "flags": list(self.flags),
             "seconds_per_sample": self.seconds_per_sample,
+            **({"details": _finite_tree(self.details)} if self.details else {}),
         }
 
 
@@ -80,10 +91,11 @@ def track_result(
     report: AlignmentReport,
     settings: AlignmentSettings,
     average: float,
+    online: bool = True,
 ) -> TrackResult:
     """The result of one track: means over the last `average` seconds of its estimates, and its flags."""
     model_name, _, estimator_name = name.partition("/")
-    flags = list(track_flags(record, model, report, average))
+    flags = list(track_flags(record, model, report, average, online))
     tail = record.tail
     nothing = float("nan")
     usable = tail is not None and not record.marks[Status.DIVERGED]
@@ -95,6 +107,8 @@ def track_result(
         last = tail.since(float(tail.time[-1]) - average)
         values, std = last.values.mean(axis=0), last.std[-1]
         timing = timing_uncertainty(settings)
+        # A fit that looks for the delay itself has the declared timing in its std already.
+        added = None if record.details.get("timing_included") else timing
         flags += timing_flags(model, values, timing)
         shifts = model.delay_shift(list(values))
         parameters = {
@@ -102,7 +116,7 @@ def track_result(
                 float(value),
                 float(deviation),
                 p.unit,
-                abs(shift) * timing if shift and timing is not None else None,
+                abs(shift) * added if shift and added is not None else None,
                 float(value / abs(shift)) if shift else None,
             )
             for p, value, deviation, shift in zip(model.parameters, values, std, shifts, strict=True)
@@ -113,7 +127,7 @@ def track_result(
         nis = float(seen.mean()) if len(seen) else nothing
     per_sample = record.seconds / record.samples if record.samples else 0.0
     return TrackResult(
-        model_name, estimator_name, record.samples, parameters, surface, rms, nis, tuple(flags), per_sample
+        model_name, estimator_name, record.samples, parameters, surface, rms, nis, tuple(flags), per_sample, record.details
     )
 
 
