@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import json
+import math
 import platform
 import socket
 import sys
@@ -81,8 +82,10 @@ class _Running:
         return estimates
 
 
-def run_pipeline(pipeline: Pipeline, out: Path | None = None, progress: Progress | None = None) -> Result:
-    """Run a pipeline to its end, or to Ctrl-C, and write the run folder.
+def run_pipeline(
+    pipeline: Pipeline, out: Path | None = None, progress: Progress | None = None, observer: Writer | None = None
+) -> Result:
+    """Run a pipeline to its end, or to Ctrl-C, and write the run folder; an observer sees what the sinks see.
 
     Raises UserError for what the user can mend; what was recorded until then stays.
     """
@@ -102,7 +105,7 @@ def run_pipeline(pipeline: Pipeline, out: Path | None = None, progress: Progress
         run = Run(
             folder, streams, tracks, {**facts["versions"], **facts["inputs"], "seed": str(facts["seed"])}, documents
         )
-        outputs = _Outputs(stack, pipeline, run, running)
+        outputs = _Outputs(stack, pipeline, run, running, observer)
         try:
             _flow(stack, pipeline, aligner, running, outputs, progress)
         except KeyboardInterrupt:
@@ -128,15 +131,19 @@ def start_tracks(pipeline: Pipeline) -> list[_Running]:
             tracker = track.estimator.start(problem)
         except ConfigurationError as error:
             raise ConfigurationError(f"{pipeline.path}: [estimator.{track.name.split('/')[-1]}]: {error}") from error
-        running.append(_Running(track, tracker, TrackRecord(keep)))
+        # An offline estimate holds for all of its samples, so all of them are looked at.
+        running.append(_Running(track, tracker, TrackRecord(keep if track.estimator.online else math.inf)))
     return running
 
 
 class _Outputs:
     """Sinks and the table of estimates, all open."""
 
-    def __init__(self, stack: ExitStack, pipeline: Pipeline, run: Run, running: list[_Running]) -> None:
+    def __init__(
+        self, stack: ExitStack, pipeline: Pipeline, run: Run, running: list[_Running], observer: Writer | None = None
+    ) -> None:
         self._writers: list[Writer] = [stack.enter_context(sink.open(run)) for sink in pipeline.sinks.values()]
+        self._writers += [observer] if observer is not None else []
         path = run.folder / "estimates.csv"
         try:
             file = stack.enter_context(path.open("x", newline="", encoding="utf-8"))

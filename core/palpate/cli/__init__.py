@@ -1,4 +1,4 @@
-"""The command line: ``palpate run``, ``check``, ``list``, ``describe``, ``schema``."""
+"""The command line: ``palpate run``, ``fit``, ``repeat``, ``check``, ``list``, ``describe``, ``schema``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli import inspect, run
+from palpate.cli import inspect, repeat, run
+from palpate.cli.fit import fit
 from palpate.errors import PalpateError
 
 app = typer.Typer(
@@ -38,6 +39,8 @@ def _options(
 
 
 app.command(name="run")(run.run)
+app.command(name="fit")(fit)
+app.command(name="repeat")(repeat.repeat)
 app.command(name="check")(inspect.check)
 app.command(name="list")(inspect.list_parts)
 app.command(name="describe")(inspect.describe)

@@ -44,12 +44,12 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _finite_tree(value: Any) -> Any:
+def finite_tree(value: Any) -> Any:
     """Plain data with null for every number that is not finite."""
     if isinstance(value, Mapping):
-        return {key: _finite_tree(inner) for key, inner in value.items()}
+        return {key: finite_tree(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite_tree(inner) for inner in value]
+        return [finite_tree(inner) for inner in value]
     return finite(value)
 
 
@@ -80,7 +80,7 @@ class TrackResult:
             "nis": finite(self.nis),
             "flags": list(self.flags),
             "seconds_per_sample": self.seconds_per_sample,
-            **({"details": _finite_tree(self.details)} if self.details else {}),
+            **({"details": finite_tree(self.details)} if self.details else {}),
         }
 
 
@@ -93,7 +93,11 @@ def track_result(
     average: float,
     online: bool = True,
 ) -> TrackResult:
-    """The result of one track: means over the last `average` seconds of its estimates, and its flags."""
+    """The result of one track: means over the last `average` seconds of its estimates, and its flags.
+
+    Estimates of an offline estimator are constant and hold for every sample that it used.
+    """
+    average = average if online else math.inf
     model_name, _, estimator_name = name.partition("/")
     flags = list(track_flags(record, model, report, average, online))
     tail = record.tail
@@ -127,7 +131,16 @@ def track_result(
         nis = float(seen.mean()) if len(seen) else nothing
     per_sample = record.seconds / record.samples if record.samples else 0.0
     return TrackResult(
-        model_name, estimator_name, record.samples, parameters, surface, rms, nis, tuple(flags), per_sample, record.details
+        model_name,
+        estimator_name,
+        record.samples,
+        parameters,
+        surface,
+        rms,
+        nis,
+        tuple(flags),
+        per_sample,
+        record.details,
     )
 
 

@@ -6,6 +6,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import fields
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -66,7 +67,8 @@ def check_estimator(estimator: Estimator, model: ContactModel, theta: Sequence[f
         tracker = estimator.start(problem)
         cuts = [0, 1, 2, 199, 200, 201, 777, 1204, len(samples)]
         blocks = [tracker.run(samples[a:b]) for a, b in pairwise(cuts)]
-        joined = Estimates(*(np.concatenate([getattr(block, n) for block in blocks]) for n in _COLUMNS))
+        columns: dict[str, Any] = {n: np.concatenate([getattr(block, n) for block in blocks]) for n in _COLUMNS}
+        joined = Estimates(**columns)
         demand(_same_bits(whole, joined), f"{name} gives other numbers when the samples are cut into blocks")
     samples.force[500:510] = np.nan
     samples.velocity[600:605] = np.nan

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import ConfigurationError, ContactModel, to_si
-from palpate.parts import Part
-from palpate.units import Quantity
+from palpate import ConfigurationError, ContactModel, Part, to_si
 
 from palpate_filters.fit.residual import Record, Residual, reading
 
@@ -44,7 +42,10 @@ def sources_of(model: ContactModel, declared: Mapping[str, Any]) -> tuple[Source
         full = [key for key in keys if key == name or key.split(".")[-1] == name]
         if name not in _READINGS and not full:
             allowed = ", ".join([*_READINGS, *keys])
-            raise ConfigurationError(f"estimator casadi-fit: systematic: {name!r} is none of: {allowed}")
+            kind = type(model).__name__
+            raise ConfigurationError(
+                f"estimator casadi-fit: systematic: {name!r} is no number of {kind} or its tip; there are: {allowed}"
+            )
         path, unit = ((), _READINGS[name]) if name in _READINGS else keys[full[0]]
         try:
             std = float(value) if unit == "1" and not isinstance(value, str) else to_si(value, unit)
@@ -64,7 +65,7 @@ def _keys(part: Part, above: tuple[str, ...] = ()) -> list[tuple[tuple[str, ...]
         if isinstance(value, Part):
             found += _keys(value, (*above, name))
         elif isinstance(value, float):
-            unit = next((item.unit for item in field.metadata if isinstance(item, Quantity)), "1")
+            unit = next((item.unit for item in field.metadata if isinstance(getattr(item, "unit", None), str)), "1")
             found.append(((*above, name), unit))
     return found
 
@@ -143,7 +144,9 @@ def shift_of(source: Source, found: Sensitivities, places: Mapping[str, int]) ->
     return found.of_parameter(places[source.name], source.std)
 
 
-def row(source: str, std: float | None, unit: str, shift: Floats, step: float, names: list[str], x: Floats) -> dict[str, Any]:
+def row(
+    source: str, std: float | None, unit: str, shift: Floats, step: float, names: list[str], x: Floats
+) -> dict[str, Any]:
     """One row of the budget; `shift` is what a change of `step` does to the unknowns of these names and values."""
     effects = {}
     for name, moved, value in zip(names, shift.tolist(), x.tolist(), strict=True):

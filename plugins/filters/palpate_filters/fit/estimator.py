@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Literal
 
-from palpate import ConfigurationError, Estimator, Force, Length, Problem, Time, Tracker
+from palpate import ConfigurationError, Estimator, Force, Problem, Time, Tracker
 from pydantic import Field
 
 from palpate_filters.fit.budget import sources_of
@@ -34,7 +34,8 @@ class CasadiFit(Estimator):
         'touch), "cycles 1..3"',
     )
     contact_point: Literal["free", "threshold", "deviation-from-baseline", "gradient"] = Field(
-        default="free", description="where the surface is: an unknown of the fit, or told by a method on the force alone"
+        default="free",
+        description="where the surface is: an unknown of the fit, or told by a method on the force alone",
     )
     threshold: Force | None = Field(
         default=None, gt=0, description='force of the "threshold" method; left out: 5 sigma of the air before touch'
@@ -63,11 +64,13 @@ class CasadiFit(Estimator):
     loss_scale: Force = Field(default=0.1, gt=0, description="residual beyond which a robust loss counts less")
     solver: Literal["auto", "varpro", "trf", "ipopt"] = Field(
         default="auto",
-        description='"varpro": linear models with nothing but the surface beside; "trf": anything; "ipopt": exact Hessian; '
+        description='"varpro": linear models, surface beside; "trf": anything; "ipopt": exact Hessian; '
         '"auto": the fastest of them that can',
     )
     smoothing: Time | None = Field(
-        default=None, ge=0, description="window of the local cubic for rate and acceleration; left out: as short as noise allows"
+        default=None,
+        ge=0,
+        description="window of the local cubic for rate and acceleration; left out: as short as noise allows",
     )
     confidence: float = Field(default=0.95, gt=0.5, lt=1, description="of the intervals")
     profile: bool = Field(default=True, description="profile-likelihood intervals")
@@ -85,7 +88,9 @@ class CasadiFit(Estimator):
 
         windows = parse_segment(self.segment)
         if self.contact_point != "free" and ("surface" in self.fixed or "surface" in self.bounds):
-            self._refuse(f'contact_point = "{self.contact_point}" finds the surface, so it can be neither fixed nor bounded')
+            self._refuse(
+                f'contact_point = "{self.contact_point}" finds the surface, so it can be neither fixed nor bounded'
+            )
         if self.solver == "varpro" and (self.loss != "linear" or "delay" in (self.unknowns or ())):
             self._refuse('solver "varpro" needs loss = "linear" and no unknown delay; take "trf" or "auto"')
         if self.solver == "ipopt" and problem.model.memory:
@@ -105,5 +110,3 @@ class CasadiFit(Estimator):
     @staticmethod
     def _refuse(problem: str) -> None:
         raise ConfigurationError(f"estimator casadi-fit: {problem}")
-
-

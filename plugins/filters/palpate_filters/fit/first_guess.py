@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +36,8 @@ def linear_places(model: ContactModel, unknowns: Unknowns) -> list[int]:
     """Places of the free unknowns in which, taken together, the residual is linear; found from the expression."""
     import casadi as ca
 
-    depth, rate, theta = ca.SX.sym("d"), ca.SX.sym("v"), ca.SX.sym("t", len(model.parameters))
+    depth, rate = ca.SX.sym("d"), ca.SX.sym("v")
+    theta: Any = ca.SX.sym("t", len(model.parameters))
     memory = ca.SX.sym("m", len(model.memory))
     force = model.force(depth, rate, ca.vertsplit(theta), ca.vertsplit(memory) if model.memory else ())
     found: list[int] = []
@@ -110,7 +112,7 @@ def solve_linear(model: ContactModel, unknowns: Unknowns, record: Record, x: Flo
     low, high = unknowns.bounds(linear)
     found = np.linalg.lstsq(matrix / scale, -error, rcond=None)[0] / scale
     if np.any(found < low) or np.any(found > high):
-        square = np.linalg.qr(np.column_stack([matrix / scale, -error]), mode="r")
+        square: Any = np.linalg.qr(np.column_stack([matrix / scale, -error]), mode="r")
         solved = lsq_linear(square[:, :-1], square[:, -1], (low * scale, high * scale), method="bvls")
         found = np.clip(solved.x / scale, low, high)
     base[list(linear)] = found

@@ -36,9 +36,7 @@ def identifiability(jacobian: Floats, names: list[str], free: int) -> dict[str, 
     return {
         "singular_values": [float(value) for value in values],
         "condition": float(values[0] / values[-1]) if len(values) and values[-1] > 0 else None,
-        "pairs": [
-            {"first": a, "second": b, "correlation": rho, "both_fitted": fitted} for a, b, rho, fitted in pairs
-        ],
+        "pairs": [{"first": a, "second": b, "correlation": rho, "both_fitted": fitted} for a, b, rho, fitted in pairs],
         "without_effect": [name for name in blind if name in names[:free]],
     }
 

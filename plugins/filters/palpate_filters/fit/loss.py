@@ -31,13 +31,13 @@ class Loss:
     def _of(self, size: Floats) -> Floats:
         """rho/s^2 at |r|/s."""
         if self.kind == "huber":
-            return np.where(size <= 1, size**2, 2 * size - 1)
-        return 2.0 * size**2 / (np.sqrt(1 + size**2) + 1)  # 2 (sqrt(1 + z^2) - 1) without cancellation
+            return np.asarray(np.where(size <= 1, size**2, 2 * size - 1))
+        return np.asarray(2.0 * size**2 / (np.sqrt(1 + size**2) + 1))  # 2 (sqrt(1 + z^2) - 1) without cancellation
 
     def _slope(self, size: Floats) -> Floats:
         """rho'(r)/(2 r)."""
         if self.kind == "huber":
-            return np.where(size <= 1, 1.0, 1.0 / size)
+            return np.asarray(np.where(size <= 1, 1.0, 1.0 / size))
         if self.kind == "soft-l1":
             return 1.0 / np.sqrt(1 + size**2)
         return np.ones_like(size)

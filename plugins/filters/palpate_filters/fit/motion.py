@@ -97,8 +97,7 @@ def _motion(samples: Samples, interval: float, width: int) -> Motion:
 def _smoothed(values: Floats, width: int, derivative: int) -> Floats:
     from scipy.signal import savgol_filter
 
-    found: Floats = savgol_filter(values, width, _ORDER, deriv=derivative)
-    return found
+    return np.asarray(savgol_filter(values, width, _ORDER, deriv=derivative))
 
 
 def _stretches(intervals: Floats, usual: float) -> Iterator[slice]:

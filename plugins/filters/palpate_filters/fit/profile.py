@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -72,39 +70,37 @@ class Profile:
         return None
 
     def _descend(self, start: Floats, held: tuple[int, float] | None) -> tuple[Floats, float]:
-        """Gauss-Newton with halved steps, one unknown held; bounds by clipping."""
+        """Gauss-Newton to the minimum, one unknown held; bounds by clipping."""
         at = start.copy()
-        moving: Sequence[int] = [i for i in range(len(at)) if held is None or i != held[0]]
+        moving = [i for i in range(len(at)) if held is None or i != held[0]]
         if held is not None:
             # The others move along with the held one as the normal equations say, which is nearly all of the way.
-            if hasattr(self, "_inverse"):
-                at = at + self._inverse[:, held[0]] / self._inverse[held[0], held[0]] * (held[1] - at[held[0]])
+            at = at + self._inverse[:, held[0]] / self._inverse[held[0], held[0]] * (held[1] - at[held[0]])
             at[held[0]] = held[1]
             at = np.clip(at, self._low, self._high)
         triangle = self._triangle(at)
-        cost = _cost(triangle)
-        for _ in range(_STEPS):
-            if not len(moving):
+        for _ in range(_STEPS if moving else 0):
+            better = self._better(at, triangle, moving)
+            if better is None:
                 break
-            lengths = np.sqrt(np.sum(triangle[:, moving] ** 2, axis=0))
-            lengths[lengths == 0] = 1.0
-            step = -np.linalg.lstsq(triangle[:, moving] / lengths, triangle[:, -1], rcond=None)[0] / lengths
-            share, improved = 1.0, False
-            while share > 1e-3:
-                trial = at.copy()
-                trial[moving] = np.clip(at[moving] + share * step, self._low[moving], self._high[moving])
-                tried = self._triangle(trial)
-                if _cost(tried) <= cost:
-                    improved = True
-                    break
-                share /= 4.0
-            if not improved:
+            gained = _cost(triangle) - _cost(better[1])
+            at, triangle = better
+            if gained <= 1e-7 * _cost(triangle) / max(len(self._record), 1) + 1e-300:
                 break
-            gained = cost - _cost(tried)
-            at, triangle, cost = trial, tried, _cost(tried)
-            if gained <= 1e-7 * cost / max(len(self._record), 1) + 1e-300:
-                break
-        return at, cost
+        return at, _cost(triangle)
+
+    def _better(self, at: Floats, triangle: Floats, moving: list[int]) -> tuple[Floats, Floats] | None:
+        """The point after a Gauss-Newton step, shortened until it is no worse, and its triangle; None without one."""
+        lengths = np.sqrt(np.sum(triangle[:, moving] ** 2, axis=0))
+        lengths[lengths == 0] = 1.0
+        step = -np.linalg.lstsq(triangle[:, moving] / lengths, triangle[:, -1], rcond=None)[0] / lengths
+        for share in (1.0, 0.25, 0.0625, 0.0156):
+            trial = at.copy()
+            trial[moving] = np.clip(at[moving] + share * step, self._low[moving], self._high[moving])
+            tried = self._triangle(trial)
+            if _cost(tried) <= _cost(triangle):
+                return trial, tried
+        return None
 
     def _triangle(self, free: Floats) -> Floats:
         self._x[self._free] = free

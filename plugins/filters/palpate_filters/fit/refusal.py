@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 
-class NotFitted(Exception):
+class NotFitted(Exception):  # noqa: N818 - it is an outcome, not a mistake
     """The samples do not allow the fit; becomes a flag ``code: text`` of the track, never a number."""
 
     def __init__(self, code: str, text: str) -> None:

@@ -121,7 +121,9 @@ def _budget(fit: Fit, found: Sensitivities, random: Floats) -> tuple[list[dict[s
         variance += shift**2
     if places["delay"] not in free:
         shift = found.of_parameter(places["delay"], _PROBE)
-        label = "timing of force against motion" + ("" if fit.problem.timing_uncertainty is not None else " (not declared)")
+        label = "timing of force against motion" + (
+            "" if fit.problem.timing_uncertainty is not None else " (not declared)"
+        )
         table.append(row(label, fit.problem.timing_uncertainty, "s", shift, _PROBE, labels, values))
     return table, np.sqrt(variance)
 
@@ -212,6 +214,19 @@ def _table(judged: _Judged, total: Floats) -> dict[str, Any]:
     return table
 
 
+def _misfit(fit: Fit, found: Scatter) -> Iterator[str]:
+    """Whether the residual is more than the noise in the air, or than its own white noise where there was no air."""
+    rms = float(np.sqrt(found.rss / max(found.samples, 1)))
+    noise = fit.approach.noise if fit.approach is not None else found.noise
+    if noise > 0 and rms > _MISFIT * noise:
+        yield f"misfit: the residual of {rms:.3g} N is more than noise, {noise:.3g} N: something is not in the model"
+    if found.correlation_time > _LONG_CORRELATION:
+        yield (
+            f"correlated-residuals: they hang together over {found.correlation_time:.3g} samples, so {found.samples} "
+            f"count as {found.effective_samples:.3g}; the std says so, but something is not in the model"
+        )
+
+
 def _flags(judged: _Judged, total: Floats) -> Iterator[str]:
     fit, found = judged.fit, judged.scatter
     free, names, x = list(fit.residual.free), fit.unknowns.names, fit.solution.x
@@ -222,14 +237,7 @@ def _flags(judged: _Judged, total: Floats) -> Iterator[str]:
             by_force = names[place] == "surface" and fit.settings.force_uncertainty is not None
             what = "where the measured force leaves force_uncertainty" if by_force else "a bound"
             yield f"at-bound: {names[place]} is at {what}, {x[place]:.5g} {fit.unknowns.items[place].unit}"
-    rms = float(np.sqrt(found.rss / max(found.samples, 1)))
-    if found.noise > 0 and rms > _MISFIT * found.noise:
-        yield f"misfit: the residual of {rms:.3g} N is more than the noise in it, {found.noise:.3g} N: the model is not all"
-    if found.correlation_time > _LONG_CORRELATION:
-        yield (
-            f"correlated-residuals: they hang together over {found.correlation_time:.3g} samples, so {found.samples} count "
-            f"as {found.effective_samples:.3g}; the std says so, but something is not in the model"
-        )
+    yield from _misfit(fit, found)
     for name in judged.identifiability["without_effect"]:
         yield f"not-identifiable: {name} has no effect on the force in this record"
     for pair in judged.identifiability["pairs"]:
@@ -239,7 +247,8 @@ def _flags(judged: _Judged, total: Floats) -> Iterator[str]:
         if parameter.role == "elastic" and std > _USELESS * abs(value):
             yield f"not-identifiable: {parameter.name} of {value:.3g} {parameter.unit} has a std of {std:.2g}"
         elif std > _USELESS * abs(value):
-            yield f"undetermined: this record does not tell {parameter.name}: {value:.3g} with a std of {std:.2g} {parameter.unit}"
+            found_so = f"{value:.3g} with a std of {std:.2g} {parameter.unit}"
+            yield f"undetermined: this record does not tell {parameter.name}: {found_so}"
     if fit.motion.velocity_delay is not None and abs(fit.motion.velocity_delay) > _VELOCITY_DELAY:
         lag = 1e3 * fit.motion.velocity_delay
         yield f"velocity-delay: the velocity is {lag:+.1f} ms late against the position; declare it in [alignment]"

@@ -64,7 +64,9 @@ class Record:
         return Record(np.ascontiguousarray(self.columns[::step]), self.transition)
 
 
-def make_record(height: Floats, rate: Floats, acceleration: Floats, force: Floats, time: Floats, weight: Floats) -> Record:
+def make_record(
+    height: Floats, rate: Floats, acceleration: Floats, force: Floats, time: Floats, weight: Floats
+) -> Record:
     """A record from its columns, each (n,)."""
     n = len(height)
     columns = np.empty((n, _COLUMNS))
@@ -81,14 +83,16 @@ def touching(depth: Any, rate: Any, transition: Any) -> tuple[Any, Any]:
     """Depth and its rate where contact sets in gradually: (d + sqrt(d^2 + eps^2))/2 and its time derivative.
 
     Positive everywhere and smooth, so that one formula and its derivatives hold above and below the surface, and a cost
-    has no jump where the surface passes a sample. eps is 1e-3 of the travel, 5 um in a palpation of 5 mm: the noise of a measured height; what it changes dies away
-    as (eps/d)^2.
+    has no jump where the surface passes a sample. eps is 1e-3 of the travel, 5 um in a palpation of 5 mm, about the
+    noise of a measured height; what it changes dies away as (eps/d)^2.
     """
     root = (depth * depth + transition * transition) ** 0.5
     return 0.5 * (depth + root) + 1e-6 * transition, 0.5 * rate * (1.0 + depth / root)
 
 
-def reading(model: ContactModel, parameters: Sequence[Any], row: Sequence[Any], transition: Any, memory: Any = ()) -> Any:
+def reading(
+    model: ContactModel, parameters: Sequence[Any], row: Sequence[Any], transition: Any, memory: Any = ()
+) -> Any:
     """What the sensor should read [N]: F(d, d') + m d'' + bias + slope t, of the motion `delay` earlier.
 
     `parameters` are the model's, then surface, bias, slope, tip mass, delay; `row` begins with height, rate,
@@ -132,13 +136,18 @@ class Residual:
         for _, values in self.blocks(record, x):
             scaled = loss.scaled(values)
             turned = np.concatenate([scaled[:, 1:], scaled[:, :1]], axis=1)
-            stacked = np.concatenate([stacked, np.linalg.qr(turned, mode="r")])
+            stacked = np.concatenate([stacked, _triangular(turned)])
             if len(stacked) > 64 * width:
-                stacked = np.linalg.qr(stacked, mode="r")
-        found = np.linalg.qr(stacked, mode="r")
+                stacked = _triangular(stacked)
+        found = _triangular(stacked)
         padded = np.zeros((width, width))
         padded[: len(found)] = found
         return padded
+
+
+def _triangular(matrix: Floats) -> Floats:
+    """R of the QR factors."""
+    return np.asarray(np.linalg.qr(matrix, mode="r"))
 
 
 def _symbols(residual: Residual) -> tuple[Any, Any, Any]:
@@ -168,7 +177,8 @@ class _Mapped:
         self._rows = np.zeros((_BLOCK, _COLUMNS))
         self._x = np.zeros(residual.parameters + 1)
         self._values = np.zeros((_BLOCK, 1 + len(residual.free)))
-        self._mapped = one.map("residuals", "serial", _BLOCK, [1], [])
+        self._mapped: Any = one.map("residuals", "serial", _BLOCK, [1], [])
+        self._buffer: Any
         self._buffer, self._trigger = self._mapped.buffer()
         self._buffer.set_arg(0, memoryview(self._rows.data))
         self._buffer.set_arg(1, memoryview(self._x.data))
@@ -212,13 +222,14 @@ class _Remembering:
         following = ca.vertcat(after, ca.vec(slopes_after))
         inputs = [state, row, ca.vertcat(x, transition)]
         one = ca.Function("residual", inputs, [ca.densify(following), ca.densify(values)], {"cse": True})
-        self._chain = one.mapaccum("residuals", _BLOCK, [0], [0])
+        self._chain: Any = one.mapaccum("residuals", _BLOCK, [0], [0])
         self._width = 1 + free
         self._state = np.zeros(count * (1 + free))
         self._rows = np.zeros((_BLOCK, _COLUMNS))
         self._x = np.zeros((_BLOCK, residual.parameters + 1))
         self._states = np.zeros((_BLOCK, len(self._state)))
         self._values = np.zeros((_BLOCK, self._width))
+        self._buffer: Any
         self._buffer, self._trigger = self._chain.buffer()
         for i, array in enumerate((self._state, self._rows, self._x)):
             self._buffer.set_arg(i, memoryview(array.data))

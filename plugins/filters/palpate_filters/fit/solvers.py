@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +42,8 @@ def solve_trf(residual: Residual, unknowns: Unknowns, record: Record, x: Floats,
     if not free:
         return Solution(x, 0.5 * float(seen.triangle(x[free])[-1, -1] ** 2), 1, True)
     scale = _scales(seen.triangle(x[free]), x[free])
-    found = least_squares(
+    solve: Any = least_squares  # its annotations know no function for the Jacobian
+    found = solve(
         lambda p: seen.triangle(p * scale)[:, -1],
         _strictly_inside(x[free], low, high) / scale,
         lambda p: seen.triangle(p * scale)[:, :-1] * scale,
@@ -130,7 +132,7 @@ def solve_varpro(residual: Residual, unknowns: Unknowns, record: Record, x: Floa
 
 
 def solve_ipopt(residual: Residual, unknowns: Unknowns, record: Record, x: Floats, loss: Loss) -> Solution:
-    """Interior point with exact Hessian (Waechter and Biegler 2006; IPOPT through CasADi), losses and bounds as given."""
+    """Interior point with exact Hessian (Waechter and Biegler 2006; IPOPT through CasADi)."""
     import casadi as ca
 
     if len(record) > _LARGEST_IPOPT:
@@ -142,14 +144,20 @@ def solve_ipopt(residual: Residual, unknowns: Unknowns, record: Record, x: Float
     row, all_x = ca.SX.sym("w", record.columns.shape[1]), ca.SX.sym("x", len(x))
     error = row[5] * (reading(residual.model, ca.vertsplit(all_x), ca.vertsplit(row), record.transition) - row[3])
     one = ca.Function("loss", [row, all_x], [_symbolic_loss(error, loss)])
-    step = ca.MX.sym("p", len(free))
-    parameters = ca.MX(ca.DM(x))
+    step: Any = ca.MX.sym("p", len(free))
+    parameters: Any = ca.MX(ca.DM(x))
     for j, place in enumerate(free):
         parameters[place] = x[place] + scale[j] * step[j]
     total = 0.5 * ca.sum2(one.map("losses", "serial", len(record), [1], [])(ca.DM(record.columns.T), parameters))
-    quiet = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": 0, "ipopt.tol": 1e-10, "error_on_fail": False}
+    quiet: Any = {
+        "ipopt.print_level": 0,
+        "ipopt.sb": "yes",
+        "print_time": 0,
+        "ipopt.tol": 1e-10,
+        "error_on_fail": False,
+    }
     total = total / max(float(triangle[-1, -1]) ** 2, 1e-300)
-    solver = ca.nlpsol("fit", "ipopt", {"x": step, "f": total}, quiet)
+    solver: Any = ca.nlpsol("fit", "ipopt", {"x": step, "f": total}, quiet)
     lower, upper = ((edge - x[free]) / scale for edge in (low, high))
     found = solver(x0=0, lbx=ca.DM(lower), ubx=ca.DM(upper))
     full = x.copy()
@@ -159,7 +167,7 @@ def solve_ipopt(residual: Residual, unknowns: Unknowns, record: Record, x: Float
     return Solution(full, cost, int(stats["iter_count"]), bool(stats["success"]))
 
 
-def _symbolic_loss(error: object, loss: Loss) -> object:
+def _symbolic_loss(error: Any, loss: Loss) -> Any:
     import casadi as ca
 
     size = ca.fabs(error) / loss.scale

@@ -125,14 +125,16 @@ class FitTracker:
         points: dict[str, ContactPoint],
         notes: list[str],
     ) -> Unknowns:
-        """The unknowns with what only the record can say: whether the bias can be told, and where the surface may be."""
+        """The unknowns with what only the record can say: whether it tells the bias, where the surface may be."""
         settings, unknowns = self._settings, self._unknowns
         air = int(np.count_nonzero(rows & ~samples.contact))
         if settings.unknowns is None and "bias" not in settings.fixed and air > _AIR_SHARE * np.count_nonzero(rows):
             unknowns = unknowns.changed("bias", free=True)
         if settings.contact_point != "free":
             if settings.contact_point not in points:
-                raise NotFitted("not-fitted", f'contact_point "{settings.contact_point}" finds no surface in this record')
+                raise NotFitted(
+                    "not-fitted", f'contact_point "{settings.contact_point}" finds no surface in this record'
+                )
             unknowns = unknowns.changed("surface", free=False, value=points[settings.contact_point].surface)
         elif settings.force_uncertainty is not None:
             unknowns = self._constrained(unknowns, approach, settings.force_uncertainty, notes)
@@ -141,18 +143,22 @@ class FitTracker:
     @staticmethod
     def _constrained(unknowns: Unknowns, approach: Approach | None, limit: float, notes: list[str]) -> Unknowns:
         if approach is None:
-            notes.append("force-constraint-unused: the record has no approach through air that force_uncertainty could use")
+            notes.append(
+                "force-constraint-unused: the record has no approach through air that force_uncertainty could use"
+            )
             return unknowns
         mean, std = float(approach.force[: approach.air].mean()), approach.noise / np.sqrt(approach.air)
         if limit < abs(mean) + 3.0 * std:
             notes.append(
-                f"force-constraint-tight: force_uncertainty of {limit:.3g} N is less than what the force is off in air, "
+                f"force-constraint-tight: force_uncertainty of {limit:.3g} N is less than the force is off in air, "
                 f"{mean:+.3g} N, and 3 sigma of its mean, {3 * std:.2g} N"
             )
         lowest = constrained_surface(approach, limit)
         item = unknowns.items[unknowns.index("surface")]
         if lowest >= item.upper:
-            raise NotFitted("not-fitted", "bounds of the surface and force_uncertainty contradict each other in this record")
+            raise NotFitted(
+                "not-fitted", "bounds of the surface and force_uncertainty contradict each other in this record"
+            )
         return unknowns.changed("surface", lower=max(item.lower, lowest))
 
     def _record(self, samples: Samples, rows: Rows, motion: Motion, approach: Approach | None) -> Record:
@@ -176,11 +182,15 @@ class FitTracker:
     ) -> tuple[str, Solution]:
         wanted = self._settings.solver
         others = [unknowns.names[place] for place in unknowns.free if place not in linear]
-        projects = loss.kind == "linear" and set(others) <= {"surface"} and bool(linear) and not self._problem.model.memory
+        projects = (
+            loss.kind == "linear" and set(others) <= {"surface"} and bool(linear) and not self._problem.model.memory
+        )
         if wanted == "varpro":
             if not projects:
                 names = " and ".join(name for name in others if name != "surface") or "nothing"
-                raise NotFitted("not-fitted", f'solver "varpro" needs a linear model, but {names} does not enter linearly')
+                raise NotFitted(
+                    "not-fitted", f'solver "varpro" needs a linear model, but {names} does not enter linearly'
+                )
             return wanted, solve_varpro(self._residual(linear), unknowns, record, x, linear)
         if wanted == "ipopt":
             return wanted, solve_ipopt(residual, unknowns, record, x, loss)
@@ -200,8 +210,10 @@ def _without_saturation(samples: Samples, rows: Rows, notes: list[str]) -> Rows:
     standing = rows & (samples.force == top)
     if np.count_nonzero(standing) < _STANDS:
         return rows
-    notes.append(f"saturated: the force stands at {top:.5g} N in {np.count_nonzero(standing)} samples, which are left out")
-    return rows & ~standing
+    notes.append(
+        f"saturated: the force stands at {top:.5g} N in {np.count_nonzero(standing)} samples, which are left out"
+    )
+    return np.asarray(rows & ~standing)
 
 
 def _by_depth(height: Floats) -> Floats:
@@ -209,5 +221,3 @@ def _by_depth(height: Floats) -> Floats:
     place = np.clip((height - height.min()) / max(float(np.ptp(height)), 1e-300) * 50, 0, 49).astype(int)
     weight = 1.0 / np.sqrt(np.bincount(place, minlength=50)[place])
     return np.asarray(weight / np.sqrt(np.mean(weight**2)))
-
-

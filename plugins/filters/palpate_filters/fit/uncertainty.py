@@ -13,6 +13,7 @@ from palpate_filters.fit.residual import Record, Residual
 Floats = NDArray[np.float64]
 
 _MOST = 200_000  # rows that the correlation sums run over; longer records are added up in pieces before
+_MOST_TAKEN = 0.6  # of the sum of the autocorrelation; more cannot be made good
 _SPAN = 5.0  # the correlation is summed up to so many of its own times (Sokal 1997)
 
 
@@ -34,19 +35,18 @@ def scatter(residual: Residual, record: Record, x: Floats, loss: Loss) -> Scatte
     """Sandwich covariance A^-1 S A^-1, A = sum psi' J J^T, S = sum over pairs of gamma(i - j) J_i J_j^T.
 
     gamma is the autocovariance of the residuals, summed as far as it reaches; the white-noise formula is the case that
-    gamma vanishes between samples. Corrected for the fitted parameters by n/(n - p) with the effective n.
+    gamma vanishes between samples.
     """
     pieces = _collect(residual, record, x, loss)
     p = len(residual.free)
-    gamma, reach = _autocovariance(pieces.errors)
+    gamma, reach = _autocovariance(pieces.errors, p)
     inverse = scaled_inverse(pieces.normal)
     middle = _pair_sum(pieces.slopes, gamma, reach)
     if np.any(np.diag(middle) < 0) or np.any(np.diag(inverse @ middle @ inverse) < 0):
         middle = _pair_sum(pieces.slopes, gamma, reach, tapered=True)
     time = max(_long_run(gamma, reach) / gamma[0], 0.05) * pieces.size if gamma[0] > 0 else 1.0
     effective = min(pieces.samples / time, float(pieces.samples))
-    spare = max(effective - p, 1.0)
-    covariance = inverse @ middle @ inverse * (effective / spare)
+    covariance = inverse @ middle @ inverse
     return Scatter(
         covariance, inverse, pieces.samples, effective, time, pieces.first_correlation, pieces.rss, pieces.noise
     )
@@ -94,19 +94,26 @@ def _collect(residual: Residual, record: Record, x: Floats, loss: Loss) -> _Piec
     return _Pieces(np.concatenate(errors), np.concatenate(slopes), normal, size, samples, rss, first, noise)
 
 
-def _autocovariance(errors: Floats) -> tuple[Floats, int]:
-    """Autocovariance (m // 4 + 1,), and the lag up to which it is more than noise (Sokal's window)."""
+def _autocovariance(errors: Floats, fitted: int) -> tuple[Floats, int]:
+    """Autocovariance (m // 4 + 1,), and the lag up to which it is more than noise (Sokal's window).
+
+    A fit takes from its residuals what it can follow: with p parameters each lag is too small by p/m of the sum over
+    all lags. That sum over the window is then too small by a factor 1 - p K/m, K the window's area, which is made good.
+    """
     from scipy.fft import irfft, next_fast_len, rfft
 
     m = len(errors)
     length = next_fast_len(2 * m)
-    spectrum = rfft(errors, length)
-    gamma: Floats = irfft(np.abs(spectrum) ** 2, length)[: max(m // 4, 1) + 1] / m
+    spectrum = np.asarray(rfft(errors, length))
+    gamma: Floats = np.asarray(irfft(np.abs(spectrum) ** 2, length))[: max(m // 4, 1) + 1] / m
     if gamma[0] <= 0:
         return gamma, 0
     time = 1.0 + 2.0 * np.cumsum(gamma[1:]) / gamma[0]
     enough = np.flatnonzero(np.arange(1, len(gamma)) >= _SPAN * time)
-    return gamma, int(enough[0]) + 1 if len(enough) else len(gamma) - 1
+    reach = int(enough[0]) + 1 if len(enough) else len(gamma) - 1
+    area = 2.0 * float(_weights(reach, len(gamma)).sum()) - 1.0
+    taken = fitted / m * max(_long_run(gamma, reach), 0.0) / (1.0 - min(fitted * area / m, _MOST_TAKEN))
+    return gamma + taken, reach
 
 
 def _weights(reach: int, most: int, tapered: bool = False) -> Floats:
@@ -147,5 +154,5 @@ def scaled_inverse(normal: Floats) -> Floats:
 def mean_uncertainty(values: Floats) -> float:
     """Standard uncertainty of the mean of correlated values (n,), as values."""
     centred = values - values.mean()
-    gamma, reach = _autocovariance(centred)
+    gamma, reach = _autocovariance(centred, 1)
     return float(np.sqrt(max(_long_run(gamma, reach), gamma[0] * 0.05) / len(values)))

@@ -74,7 +74,7 @@ def unknowns_of(
     """The unknowns of a model under the settings; raises ConfigurationError where they contradict each other."""
     units = {p.name: p.unit for p in model.parameters} | dict(zip(EXTRAS, _EXTRA_UNITS, strict=True))
     limits = {p.name: (p.lower, p.upper) for p in model.parameters}
-    limits |= {name: (-np.inf, np.inf) for name in EXTRAS} | {"tip_mass": (0.0, np.inf)}
+    limits |= dict.fromkeys(EXTRAS, (-np.inf, np.inf)) | {"tip_mass": (0.0, np.inf)}
     limits["delay"] = (-_LONGEST_DELAY, _LONGEST_DELAY)
     for table, given in (("fixed", fixed), ("start_at", guesses), ("bounds", bounds)):
         for name in given:
@@ -104,7 +104,9 @@ def _limits(name: str, unit: str, usual: tuple[float, float], bounds: Mapping[st
     if low >= high:
         _refuse(f"bounds: {name} from {low:g} to {high:g} {unit} leaves nothing: the first must be the smaller")
     if high < usual[0] or low > usual[1]:
-        _refuse(f"bounds: {name} from {low:g} to {high:g} {unit} is outside what is possible, {usual[0]:g} to {usual[1]:g}")
+        _refuse(
+            f"bounds: {name} from {low:g} to {high:g} {unit} is outside what is possible, {usual[0]:g} to {usual[1]:g}"
+        )
     return max(low, usual[0]), min(high, usual[1])
 
 
