@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -133,6 +133,13 @@ def solve_varpro(residual: Residual, unknowns: Unknowns, record: Record, x: Floa
 
 def solve_ipopt(residual: Residual, unknowns: Unknowns, record: Record, x: Floats, loss: Loss) -> Solution:
     """Interior point with exact Hessian (Waechter and Biegler 2006; IPOPT through CasADi)."""
+    return build_ipopt(residual, unknowns, record, x, loss)()
+
+
+def build_ipopt(
+    residual: Residual, unknowns: Unknowns, record: Record, x: Floats, loss: Loss
+) -> Callable[[], Solution]:
+    """The problem as a graph over all samples, and what solves it from `x`; raises NotFitted for too many samples."""
     import casadi as ca
 
     if len(record) > _LARGEST_IPOPT:
@@ -148,23 +155,21 @@ def solve_ipopt(residual: Residual, unknowns: Unknowns, record: Record, x: Float
     parameters: Any = ca.MX(ca.DM(x))
     for j, place in enumerate(free):
         parameters[place] = x[place] + scale[j] * step[j]
-    total = 0.5 * ca.sum2(one.map("losses", "serial", len(record), [1], [])(ca.DM(record.columns.T), parameters))
-    quiet: Any = {
-        "ipopt.print_level": 0,
-        "ipopt.sb": "yes",
-        "print_time": 0,
-        "ipopt.tol": 1e-10,
-        "error_on_fail": False,
-    }
-    total = total / max(float(triangle[-1, -1]) ** 2, 1e-300)
-    solver: Any = ca.nlpsol("fit", "ipopt", {"x": step, "f": total}, quiet)
+    total = ca.sum2(one.map("losses", "serial", len(record), [1], [])(ca.DM(record.columns.T), parameters))
+    quiet: Any = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": 0, "ipopt.tol": 1e-10, "error_on_fail": False}
+    problem: Any = {"x": step, "f": 0.5 * total / max(float(triangle[-1, -1]) ** 2, 1e-300)}
+    solver: Any = ca.nlpsol("fit", "ipopt", problem, quiet)
     lower, upper = ((edge - x[free]) / scale for edge in (low, high))
-    found = solver(x0=0, lbx=ca.DM(lower), ubx=ca.DM(upper))
-    full = x.copy()
-    full[free] = np.clip(x[free] + scale * np.array(found["x"]).ravel(), low, high)
-    stats = solver.stats()
-    cost = 0.5 * float(residual.triangle(record, full, loss)[:, -1] @ residual.triangle(record, full, loss)[:, -1])
-    return Solution(full, cost, int(stats["iter_count"]), bool(stats["success"]))
+
+    def solve() -> Solution:
+        found = solver(x0=0, lbx=ca.DM(lower), ubx=ca.DM(upper))
+        full = x.copy()
+        full[free] = np.clip(x[free] + scale * np.array(found["x"]).ravel(), low, high)
+        stats = solver.stats()
+        left = residual.triangle(record, full, loss)[:, -1]
+        return Solution(full, 0.5 * float(left @ left), int(stats["iter_count"]), bool(stats["success"]))
+
+    return solve
 
 
 def _symbolic_loss(error: Any, loss: Loss) -> Any:
