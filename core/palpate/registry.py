@@ -19,6 +19,8 @@ from palpate import hooks
 from palpate.errors import PluginError
 from palpate.parts import Part
 
+_SHOWN = 12  # names in a message
+
 
 @dataclass(frozen=True)
 class Plugin:
@@ -59,9 +61,10 @@ class Registry:
 def suggest(given: str, allowed: Iterable[str]) -> str:
     """``; did you mean 'x'? (there are: x, y)`` for messages about an unknown name."""
     names = sorted(allowed)
-    close = get_close_matches(given, names, n=1, cutoff=0.6)
+    close = get_close_matches(given, names, n=_SHOWN, cutoff=0.6)
     meant = f"; did you mean {close[0]!r}?" if close else ""
-    return f"{meant} (there {'is' if len(names) == 1 else 'are'}: {', '.join(names) or 'none'})"
+    shown = names if len(names) <= _SHOWN else [*(close or names[:_SHOWN]), "..."]
+    return f"{meant} (there {'is' if len(names) == 1 else 'are'}: {', '.join(shown) or 'none'})"
 
 
 def load(files: Iterable[Path] = ()) -> Registry:

@@ -29,6 +29,7 @@ class Builder:
         self._registry = registry
         self._context = {"base": base}
         self._built: dict[Location, Part | None] = {}
+        self._begun: set[Location] = set()  # parts that are being built: one that needs such a part needs itself
 
     def parts(self, kind: str) -> dict[str, Any]:
         """Every part of a kind that the file names and that is in order."""
@@ -57,9 +58,11 @@ class Builder:
     def _named(self, kind: str, name: str) -> Part | None:
         location = (kind, name)
         if location not in self._built:
-            self._built[location] = None  # a part that needs itself finds nothing
+            self._built[location] = None
+            self._begun.add(location)
             with suppress(_Broken):
                 self._built[location] = self._part(kind, self._tables[kind][name], location)
+            self._begun.remove(location)
         return self._built[location]
 
     def _part(self, kind: str, table: Any, location: Location) -> Part:
@@ -78,23 +81,21 @@ class Builder:
         return built
 
     def _validated(self, settings: type[Settings], table: Any, location: Location) -> Settings:
-        broken = False
+        broken = set()
         if isinstance(table, dict):
             table = dict(table)
-            for name, field in settings.model_fields.items():
-                if name not in table:
-                    continue
+            for name in settings.model_fields.keys() & table.keys():
                 try:
-                    table[name] = self._inner(field.annotation, table[name], (*location, name))
+                    table[name] = self._inner(settings.model_fields[name].annotation, table[name], (*location, name))
                 except _Broken:
-                    broken = True
+                    broken.add((*location, name))
                     del table[name]
         try:
             return settings.model_validate(table, context=self._context)
         except ValidationError as error:
+            # That a broken inner table is missing now is no mistake of its own.
             found = mistakes_of(error, settings, location)
-            noted = {mistake.location for mistake in self.mistakes}
-            self.mistakes += [m for m in found if not (broken and _covered(m.location, noted))]
+            self.mistakes += [mistake for mistake in found if mistake.location not in broken]
             raise _Broken from error
         except PalpateError as error:  # a part that looks into its file
             self._note(location, str(error))
@@ -113,19 +114,15 @@ class Builder:
             if not isinstance(names, dict) or value not in names:
                 self._note(location, f"there is no [{kind}.{value}]{suggest(value, names)}")
                 raise _Broken
+            if (kind, value) in self._begun:
+                self._note(location, f"[{kind}.{value}] needs itself")
+                raise _Broken
             part = self._named(kind, value)
             if part is None:
-                if (kind, value) not in {m.location[:2] for m in self.mistakes}:
-                    self._note(location, f"[{kind}.{value}] needs itself")
                 raise _Broken
             return part
         self._note(location, f"must name a [{kind}.*] table or be one")
         raise _Broken
-
-
-def _covered(location: Location, noted: set[Location]) -> bool:
-    """Whether a mistake only says that a broken inner part is missing, of which the inner mistakes speak."""
-    return any(other[: len(location)] == location for other in noted) or location in noted
 
 
 def unknown_tables(tables: dict[str, Any]) -> list[Mistake]:

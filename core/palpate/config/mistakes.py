@@ -59,28 +59,39 @@ def _is_branch(step: int | str) -> bool:
     return isinstance(step, str) and ("[" in step or step in ("float", "constrained-str", "Signal"))
 
 
+_WORDS = {
+    "int": "a whole number",
+    "float": "a number",
+    "bool": "true or false",
+    "string": "a text",
+    "dict": "a table",
+    "model": "a table",
+    "tuple": "a list",
+    "path": "a path",
+}
+
+
 def _problem(detail: ErrorDetails, settings: type[BaseModel], inner: Location) -> str:
-    given = detail["input"]
-    match detail["type"]:
-        case "missing":
-            return f"is missing ({_meaning(settings, inner)})"
-        case "extra_forbidden":
-            return f"unknown key {inner[-1]!r}{suggest(inner[-1], _fields(settings, inner[:-1]))}"
-        case "literal_error":
-            allowed = [
-                word.strip().strip("'")
-                for word in detail.get("ctx", {}).get("expected", "").replace(" or ", ",").split(",")
-            ]
-            return f"{given!r} is not allowed{suggest(str(given), allowed)}"
-        case "quantity" | "tare" | "value_error":
-            return str(detail["msg"]).removeprefix("Value error, ")
-    return f"{_shown(given)}: {detail['msg'][0].lower()}{detail['msg'][1:].removeprefix('Input')}".replace(
-        "input should be", "must be"
-    )
+    given, kind = detail["input"], detail["type"]
+    if kind == "missing":
+        return f"is missing ({_meaning(settings, inner)})"
+    if kind == "extra_forbidden":
+        return f"unknown key {inner[-1]!r}{suggest(inner[-1], _fields(settings, inner[:-1]))}"
+    if kind == "literal_error":
+        expected = str(detail.get("ctx", {}).get("expected", "")).replace(" or ", ",").split(",")
+        allowed = [word.strip().strip("'") for word in expected]
+        return f"{_shown(given)} is not allowed{suggest(str(given), allowed)}"
+    if kind in ("quantity", "tare", "value_error"):
+        return detail["msg"].removeprefix("Value error, ")
+    word = _WORDS.get(kind.split("_")[0])
+    if word is not None and kind.endswith(("_type", "_from_float", "_parsing")):
+        return f"must be {word}, not {_shown(given)}"
+    return f"{_shown(given)}: {detail['msg'].replace('Input should', 'must')}"
 
 
 def _shown(given: Any) -> str:
-    text = repr(given)
+    """What was given, as TOML writes it."""
+    text = str(given).lower() if isinstance(given, bool) else repr(given)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 

@@ -45,7 +45,7 @@ class Source:
             raise ConfigurationError(f"--set {assignment}: write table.key=value, such as estimator.ekf.force_std=0.1")
         table: Any = self.tables
         for i, key in enumerate(keys[:-1]):
-            if isinstance(table.get(key), str):  # a signal in its short form
+            if keys[0] == "alignment" and isinstance(table.get(key), str):  # a signal in its short form
                 table[key] = {"channel": table[key]}
             table = table.setdefault(key, {})
             if not isinstance(table, dict):

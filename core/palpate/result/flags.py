@@ -17,6 +17,8 @@ _NIS_RANGE = (0.5, 1.6)  # of the mean over the last second; 0.9 to 1.1 would be
 _PAPER_NOISE = 0.05  # [N]
 _WEAK = 5.0  # the force must swing by more than so many standard deviations of its noise
 _SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the one that the first touch says
+_LATE = 1e-3  # [s] of the velocity against the position
+_AIR = 0.05  # [N] before the first touch
 _STUCK = 0.1  # [s] of exactly equal readings
 
 Flag = str
@@ -53,8 +55,15 @@ def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Ite
         yield flag("missing-force", f"{report.missing_force} of {report.samples} samples have no force")
     if report.missing_velocity > 1:
         yield flag("missing-velocity", f"{report.missing_velocity} of {report.samples} samples have no velocity")
+    if report.velocity_delay is not None:
+        late, uncertainty = report.velocity_delay
+        if abs(late) > max(_LATE, 5 * uncertainty):
+            what = f"the velocity is {1e3 * late:.2g} ms late against the position: filtered, or of another clock"
+            yield flag("velocity-late", what)
     if settings.tare == "free-air" and (report.tare is None or report.tare.noise is None):
         yield flag("no-tare", "the record is too short, or has no force, for a tare in free air")
+    if report.air_force is not None and abs(report.air_force) > _AIR:
+        yield flag("untared", f"before the first touch the force is {report.air_force:+.2g} N, where it should be none")
     if report.touches > 1:
         yield flag("touched-again", f"contact was lost and found again {report.touches - 1} times")
 
@@ -108,23 +117,17 @@ def _bound_flags(last: Tail, model: ContactModel) -> Iterator[Flag]:
 
 
 def _convergence_flags(tail: Tail, last: Tail, model: ContactModel, average: float, tracked: float) -> Iterator[Flag]:
-    """Whether the estimates have come to rest.
-
-    The error of these filters dies away like a power of time, E(t) = E + c/t^p, so that time times slope is p times
-    what is left of it, whatever c is. The filter's own standard deviation knows nothing of that.
-    """
+    """Whether the estimates have come to rest, and the innovations are as large as the filter expects."""
     if tracked < 2 * average or len(tail.time) < 10:
         yield flag("not-converged", f"only {tracked:.2g} s were tracked")
         return
     moving = []
     for column, parameter in enumerate(model.parameters):
-        value = float(last.values[:, column].mean())
-        slope = float(np.polyfit(tail.time - tail.time[0], tail.values[:, column], 1)[0])
-        limit = max(_STILL_MOVING * abs(value), 3.0 * float(last.std[-1, column]))
-        if abs(slope) * tracked > limit:
-            moving.append(f"{parameter.name} moves by {100 * slope / abs(value):+.2f} % a second")
+        value, rest = float(last.values[:, column].mean()), float(tail.unsettled(tail.values, tracked)[column])
+        if rest > max(_STILL_MOVING * abs(value), 3.0 * float(last.std[-1, column])):
+            moving.append(f"{parameter.name} by {100 * rest / tracked / abs(value):.2f} % a second")
     if moving:
-        yield flag("not-converged", f"after {tracked:.3g} s {' and '.join(moving)}: the std is too small")
+        yield flag("not-converged", f"still moving after {tracked:.3g} s: {', '.join(moving)}")
     nis = float(np.nanmean(last.nis)) if np.isfinite(last.nis).any() else float("nan")
     if not np.isnan(nis) and not _NIS_RANGE[0] <= nis <= _NIS_RANGE[1]:
         yield flag(

@@ -21,19 +21,21 @@ class Found:
     value: float
     std: float  # standard deviation, as the estimator believes it
     unit: str
+    settling: float = 0.0  # standard uncertainty from an estimate that has not come to rest
     systematic: float | None = None  # standard uncertainty from the declared timing; None where undeclared or none
     per_shear: float | None = None  # [s] shift of timing that would explain the value: eta/G
 
     @property
     def combined(self) -> float:
-        """Standard uncertainty of random and systematic parts together."""
-        return math.hypot(self.std, self.systematic or 0.0)
+        """Standard uncertainty of all parts together."""
+        return math.hypot(self.std, self.settling, self.systematic or 0.0)
 
     def table(self) -> dict[str, Any]:
         """As in ``result.json``; what is not a finite number becomes null."""
-        known = {"value": self.value, "std": self.std, "unit": self.unit}
+        known: dict[str, Any] = {"value": self.value, "std": self.std, "unit": self.unit, "settling": self.settling}
         if self.systematic is not None:
-            known |= {"systematic": self.systematic, "combined": self.combined}
+            known["systematic"] = self.systematic
+        known["combined"] = self.combined
         if self.per_shear is not None:
             known["equivalent_delay"] = self.per_shear
         return {key: finite(value) for key, value in known.items()}
@@ -110,6 +112,9 @@ def track_result(
     else:
         last = tail.since(float(tail.time[-1]) - average)
         values, std = last.values.mean(axis=0), last.std[-1]
+        # What is left of the way lies between nothing and this: a rectangular distribution.
+        tracked = record.tracked if online else 0.0
+        rest = tail.unsettled(tail.values, tracked)
         timing = timing_uncertainty(settings)
         # A fit that looks for the delay itself has the declared timing in its std already.
         added = None if record.details.get("timing_included") else timing
@@ -120,12 +125,16 @@ def track_result(
                 float(value),
                 float(deviation),
                 p.unit,
+                float(settling),
                 abs(shift) * added if shift and added is not None else None,
                 float(value / abs(shift)) if shift else None,
             )
-            for p, value, deviation, shift in zip(model.parameters, values, std, shifts, strict=True)
+            for p, value, deviation, settling, shift in zip(
+                model.parameters, values, std, rest / math.sqrt(3), shifts, strict=True
+            )
         }
-        surface = Found(float(last.surface.mean()), float(last.surface_std[-1]), "m")
+        way = float(tail.unsettled(tail.surface[:, None], tracked)[0]) / math.sqrt(3)
+        surface = Found(float(last.surface.mean()), float(last.surface_std[-1]), "m", way)
         rms = last.force_rms(settings.tip_mass or 0.0)
         seen = last.nis[last.nis == last.nis]
         nis = float(seen.mean()) if len(seen) else nothing

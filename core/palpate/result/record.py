@@ -35,6 +35,19 @@ class Tail:
         rows = self.time >= begin
         return Tail(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
+    def unsettled(self, values: Floats, tracked: float) -> Floats:
+        """Time tracked [s] times slope of each column of values (n, k): what may be left of its way to rest (k,).
+
+        The error of a filter that settles dies away like a power of time, x(t) = x + c/t^p, so that this is p times
+        what is left of it, whatever c is. The filter's own standard deviation knows nothing of that.
+        """
+        if len(self.time) < 10:
+            return np.zeros(values.shape[1])
+        # Sums, not a linear solve: libraries for that do not promise the same bits twice.
+        since = (self.time - self.time.mean())[:, None]
+        slopes = (since * (values - values.mean(axis=0))).sum(axis=0) / (since**2).sum()
+        return np.asarray(np.abs(slopes) * tracked)
+
     def force_rms(self, tip_mass: float) -> float:
         """RMS [N] of measured force less inertia of the tip less the model's force; NaN where it cannot be told."""
         n = _SLOPE_SAMPLES
@@ -61,7 +74,7 @@ class TrackRecord:
 
     keep: float  # [s] of tail
     samples: int = 0  # tracked
-    tracked: float = 0.0  # [s]
+    nanoseconds: int = 0  # tracked [ns]; whole numbers add up to the same sum in any order
     seconds: float = 0.0  # of computing
     marks: dict[Status, int] = field(default_factory=lambda: dict.fromkeys(Status, 0))
     details: Mapping[str, Any] = field(default_factory=dict)  # of the latest block that had any
@@ -79,11 +92,16 @@ class TrackRecord:
         if not rows.any():
             return
         self.samples += int(np.count_nonzero(rows))
-        self.tracked += float(samples.interval[rows].sum())
+        self.nanoseconds += int(np.rint(samples.interval[rows] * 1e9).astype(np.int64).sum())
         columns = (estimates.values, estimates.std, estimates.surface, estimates.surface_std, estimates.force)
         kept = [column[rows] for column in (samples.time, samples.force, samples.velocity, *columns, estimates.nis)]
         self._blocks.append(Tail(*kept))
         self._forget(float(samples.time[rows][-1]) - self.keep)
+
+    @property
+    def tracked(self) -> float:
+        """How long the track has tracked [s]."""
+        return self.nanoseconds / 1e9
 
     def _forget(self, before: float) -> None:
         while len(self._blocks) > 1 and self._blocks[0].time[-1] < before:

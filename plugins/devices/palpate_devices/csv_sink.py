@@ -16,7 +16,7 @@ _HEADER = ["time_s", "force_N", "position_m", "velocity_m_s", "contact", "active
 class CsvSink(Sink):
     """Writes the aligned samples, one row each, with a header that names the units."""
 
-    file: str = Field(default="samples.csv", min_length=1, description="name of the file within the run folder")
+    file: str = Field(default="samples.csv", pattern=r"^[^/]+$", description="name of the file within the run folder")
 
     def open(self, run: Run) -> AbstractContextManager[Writer]:
         """A writer of the samples; raises OutputError where the file cannot be made."""

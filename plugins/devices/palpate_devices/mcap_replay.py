@@ -66,6 +66,18 @@ class McapReplay(Device):
         with self.file.open("rb") as file:
             return {"file": str(self.file), "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
 
+    @property
+    def duration(self) -> float | None:
+        """From the first message to the last [s], where the log's own statistics say it."""
+        from mcap.reader import make_reader
+
+        if not self._is_whole:
+            return None
+        with self.file.open("rb") as file:
+            summary = make_reader(file).get_summary()
+        statistics = summary.statistics if summary is not None else None
+        return (statistics.message_end_time - statistics.message_start_time) / 1e9 if statistics is not None else None
+
     def connect(self, seed: int) -> AbstractContextManager[Link]:
         """The open log."""
         return self._connected()

@@ -30,7 +30,7 @@ class McapSink(Sink):
     synced once a second, so that it opens up to the last moment after a crash.
     """
 
-    file: str = Field(default="log.mcap", min_length=1, description="name of the file within the run folder")
+    file: str = Field(default="log.mcap", pattern=r"^[^/]+$", description="name of the file within the run folder")
 
     def open(self, run: Run) -> AbstractContextManager[Writer]:
         """A writer of the whole run; raises OutputError where the file cannot be made or the disk is full."""

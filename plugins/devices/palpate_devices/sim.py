@@ -63,13 +63,20 @@ class Specimen(Settings):
     def _in_si(cls, given: Any, info: ValidationInfo) -> Any:
         model = info.data.get("model")
         if model is None or not isinstance(given, dict):
-            return given
+            return {}
         names = {parameter.name: parameter.unit for parameter in model.parameters}
         for name in (*given, *names):
             if name not in names or name not in given:
                 problem = "is unknown" if name in given else "is missing"
                 raise ValueError(f"parameter {name!r} {problem}; the specimen's model has: {', '.join(names)}")
-        return {name: to_si(given[name], unit) for name, unit in names.items()}
+        return {name: _quantity(name, given[name], unit) for name, unit in names.items()}
+
+
+def _quantity(name: str, given: Any, unit: str) -> float:
+    try:
+        return to_si(given, unit)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from error
 
 
 class SimulatedRig(Device):

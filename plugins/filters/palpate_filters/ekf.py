@@ -63,8 +63,7 @@ class ExtendedKalmanFilter(Estimator):
         """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
         if problem.tip_mass is None:
             raise ConfigurationError(
-                "estimator ekf: the tip's mass is not declared; this filter needs it: set [alignment] tip_mass, "
-                'such as "140 g"'
+                'the tip\'s mass is not declared; this filter needs it: set [alignment] tip_mass, such as "140 g"'
             )
         guess, spread = self._first_guess(problem.model)
         start = np.array([self.start_depth, 0.0, *guess])
@@ -98,9 +97,9 @@ def _given(table: dict[str, Any], name: str, unit: str, default: float | None) -
         try:
             return to_si(table[name], unit)
         except ValueError as error:
-            raise ConfigurationError(f"estimator ekf: first guess of {name}: {error}") from error
+            raise ConfigurationError(f"first guess of {name}: {error}") from error
     if default is None:
-        raise ConfigurationError(f"estimator ekf: {name} needs a first_guess and a first_guess_std")
+        raise ConfigurationError(f"{name} needs a first_guess and a first_guess_std")
     return default
 
 
@@ -108,4 +107,4 @@ def _refuse_unknown(given: set[str], model: ContactModel) -> None:
     names = [parameter.name for parameter in model.parameters]
     unknown = sorted(given - set(names))
     if unknown:
-        raise ConfigurationError(f"estimator ekf: first guess of {unknown[0]}: the model has {', '.join(names)}")
+        raise ConfigurationError(f"first guess of {unknown[0]}: the model has {', '.join(names)}")

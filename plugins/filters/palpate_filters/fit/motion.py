@@ -25,7 +25,6 @@ class Motion:
     rate: Floats  # (n,) d' [m/s]
     acceleration: Floats  # (n,) d'' [m/s^2]
     window: float  # [s] of the local polynomial
-    velocity_delay: float | None  # [s] that the recorded velocity lags the recorded position; None where it cannot tell
 
 
 def zero_phase_motion(samples: Samples, window: float | None) -> Motion:
@@ -91,7 +90,7 @@ def _motion(samples: Samples, interval: float, width: int) -> Motion:
         smooth[rows] = _smoothed(np.where(np.isfinite(velocity), velocity, slope[rows]), fitting, 0)
         acceleration[rows] = _smoothed((1 - share) * slope[rows] + share * smooth[rows], fitting, 1) / step
     rate = (1 - share) * slope + share * smooth
-    return Motion(-rate, -acceleration, width * interval, _lag(smooth - slope, acceleration, variances))
+    return Motion(-rate, -acceleration, width * interval)
 
 
 def _smoothed(values: Floats, width: int, derivative: int) -> Floats:
@@ -107,13 +106,3 @@ def _stretches(intervals: Floats, usual: float) -> Iterator[slice]:
     for first, last in zip([0, *cuts], [*cuts, len(intervals)], strict=True):
         if last > first:
             yield slice(int(first), int(last))
-
-
-def _lag(apart: Floats, acceleration: Floats, variances: tuple[float, float]) -> float | None:
-    """Delay [s] of the velocity behind the position: v_late = v - tau a, by regression; None where it is noise."""
-    power = float(acceleration @ acceleration)
-    spread = np.sqrt(sum(variances))
-    if power <= 0 or not np.isfinite(spread):
-        return None
-    lag = -float(apart @ acceleration) / power
-    return lag if abs(lag) > 5.0 * spread * np.sqrt(10.0 / power) else None

@@ -24,7 +24,6 @@ Floats = NDArray[np.float64]
 _MISFIT = 2.0  # RMS of the residual against its white noise
 _LONG_CORRELATION = 50.0  # samples
 _AT_EDGE = 1e-3  # standard deviations
-_VELOCITY_DELAY = 2e-3  # [s]
 _USELESS = 0.5  # relative standard deviation of an elastic parameter
 _PROBE = 1e-4  # [s]
 
@@ -249,6 +248,3 @@ def _flags(judged: _Judged, total: Floats) -> Iterator[str]:
         elif std > _USELESS * abs(value):
             found_so = f"{value:.3g} with a std of {std:.2g} {parameter.unit}"
             yield f"undetermined: this record does not tell {parameter.name}: {found_so}"
-    if fit.motion.velocity_delay is not None and abs(fit.motion.velocity_delay) > _VELOCITY_DELAY:
-        lag = 1e3 * fit.motion.velocity_delay
-        yield f"velocity-delay: the velocity is {lag:+.1f} ms late against the position; declare it in [alignment]"

@@ -156,7 +156,13 @@ def build_ipopt(
     for j, place in enumerate(free):
         parameters[place] = x[place] + scale[j] * step[j]
     total = ca.sum2(one.map("losses", "serial", len(record), [1], [])(ca.DM(record.columns.T), parameters))
-    quiet: Any = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": 0, "ipopt.tol": 1e-10, "error_on_fail": False}
+    quiet: Any = {
+        "ipopt.print_level": 0,
+        "ipopt.sb": "yes",
+        "print_time": 0,
+        "ipopt.tol": 1e-10,
+        "error_on_fail": False,
+    }
     problem: Any = {"x": step, "f": 0.5 * total / max(float(triangle[-1, -1]) ** 2, 1e-300)}
     solver: Any = ca.nlpsol("fit", "ipopt", problem, quiet)
     lower, upper = ((edge - x[free]) / scale for edge in (low, high))

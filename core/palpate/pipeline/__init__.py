@@ -1,0 +1,6 @@
+"""The pipeline at work: devices -> alignment -> tracks -> sinks -> result."""
+
+from palpate.pipeline.running import Result, run_pipeline
+from palpate.pipeline.tracks import start_tracks
+
+__all__ = ["Result", "run_pipeline", "start_tracks"]

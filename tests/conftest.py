@@ -1,0 +1,58 @@
+"""What the tests share: the real command, the example pipelines, the authors' logs."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from palpate.config import load_pipeline
+from palpate.pipeline import run_pipeline
+
+ROOT = Path(__file__).parent.parent
+
+
+@pytest.fixture(scope="session")
+def root():
+    """The project's folder."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def shared():
+    """The folder of real logs; tests that need it skip where it is absent."""
+    folder = Path(os.environ.get("PALPATE_SHARED", ROOT.parent / "shared")) / "data"
+    if not folder.is_dir():
+        pytest.skip(f"the real logs are not here: no {folder}")
+    return folder
+
+
+@pytest.fixture
+def point_pipeline(tmp_path):
+    """A copy of the example pipeline in a folder of its own."""
+    return Path(shutil.copy(ROOT / "pipelines" / "point.toml", tmp_path))
+
+
+@pytest.fixture
+def run_point(point_pipeline, tmp_path):
+    """Run the example pipeline with overrides; a fresh folder each time."""
+
+    def run(*overrides, name="out"):
+        return run_pipeline(load_pipeline(point_pipeline, overrides), tmp_path / name)
+
+    return run
+
+
+@pytest.fixture
+def palpate(tmp_path):
+    """The real command line, in a folder of its own."""
+
+    def call(*arguments, cwd=tmp_path, timeout=60, **environment):
+        command = [sys.executable, "-c", "from palpate.cli import main; main()", *map(str, arguments)]
+        env = {**os.environ, "COLUMNS": "140", **environment}
+        return subprocess.run(
+            command, cwd=cwd, env=env, capture_output=True, text=True, timeout=timeout, stdin=subprocess.DEVNULL
+        )
+
+    return call

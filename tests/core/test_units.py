@@ -1,0 +1,47 @@
+"""People's units at the edge."""
+
+import pytest
+from palpate.units import to_si
+
+
+@pytest.mark.parametrize(
+    ("written", "unit", "expected"),
+    [
+        ("5 mm", "m", 0.005),
+        ("22 ms", "s", 0.022),
+        ("112.5 kPa", "Pa", 112500.0),
+        ("362 Pa*s", "Pa*s", 362.0),
+        ("0.01 N*s/mm", "N*s/m", 10.0),
+        ("1.5 N/h", "N/s", 1.5 / 3600),
+        ("4 mm/s", "m/s", 0.004),
+        ("140 g", "kg", 0.14),
+        ("2 Hz", "Hz", 2.0),
+        ("-1e-3m", "m", -0.001),
+        (".5 µm", "m", 5e-7),
+        (3, "m", 3.0),
+        (0.25, "N", 0.25),
+    ],
+)
+def test_quantities_become_si(written, unit, expected):
+    assert to_si(written, unit) == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("written", "unit", "complaint"),
+    [
+        ("5 kPa", "m", "is a pressure, not a length"),
+        ("5", "m", "has no unit"),
+        ("five mm", "m", "is not a length"),
+        ("5 mmm mm", "m", "unknown unit"),
+        ("5 quux", "m", "unknown unit 'quux'"),
+        ("", "m", "is not a length"),
+        (True, "m", "a length is wanted"),
+        (None, "N", "a force is wanted"),
+        (float("nan"), "m", "not a finite length"),
+        ("1e999 mm", "m", "not a finite length"),
+        ("__import__('os') mm", "m", "is not a length"),
+    ],
+)
+def test_anything_else_is_refused_in_words(written, unit, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        to_si(written, unit)

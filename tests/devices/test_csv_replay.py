@@ -1,0 +1,105 @@
+"""CSV logs: what is read, and what is refused."""
+
+import gzip
+
+import numpy as np
+import pytest
+from palpate import LogError
+from palpate.testing import check_device
+from palpate_devices.csv_replay import CsvReplay
+from pydantic import ValidationError
+
+
+def log(path, text, **changes):
+    opener = gzip.open if path.suffix == ".gz" else open
+    with opener(path, "wt") as file:
+        file.write(text)
+    columns = {"z": {"column": 0, "unit": "mm"}, "fz": {"column": 1, "unit": "N"}}
+    return CsvReplay.model_validate({"file": path, "rate": 500.0, "columns": columns, **changes})
+
+
+def rows(device):
+    with device.connect(0) as link:
+        batches = list(link.batches())
+    return np.concatenate([b.time for b in batches]), np.concatenate([b.values for b in batches])
+
+
+NUMBERS = "1.5,2\n2.5,-3\n3.5,4e-1\n"
+
+
+@pytest.mark.parametrize("name", ["log.csv", "log.csv.gz"])
+@pytest.mark.parametrize("header", ["", "height,force\n", "\ufeffz,f\n"])
+def test_numbers_units_and_time(tmp_path, name, header):
+    device = log(tmp_path / name, header + NUMBERS)
+    time, values = rows(device)
+    assert time.tolist() == [0, 2_000_000, 4_000_000]
+    np.testing.assert_allclose(values, [[0.0015, 2], [0.0025, -3], [0.0035, 0.4]], rtol=1e-15)
+    check_device(device)
+
+
+def test_time_from_a_column_and_other_delimiters(tmp_path):
+    text = "t;z;f\n0.5;1;2\n0.502;2;3\n"
+    columns = {"z": {"column": 1, "unit": "cm"}, "fz": {"column": 2, "unit": "mN"}}
+    time_column = {"column": 0, "unit": "s"}
+    device = log(tmp_path / "a.csv", text, rate=None, time=time_column, columns=columns, delimiter=";")
+    time, values = rows(device)
+    assert time.tolist() == [500_000_000, 502_000_000]
+    np.testing.assert_allclose(values, [[0.01, 0.002], [0.02, 0.003]])
+
+
+def test_empty_cells_and_nan_are_invalid_readings(tmp_path):
+    _, values = rows(log(tmp_path / "a.csv", "1,2\n,3\n4,nan\n"))
+    assert np.isnan(values).sum() == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("1,2\n3,abc\n", r":2: column 1 holds 'abc', which is no number"),
+        ("1,2\n3\n", r":2: there is no column 1; the line has 1"),
+        ("", "holds no rows of numbers"),
+        ("height,force\n", "holds no rows of numbers"),
+        ("1,2\nheight,force\n", r":2: column 0 holds 'height'"),
+        ("1\0,2\n", "column 0 holds"),
+    ],
+)
+def test_what_is_no_table_of_numbers_is_refused_with_its_line(tmp_path, text, words):
+    with pytest.raises(LogError, match=words):
+        rows(log(tmp_path / "a.csv", text))
+
+
+def test_bytes_that_are_no_text(tmp_path):
+    device = log(tmp_path / "a.csv", "")
+    device.file.write_bytes(b"\xff\xfe\x00\x01" * 100)
+    with pytest.raises(LogError, match="not a CSV text"):
+        rows(device)
+
+
+def test_a_gzip_that_is_cut(tmp_path):
+    device = log(tmp_path / "a.csv.gz", NUMBERS * 1000)
+    device.file.write_bytes(device.file.read_bytes()[:-20])
+    with pytest.raises(LogError, match="cannot be read"):
+        rows(device)
+
+
+def test_no_file(tmp_path):
+    device = log(tmp_path / "a.csv", NUMBERS)
+    device.file.unlink()
+    with pytest.raises(LogError, match="there is no such file"):
+        _ = device.streams
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"rate": None}, "give either rate"),
+        ({"time": {"column": 0, "unit": "s"}}, "give either rate"),
+        ({"columns": {}}, "at least 1 item"),
+        ({"columns": {"z": {"column": -1, "unit": "mm"}}}, "greater than or equal to 0"),
+        ({"columns": {"z": {"column": 0, "unit": "quux"}}}, "is none of a length"),
+        ({"delimiter": ",,"}, "at most 1 character"),
+    ],
+)
+def test_settings_that_make_no_sense(tmp_path, changes, words):
+    with pytest.raises(ValidationError, match=words):
+        log(tmp_path / "a.csv", NUMBERS, **changes)

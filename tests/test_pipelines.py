@@ -1,0 +1,26 @@
+"""The example pipelines: each is in order, and those without hardware run."""
+
+from pathlib import Path
+
+import pytest
+
+PIPELINES = sorted((Path(__file__).parent.parent / "pipelines").glob("*.toml"))
+
+
+def test_there_are_some():
+    assert PIPELINES
+
+
+@pytest.mark.parametrize("pipeline", PIPELINES, ids=lambda path: path.stem)
+def test_it_is_in_order(palpate, pipeline):
+    done = palpate("check", pipeline)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    "pipeline", [path for path in PIPELINES if 'type = "sim"' in path.read_text()], ids=lambda path: path.stem
+)
+def test_it_runs(palpate, pipeline, tmp_path):
+    done = palpate("run", pipeline, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "result.json").exists()
