@@ -17,6 +17,7 @@ from palpate_filters.fit.unknowns import EXTRAS
 Floats = NDArray[np.float64]
 
 _BLOCK = 1024  # samples in one call
+_BLOCKS_IN_A_FACTOR = 8
 _COLUMNS = 9
 _TRANSITION = 1e-3  # of the travel
 
@@ -132,14 +133,13 @@ class Residual:
         Its first p columns stand for the Jacobian and its last for the residual: same cost, same gradient, same J^T J.
         """
         width = 1 + len(self.free)
-        stacked = np.zeros((0, width))
+        waiting: list[Floats] = [np.zeros((0, width))]
         for _, values in self.blocks(record, x):
             scaled = loss.scaled(values)
-            turned = np.concatenate([scaled[:, 1:], scaled[:, :1]], axis=1)
-            stacked = np.concatenate([stacked, _triangular(turned)])
-            if len(stacked) > 64 * width:
-                stacked = _triangular(stacked)
-        found = _triangular(stacked)
+            waiting.append(np.concatenate([scaled[:, 1:], scaled[:, :1]], axis=1))
+            if len(waiting) > _BLOCKS_IN_A_FACTOR:
+                waiting = [_triangular(np.concatenate(waiting))]
+        found = _triangular(np.concatenate(waiting))
         padded = np.zeros((width, width))
         padded[: len(found)] = found
         return padded

@@ -41,22 +41,24 @@ def solve_trf(residual: Residual, unknowns: Unknowns, record: Record, x: Floats,
     seen = _Seen(residual, record, x, loss)
     if not free:
         return Solution(x, 0.5 * float(seen.triangle(x[free])[-1, -1] ** 2), 1, True)
-    scale = _scales(seen.triangle(x[free]), x[free])
+    first = seen.triangle(x[free])
+    # In units of the first residual, so that tolerances mean the same for every record.
+    scale, size = _scales(first, x[free]), max(abs(float(first[-1, -1])), 1e-300)
     solve: Any = least_squares  # its annotations know no function for the Jacobian
     found = solve(
-        lambda p: seen.triangle(p * scale)[:, -1],
+        lambda p: seen.triangle(p * scale)[:, -1] / size,
         _strictly_inside(x[free], low, high) / scale,
-        lambda p: seen.triangle(p * scale)[:, :-1] * scale,
+        lambda p: seen.triangle(p * scale)[:, :-1] * scale / size,
         bounds=(low / scale, high / scale),
         method="trf",
         ftol=1e-12,
         xtol=1e-10,
-        gtol=1e-12,
+        gtol=1e-10,
         max_nfev=200,
     )
     full = x.copy()
     full[free] = np.clip(found.x * scale, low, high)
-    return Solution(full, float(found.cost), int(found.nfev), bool(found.status > 0))
+    return Solution(full, float(found.cost) * size**2, int(found.nfev), bool(found.status > 0))
 
 
 class _Seen:
@@ -120,11 +122,13 @@ def solve_varpro(residual: Residual, unknowns: Unknowns, record: Record, x: Floa
     surface = x[place]
     if item.free:
         reach = max(float(np.ptp(record.height)), 1e-12)
-        edges = item.inside(surface - 0.02 * reach), item.inside(surface + 0.02 * reach)
-        found = minimize_scalar(
-            lambda z: projected(z)[0], bounds=edges, method="bounded", options={"xatol": 1e-7 * reach}
-        )
-        surface = float(found.x)
+        for width in (0.02, 0.1, 0.5, 2.0):
+            edges = item.inside(surface - width * reach), item.inside(surface + width * reach)
+            tolerance = {"xatol": 1e-7 * reach}
+            found = minimize_scalar(lambda z: projected(z)[0], bounds=edges, method="bounded", options=tolerance)
+            surface = float(found.x)
+            if edges[0] + 1e-3 * width * reach < surface < edges[1] - 1e-3 * width * reach:
+                break  # a minimum within, not an edge that it was cut off at
     cost, values = projected(surface)
     full = x.copy()
     full[place], full[list(linear)] = surface, values
