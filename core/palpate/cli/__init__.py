@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli import force, info, inspect, run, sweep
+from palpate.cli import force, info, inspect, repeat, run, sweep
+from palpate.cli.fit import fit
 from palpate.errors import PalpateError
 
 app = typer.Typer(
@@ -39,6 +40,8 @@ def _options(
 
 app.command(name="run")(run.run)
 app.command(name="sweep")(sweep.sweep)
+app.command(name="fit")(fit)
+app.command(name="repeat")(repeat.repeat)
 app.command(name="check")(inspect.check)
 app.command(name="list")(inspect.list_parts)
 app.command(name="describe")(inspect.describe)

@@ -4,6 +4,7 @@ from palpate import Estimator, plugin
 
 from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
 from palpate_filters.filterpy_filter import FilterpyFilter
+from palpate_filters.fit import CasadiFit
 from palpate_filters.kinematic_filter import KinematicFilter
 from palpate_filters.smoother import KinematicSmoother
 from palpate_filters.ukf import AdaptiveFadingUkf, UnscentedKalmanFilter
@@ -20,4 +21,5 @@ def palpate_estimators() -> dict[str, type[Estimator]]:
         "filterpy": FilterpyFilter,
         "kinematic-ekf": KinematicFilter,
         "kinematic-smoother": KinematicSmoother,
+        "casadi-fit": CasadiFit,
     }
