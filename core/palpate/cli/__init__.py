@@ -1,4 +1,5 @@
-"""The command line: ``palpate run``, ``check``, ``list``, ``describe``, ``schema``, ``info``."""
+"""The command line: ``palpate run``, ``check``, ``list``, ``describe``, ``schema``,
+``info``, ``compare``, ``export``, ``recover``."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli import inspect, log_info, run
+from palpate.cli import compare, export, inspect, log_info, recover, run
 from palpate.errors import PalpateError
 
 app = typer.Typer(
@@ -43,6 +44,9 @@ app.command(name="list")(inspect.list_parts)
 app.command(name="describe")(inspect.describe)
 app.command(name="schema")(inspect.schema)
 app.command(name="info")(log_info.info)
+app.command(name="compare")(compare.compare)
+app.command(name="export")(export.export)
+app.command(name="recover")(recover.recover)
 
 
 def main() -> None:

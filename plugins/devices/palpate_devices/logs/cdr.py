@@ -12,15 +12,17 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate import LogError
 
 from palpate_devices.logs.definitions import PRIMITIVES, Definitions, Field, short_name
-from palpate_devices.logs.topics import Bytes, Messages, Stamps, column, gather
+from palpate_devices.logs.topics import Bytes, Messages, column, gather
 
 _FIELD_LIMIT = 100_000  # fields of one message
+_SMALL = 512  # [bytes]
 _PADDING = 8  # bytes that a writer may leave at the end of a message
 
 
@@ -39,30 +41,76 @@ class Layout:
 
     size: int
     places: Mapping[str, Place]  # by path, such as "wrench.force.z"
-    texts: Mapping[str, str]
+    texts: Mapping[str, bytes]  # as they stand there, with their closing zero
     lengths: tuple[tuple[int, int], ...]  # offset of a length, and its value
     order: str
 
-    def matches(self, messages: Messages, pinned: tuple[str, ...] = ()) -> NDArray[np.bool_]:
-        """(n,) True for messages of this layout; those named in `pinned` must have the same text, too."""
+    def matches(self, messages: Messages, pinned: tuple[str, ...] = ()) -> tuple[NDArray[np.bool_], Excerpt]:
+        """(n,) True for messages of this layout, and those; texts in `pinned` must be the same, too."""
         same = messages.lengths == self.size
-        rows = np.flatnonzero(same)
-        checks = [(1, "u1", 1 if self.order == "<" else 0)]
-        checks += [(offset, f"{self.order}u4", value) for offset, value in self.lengths]
-        for offset, code, value in checks:
-            width = np.dtype(code).itemsize
-            read = column(gather(messages.buffer, messages.starts[rows] + offset, width), 0, code)
-            rows = rows[read == value]
+        excerpt = Excerpt.of(messages if same.all() else messages[same], self.size)
+        good = excerpt.column(1, "u1") == (1 if self.order == "<" else 0)
+        for offset, value in self.lengths:
+            good &= excerpt.column(offset, f"{self.order}u4") == value
         for path in pinned:
-            place = self.places[path]
-            block = gather(messages.buffer, messages.starts[rows] + place.offset, place.count or 0)
-            rows = rows[(block == np.frombuffer(self._raw(path), np.uint8)).all(axis=1)]
-        found = np.zeros(len(messages), bool)
-        found[rows] = True
-        return found
+            raw = np.frombuffer(self.texts[path], np.uint8)
+            good &= (excerpt.bytes(self.places[path].offset, len(raw)) == raw).all(axis=1)
+        if good.all():
+            return same, excerpt
+        same[np.flatnonzero(same)[~good]] = False
+        return same, excerpt.some(good)
 
-    def _raw(self, path: str) -> bytes:
-        return self.texts[path].encode("utf-8", "surrogateescape") + b"\0"
+
+@dataclass(frozen=True)
+class Excerpt:
+    """Messages of one size: copied side by side where they are small, else left where they are."""
+
+    messages: Messages
+    block: Bytes | None
+
+    @classmethod
+    def of(cls, messages: Messages, size: int) -> Excerpt:
+        """The messages, all of a size."""
+        return cls(messages, gather(messages.buffer, messages.starts, size) if size <= _SMALL else None)
+
+    def some(self, rows: NDArray[np.bool_]) -> Excerpt:
+        """Some of them."""
+        return Excerpt(self.messages[rows], None if self.block is None else self.block[rows])
+
+    def column(self, offset: int, code: str) -> NDArray[Any]:
+        """(n,) what stands at an offset of each."""
+        if self.block is not None:
+            return column(self.block, offset, code)
+        return column(self.bytes(offset, np.dtype(code).itemsize), 0, code)
+
+    def bytes(self, offset: int, width: int) -> Bytes:
+        """(n, width) what stands at an offset of each."""
+        if self.block is not None:
+            return self.block[:, offset : offset + width]
+        return gather(self.messages.buffer, self.messages.starts + offset, width)
+
+    def numbers(self, places: list[tuple[Place, int | None]]) -> NDArray[np.float64]:
+        """(n, k) one column for each place and index; NaN where a field has no such element."""
+        found = [_at(place, index) for place, index in places]
+        if (
+            self.block is not None
+            and found
+            and all(entry == (found[0][0] + 8 * k, "<f8") for k, entry in enumerate(found))
+        ):
+            begin = found[0][0]  # neighbours, as in every standard message: one copy for all of them
+            return np.ascontiguousarray(self.block[:, begin : begin + 8 * len(found)]).view("<f8")
+        values = np.full((len(self.messages), len(places)), np.nan)
+        for k, (offset, code) in enumerate(found):
+            if code:
+                values[:, k] = self.column(offset, code)
+        return values
+
+
+def _at(place: Place, index: int | None) -> tuple[int, str]:
+    """Offset and code of a number; no code where there is none."""
+    if place.code == "S" or (place.count is None) != (index is None) or (index or 0) >= (place.count or 1):
+        return 0, ""
+    return place.offset + (index or 0) * int(place.code[2]), place.code
 
 
 def walk(definitions: Definitions, type_name: str, message: bytes) -> Layout:
@@ -93,7 +141,7 @@ class _Walker:
         self.order = order
         self.position = 4
         self.places: dict[str, Place] = {}
-        self.texts: dict[str, str] = {}
+        self.texts: dict[str, bytes] = {}
         self.lengths: list[tuple[int, int]] = []
         self._budget = _FIELD_LIMIT
 
@@ -148,15 +196,5 @@ class _Walker:
         if end > len(self._data):
             raise _Beyond
         self.places[path] = Place(self.position, "S", length)
-        raw = self._data[self.position : max(end - 1, self.position)]
-        self.texts[path] = raw.decode("utf-8", "surrogateescape")
+        self.texts[path] = bytes(self._data[self.position : end])
         self.position = end
-
-
-def read_column(buffer: Bytes, starts: Stamps, place: Place, index: int | None) -> NDArray[np.float64]:
-    """(n,) numbers of one field; NaN where the field has no such element."""
-    if place.code == "S" or (place.count is None) != (index is None) or (index or 0) >= (place.count or 1):
-        return np.full(len(starts), np.nan)
-    width = int(place.code[2])
-    block = gather(buffer, starts + place.offset + (index or 0) * width, width)
-    return column(block, 0, place.code).astype(np.float64)

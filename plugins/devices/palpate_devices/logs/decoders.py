@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate import LogError
 
-from palpate_devices.logs.cdr import Layout, read_column, walk
+from palpate_devices.logs.cdr import Excerpt, Layout, Place, walk
 from palpate_devices.logs.definitions import parse_definitions
 from palpate_devices.logs.readings import SECOND, Decoder, Reading, Table
 from palpate_devices.logs.topics import Messages, Stamps, Topic
@@ -55,37 +55,24 @@ class CdrDecoder:
 
     def read(self, messages: Messages, readings: Sequence[Reading], select: str | None = None) -> Table:
         """See `Decoder`."""
-        values = np.full((len(messages), len(readings)), np.nan)
-        stamps = np.zeros(len(messages), np.int64)
-        found = np.zeros(len(messages), bool)
-        stamped = True
-        for layout, rows in self._groups(messages, select):
-            places = [_resolved(layout, reading, select) for reading in readings]
-            if select is not None and all(place is None for place in places):
+        tables = []
+        for layout, rows, excerpt in self._groups(messages, select):
+            found = [_resolved(layout, reading, select) for reading in readings]
+            if select is not None and all(reading is None for reading in found):
                 continue
-            starts = messages.starts[rows]
-            for k, place in enumerate(places):
-                if place is not None and place.path in layout.places:
-                    values[rows, k] = read_column(messages.buffer, starts, layout.places[place.path], place.index)
-            found[rows] = True
-            stamp = _stamp_path(layout, [place for place in places if place is not None])
-            if stamp is None:
-                stamped = False
-                continue
-            seconds, rest = (
-                read_column(messages.buffer, starts, layout.places[f"{stamp}.{part}"], None).astype(np.int64)
-                for part in ("sec", "nanosec")
-            )
-            stamps[rows] = seconds * SECOND + rest
-        kept = np.flatnonzero(found)
-        if len(kept) == len(messages):
-            return Table(kept, values, stamps if stamped else None)
-        return Table(kept, values[kept], stamps[kept] if stamped else None)
+            places = [_place(layout, reading) for reading in found]
+            stamp = _stamp_path(layout, [reading for reading in found if reading is not None])
+            stamps = None
+            if stamp is not None:
+                seconds, rest = (layout.places[f"{stamp}.{part}"] for part in ("sec", "nanosec"))
+                stamps = excerpt.column(seconds.offset, seconds.code).astype(np.int64) * SECOND
+                stamps += excerpt.column(rest.offset, rest.code)
+            tables.append(Table(rows, excerpt.numbers(places), stamps))
+        return _in_order(tables, len(readings))
 
-    def _groups(self, messages: Messages, select: str | None) -> list[tuple[Layout, Any]]:
-        """Layouts, and the rows of the messages that have each."""
+    def _groups(self, messages: Messages, select: str | None) -> Iterator[tuple[Layout, Stamps, Excerpt]]:
+        """Layouts, the rows of the messages that have each, and those messages."""
         left = np.arange(len(messages))
-        groups = []
         known = list(self._layouts)
         while len(left):
             fresh = not known
@@ -93,17 +80,39 @@ class CdrDecoder:
                 walk(self._definitions, self._topic.type, messages.payload(int(left[0]))) if fresh else known.pop(0)
             )
             pinned = tuple(path for path in layout.texts if _NAMES.search(path)) if select is not None else ()
-            whole = len(left) == len(messages)
-            same = layout.matches(messages if whole else messages[left], pinned)
+            same, excerpt = layout.matches(messages if len(left) == len(messages) else messages[left], pinned)
             if fresh:
-                same[0] = True
+                if not same[0]:  # it would be read for ever
+                    raise LogError(f"topic {self._topic.name}: a message does not have the layout that it has")
                 self._layouts = [layout, *self._layouts][:_LAYOUTS]
-            if same.all():
-                groups.append((layout, slice(None) if whole else left))
-                break
-            groups.append((layout, left[same]))
+            if same.any():
+                yield layout, left[same], excerpt
             left = left[~same]
-        return groups
+
+
+_NOWHERE = Place(0, "S")
+
+
+def _place(layout: Layout, reading: Reading | None) -> tuple[Place, int | None]:
+    if reading is None:
+        return _NOWHERE, None
+    return layout.places.get(reading.path, _NOWHERE), reading.index
+
+
+def _in_order(tables: list[Table], width: int) -> Table:
+    """One table in the order of the messages."""
+    if len(tables) == 1:
+        return tables[0]
+    if not tables:
+        return Table(np.zeros(0, np.int64), np.zeros((0, width)), None)
+    rows = np.concatenate([table.rows for table in tables])
+    order = np.argsort(rows)
+    stamps = [table.stamps for table in tables if table.stamps is not None]
+    return Table(
+        rows[order],
+        np.concatenate([table.values for table in tables])[order],
+        np.concatenate(stamps)[order] if len(stamps) == len(tables) else None,
+    )
 
 
 def _resolved(layout: Layout, reading: Reading, select: str | None) -> Reading | None:
@@ -111,7 +120,7 @@ def _resolved(layout: Layout, reading: Reading, select: str | None) -> Reading |
     if select is None:
         return reading
     for path, text in layout.texts.items():
-        if text == select and _NAMES.search(path):
+        if text.rstrip(b"\0") == select.encode() and _NAMES.search(path):
             if path.startswith("name["):
                 return Reading(reading.path, int(path[5:-1]))
             before, dot, _ = path.rpartition(".")

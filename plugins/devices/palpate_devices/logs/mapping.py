@@ -73,9 +73,13 @@ class Feed:
     clock: Clock
     decoder: Decoder
 
+    @property
+    def scaled(self) -> bool:
+        """Whether the recorded numbers are in other units than SI."""
+        return bool((self.factors != 1.0).any())
+
     def numbers(self, messages: Messages, log: str) -> tuple[Stamps, Stamps, NDArray[np.float64]]:
         """Time-stamps [ns], log times [ns] and values [SI] of a block; raises LogError."""
-        timed = isinstance(self.clock, TimeField)
         extra = (Reading.parse(self.clock.field, self.clock.index),) if isinstance(self.clock, TimeField) else ()
         table = self.decoder.read(messages, (*self.readings, *extra), self.select)
         logged = messages.logged[table.rows]
@@ -89,8 +93,7 @@ class Feed:
             stamps = table.stamps if table.stamps is not None else logged
             if len(stamps) > 10 and (stamps == stamps[0]).all():
                 raise LogError(f'{log}: the stamps of {self.topic} do not move; set time = "log"')
-        assert not timed
-        return stamps, logged, table.values * self.factors
+        return stamps, logged, table.values * self.factors if self.scaled else table.values
 
 
 def nanoseconds(seconds: NDArray[np.float64]) -> Stamps:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from palpate import LogError
 
 from palpate_devices.logs import mcap_records as records
-from palpate_devices.logs.mcap_records import Damage, Heads, Other
+from palpate_devices.logs.mcap_records import Block, Damage
 from palpate_devices.logs.topics import Messages, Stamps, Topic
 
 _BLOCK = 1 << 22  # [bytes] of messages outside chunks read at once
@@ -31,6 +31,7 @@ class Known:
     counts: dict[int, int] | None = None  # messages of each channel, by the statistics
     span: tuple[int, int] | None = None  # first and last log time [ns], by the statistics
     chunks: list[tuple[int, int, int]] = field(default_factory=list)  # first, last log time; offset
+    data: tuple[int, int] | None = None  # where the data section ends, and its checksum
     extras: list[tuple[int, bytes]] | None = None  # attachments and metadata, where they are wanted
 
     def define(self, opcode: int, content: bytes) -> None:
@@ -144,6 +145,17 @@ class McapFile:
             total[topic.name] += counts.get(identity, 0)
         return total
 
+    @cached_property
+    def _definitions(self) -> Known:
+        """Schemas and channels; from the summary, else from the whole file."""
+        known = self._summary
+        if known.channels and (known.counts is None or set(known.counts) <= set(known.channels)):
+            return known
+        known = Known()
+        for _ in self._passed(known, None, None):
+            pass
+        return known
+
     @property
     def topics(self) -> Mapping[str, Topic]:
         """By name; from the summary, else from the whole file."""
@@ -151,14 +163,8 @@ class McapFile:
 
     @cached_property
     def _topics(self) -> Mapping[str, Topic]:
-        known = self._summary
-        complete = known.counts is None or set(known.counts) <= set(known.channels)
-        if not (known.channels and complete):
-            known = Known()
-            for _ in self._passed(known, None, None):
-                pass
         found: dict[str, Topic] = {}
-        for topic in known.channels.values():
+        for topic in self._definitions.channels.values():
             found.setdefault(topic.name, topic)
         return found
 
@@ -166,36 +172,33 @@ class McapFile:
         self, wanted: Set[str], begin: int | None = None, end: int | None = None
     ) -> Iterator[tuple[str, Messages]]:
         """Messages of the wanted topics in the order of the file, within [begin, end) of log time [ns]."""
-        known = Known(dict(self._summary.schemas), dict(self._summary.channels))
-        for data, offsets in self._passed(known, begin, end):
-            yield from self._sorted_out(data, offsets, known, wanted, begin, end)
+        known = Known(dict(self._definitions.schemas), dict(self._definitions.channels))
+        for block in self._passed(known, begin, end):
+            yield from self._sorted_out(block, known, wanted, begin, end)
 
-    def everything(self) -> Iterator[tuple[Known, bytes, Stamps]]:
+    def everything(self) -> Iterator[tuple[Known, Block]]:
         """Blocks of records as they are, and what has been defined up to there, attachments and metadata included."""
         known = Known(dict(self._summary.schemas), dict(self._summary.channels), extras=[])
-        for data, offsets in self._passed(known, None, None):
-            yield known, data, offsets
-        yield known, b"", np.zeros(0, np.int64)
+        for block in self._passed(known, None, None):
+            yield known, block
 
     def _sorted_out(
-        self, data: bytes, offsets: Stamps, known: Known, wanted: Set[str], begin: int | None, end: int | None
+        self, block: Block, known: Known, wanted: Set[str], begin: int | None, end: int | None
     ) -> Iterator[tuple[str, Messages]]:
-        buffer = np.frombuffer(data, np.uint8)
-        heads = Heads.read(buffer, offsets)
-        every = Messages(buffer, offsets + records.HEAD, heads.lengths, heads.logged, heads.published)
-        for identity in np.flatnonzero(np.bincount(heads.channel)).tolist():
+        every = Messages(block.buffer, block.offsets + records.HEAD, block.lengths, block.logged, block.published)
+        for identity in np.flatnonzero(np.bincount(block.channel)).tolist():
             topic = known.channels.get(identity)
             if topic is None or topic.name not in wanted:
                 continue
-            messages = every[np.flatnonzero(heads.channel == identity)]
+            messages = every[np.flatnonzero(block.channel == identity)]
             messages = _within(messages, begin, end)
             if topic.type != self.topics[topic.name].type:
                 raise LogError(f"{self.path}: topic {topic.name} is recorded with two types, {topic.type} and another")
             if len(messages):
                 yield topic.name, messages
 
-    def _passed(self, known: Known, begin: int | None, end: int | None) -> Iterator[tuple[bytes, Stamps]]:
-        """Blocks of records with the offsets of their messages, up to the end or to the first damage."""
+    def _passed(self, known: Known, begin: int | None, end: int | None) -> Iterator[Block]:
+        """Blocks of messages, up to the end or to the first damage."""
         reader = _Pass(self.path, known, self._summary, whole=begin is None and end is None and self._complete)
         chunks = self._summary.chunks
         try:
@@ -232,6 +235,9 @@ class McapFile:
         opcode, length, start, _, crc = struct.unpack("<BQQQI", footer)
         if (opcode, length) != (records.FOOTER, 20):
             raise Damage("it has no footer")
+        if start > size:
+            raise Damage(f"it is said to begin at {start}")
+        known.data = _data_checksum(file, (start or size - 37) - 13)
         if start == 0:
             return
         if not len(records.MAGIC) < start <= size - 37 or size - start > records.LIMIT:
@@ -245,6 +251,15 @@ class McapFile:
             raise Damage("its records do not fill it")
         for opcode, at, length in others:
             known.define(opcode, content[at : at + length])
+
+
+def _data_checksum(file: IO[bytes], end: int) -> tuple[int, int] | None:
+    """Where the data section ends and its checksum, where there is one."""
+    if end < len(records.MAGIC):
+        return None
+    file.seek(end)
+    opcode, length, crc = struct.unpack("<BQI", file.read(13))
+    return (end, crc) if (opcode, length) == (records.DATA_END, 4) and crc else None
 
 
 def _overlaps(chunk: tuple[int, int, int], begin: int | None, end: int | None) -> bool:
@@ -269,19 +284,36 @@ class _Pass:
         self._ended = False
         self.unchecked = 0
 
-    def all(self) -> Iterator[tuple[bytes, Stamps]]:
+    def all(self) -> Iterator[Block]:
         """Every record of the data section; at the end, what was found is held against the summary."""
         with self._path.open("rb") as file:
             size = file.seek(0, 2)
+            covered = self._whole and self._check_data(file)
             file.seek(len(records.MAGIC))
             yield from self._chunks(file, size)
+            if covered:
+                self.unchecked = 0
         if not self._ended:
             raise Damage("it ends before its data do")
         if self._whole and self._summary.counts is not None and self._counts != Counter(self._summary.counts):
             found, said = self._counts.total(), sum(self._summary.counts.values())
             raise Damage(f"it holds {found} messages where its statistics say {said}, or not the same ones")
 
-    def some(self, offsets: list[int]) -> Iterator[tuple[bytes, Stamps]]:
+    def _check_data(self, file: IO[bytes]) -> bool:
+        """Whether a checksum covers all data, and is right; raises Damage where it is wrong."""
+        if self._summary.data is None:
+            return False
+        left, expected = self._summary.data
+        crc = 0
+        file.seek(0)
+        while left > 0 and (block := file.read(min(left, 1 << 20))):
+            crc = zlib.crc32(block, crc)
+            left -= len(block)
+        if crc != expected:
+            raise Damage("the checksum of its data is wrong")
+        return True
+
+    def some(self, offsets: list[int]) -> Iterator[Block]:
         """The chunks that begin at the offsets."""
         with self._path.open("rb") as file:
             size = file.seek(0, 2)
@@ -291,7 +323,7 @@ class _Pass:
                 file.seek(offset)
                 yield from self._chunks(file, size, one=True)
 
-    def _chunks(self, file: IO[bytes], size: int, one: bool = False) -> Iterator[tuple[bytes, Stamps]]:
+    def _chunks(self, file: IO[bytes], size: int, one: bool = False) -> Iterator[Block]:
         chunk: records.Chunk | None = None
         index: list[Stamps] = []
         while True:
@@ -337,22 +369,21 @@ class _Pass:
             raise Damage(f"a record claims {length} bytes, more than the file has")
         return opcode, length
 
-    def _opened(self, chunk: records.Chunk, index: list[Stamps]) -> tuple[bytes, Stamps]:
-        offsets, others = records.locate(chunk.data, index)
-        self._take(chunk.data, offsets, others)
-        if not chunk.checked:
-            self.unchecked += len(offsets)
-        return chunk.data, offsets
-
-    def _take(self, data: bytes, offsets: Stamps, others: list[Other]) -> None:
+    def _opened(self, chunk: records.Chunk, index: list[Stamps]) -> Block:
+        block, others = records.locate(chunk.data, index)
         for opcode, at, length in others:
-            self._known.define(opcode, data[at : at + length])
-        if len(offsets):
-            channels = Heads.read(np.frombuffer(data, np.uint8), offsets).channel
-            counts = np.bincount(channels)
+            self._known.define(opcode, chunk.data[at : at + length])
+        self._count(block)
+        if not chunk.checked:
+            self.unchecked += len(block.offsets)
+        return block
+
+    def _count(self, block: Block) -> None:
+        if len(block.offsets):
+            counts = np.bincount(block.channel)
             self._counts.update({int(i): int(counts[i]) for i in np.flatnonzero(counts)})
 
-    def _loose(self, file: IO[bytes], size: int) -> Iterator[tuple[bytes, Stamps]]:
+    def _loose(self, file: IO[bytes], size: int) -> Iterator[Block]:
         """Messages outside chunks, a block at a time, until a record of another kind comes."""
         while True:
             begin = file.tell()
@@ -365,10 +396,11 @@ class _Pass:
             messages, others, end = records.scan(data)
             stop = min((at - 9 for _, at, _ in others), default=end)
             offsets = np.array([offset for offset in messages if offset < stop], np.int64)
-            self._take(data, offsets, [])
+            block = Block.read(np.frombuffer(data, np.uint8), offsets)
+            self._count(block)
             self.unchecked += len(offsets)
             if len(offsets):
-                yield data, offsets
+                yield block
             file.seek(begin + stop)
             if others or not len(offsets):
                 return

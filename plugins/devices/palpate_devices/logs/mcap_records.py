@@ -106,8 +106,8 @@ def scan(data: bytes, begin: int = 0, end: int | None = None) -> tuple[list[int]
     return messages, others, position
 
 
-def locate(data: bytes, index: list[Stamps]) -> tuple[Stamps, list[Other]]:
-    """Offsets of a chunk's messages, and its other records: from the index if it is right, else record by record."""
+def locate(data: bytes, index: list[Stamps]) -> tuple[Block, list[Other]]:
+    """A chunk's messages, and its other records: from the index if it is right, else record by record."""
     if index:
         found = _confirmed(data, np.sort(np.concatenate(index), kind="stable"))
         if found is not None:
@@ -115,18 +115,18 @@ def locate(data: bytes, index: list[Stamps]) -> tuple[Stamps, list[Other]]:
     messages, others, end = scan(data)
     if end != len(data):
         raise Damage("a chunk's records do not fill it")
-    return np.array(messages, np.int64), others
+    return Block.read(np.frombuffer(data, np.uint8), np.array(messages, np.int64)), others
 
 
-def _confirmed(data: bytes, offsets: Stamps) -> tuple[Stamps, list[Other]] | None:
-    """The offsets if the chunk confirms them: all are messages, and what lies between them is whole, and no message."""
+def _confirmed(data: bytes, offsets: Stamps) -> tuple[Block, list[Other]] | None:
+    """The messages at the offsets, if all are messages and what lies between them is whole and no message."""
     if not len(offsets) or offsets[0] < 0 or offsets[-1] + HEAD > len(data):
         return None
-    heads = gather(np.frombuffer(data, np.uint8), offsets, 9)
-    lengths = column(heads, 1, "<u8").astype(np.uint64)
-    if (heads[:, 0] != MESSAGE).any() or (lengths > len(data)).any() or (lengths < HEAD - 9).any():
+    found = Block.read(np.frombuffer(data, np.uint8), offsets)
+    lengths = found.lengths
+    if (found.opcodes != MESSAGE).any() or lengths.max() > len(data) or lengths.min() < 0:
         return None
-    ends = np.concatenate([[0], offsets + 9 + lengths.astype(np.int64)])
+    ends = np.concatenate([[0], offsets + HEAD + lengths])
     begins = np.concatenate([offsets, [len(data)]])
     others: list[Other] = []
     for gap in np.flatnonzero(ends != begins):
@@ -134,25 +134,28 @@ def _confirmed(data: bytes, offsets: Stamps) -> tuple[Stamps, list[Other]] | Non
         if ends[gap] > begins[gap] or messages or end != begins[gap]:
             return None
         others += between
-    return offsets, others
+    return found, others
 
 
 @dataclass(frozen=True)
-class Heads:
-    """The heads of message records."""
+class Block:
+    """Message records in one buffer, with what their heads say."""
 
+    buffer: Bytes
+    offsets: Stamps
+    opcodes: Bytes
     channel: Stamps
     logged: Stamps
     published: Stamps
     lengths: Stamps  # of the payloads
 
     @classmethod
-    def read(cls, buffer: Bytes, offsets: Stamps) -> Heads:
+    def read(cls, buffer: Bytes, offsets: Stamps) -> Block:
         """From the offsets of the records."""
         block = gather(buffer, offsets, HEAD)
         codes = ((9, "<u2"), (15, "<u8"), (23, "<u8"), (1, "<u8"))
         channel, logged, published, lengths = (column(block, at, code).astype(np.int64) for at, code in codes)
-        return cls(channel, logged, published, lengths - (HEAD - 9))
+        return cls(buffer, offsets, block[:, 0], channel, logged, published, lengths - (HEAD - 9))
 
 
 def read_text(content: bytes, at: int) -> tuple[str, int]:

@@ -11,7 +11,8 @@ from palpate import LogError, OutputError
 
 from palpate_devices.logs import mcap_records as records
 from palpate_devices.logs.mcap_file import Known, McapFile
-from palpate_devices.logs.topics import Stamps, Topic
+from palpate_devices.logs.mcap_records import Block
+from palpate_devices.logs.topics import Topic
 
 
 def recover_mcap(path: Path, out: Path) -> str:
@@ -24,9 +25,9 @@ def recover_mcap(path: Path, out: Path) -> str:
             writer = Writer(file)
             writer.start(profile="ros2", library="palpate recover")
             saved = _Saved(writer)
-            known = Known()
-            for known, data, offsets in log.everything():
-                saved.block(known, data, offsets)
+            known = Known(extras=[])
+            for known, block in log.everything():
+                saved.block(known, block)
             for opcode, content in known.extras or ():
                 saved.extra(opcode, content)
             writer.finish()  # type: ignore[no-untyped-call]
@@ -53,9 +54,10 @@ class _Saved:
     channels: dict[int, int] = field(default_factory=dict)
     schemas: dict[tuple[str, str, bytes], int] = field(default_factory=dict)
 
-    def block(self, known: Known, data: bytes, offsets: Stamps) -> None:
+    def block(self, known: Known, block: Block) -> None:
         """Write the messages of a block whose channel is known."""
-        for offset in offsets.tolist():
+        data = block.buffer.tobytes()
+        for offset in block.offsets.tolist():
             channel, sequence, logged, published = struct.unpack_from("<HIQQ", data, offset + 9)
             topic = known.channels.get(channel)
             if topic is None:
