@@ -13,7 +13,7 @@ from palpate import Channel, LogError, Settings, Stream
 from pydantic import Field, model_validator
 
 from palpate_devices.logs.decoders import decoder_of
-from palpate_devices.logs.readings import SECOND, Decoder, Reading, si_unit
+from palpate_devices.logs.readings import Decoder, Reading, nanoseconds, si_unit
 from palpate_devices.logs.topics import Container, Messages, Stamps, Topic
 
 _SHOWN = 12
@@ -94,12 +94,6 @@ class Feed:
             if len(stamps) > 10 and (stamps == stamps[0]).all():
                 raise LogError(f'{log}: the stamps of {self.topic} do not move; set time = "log"')
         return stamps, logged, table.values * self.factors if self.scaled else table.values
-
-
-def nanoseconds(seconds: NDArray[np.float64]) -> Stamps:
-    """Whole nanoseconds; whole seconds apart, since the product of both would lose a few hundred of them."""
-    whole = np.floor(seconds)
-    return whole.astype(np.int64) * SECOND + np.rint((seconds - whole) * SECOND).astype(np.int64)
 
 
 def mapped_feeds(container: Container, signals: Mapping[str, MappedSignal], clock: Clock, log: str) -> list[Feed]:

@@ -58,6 +58,12 @@ class Decoder(Protocol):
         ...
 
 
+def nanoseconds(seconds: NDArray[np.float64]) -> Stamps:
+    """Whole nanoseconds; whole seconds apart, since the product of both would lose a few hundred of them."""
+    whole = np.floor(seconds)
+    return whole.astype(np.int64) * SECOND + np.rint((seconds - whole) * SECOND).astype(np.int64)
+
+
 def si_unit(unit: str) -> tuple[str, float]:
     """The SI unit of a unit's dimension, and how much of it one of the unit is; raises ValueError."""
     if unit == "1":
