@@ -31,6 +31,7 @@ from palpate.hooks import plugin
 from palpate.kernel import Kernel, Step, compile_step
 from palpate.parts import File, Part, Settings
 from palpate.process import InertialProcess, KinematicProcess
+from palpate.recording import Recording, Suggestion, Survey, TopicSurvey
 from palpate.sink import Run, Sink, Writer
 from palpate.trajectory import Setpoint, Trajectory
 from palpate.units import (
@@ -84,6 +85,7 @@ __all__ = [
     "PluginError",
     "Pressure",
     "Problem",
+    "Recording",
     "Run",
     "Samples",
     "Setpoint",
@@ -93,7 +95,10 @@ __all__ = [
     "Status",
     "Step",
     "Stream",
+    "Suggestion",
+    "Survey",
     "Time",
+    "TopicSurvey",
     "Tracker",
     "Trajectory",
     "UserError",

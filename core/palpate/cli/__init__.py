@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli import force, info, inspect, repeat, run, sweep
+from palpate.cli import compare, export, force, inspect, log_info, recover, repeat, run, sweep
 from palpate.cli.fit import fit
 from palpate.errors import PalpateError
 
@@ -47,7 +47,10 @@ app.command(name="list")(inspect.list_parts)
 app.command(name="describe")(inspect.describe)
 app.command(name="schema")(inspect.schema)
 app.command(name="force")(force.force)
-app.command(name="info")(info.info)
+app.command(name="info")(log_info.info)
+app.command(name="compare")(compare.compare)
+app.command(name="export")(export.export)
+app.command(name="recover")(recover.recover)
 
 
 def main() -> None:
