@@ -4,6 +4,8 @@ The samples do not depend on how the streams were cut into batches, so a replaye
 """
 
 from palpate.alignment.aligner import Aligner, AlignmentReport
+from palpate.alignment.series import Health, Series
 from palpate.alignment.settings import AlignmentSettings, Signal
+from palpate.alignment.touch import GRAVITY
 
-__all__ = ["Aligner", "AlignmentReport", "AlignmentSettings", "Signal"]
+__all__ = ["GRAVITY", "Aligner", "AlignmentReport", "AlignmentSettings", "Health", "Series", "Signal"]

@@ -1,4 +1,4 @@
-"""The command line: ``palpate run``, ``check``, ``list``, ``describe``, ``schema``."""
+"""The command line: ``palpate run``, ``calibrate``, ``design``, ``check``, ``list``, ``describe``, ``schema``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli import inspect, run
+from palpate.cli import calibrate, design, inspect, run
 from palpate.errors import PalpateError
 
 app = typer.Typer(
@@ -38,6 +38,8 @@ def _options(
 
 
 app.command(name="run")(run.run)
+app.command(name="calibrate")(calibrate.calibrate)
+app.command(name="design")(design.design)
 app.command(name="check")(inspect.check)
 app.command(name="list")(inspect.list_parts)
 app.command(name="describe")(inspect.describe)

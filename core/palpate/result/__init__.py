@@ -1,5 +1,6 @@
 """Results: what a run found, what may be wrong with it, and where it is written."""
 
+from palpate.result.flags import flag
 from palpate.result.folder import EstimatesFile, make_folder, write_new
 from palpate.result.outcome import Found, TrackResult, finite, record_flags, stream_tables, track_result
 from palpate.result.record import TrackRecord
@@ -10,6 +11,7 @@ __all__ = [
     "TrackRecord",
     "TrackResult",
     "finite",
+    "flag",
     "make_folder",
     "record_flags",
     "stream_tables",

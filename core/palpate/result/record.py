@@ -21,6 +21,7 @@ class Tail:
     time: Floats  # (n,) [s]
     force: Floats  # (n,) [N] measured
     velocity: Floats  # (n,) [m/s]
+    position: Floats  # (n,) [m]
     values: Floats  # (n, k)
     std: Floats  # (n, k)
     surface: Floats  # (n,) [m]
@@ -81,7 +82,10 @@ class TrackRecord:
         self.samples += int(np.count_nonzero(rows))
         self.nanoseconds += int(np.rint(samples.interval[rows] * 1e9).astype(np.int64).sum())
         columns = (estimates.values, estimates.std, estimates.surface, estimates.surface_std, estimates.force)
-        kept = [column[rows] for column in (samples.time, samples.force, samples.velocity, *columns, estimates.nis)]
+        kept = [
+            column[rows]
+            for column in (samples.time, samples.force, samples.velocity, samples.position, *columns, estimates.nis)
+        ]
         self._blocks.append(Tail(*kept))
         self._forget(float(samples.time[rows][-1]) - self.keep)
 
