@@ -44,13 +44,13 @@ def rest_fit(record: Record, segments: Sequence[Segment]) -> RestFit:
 
 
 def _rest(record: Record, segment: Segment) -> Rest:
-    time, force = record.force.between(segment.begin, segment.end)
+    force = record.force.between(segment.begin, segment.end)[1]
     velocity = None
     if record.velocity is not None:
         velocity = _white_std(record.velocity.between(segment.begin, segment.end)[1])
     return Rest(
         (segment.begin + segment.end) / 2,
-        Scatter(*mean_with_std(time, force)),
+        Scatter(*mean_with_std(force)),
         _white_std(force),
         velocity,
         _white_std(record.position.between(segment.begin, segment.end)[1]),

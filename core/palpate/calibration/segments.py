@@ -40,7 +40,7 @@ def resting(record: Record) -> list[Segment]:
 def shaking(record: Record, settle: float) -> list[Segment]:
     """The stretches of even to-and-fro motion, in order, without the first `settle` seconds of each.
 
-    The swing over a longer window must stay above half of the record's largest; a shake fades in and out.
+    The swing over a longer window must stay above 0.7 of the record's largest; a shake fades in and out.
     """
     edges, swing = _swing(record)
     width = round(1.0 / _WINDOW)
@@ -48,7 +48,7 @@ def shaking(record: Record, settle: float) -> list[Segment]:
         return []
     longer = np.sqrt(np.convolve(swing**2, np.ones(width) / width, "same"))
     # The window looks half a second ahead and back.
-    found = _stretches(edges, longer > max(0.5 * float(longer.max()), 5.0 * _STILL), record, _SHORTEST_SHAKE)
+    found = _stretches(edges, longer > max(0.7 * float(longer.max()), 5.0 * _STILL), record, _SHORTEST_SHAKE)
     cut = [Segment(s.begin + 0.5 + settle, s.end - 0.5) for s in found]
     return [segment for segment in cut if segment.length >= _SHORTEST_SHAKE / 2]
 

@@ -36,11 +36,8 @@ def sine_fit(time: Floats, values: Floats, frequencies: Sequence[float], middle:
     t = time - middle
     span = float(t[-1] - t[0])
     lines = list(frequencies) + _harmonics(frequencies, (len(t) - 1) / span / 2.5, span)
-    columns = [np.ones_like(t), t / span]
-    for frequency in lines:
-        columns += [np.cos(2 * np.pi * frequency * t), np.sin(2 * np.pi * frequency * t)]
-    design = np.column_stack(columns)
-    found, *_ = np.linalg.lstsq(design, values, rcond=None)
+    design = _columns(t, lines)
+    found = _solved(design, values)
     residual = values - design @ found
     phasors = found[2::2] - 1j * found[3::2]
     own = len(frequencies)
@@ -50,10 +47,25 @@ def sine_fit(time: Floats, values: Floats, frequencies: Sequence[float], middle:
         np.array([variance for variance, _ in noise]),
         np.array([freedom for _, freedom in noise]),
         float(found[0]),
-        float(found[1] / span),
+        float(found[1]),
         residual,
         float(np.sqrt((np.abs(phasors[own:]) ** 2).sum() / 2)),
     )
+
+
+def _columns(t: Floats, lines: Sequence[float]) -> Floats:
+    """Offset, slope, and cosine and sine of each line, (n, 2 + 2 k)."""
+    columns = [np.ones_like(t), t]
+    for frequency in lines:
+        columns += [np.cos(2 * np.pi * frequency * t), np.sin(2 * np.pi * frequency * t)]
+    return np.column_stack(columns)
+
+
+def _solved(columns: Floats, values: Floats) -> Floats:
+    """Least squares by the normal equations of columns of length one: sines are nearly orthogonal."""
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    unit = columns / scale
+    return np.asarray(np.linalg.solve(unit.T @ unit, unit.T @ values) / scale, np.float64)
 
 
 def _harmonics(frequencies: Sequence[float], highest: float, span: float) -> list[float]:
@@ -67,10 +79,12 @@ def _harmonics(frequencies: Sequence[float], highest: float, span: float) -> lis
     return found
 
 
-def spectrum_at(time: Floats, values: Floats, frequencies: Floats) -> NDArray[np.complex128]:
-    """2/n sum x exp(-i omega t) at frequencies (k,) [Hz]: the phasor of a sine of that frequency."""
-    turns = np.exp(-2j * np.pi * np.outer(frequencies, time))
-    return np.asarray(2.0 / len(time) * (turns @ values))
+def _power(values: Floats) -> Floats:
+    """|2/n sum x exp(-i omega t)|^2 at whole numbers of periods in the record, as if evenly sampled.
+
+    For noise only, whose level no jitter of the time-stamps changes.
+    """
+    return np.asarray(np.abs(np.fft.rfft(values) * 2.0 / len(values)) ** 2, np.float64)
 
 
 def _variance_at(time: Floats, residual: Floats, frequency: float, lines: Sequence[float]) -> tuple[float, float]:
@@ -79,26 +93,23 @@ def _variance_at(time: Floats, residual: Floats, frequency: float, lines: Sequen
     The mean of the residual's spectrum over neighbouring frequencies, so that coloured noise is no trouble; lines that
     were fitted are left out, since the fit took the noise there along.
     """
-    span = float(time[-1] - time[0])
-    steps = np.arange(2, _NEIGHBOURS + 2) / span
-    candidates = np.concatenate([frequency - steps, frequency + steps])
-    candidates = candidates[candidates * span > 1.5]
-    apart = np.abs(candidates[:, None] - np.array(lines)[None, :]).min(axis=1)
-    candidates = candidates[apart * span > 1.5]
-    power = np.abs(spectrum_at(time, residual, candidates)) ** 2
-    return float(power.mean() / 2), 2.0 * len(candidates)
+    power = _power(residual)
+    span = float(time[-1] - time[0]) * len(time) / (len(time) - 1)
+    bins = np.arange(len(power))
+    apart = np.abs(bins[:, None] - np.array(lines)[None, :] * span).min(axis=1)
+    beside = (apart > 1.5) & (bins > 1) & (bins < len(power) - 1)
+    beside &= np.abs(bins - frequency * span) < _NEIGHBOURS + 2
+    return float(power[beside].mean() / 2), 2.0 * int(beside.sum())
 
 
-def mean_with_std(time: Floats, values: Floats) -> tuple[float, float, float]:
+def mean_with_std(values: Floats) -> tuple[float, float, float]:
     """Mean of a record at rest, its standard uncertainty, and the degrees of freedom of that.
 
     The uncertainty is that of the lowest frequencies of the spectrum, which is where a mean lives: right for coloured
     noise, too.
     """
-    span = float(time[-1] - time[0])
-    bins = np.arange(1, 13) / span
-    power = np.abs(spectrum_at(time - time.mean(), values - values.mean(), bins)) ** 2
-    return float(values.mean()), float(np.sqrt(power.mean() / 4)), 2.0 * len(bins)
+    power = _power(values - values.mean())[1:13]
+    return float(values.mean()), float(np.sqrt(power.mean() / 4)), 2.0 * len(power)
 
 
 def find_lines(time: Floats, values: Floats, most: int = 6, least: float = 0.08) -> tuple[float, ...]:
@@ -123,23 +134,21 @@ def find_lines(time: Floats, values: Floats, most: int = 6, least: float = 0.08)
         if spectrum[peak] < least * first or spectrum[peak] == 0:
             break
         lines = _refined(t, values, [*lines, float(grid[peak])])
-        rest = sine_fit(t, values, lines, 0.0).residual
+        columns = _columns(t, lines)
+        rest = values - columns @ _solved(columns, values)
     return tuple(sorted(lines))
 
 
 def _refined(t: Floats, values: Floats, lines: list[float]) -> list[float]:
     for _ in range(4):
-        columns = [np.ones_like(t), t]
-        for frequency in lines:
-            columns += [np.cos(2 * np.pi * frequency * t), np.sin(2 * np.pi * frequency * t)]
-        found, *_ = np.linalg.lstsq(np.column_stack(columns), values, rcond=None)
+        columns = _columns(t, lines)
+        found = _solved(columns, values)
         slopes = []
         for k, frequency in enumerate(lines):
             a, b = found[2 + 2 * k], found[3 + 2 * k]
             omega = 2 * np.pi * frequency
             slopes.append(2 * np.pi * t * (b * np.cos(omega * t) - a * np.sin(omega * t)))
-        rest = values - np.column_stack(columns) @ found
-        step, *_ = np.linalg.lstsq(np.column_stack([*columns, *slopes]), rest, rcond=None)
+        step = _solved(np.column_stack([columns, *slopes]), values - columns @ found)
         limit = 0.5 / (t[-1] - t[0])
-        lines = [f + float(np.clip(df, -limit, limit)) for f, df in zip(lines, step[len(columns) :], strict=True)]
+        lines = [f + float(np.clip(df, -limit, limit)) for f, df in zip(lines, step[columns.shape[1] :], strict=True)]
     return lines

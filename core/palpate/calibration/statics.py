@@ -111,7 +111,7 @@ def tap_delay(force: tuple[Floats, Floats], position: tuple[Floats, Floats]) -> 
     found = minimize_scalar(
         lambda d: float((residual(d) ** 2).sum()), bounds=(grid[best - 1], grid[best + 1]), method="bounded"
     )
-    delay, step = float(found.x), 2e-4
+    delay, step = float(found["x"]), 2e-4
     slope = (residual(delay + step) - residual(delay - step)) / (2 * step)
     freedom = float(len(u) - 6)
     std = math.sqrt(float((residual(delay) ** 2).sum()) / freedom / float((slope**2).sum()))

@@ -55,7 +55,7 @@ def palpations(
         for amplitude in settings.amplitudes:
             sines = [(frequency, amplitude / len(frequencies)) for frequency in frequencies]
             path = sine_path(depth, sines, duration, settings.rate, settings.loop)
-            bounds = {
+            bounds: dict[Case, Bound] = {
                 case: cramer_rao(model, theta, path, tip_mass, force_std, nuisances)
                 for case, nuisances in cases.items()
             }

@@ -21,20 +21,18 @@ class Motion:
     lag: float  # [s]
 
     def at(self, instants: Floats) -> tuple[Floats, Floats, Floats]:
-        """Position, velocity and acceleration (m, 3) at instants (m,) [s] since the first tick.
-
-        The acceleration jumps where the command does. A reading on a tick has the mean of both sides, as a sensor of
-        any bandwidth would: one side alone would be sampled as a force of the motion's own frequency.
-        """
+        """Position, velocity and acceleration (m, 3) at instants (m,) [s] since the first tick."""
         tick = np.clip((instants / self.period + 1e-9).astype(int), 0, len(self.position) - 1)
         elapsed = np.maximum(instants - tick * self.period, 0.0)[:, None]
-        position, velocity, acceleration = _advance(
-            self.position[tick], self.velocity[tick], self.command[tick], elapsed, self.lag
-        )
-        before = self.command[np.maximum(tick - 1, 0)]
-        on_tick = (elapsed < 1e-9) & (tick > 0)[:, None]
-        acceleration = np.where(on_tick, acceleration - (self.command[tick] - before) / (2 * self.lag), acceleration)
-        return position, velocity, acceleration
+        return _advance(self.position[tick], self.velocity[tick], self.command[tick], elapsed, self.lag)
+
+    def mean_acceleration(self, instants: Floats, width: float) -> Floats:
+        """Acceleration (m, 3) averaged over a time of `width` [s] around each instant, as a sensor's filter does.
+
+        It jumps where the command does; sampled at points, those jumps would fold onto the motion's own frequency.
+        """
+        after, before = (self.at(instants + shift)[1] for shift in (width / 2, -width / 2))
+        return (after - before) / width
 
 
 def _advance(

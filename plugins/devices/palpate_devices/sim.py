@@ -205,11 +205,11 @@ class _Rig:
     def _wrench(self, instants: Floats, motion: Any) -> Floats:
         """What the sensor reads (n, 6) at true times (n,) [s]."""
         settings, specimen = self._settings, self._settings.specimen
-        position, velocity, acceleration = motion.at(instants)
+        position, velocity, _ = motion.at(instants)
         depth, rate = specimen.surface - position[:, 2], -velocity[:, 2]
         theta = [specimen.parameters[parameter.name] for parameter in specimen.model.parameters]
         contact = contact_force(specimen.model, depth, rate, theta, pulls=False)
-        inertia = -settings.tip_mass * acceleration
+        inertia = -settings.tip_mass * motion.mean_acceleration(instants, 1.0 / settings.sensor_rate)
         wrench = np.zeros((len(instants), 6))
         wrench[:, :3] = inertia
         wrench[:, 2] += contact - settings.tip_mass * _GRAVITY + settings.bias + settings.drift * instants
