@@ -9,7 +9,19 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli import compare, export, force, inspect, log_info, recover, repeat, run, sweep
+from palpate.cli import (
+    calibrate,
+    compare,
+    design,
+    export,
+    force,
+    inspect,
+    log_info,
+    recover,
+    repeat,
+    run,
+    sweep,
+)
 from palpate.cli.fit import fit
 from palpate.errors import PalpateError
 
@@ -42,6 +54,8 @@ app.command(name="run")(run.run)
 app.command(name="sweep")(sweep.sweep)
 app.command(name="fit")(fit)
 app.command(name="repeat")(repeat.repeat)
+app.command(name="calibrate")(calibrate.calibrate)
+app.command(name="design")(design.design)
 app.command(name="check")(inspect.check)
 app.command(name="list")(inspect.list_parts)
 app.command(name="describe")(inspect.describe)

@@ -15,6 +15,7 @@ from palpate.alignment import Aligner
 from palpate.config import Pipeline, resolved_text
 from palpate.device import Arm, Batch, Link
 from palpate.errors import ConfigurationError, DeviceError
+from palpate.pipeline.calibration_flags import calibration_flags
 from palpate.pipeline.facts import flat_facts, run_facts
 from palpate.pipeline.interrupt import Interrupt, interruptible
 from palpate.pipeline.outputs import Outputs
@@ -107,7 +108,7 @@ def _flow(
     with ExitStack() as stack:
         links = {name: stack.enter_context(d.connect(pipeline.run.seed)) for name, d in pipeline.devices.items()}
         total = _set_in_motion(pipeline, links, stack)
-        for device, batch in _merged(links):
+        for device, batch in merged(links):
             outputs.batch(device, batch)
             aligner.feed(device, batch)
             samples = aligner.samples()
@@ -137,7 +138,7 @@ def _the_trajectory(pipeline: Pipeline) -> Trajectory:
     return next(iter(pipeline.trajectories.values()))
 
 
-def _merged(links: Mapping[str, Link]) -> Iterator[tuple[str, Batch]]:
+def merged(links: Mapping[str, Link]) -> Iterator[tuple[str, Batch]]:
     """Batches of all links, always from the one that is furthest behind in time."""
     streams = {name: link.batches() for name, link in links.items()}
     heads: dict[str, Batch] = {}
@@ -182,7 +183,7 @@ def _result(
             )
             for r in running
         },
-        (*warnings, *record_flags(report, settings, interrupted)),
+        (*warnings, *calibration_flags(pipeline), *record_flags(report, settings, interrupted)),
         {name: value for d in pipeline.devices.values() for name, value in d.truth.items()},
         interrupted,
     )

@@ -1,5 +1,6 @@
 """Results: what a run found, what may be wrong with it, and where it is written."""
 
+from palpate.result.flags import flag
 from palpate.result.folder import EstimatesFile, make_folder, write_new
 from palpate.result.outcome import (
     Found,
@@ -21,6 +22,7 @@ __all__ = [
     "acceleration",
     "finite",
     "finite_tree",
+    "flag",
     "make_folder",
     "record_flags",
     "stream_tables",

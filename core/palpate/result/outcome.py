@@ -10,6 +10,7 @@ from typing import Any
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.contact import ContactModel
 from palpate.estimation import Status
+from palpate.result.budget import systematic_terms
 from palpate.result.flags import alignment_flags, flag, timing_flags, track_flags, validity_flags
 from palpate.result.record import TrackRecord
 
@@ -22,7 +23,8 @@ class Found:
     std: float  # standard deviation, as the estimator believes it
     unit: str
     settling: float = 0.0  # standard uncertainty from an estimate that has not come to rest
-    systematic: float | None = None  # standard uncertainty from the declared timing; None where undeclared or none
+    systematic: float | None = None  # standard uncertainty from timing, mass and tare; None where none is known
+    budget: Mapping[str, float] = field(default_factory=dict)  # its terms by name
     per_shear: float | None = None  # [s] shift of timing that would explain the value: eta/G
 
     @property
@@ -36,6 +38,7 @@ class Found:
         if self.systematic is not None:
             known["systematic"] = self.systematic
         known["combined"] = self.combined
+        known |= {f"systematic_{term}": share for term, share in self.budget.items()}
         if self.per_shear is not None:
             known["equivalent_delay"] = self.per_shear
         return {key: finite(value) for key, value in known.items()}
@@ -153,13 +156,15 @@ def track_result(
         added = None if record.details.get("timing_included") else timing
         flags += timing_flags(model, values, timing)
         shifts = model.delay_shift(list(values))
+        terms = systematic_terms(model, last, added, settings, report)
         parameters = {
             p.name: Found(
                 float(value),
                 float(deviation),
                 p.unit,
                 float(settling),
-                abs(shift) * added if shift and added is not None else None,
+                math.hypot(*terms[p.name].values()) if terms[p.name] else None,
+                terms[p.name],
                 float(value / abs(shift)) if shift else None,
             )
             for p, value, deviation, settling, shift in zip(

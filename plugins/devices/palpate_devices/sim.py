@@ -109,6 +109,9 @@ class SimulatedRig(Device):
     motion_delay: Time = Field(
         default=0.0, description="how late pose and twist are stamped; an estimator has to be told"
     )
+    serial_number: str = Field(
+        default="SIM-0001", min_length=1, description="serial number of the sensor, as a real one has"
+    )
     seed: int | None = Field(default=None, ge=0, description="seed of the noise; left out: that of the run")
     pace: Literal["fast", "real-time"] = Field(
         default="fast", description="as fast as the machine can, or by the clock"
@@ -134,6 +137,11 @@ class SimulatedRig(Device):
     def truth(self) -> Mapping[str, float]:
         """The specimen's parameters and the height of its surface."""
         return {**self.specimen.parameters, "surface": self.specimen.surface}
+
+    @property
+    def provenance(self) -> Mapping[str, str]:
+        """The sensor's serial number."""
+        return {"serial_number": self.serial_number}
 
     def connect(self, seed: int) -> AbstractContextManager[Link]:
         """The rig at rest; `follow` sets it in motion."""
@@ -211,8 +219,7 @@ class _Rig:
     def _wrench(self, instants: Floats, motion: Motion, contact: Floats) -> Floats:
         """What the sensor reads (n, 6) at true times (n,) [s]."""
         settings = self._settings
-        _, _, acceleration = motion.at(instants)
-        inertia = -settings.tip_mass * acceleration
+        inertia = -settings.tip_mass * motion.mean_acceleration(instants, 1.0 / settings.sensor_rate)
         wrench = np.zeros((len(instants), 6))
         wrench[:, :3] = inertia
         wrench[:, 2] += contact - settings.tip_mass * _GRAVITY + settings.bias + settings.drift * instants
