@@ -56,6 +56,8 @@ class Status(IntFlag):
     BLIND = 16  # a measurement is missing: predicted only
     STIFF = 32  # the contact is too stiff for the estimator's time step
     RESUMED = 64  # carried over a gap in the samples, or a second touch, by the measured position
+    WAITING = 128  # gathering samples to start on; nothing is estimated yet
+    REPAIRED = 256  # the covariance had lost its positivity to rounding, and was repaired
 
 
 @dataclass(frozen=True)

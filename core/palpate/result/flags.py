@@ -62,6 +62,9 @@ def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Ite
 def track_flags(record: TrackRecord, model: ContactModel, report: AlignmentReport, average: float) -> Iterator[Flag]:
     """What is amiss with one track."""
     tail = record.tail
+    if tail is None and record.marks[Status.WAITING]:
+        yield flag("never-started", f"{record.marks[Status.WAITING]} samples in contact were too few to start on")
+        return
     if tail is None:
         yield flag("no-contact", f"the force never stayed above {report.touch_force:.3g} N: nothing was estimated")
         return
@@ -90,6 +93,8 @@ def _status_flags(record: TrackRecord) -> Iterator[Flag]:
         yield flag("blind", f"{marks[Status.BLIND]} samples lacked a measurement and were predicted only")
     if marks[Status.STIFF]:
         yield flag("too-stiff", f"the contact was too stiff for the time step in {marks[Status.STIFF]} samples")
+    if marks[Status.REPAIRED]:
+        yield flag("covariance-repaired", f"the covariance lost its positivity in {marks[Status.REPAIRED]} samples")
     if marks[Status.RESUMED]:
         yield flag("resumed", f"the estimate was carried over a pause {marks[Status.RESUMED]} times")
 
