@@ -97,6 +97,11 @@ class Device(Part, ABC):
         return {}
 
     @property
+    def outlines(self) -> tuple[NDArray[np.float64], ...]:
+        """Closed outlines (k, 2) [m] of what a simulated device hides below the skin, for pictures; else none."""
+        return ()
+
+    @property
     def provenance(self) -> Mapping[str, str]:
         """What a record must say of this device to be redone: file and hash, serial number, firmware."""
         return {}
