@@ -124,9 +124,7 @@ class Aligner:
         contact = np.zeros(len(stamps), bool)
         unknown = np.full(len(stamps), np.nan)
         lateral = [self._roles[role].at(stamps) if role in self._roles else unknown for role in _LATERAL]
-        return Samples(
-            stamps, time, interval, force, position, velocity, contact, measuring, np.column_stack(lateral)
-        )
+        return Samples(stamps, time, interval, force, position, velocity, contact, measuring, np.column_stack(lateral))
 
     def _central_difference(self, stamps: NDArray[np.int64], position: NDArray[np.float64]) -> NDArray[np.float64]:
         """Velocity [m/s] from the parabola through three neighbours: no delay; NaN at an end and beside a gap."""

@@ -1,4 +1,4 @@
-"""The command line: ``palpate run``, ``check``, ``list``, ``describe``, ``schema``."""
+"""The command line: ``palpate run``, ``check``, ``plan``, ``map``, ``lumps``, ``list`` and the others."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli import inspect, run
+from palpate.cli import inspect, lumps, plan, resume, run, search
+from palpate.cli import map as maps
 from palpate.errors import PalpateError
 
 app = typer.Typer(
@@ -39,6 +40,12 @@ def _options(
 
 app.command(name="run")(run.run)
 app.command(name="check")(inspect.check)
+app.command(name="plan")(plan.plan)
+app.command(name="resume")(resume.resume)
+app.command(name="map")(maps.map_run)
+app.command(name="lumps")(lumps.lumps)
+app.command(name="compare")(lumps.compare)
+app.command(name="search")(search.search)
 app.command(name="list")(inspect.list_parts)
 app.command(name="describe")(inspect.describe)
 app.command(name="schema")(inspect.schema)

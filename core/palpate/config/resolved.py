@@ -13,7 +13,10 @@ from palpate.registry import Registry
 
 
 def resolved_text(pipeline: Pipeline) -> str:
-    """The pipeline as a TOML text in SI units, with every default spelled out and every reference in place."""
+    """The pipeline as a TOML text in SI units, with every default spelled out and every reference in place.
+
+    Paths are absolute, so that the text means the same wherever it is kept.
+    """
     tables: dict[str, Any] = {
         "run": _plain(pipeline.run, pipeline.registry),
         "alignment": _plain(pipeline.alignment, pipeline.registry),
@@ -40,4 +43,4 @@ def _plain(value: Any, registry: Registry) -> Any:
         return {name: _plain(item, registry) for name, item in value.items() if item is not None}
     if isinstance(value, tuple | list):
         return [_plain(item, registry) for item in value]
-    return str(value) if isinstance(value, Path) else value
+    return str(value.absolute()) if isinstance(value, Path) else value

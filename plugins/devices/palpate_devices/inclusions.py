@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from functools import cached_property
 from typing import Any, Literal, Self
 
@@ -28,8 +29,8 @@ class Inclusion(Settings):
     c = peak exp(-rho^2/(2 w^2)), rho the distance in the plane to the body's centre line (a point for a sphere, a
     segment for a cylinder, a U for a horseshoe), w^2 = (r/2)^2 + (a/2)^2 + (0.4 (depth + r))^2 the blur by its own
     radius r, the contact radius a, and its depth. The peak follows from finite elements of a sphere, with the stiffness
-    ratio k through Eshelby's strain in an incompressible sphere, (k - 1)/(1 + 0.4 (k - 1)); or it is given. The width is
-    an assumption, not a computation. An image gives c directly, blurred by the same w with r = 0.
+    ratio k through Eshelby's strain in an incompressible sphere, (k - 1)/(1 + 0.4 (k - 1)); or it is given. The width
+    is an assumption, not a computation. An image gives c directly, blurred by the same w with r = 0.
     """
 
     shape: Literal["sphere", "cylinder", "horseshoe", "image"] = Field(description="what it is")
@@ -38,7 +39,9 @@ class Inclusion(Settings):
     radius: Length = Field(default=0.005, gt=0, description="radius of the sphere, or of the rod that it is made of")
     length: Length = Field(default=0.02, gt=0, description="length of a cylinder")
     bend: Length = Field(default=0.008, gt=0, description="radius of a horseshoe's arc")
-    angle: Angle = Field(default=0.0, description="direction of a cylinder, or of a horseshoe's opening, from the x axis")
+    angle: Angle = Field(
+        default=0.0, description="direction of a cylinder, or of a horseshoe's opening, from the x axis"
+    )
     stiffness_ratio: float = Field(
         default=_FITTED_RATIO, gt=0, allow_inf_nan=False, description="its stiffness, of that of the matrix"
     )
@@ -64,7 +67,7 @@ class Inclusion(Settings):
         body = (self.stiffness_ratio - 1) / (1 + _ESHELBY * (self.stiffness_ratio - 1))
         fitted = (_FITTED_RATIO - 1) / (1 + _ESHELBY * (_FITTED_RATIO - 1))
         size = (self.radius / _RADIUS) ** _GROWTH
-        return _SCALE * size * (1 + self.depth / _REACH) ** -_DECAY * body / fitted
+        return float(_SCALE * size * (1 + self.depth / _REACH) ** -_DECAY * body / fitted)
 
     @cached_property
     def line(self) -> Floats:
@@ -92,9 +95,9 @@ class Inclusion(Settings):
         """Distance (n,) [m] in the plane to the centre line."""
         line = self.line
         if len(line) == 1:
-            return np.hypot(x - line[0, 0], y - line[0, 1])
+            return np.asarray(np.hypot(x - line[0, 0], y - line[0, 1]))
         nearest = np.full(np.shape(x), np.inf)
-        for (ax, ay), (bx, by) in zip(line[:-1], line[1:], strict=True):
+        for (ax, ay), (bx, by) in itertools.pairwise(line):
             way = (bx - ax) ** 2 + (by - ay) ** 2
             along = np.clip(((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / way, 0.0, 1.0)
             nearest = np.minimum(nearest, np.hypot(x - ax - along * (bx - ax), y - ay - along * (by - ay)))
@@ -102,8 +105,9 @@ class Inclusion(Settings):
 
     @cached_property
     def _pixels(self) -> Floats:
+        assert self.file is not None
         try:
-            pixels = np.loadtxt(self.file, delimiter=",", ndmin=2)  # type: ignore[arg-type]
+            pixels = np.loadtxt(self.file, delimiter=",", ndmin=2)
         except (OSError, ValueError) as error:
             raise ConfigurationError(f"{self.file}: cannot be read as an image of contrasts: {error}") from error
         if min(pixels.shape) < 2 or not np.isfinite(pixels).all() or pixels.min() <= -1:
@@ -115,7 +119,7 @@ class Inclusion(Settings):
 
         blur = np.hypot(contact_radius / 2, _BLUR * self.depth) / self.pixel
         image = gaussian_filter(self._pixels, blur, mode="constant")
-        rows, columns = image.shape
+        rows, columns = self._pixels.shape[0], self._pixels.shape[1]
         column = (x - self.place[0]) / self.pixel + (columns - 1) / 2
         row = (y - self.place[1]) / self.pixel + (rows - 1) / 2
         found: Any = map_coordinates(image, [np.atleast_1d(row), np.atleast_1d(column)], order=1, mode="constant")

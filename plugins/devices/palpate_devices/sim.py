@@ -20,6 +20,7 @@ from palpate import (
     Length,
     Link,
     Mass,
+    Setpoint,
     Speed,
     Stream,
     Time,
@@ -99,6 +100,10 @@ class SimulatedRig(Device):
         """Outlines of the specimen's inclusions."""
         return tuple(inclusion.outline for inclusion in self.specimen.inclusions)
 
+    def refuse(self, setpoint: Setpoint) -> None:
+        """Not through the specimen, and not beside it."""
+        self.specimen.refuse(setpoint)
+
     def connect(self, seed: int) -> AbstractContextManager[Link]:
         """The rig at rest; `follow` sets it in motion."""
         return self._connected(self.seed if self.seed is not None else seed)
@@ -139,7 +144,6 @@ class _Rig:
         end = self._trajectory.total_duration
         ticks = np.arange(int(np.floor(end * settings.rate)) + 1) / settings.rate
         setpoint = self._trajectory.at(ticks)
-        settings.specimen.refuse(setpoint)
         loop = PositionLoop(settings.gain, settings.damping, settings.lag, 1.0 / settings.rate)
         motion = loop.track(setpoint.position, setpoint.velocity)
         readings = np.arange(int(np.floor(ticks[-1] * settings.sensor_rate)) + 1) / settings.sensor_rate

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import ConfigurationError, ContactModel, Length, Settings, Setpoint, to_si
+from palpate import ConfigurationError, ContactModel, Length, Setpoint, Settings, to_si
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from palpate_devices.inclusions import Inclusion

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from functools import cached_property
@@ -75,7 +76,8 @@ class GridPoints(Trajectory):
 
     @property
     def _grid(self) -> tuple[Place, ...]:
-        assert self.size is not None and self.pitch is not None
+        assert self.size is not None
+        assert self.pitch is not None
         along, across = (np.arange(math.floor(extent / self.pitch + 1e-9) + 1) * self.pitch for extent in self.size)
         a, b = np.meshgrid(along - along[-1] / 2, across - across[-1] / 2)
         cos, sin = math.cos(self.angle), math.sin(self.angle)
@@ -90,7 +92,7 @@ class GridPoints(Trajectory):
         begin = press.rest + press.transfer
         touches = [Touch(begin, begin + stay)]
         visits = self.visits[self.first_point :]
-        for a, b in zip(visits[:-1], visits[1:], strict=True):
+        for a, b in itertools.pairwise(visits):
             travel = line_time(math.dist(a, b), self.travel_speed, _RAMP)
             soonest = touches[-1].end + 2 * press.transfer + travel
             begin = touches[0].begin + math.ceil((soonest - touches[0].begin) / period - 1e-9) * period

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -65,7 +66,7 @@ def profile(knots: Sequence[Knot]) -> Profile:
         kept.append(Knot(kept[0].time + 1.0, kept[0].value))
     times = np.array([knot.time for knot in kept])
     rows = []
-    for a, b in zip(kept[:-1], kept[1:], strict=True):
+    for a, b in itertools.pairwise(kept):
         length = b.time - a.time
         # About the first value, so that a long straight line loses no digits.
         rows.append(np.array([0.0, a.rate * length, b.value - a.value, b.rate * length]) @ _BASIS)

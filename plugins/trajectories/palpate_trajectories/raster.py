@@ -82,8 +82,14 @@ class Raster(Trajectory):
     def _motion(self) -> Motion:
         way, begin = self._way, self.press.rest + self.press.transfer
         cos, sin = math.cos(self.angle), math.sin(self.angle)
-        x = [Knot(k.time, self.centre[0] + cos * k.along - sin * k.across, cos * k.pace - sin * k.drift) for k in way.knots]
-        y = [Knot(k.time, self.centre[1] + sin * k.along + cos * k.across, sin * k.pace + cos * k.drift) for k in way.knots]
+        x = [
+            Knot(k.time, self.centre[0] + cos * k.along - sin * k.across, cos * k.pace - sin * k.drift)
+            for k in way.knots
+        ]
+        y = [
+            Knot(k.time, self.centre[1] + sin * k.along + cos * k.across, sin * k.pace + cos * k.drift)
+            for k in way.knots
+        ]
         edges = [begin, *(edge for pause in way.pauses for edge in pause), way.now]
         measuring = list(zip(edges[::2], edges[1::2], strict=True))
         return pressed(self.press, [Touch(begin, way.now)], x, y, measuring, self.surface)
