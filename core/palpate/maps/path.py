@@ -44,8 +44,14 @@ class _Table:
 def read_path(folder: Path, track: str | None = None, parameter: str | None = None) -> Path2D:
     """The estimates of a run and of its continuations; by default of its best track's first parameter.
 
-    The best is an offline track where there is one, else the first in the table. Raises LogError for what is missing.
+    The best is an offline track where there is one, else the first in the table; each part has its own, since one that
+    was killed has no offline estimates. Raises LogError for what is missing.
     """
+    known = {name for part in parts_of(folder) for name in tracks_of(part)}
+    if not known:
+        raise LogError(f"{folder}: is no run folder: it has no table of estimates")
+    if track is not None and track not in known:
+        raise LogError(f"{folder}: there is no track {track!r} (there are: {', '.join(sorted(known))})")
     paths = [found for part in parts_of(folder) if (found := _read_part(part, track, parameter)) is not None]
     if not paths:
         raise LogError(
@@ -64,21 +70,19 @@ def read_path(folder: Path, track: str | None = None, parameter: str | None = No
 
 
 def tracks_of(folder: Path) -> list[str]:
-    """The names of the tracks that a run folder has estimates of, the best first."""
+    """The names of the tracks that one folder has estimates of, the best first."""
     names: list[str] = []
     for table in TABLES:
         if (folder / table).is_file():
             names += [n.partition(":")[0] for n in _read(folder / table, head=True).names if n.endswith(":status")]
-    if not names:
-        raise LogError(f"{folder}: is no run folder: it has no table of estimates")
     return names
 
 
 def _read_part(folder: Path, track: str | None, parameter: str | None) -> Path2D | None:
     tracks = tracks_of(folder)
-    track = track or tracks[0]
-    if track not in tracks:
-        raise LogError(f"{folder}: there is no track {track!r} (there are: {', '.join(tracks)})")
+    track = track or next(iter(tracks), None)
+    if track not in tracks or track is None:
+        return None
     for name in TABLES:
         if not (folder / name).is_file():
             continue

@@ -88,15 +88,13 @@ def _means(path: Path2D, groups: NDArray[np.intp], counted: NDArray[np.bool_], s
 
 def _standing(path: Path2D) -> NDArray[np.bool_]:
     """(n,) True where the tip goes less than half a millimetre a second, looking a quarter of a second each way."""
-    before = (
-        np.interp(path.time - _LOOK / 2, path.time, path.place[:, 0]),
-        np.interp(path.time - _LOOK / 2, path.time, path.place[:, 1]),
-    )
-    after = (
-        np.interp(path.time + _LOOK / 2, path.time, path.place[:, 0]),
-        np.interp(path.time + _LOOK / 2, path.time, path.place[:, 1]),
-    )
-    return np.asarray(np.hypot(after[0] - before[0], after[1] - before[1]) < _SLOW * _LOOK)
+    begins = np.flatnonzero(np.r_[True, np.diff(path.time) > _PAUSE])
+    ends = np.r_[begins[1:], len(path.time)] - 1
+    stretch = np.searchsorted(begins, np.arange(len(path.time)), side="right") - 1
+    early = np.maximum(path.time - _LOOK / 2, path.time[begins][stretch])
+    late = np.minimum(path.time + _LOOK / 2, path.time[ends][stretch])
+    moved = [np.interp(late, path.time, along) - np.interp(early, path.time, along) for along in path.place.T]
+    return np.asarray(np.hypot(*moved) < _SLOW * np.maximum(late - early, 0.1))
 
 
 def _smoothed_way(path: Path2D, step: Floats) -> Floats:

@@ -49,7 +49,7 @@ class Outputs:
                 self._write(track.track.name, found[track.track.name])
             else:
                 track.waiting.append(samples)
-        self._table.write(samples.lateral, found)
+        self._table.write(samples, found)
 
     def finish(self, aligner: Aligner, running: list[RunningTrack]) -> None:
         """The rest of the record, then the offline estimators."""
@@ -62,7 +62,7 @@ class Outputs:
             found[track.track.name] = track.run(samples)
             self._write(track.track.name, found[track.track.name])
             track.waiting = []
-        self._open_table("estimates-offline.csv", offline).write(samples.lateral, found)
+        self._open_table("estimates-offline.csv", offline).write(samples, found)
 
     def _write(self, name: str, estimates: Estimates) -> None:
         for writer in self._writers:

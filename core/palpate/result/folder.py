@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from palpate.contact import Parameter
 from palpate.errors import OutputError
-from palpate.estimation import Estimates
+from palpate.estimation import Estimates, Samples
 
 
 def make_folder(name: str, wanted: Path | None, now: datetime) -> Path:
@@ -64,13 +64,11 @@ class EstimatesFile:
             header += [f"{track}:{name}" for name in ("surface", "surface_std", "force", "nis", "status")]
         self._rows.writerow(header)
 
-    def write(self, lateral: NDArray[np.float64], estimates: Mapping[str, Estimates]) -> None:
-        """One row for each interval of time: the tip's place (n, 2) and the estimates of all tracks on one block."""
+    def write(self, samples: Samples, estimates: Mapping[str, Estimates]) -> None:
+        """One row for each interval of time: the tip's place and the estimates of all tracks on a block of samples."""
         blocks = list(estimates.values())
-        if not blocks or not len(blocks[0]):
-            return
-        rows = self._due(blocks[0].time)
-        columns: list[Any] = [blocks[0].time[rows], lateral[rows, 0], lateral[rows, 1]]
+        rows = self._due(samples.time)
+        columns: list[Any] = [samples.time[rows], samples.lateral[rows, 0], samples.lateral[rows, 1]]
         for block in blocks:
             for k in range(block.values.shape[1]):
                 columns += [block.values[rows, k], block.std[rows, k]]
