@@ -35,6 +35,13 @@ def test_describe_says_what_each_key_is(palpate, kind, name):
         assert field.description in described
 
 
+@pytest.mark.parametrize(("table", "words"), [("run", "tracks: list"), ("alignment", "Keys of the table signal:")])
+def test_the_tables_of_every_pipeline_are_described(palpate, table, words):
+    described = palpate("describe", table).stdout
+    assert f"[{table}]: a table of every pipeline" in described
+    assert words in described
+
+
 def test_the_schema_is_json(palpate):
     schema = json.loads(palpate("schema").stdout)
     assert schema["required"] == ["device", "alignment", "model", "estimator"]

@@ -230,3 +230,40 @@ def test_no_readings_no_samples():
     samples, report = aligned([])
     assert len(samples) == 0
     assert report.duration == 0
+
+
+def noisy_record(late=0.0, average=1, duration=10.0):
+    """A palpation with the paper's velocity noise and the robot's repeatability of position."""
+    random = np.random.default_rng(5)
+    force, motion = stamps(800.0, duration), stamps(500.0, duration)
+    speed = speed_of(motion - round(late * 1e9)) + 0.67e-3 * random.standard_normal(len(motion))
+    if average > 1:
+        speed = np.convolve(
+            np.concatenate([np.full(average - 1, speed[0]), speed]), np.ones(average) / average, "valid"
+        )
+    height = height_of(motion) + 5e-6 * random.standard_normal(len(motion))
+    return [batch("wrench", force, force_of(force)), batch("tip", motion, height, speed)]
+
+
+@pytest.mark.parametrize(
+    ("late", "average", "expected"), [(0.0, 1, 0.0), (0.005, 1, 0.005), (0.0, 21, 0.020), (-0.003, 1, -0.003)]
+)
+def test_a_hidden_delay_of_the_velocity_is_found(late, average, expected):
+    _, report = aligned(noisy_record(late, average))
+    found, uncertainty = report.velocity_delay
+    assert uncertainty < 0.3e-3
+    assert found == pytest.approx(expected, abs=max(4 * uncertainty, 0.02 * abs(expected)))
+
+
+def test_no_delay_is_told_without_motion_or_without_a_channel():
+    force, motion = stamps(800.0, 2.0), stamps(500.0, 2.0)
+    still = [batch("wrench", force, force_of(force)), batch("tip", motion, motion * 0.0, motion * 0.0)]
+    assert aligned(still)[1].velocity_delay is None
+    assert aligned(record(), velocity=None)[1].velocity_delay is None
+
+
+def test_a_force_that_is_not_zero_in_air_is_reported():
+    _, report = aligned(pressed(offset=-0.7), tare="none")
+    assert report.air_force == pytest.approx(-0.7, abs=0.01)
+    assert aligned(pressed(offset=-0.7), tare="free-air")[1].air_force == pytest.approx(0.0, abs=0.01)
+    assert aligned(record(), tare="none")[1].air_force is None

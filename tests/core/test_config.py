@@ -53,6 +53,7 @@ def test_every_mistake_is_shown_at_once_with_its_line(point_pipeline):
         ("run.tracks=dr/*", "must be a list"),
         ('run.tracks=["hc/*"]', "no track is called 'hc/*'"),
         ("alignment.force=rig.wrnch.z", "did you mean 'rig.wrench.z'?"),
+        ("alignment.velocity=rig.tip.z", "'rig.tip.z' is in m, but velocity is wanted in m/s"),
         ("alignment.force.sign=2", "2 is not allowed"),
         ("alignment.tare=sometimes", "is none of"),
         ("alignment.tip_mass=-1 g", "must be greater than 0"),

@@ -103,6 +103,7 @@ def test_it_comes_to_rest_in_the_end(run_point):
         (["device.rig.specimen.elasticity=1.5 MPa"], {"too-stiff", "inconsistent"}),
         (["device.rig.specimen.surface=-8 mm"], {"no-contact"}),
         (["device.rig.force_delay=30 ms"], {"implausible"}),
+        (["alignment.tare=none"], {"untared"}),
         (["device.rig.force_limit=3 N"], {"saturated", "missing-force", "blind"}),
     ],
 )

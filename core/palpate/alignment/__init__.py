@@ -4,6 +4,6 @@ The samples do not depend on how the streams were cut into batches, so a replaye
 """
 
 from palpate.alignment.aligner import Aligner, AlignmentReport
-from palpate.alignment.settings import AlignmentSettings, Signal
+from palpate.alignment.settings import SIGNAL_UNITS, AlignmentSettings, Signal
 
-__all__ = ["Aligner", "AlignmentReport", "AlignmentSettings", "Signal"]
+__all__ = ["SIGNAL_UNITS", "Aligner", "AlignmentReport", "AlignmentSettings", "Signal"]

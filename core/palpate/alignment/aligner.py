@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.alignment.consistency import VelocityCheck
 from palpate.alignment.series import Health, Series
 from palpate.alignment.settings import AlignmentSettings, Signal
 from palpate.alignment.touch import Tare, TouchFinder
@@ -27,10 +28,12 @@ class AlignmentReport:
     touch_force: float  # [N]
     first_touch: tuple[float, float] | None  # time [s], position [m]
     touches: int
+    air_force: float | None  # [N] mean before the first touch, where it should be none
     samples: int
     missing_force: int  # samples whose force could not be had: gap, saturation, invalid readings
     missing_velocity: int
     duration: float  # [s] between the first sample and the last
+    velocity_delay: tuple[float, float] | None  # [s] of the velocity against the position, and its uncertainty
 
 
 class Aligner:
@@ -44,6 +47,7 @@ class Aligner:
         signals = {role: signal for role in roles if (signal := getattr(settings, role)) is not None}
         self._roles = {role: self._attach(role, signal, streams) for role, signal in signals.items()}
         self._touch = TouchFinder(settings)
+        self._check = VelocityCheck()
         self._origin: int | None = None
         self._previous: tuple[int, float] | None = None  # stamp [ns] and position [m] of the last instant served
         self._counts = {"samples": 0, "force": 0, "velocity": 0}
@@ -74,7 +78,10 @@ class Aligner:
 
     def samples(self, final: bool = False) -> Samples:
         """The samples that have become ready; with `final`, all that the record still holds."""
-        return self._touch.run(self._paired(final), final)
+        block = self._paired(final)
+        if "velocity" in self._roles and len(block):
+            self._check.feed(block)
+        return self._touch.run(block, final)
 
     def _paired(self, final: bool) -> Samples:
         base = self._roles["position"]
@@ -153,8 +160,10 @@ class Aligner:
             touch.threshold,
             touch.first_touch,
             touch.touches,
+            touch.air_force,
             counts["samples"],
             counts["force"],
             counts["velocity"],
             duration,
+            self._check.delay,
         )

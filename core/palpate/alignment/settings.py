@@ -10,6 +10,9 @@ from pydantic_core import PydanticCustomError
 from palpate.parts import Settings
 from palpate.units import Force, Mass, Time, to_si
 
+# What a role's channel must be in; a channel whose unit nobody knows ("1") is taken at its word.
+SIGNAL_UNITS = {"force": "N", "position": "m", "velocity": "m/s"}
+
 
 class Signal(Settings):
     """One channel in one role; a plain text is short for ``{ channel = "..." }``."""

@@ -14,6 +14,9 @@ from palpate.estimation import Samples
 GRAVITY = 9.80665  # [m/s^2], standard
 _PAPER_NOISE = 0.05  # [N], standard deviation of the sensor in the paper; where there is no free air to measure it in
 _TOUCH_SIGMAS = 5.0
+_LEAST_TOUCH = 0.05  # [N]; a sensor without noise still feels the tip's inertia
+_AIR_SAMPLES = 50  # before the first touch, to tell whether the force is none there
+_WANDER = 0.02  # [N]; less is drift
 _IN_A_ROW = 3  # samples that must agree before contact is found or lost
 
 
@@ -35,6 +38,7 @@ class TouchFinder:
         self.tare: Tare | None = None
         self.first_touch: tuple[float, float] | None = None  # time [s], position [m]
         self.touches = 0
+        self._air_sum, self._air_count = 0.0, 0
         self._in_contact = False
         self._above = self._below = 0
 
@@ -44,7 +48,7 @@ class TouchFinder:
         if self._settings.touch_force is not None:
             return self._settings.touch_force
         noise = self.tare.noise if self.tare and self.tare.noise else _PAPER_NOISE
-        return _TOUCH_SIGMAS * noise
+        return max(_TOUCH_SIGMAS * noise, _LEAST_TOUCH)
 
     def run(self, samples: Samples, final: bool = False) -> Samples:
         """The samples that can be told to be in contact or not; all that are left where `final`."""
@@ -68,13 +72,12 @@ class TouchFinder:
         window = window[np.isfinite(window)]
         if len(window) < 10:
             return Tare(0.0, None, None)
-        noise, spread = _high_frequency_noise(window), float(window.std(ddof=1))
-        # Interpolated white noise is correlated between neighbours, hence the factor.
-        if spread > 4.0 * noise and spread > 1e-3:
+        spread = float(window.std(ddof=1))
+        if not _at_rest(window):
             raise LogError(
                 f"alignment: the first {self._settings.tare_duration:g} s of {self._settings.force.channel} are not at "
-                f"rest in free air (spread {spread:.3g} N, noise {noise:.3g} N), so they give no tare; set [alignment] "
-                'tare = "none", a force, or a shorter tare_duration'
+                f"rest in free air (the force wanders by {spread:.2g} N), so they give no tare; set [alignment] tare = "
+                '"none", a force, or a shorter tare_duration'
             )
         return Tare(float(window.mean()), spread / np.sqrt(len(window)), spread)
 
@@ -84,6 +87,7 @@ class TouchFinder:
         if self._settings.weight == "removed" and self._settings.tip_mass is not None:
             force = force + self._settings.tip_mass * GRAVITY
         contact = self._contact(force)
+        self._listen_to_the_air(force[~np.logical_or.accumulate(contact)])
         begins = contact & ~np.concatenate([[self._in_contact], contact[:-1]])
         if self.first_touch is None and begins.any():
             first = int(np.argmax(begins))
@@ -91,6 +95,18 @@ class TouchFinder:
         self.touches += int(np.count_nonzero(begins))
         self._in_contact = bool(contact[-1])
         return replace(samples, force=force, contact=contact, active=contact & samples.active)
+
+    def _listen_to_the_air(self, force: NDArray[np.float64]) -> None:
+        """What the force is before the first touch, where it should be none."""
+        if self.first_touch is None:
+            known = force[np.isfinite(force)]
+            self._air_sum += float(known.sum())
+            self._air_count += len(known)
+
+    @property
+    def air_force(self) -> float | None:
+        """Mean force [N] before the first touch; None where there is too little of that."""
+        return self._air_sum / self._air_count if self._air_count >= _AIR_SAMPLES else None
 
     def _contact(self, force: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Hysteresis: on after some samples in a row above the threshold, off after as many below half of it."""
@@ -111,6 +127,9 @@ def _in_a_row(condition: NDArray[np.bool_], before: int) -> NDArray[np.int64]:
     return np.where(broken < 0, index + 1 + before, index - broken)
 
 
-def _high_frequency_noise(force: NDArray[np.float64]) -> float:
-    """Standard deviation of white noise that would give the second differences of a record; drift drops out."""
-    return float(np.sqrt(np.mean(np.diff(force, 2) ** 2) / 6.0))
+def _at_rest(force: NDArray[np.float64]) -> bool:
+    """Whether a record scatters within its sixths rather than wandering from one to the next."""
+    parts = np.array_split(force, 6)
+    between = float(np.std([part.mean() for part in parts]))
+    within = float(np.mean([part.std() for part in parts]))
+    return between <= _WANDER or between <= 1.5 * within

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli import inspect, lumps, plan, resume, run, search
+from palpate.cli import info, inspect, lumps, plan, resume, run, search, sweep
 from palpate.cli import map as maps
 from palpate.errors import PalpateError
 
@@ -39,6 +39,7 @@ def _options(
 
 
 app.command(name="run")(run.run)
+app.command(name="sweep")(sweep.sweep)
 app.command(name="check")(inspect.check)
 app.command(name="plan")(plan.plan)
 app.command(name="resume")(resume.resume)
@@ -49,6 +50,7 @@ app.command(name="search")(search.search)
 app.command(name="list")(inspect.list_parts)
 app.command(name="describe")(inspect.describe)
 app.command(name="schema")(inspect.schema)
+app.command(name="info")(info.info)
 
 
 def main() -> None:

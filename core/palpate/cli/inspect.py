@@ -12,12 +12,14 @@ from typing import Annotated, Any
 import typer
 
 from palpate import registry as registries
-from palpate.config import load_pipeline, pipeline_schema, resolved_text
+from palpate.alignment import AlignmentSettings
+from palpate.config import RunSettings, load_pipeline, pipeline_schema, resolved_text
 from palpate.errors import ConfigurationError
-from palpate.parts import Part, nested_settings, part_kind
+from palpate.parts import Part, Settings, nested_settings, part_kind
 from palpate.registry import Registry, suggest
 from palpate.units import Quantity, dimension
 
+_TABLES: dict[str, type[Settings]] = {"run": RunSettings, "alignment": AlignmentSettings}
 _PluginFiles = Annotated[
     list[Path] | None, typer.Option("--plugin", metavar="FILE", help="A Python file with parts of your own.")
 ]
@@ -55,15 +57,21 @@ def list_parts(plugin: _PluginFiles = None) -> None:
 
 
 def describe(
-    part: Annotated[str, typer.Argument(help="Name of a part, as in `palpate list`.")], plugin: _PluginFiles = None
+    part: Annotated[str, typer.Argument(help="Name of a part, as in `palpate list`; or run, alignment.")],
+    plugin: _PluginFiles = None,
 ) -> None:
     """Describe a part: what it is, and every key with unit, default and meaning."""
     registry = registries.load(plugin or [])
-    found = [(kind, entries[part].part) for kind, entries in registry.parts.items() if part in entries]
+    found: list[tuple[str, type[Settings]]] = []
+    for kind, entries in registry.parts.items():
+        if part in entries:
+            found.append((f"{part}: a type of [{kind}.*]", entries[part].part))
+    if part in _TABLES:
+        found.append((f"[{part}]: a table of every pipeline", _TABLES[part]))
     if not found:
-        names = [name for entries in registry.parts.values() for name in entries]
+        names = [*_TABLES, *(name for entries in registry.parts.values() for name in entries)]
         raise ConfigurationError(f"there is no part {part!r}{suggest(part, names)}")
-    typer.echo("\n\n".join("\n".join(_description(kind, part, cls)) for kind, cls in found))
+    typer.echo("\n\n".join("\n".join(_description(title, settings)) for title, settings in found))
 
 
 def schema(plugin: _PluginFiles = None) -> None:
@@ -76,8 +84,8 @@ def _summary(part: type[Part]) -> str:
     return (inspect.getdoc(part) or "").splitlines()[0] if part.__doc__ else ""
 
 
-def _description(kind: str, name: str, part: type[Part]) -> Iterator[str]:
-    yield f"{name}: a type of [{kind}.*]"
+def _description(title: str, part: type[Settings]) -> Iterator[str]:
+    yield title
     yield ""
     yield inspect.getdoc(part) or ""
     parameters = getattr(part, "parameters", ())
@@ -88,16 +96,27 @@ def _description(kind: str, name: str, part: type[Part]) -> Iterator[str]:
     if part.model_fields:
         yield ""
         yield "Keys:"
-    for key, field in part.model_fields.items():
-        default = "must be given" if field.is_required() else f"default {_default(field.get_default(), field.metadata)}"
-        yield f"  {key}: {_type(field.annotation, field.metadata)}, {default}"
+        yield from _keys(part, "  ")
+    nested = {n.__name__: n for f in part.model_fields.values() if (n := nested_settings(f.annotation)) is not None}
+    for name, settings in nested.items():
+        yield ""
+        yield f"Keys of the table {name.lower()}:"
+        yield from _keys(settings, "  ")
+
+
+def _keys(settings: type[Settings], indent: str) -> Iterator[str]:
+    for key, field in settings.model_fields.items():
+        default = "must be given" if field.is_required() else _default(field.get_default(), field.metadata)
+        yield f"{indent}{key}: {_type(field.annotation, field.metadata)}, {default}"
         if field.description:
-            yield f"      {field.description}"
+            yield f"{indent}    {field.description}"
 
 
 def _default(value: Any, metadata: list[Any]) -> str:
+    if value is None:
+        return "optional"
     unit = next((f" {item.unit}" for item in metadata if isinstance(item, Quantity)), "")
-    return f"{value:.6g}{unit}" if isinstance(value, float) else json.dumps(value, default=str)
+    return f"default {value:.6g}{unit}" if isinstance(value, float) else f"default {json.dumps(value, default=str)}"
 
 
 def _type(annotation: Any, metadata: list[Any]) -> str:
@@ -107,8 +126,9 @@ def _type(annotation: Any, metadata: list[Any]) -> str:
     kind = part_kind(annotation)
     if kind is not None:
         return f"name of a [{kind}.*] or a table"
-    if nested_settings(annotation) is not None:
-        return "table"
+    nested = nested_settings(annotation)
+    if nested is not None:
+        return f"table {nested.__name__.lower()}"
     arguments = typing.get_args(annotation)
     if typing.get_origin(annotation) is typing.Literal:
         return " or ".join(json.dumps(choice) for choice in arguments)

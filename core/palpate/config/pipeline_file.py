@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import Field
 
 from palpate import registry as registries
-from palpate.alignment import AlignmentSettings, Signal
+from palpate.alignment import SIGNAL_UNITS, AlignmentSettings, Signal
 from palpate.config.builder import Builder, unknown_tables
 from palpate.config.mistakes import Mistake, raise_mistakes
 from palpate.config.source import Source
@@ -35,7 +35,7 @@ class RunSettings(Settings):
     )
     plugins: tuple[File, ...] = Field(default=(), description="Python files beside the pipeline with parts of your own")
     seed: int = Field(default=0, ge=0, description="seed of everything that plays dice")
-    average: Time = Field(default=1.0, ge=0, description="results are means over the last so many seconds of estimates")
+    average: Time = Field(default=1.0, ge=0.05, description="results are means over so much time at the end")
     estimates_interval: Time = Field(
         default=0.01, ge=0, description="estimates.csv has one row in so much time; 0: every sample"
     )
@@ -129,18 +129,24 @@ def _missing_kinds(tables: Mapping[str, Any], registry: Registry) -> list[Mistak
 
 def _wrong_channels(alignment: AlignmentSettings, devices: Mapping[str, Device]) -> list[Mistake]:
     mistakes = []
-    channels: list[str] = []
+    units: dict[str, str] = {}
     for name, device in devices.items():
         try:
-            channels += [address(name, stream, channel) for stream in device.streams for channel in stream.channels]
+            units |= {address(name, stream, c): c.unit for stream in device.streams for c in stream.channels}
         except PalpateError as error:
             mistakes.append(Mistake(("device", name), str(error)))
     if mistakes:
         return mistakes
     for role in AlignmentSettings.model_fields:
         signal = getattr(alignment, role)
-        if isinstance(signal, Signal) and signal.channel not in channels:
-            problem = f"no device has a channel {signal.channel!r}{suggest(signal.channel, channels)}"
+        if not isinstance(signal, Signal):
+            continue
+        wanted = SIGNAL_UNITS.get(role)
+        if signal.channel not in units:
+            problem = f"no device has a channel {signal.channel!r}{suggest(signal.channel, units)}"
+            mistakes.append(Mistake(("alignment", role), problem))
+        elif wanted is not None and units[signal.channel] not in (wanted, "1"):
+            problem = f"{signal.channel!r} is in {units[signal.channel]}, but {role} is wanted in {wanted}"
             mistakes.append(Mistake(("alignment", role), problem))
     return mistakes
 

@@ -172,6 +172,7 @@ def _result(
         "samples": report.samples,
         "log_duration": report.duration,
         "tare": {"offset": tare.offset, "std": tare.offset_std, "noise": tare.noise} if tare else None,
+        "velocity_delay": {"value": late[0], "std": late[1]} if (late := report.velocity_delay) else None,
         "first_touch": {"time": touch[0], "position": touch[1]} if touch else None,
     }
     warnings = [f"device: {text}" for device in pipeline.devices.values() for text in device.warnings]

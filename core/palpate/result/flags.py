@@ -17,6 +17,8 @@ _NIS_RANGE = (0.5, 1.6)  # of the mean over the last second; 0.9 to 1.1 would be
 _PAPER_NOISE = 0.05  # [N]
 _WEAK = 5.0  # the force must swing by more than so many standard deviations of its noise
 _SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the one that the first touch says
+_LATE = 1e-3  # [s] of the velocity against the position
+_AIR = 0.05  # [N] before the first touch
 _STUCK = 0.1  # [s] of exactly equal readings
 
 Flag = str
@@ -53,8 +55,15 @@ def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Ite
         yield flag("missing-force", f"{report.missing_force} of {report.samples} samples have no force")
     if report.missing_velocity > 1:
         yield flag("missing-velocity", f"{report.missing_velocity} of {report.samples} samples have no velocity")
+    if report.velocity_delay is not None:
+        late, uncertainty = report.velocity_delay
+        if abs(late) > max(_LATE, 5 * uncertainty):
+            what = f"the velocity is {1e3 * late:.2g} ms late against the position: filtered, or of another clock"
+            yield flag("velocity-late", what)
     if settings.tare == "free-air" and (report.tare is None or report.tare.noise is None):
         yield flag("no-tare", "the record is too short, or has no force, for a tare in free air")
+    if report.air_force is not None and abs(report.air_force) > _AIR:
+        yield flag("untared", f"before the first touch the force is {report.air_force:+.2g} N, where it should be none")
     if report.touches > 1:
         yield flag("touched-again", f"contact was lost and found again {report.touches - 1} times")
 

@@ -3,6 +3,7 @@
 from palpate import Estimator, plugin
 
 from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
+from palpate_filters.filterpy_filter import FilterpyFilter
 from palpate_filters.kinematic_filter import KinematicFilter
 from palpate_filters.smoother import KinematicSmoother
 from palpate_filters.ukf import AdaptiveFadingUkf, UnscentedKalmanFilter
@@ -16,6 +17,7 @@ def palpate_estimators() -> dict[str, type[Estimator]]:
         "afekf": AdaptiveFadingEkf,
         "ukf": UnscentedKalmanFilter,
         "afukf": AdaptiveFadingUkf,
+        "filterpy": FilterpyFilter,
         "kinematic-ekf": KinematicFilter,
         "kinematic-smoother": KinematicSmoother,
     }

@@ -20,7 +20,7 @@ class ExtendedKalmanFilter(InertialFilter):
 
     def start(self, problem: Problem) -> Tracker:
         """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
-        return inertial_tracker(self, "ekf", problem, linearised)
+        return inertial_tracker(self, problem, linearised)
 
 
 class AdaptiveFadingEkf(FadingFilter):
@@ -37,4 +37,4 @@ class AdaptiveFadingEkf(FadingFilter):
 
     def start(self, problem: Problem) -> Tracker:
         """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
-        return inertial_tracker(self, "afekf", problem, linearised)
+        return inertial_tracker(self, problem, linearised)

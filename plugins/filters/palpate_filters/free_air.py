@@ -12,8 +12,7 @@ _KEPT = 2000  # samples; the latest before contact
 class FreeAir:
     """Gathers the samples before the first contact and tells how noisy they are."""
 
-    def __init__(self, name: str) -> None:
-        self._name = name
+    def __init__(self) -> None:
         self._force = np.zeros(0)
         self._velocity = np.zeros(0)
 
@@ -35,10 +34,10 @@ class FreeAir:
             curvature = curvature[np.isfinite(curvature)]
             if len(curvature) < _ENOUGH:
                 raise LogError(
-                    f'estimator {self._name}: noise = "measure" needs {_ENOUGH} samples of free air before the first '
+                    f'noise = "measure" needs {_ENOUGH} samples of free air before the first '
                     f'contact, the record has {len(curvature)}; set noise = "given", force_std and velocity_std'
                 )
             found.append(float(np.sqrt(np.mean(curvature**2) / 6.0)))
         if min(found) <= 0.0:
-            raise LogError(f'estimator {self._name}: noise = "measure": force or velocity is constant in free air')
+            raise LogError('noise = "measure": force or velocity is constant in free air')
         return found[0], found[1]

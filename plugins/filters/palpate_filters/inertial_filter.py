@@ -38,8 +38,8 @@ _FIT_SPREAD = (
 _NO_FADING = (math.inf, 1.0, 0.0, 0.0)
 
 
-class InertialFilter(Estimator, ABC):
-    """Settings that every filter on the inertial process has.
+class PaperStart(Estimator, ABC):
+    """Settings of noise and start on the inertial process.
 
     Defaults are the paper's: x0 = [1 mm, v0, 0.1 N/mm^1.5, 0.01 N s/mm^1.5], P0 = diag(5, 1, 1, 1), read as the force
     and the damping of the material at a depth of 1 mm so that they hold for every tip and model.
@@ -47,13 +47,6 @@ class InertialFilter(Estimator, ABC):
 
     force_std: Force = Field(default=0.05, gt=0, description="standard deviation sigma_u of the force")
     velocity_std: Speed = Field(default=0.67e-3, gt=0, description="standard deviation sigma_vel of the velocity")
-    noise: Literal["given", "measure"] = Field(
-        default="given", description='"measure": take both from the free air before the first contact'
-    )
-    start_from: Literal["guess", "fit"] = Field(
-        default="guess", description='"fit": a variable-projection fit of the first start_duration of contact'
-    )
-    start_duration: Time = Field(default=0.5, gt=0, description="length of the fit; nothing is estimated before")
     start_depth: Length = Field(default=1e-3, gt=0, description="first guess of the depth")
     start_depth_std: Length = Field(default=math.sqrt(5) * 1e-3, gt=0, description="its standard deviation")
     start_rate_std: Speed = Field(
@@ -71,6 +64,18 @@ class InertialFilter(Estimator, ABC):
     first_guess_std: dict[str, float | str] = Field(
         default={}, description="their standard deviations, by parameter name"
     )
+
+
+class InertialFilter(PaperStart, ABC):
+    """Settings that every compiled filter on the inertial process has."""
+
+    noise: Literal["given", "measure"] = Field(
+        default="given", description='"measure": take both from the free air before the first contact'
+    )
+    start_from: Literal["guess", "fit"] = Field(
+        default="guess", description='"fit": a variable-projection fit of the first start_duration of contact'
+    )
+    start_duration: Time = Field(default=0.5, gt=0, description="length of the fit; nothing is estimated before")
 
 
 class FadingFilter(InertialFilter, ABC):
@@ -101,26 +106,30 @@ class FadingFilter(InertialFilter, ABC):
 
 
 @dataclass(frozen=True)
-class _Start:
-    """Where a filter starts."""
+class Start:
+    """Where a filter starts: mean and standard deviation of the state."""
 
     mean: Floats
     std: Floats
 
 
-def inertial_tracker(settings: InertialFilter, name: str, problem: Problem, prediction: Prediction) -> Tracker:
+def mass_of(problem: Problem) -> float:
+    """The tip's mass [kg]; raises ConfigurationError where none is declared."""
+    if problem.tip_mass is None or not problem.tip_mass > 0:
+        raise ConfigurationError(
+            'the tip\'s mass is not declared; this filter needs it: set [alignment] tip_mass, such as "140 g"'
+        )
+    return problem.tip_mass
+
+
+def inertial_tracker(settings: InertialFilter, problem: Problem, prediction: Prediction) -> Tracker:
     """A tracker of a filter on the inertial process.
 
     Raises ConfigurationError where no tip mass is declared or a first guess cannot be made.
     """
-    if problem.tip_mass is None or not problem.tip_mass > 0:
-        raise ConfigurationError(
-            f"estimator {name}: the tip's mass is not declared; this filter needs it: set [alignment] tip_mass, "
-            'such as "140 g"'
-        )
     fading = settings if isinstance(settings, FadingFilter) else None
-    process = InertialProcess(problem.model, problem.tip_mass, fading.order if fading else 0)
-    start = _start(settings, fading, name, process)
+    process = InertialProcess(problem.model, mass_of(problem), fading.order if fading else 0)
+    start = first_state(settings, process, fading.evolution_time if fading else 1.0)
     fade = (fading.theta, fading.alpha_max, fading.step_up, fading.step_down) if fading else _NO_FADING
     cap = (fading.covariance_cap * start.std) ** 2 if fading else np.full(process.states, 1e300)
 
@@ -135,29 +144,29 @@ def inertial_tracker(settings: InertialFilter, name: str, problem: Problem, pred
     step = inertial_step(process, prediction, fading=fading is not None, signed=fading is not None and fading.signed)
     window = settings.start_duration if settings.start_from == "fit" else 0.0
     recursion = Recursion(step, len(problem.model.parameters), numbers, begin, _inputs)
-    return RecursiveTracker(recursion, Opening(window, settings.noise == "measure", name))
+    return RecursiveTracker(recursion, Opening(window, settings.noise == "measure"))
 
 
 def _inputs(samples: Samples, interval: Floats) -> Floats:
     return np.column_stack([samples.force, -samples.velocity, interval])
 
 
-def _start(settings: InertialFilter, fading: FadingFilter | None, name: str, process: InertialProcess) -> _Start:
+def first_state(settings: PaperStart, process: InertialProcess, evolution_time: float = 1.0) -> Start:
+    """The state that the first guess gives; raises ConfigurationError where it gives none."""
     model = process.model
     forces = {
         "elastic": (settings.start_force, settings.start_force_std),
         "viscous": (settings.start_damping, settings.start_damping_std),
     }
-    guess, spread = first_guess(name, model, forces, settings.first_guess, settings.first_guess_std)
+    guess, spread = first_guess(model, forces, settings.first_guess, settings.first_guess_std)
     zeros, memory = np.zeros(process.order * len(guess)), np.zeros(len(model.memory))
-    time = fading.evolution_time if fading else 1.0
-    derivatives = [spread / time**k for k in range(1, process.order + 1)]
+    derivatives = [spread / evolution_time**k for k in range(1, process.order + 1)]
     mean = np.concatenate([[settings.start_depth, 0.0], memory, guess, zeros])
     std = np.concatenate([[settings.start_depth_std, settings.start_rate_std], memory + 1.0, spread, *derivatives])
-    return _Start(mean, std)
+    return Start(mean, std)
 
 
-def _fitted(settings: InertialFilter, process: InertialProcess, start: _Start, window: Samples) -> _Start:
+def _fitted(settings: InertialFilter, process: InertialProcess, start: Start, window: Samples) -> Start:
     """A start from the window's fit, where this finds the parameters; else the first guess."""
     values = process.parameters
     found = fit_start(process.model, process.mass, window, start.mean[values])
@@ -167,10 +176,10 @@ def _fitted(settings: InertialFilter, process: InertialProcess, start: _Start, w
     mean[0], std[0] = found.surface - window.position[0], min(_FIT_SPREAD * found.surface_std, std[0])
     mean[values] = found.theta
     std[values] = np.where(found.theta_std > 0, np.minimum(_FIT_SPREAD * found.theta_std, std[values]), std[values])
-    return _Start(mean, std)
+    return Start(mean, std)
 
 
-def _begin(process: InertialProcess, start: _Start, carry: Carry, first: Samples) -> tuple[Floats, bool]:
+def _begin(process: InertialProcess, start: Start, carry: Carry, first: Samples) -> tuple[Floats, bool]:
     """Start afresh, or carry the last estimate over a pause by the measured position; True in this case."""
     n = process.states
     position, rate = float(first.position[0]), -float(first.velocity[0])

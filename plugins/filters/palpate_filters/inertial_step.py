@@ -91,9 +91,11 @@ def broken(mean: Any, variance: Any, scale: Any) -> Any:
     """1 where the numbers are not finite, or further from 0 than anything that the first guess leaves possible."""
     import casadi as ca
 
-    finite = ca.logic_and(ca.sumsqr(mean) <= _LARGEST, ca.mmin(variance) >= 0)
-    near = ca.logic_and(ca.fabs(mean[0]) <= _DEEPEST, ca.mmax(ca.fabs(mean) / scale) <= _IMPLAUSIBLE)
-    return ca.logic_not(ca.logic_and(ca.logic_and(finite, near), ca.mmax(ca.sqrt(variance) / scale) <= _IMPLAUSIBLE))
+    limit = _IMPLAUSIBLE * scale
+    # A sum tells NaN, which smallest and largest would pass over; products spare the roots and quotients.
+    finite = ca.logic_and(ca.sumsqr(mean) + ca.sum1(variance) <= _LARGEST, ca.mmin(variance) >= 0)
+    near = ca.logic_and(ca.fabs(mean[0]) <= _DEEPEST, ca.mmax(ca.fabs(mean) - limit) <= 0)
+    return ca.logic_not(ca.logic_and(ca.logic_and(finite, near), ca.mmax(variance - limit**2) <= 0))
 
 
 def faded(factor: Any, surprise: Any, settings: Any) -> Any:

@@ -25,6 +25,7 @@ from pydantic import Field
 
 from palpate_filters.first_guess import first_guess
 from palpate_filters.fit import fit_start
+from palpate_filters.inertial_filter import mass_of
 from palpate_filters.kinematic_step import kinematic_step
 from palpate_filters.tracking import Carry, Opening, Recursion, RecursiveTracker
 
@@ -106,26 +107,20 @@ class KinematicFilter(KinematicSettings):
 
     def start(self, problem: Problem) -> Tracker:
         """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
-        return RecursiveTracker(kinematic_recursion(self, "kinematic-ekf", problem), opening(self, "kinematic-ekf"))
+        return RecursiveTracker(kinematic_recursion(self, problem), opening(self))
 
 
-def opening(settings: KinematicSettings, name: str) -> Opening:
+def opening(settings: KinematicSettings) -> Opening:
     """How the filter gets under way."""
     window = settings.start_duration if settings.start_from == "fit" else 0.0
-    return Opening(window, settings.noise == "measure", name)
+    return Opening(window, settings.noise == "measure")
 
 
-def kinematic_recursion(
-    settings: KinematicSettings, name: str, problem: Problem, *, with_state: bool = False
-) -> Recursion:
+def kinematic_recursion(settings: KinematicSettings, problem: Problem, *, with_state: bool = False) -> Recursion:
     """The filter as its tracker needs it."""
-    if problem.tip_mass is None or problem.tip_mass < 0:
-        raise ConfigurationError(
-            f"estimator {name}: the tip's mass is not declared; this filter needs it: set [alignment] tip_mass, "
-            'such as "140 g"'
-        )
+    mass_of(problem)
     process = kinematic_process(settings, problem)
-    guess = _guess(settings, name, process)
+    guess = _guess(settings, process)
     count = len(problem.model.parameters)
 
     def numbers(force_std: float | None, velocity_std: float | None) -> Floats:
@@ -158,13 +153,13 @@ def _inputs(samples: Samples, interval: Floats) -> Floats:
     return np.column_stack([samples.force, samples.position, samples.velocity, interval])
 
 
-def _guess(settings: KinematicSettings, name: str, process: KinematicProcess) -> Floats:
+def _guess(settings: KinematicSettings, process: KinematicProcess) -> Floats:
     forces = {"elastic": (settings.start_force, 1.0), "viscous": (settings.start_damping, 1.0)}
     given: dict[str, Any] = dict(settings.first_guess)
-    guess, _ = first_guess(name, process.model, forces, given, {})
+    guess, _ = first_guess(process.model, forces, given, {})
     for parameter, value in zip(process.model.parameters, guess, strict=True):
         if parameter.lower >= 0 and value <= 0:
-            raise ConfigurationError(f"estimator {name}: first guess of {parameter.name}: must be above 0")
+            raise ConfigurationError(f"first guess of {parameter.name}: must be above 0")
     return guess
 
 

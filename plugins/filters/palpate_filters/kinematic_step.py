@@ -215,7 +215,8 @@ def _anew(process: KinematicProcess, x: Any, P: Any, fresh: Any, fresh_std: Any)
 def _broken(process: KinematicProcess, x: Any, P: Any) -> Any:
     import casadi as ca
 
-    finite = ca.logic_and(ca.sumsqr(x) <= _LARGEST, ca.mmin(ca.diag(P)) >= 0)
+    variance = ca.diag(P)
+    finite = ca.logic_and(ca.sumsqr(x) + ca.sum1(variance) <= _LARGEST, ca.mmin(variance) >= 0)
     near = ca.fabs(process.depth(ca.vertsplit(x))) <= _DEEPEST
     return ca.logic_not(ca.logic_and(ca.logic_and(finite, near), ca.mmax(ca.fabs(x[process.chart])) <= _CHART_END))
 

@@ -27,7 +27,7 @@ def linearised(
     predicted = ca.vertcat(*process.predict(state, driven, interval))
     slope = ca.jacobian(process.force(state), mean)
     jacobian = ca.jacobian(predicted, mean)
-    jacobian, slope = ca.substitute([jacobian, slope], [mean], [ca.vertcat(_away(mean[0]), mean[1:])])
+    jacobian, slope = ca.substitute([jacobian, slope], [mean], [ca.vertcat(away(mean[0]), mean[1:])])
     gain = _gain(process, interval)
     covariance_predicted = jacobian @ covariance @ jacobian.T + gain @ gain.T * force_std**2
     return Predicted(predicted, covariance_predicted, covariance_predicted[:, 1], slope[0], ca.SX(0))
@@ -53,7 +53,7 @@ def unscented(points: Points, alpha: float, beta: float, kappa: float, redraw: b
         gain = _gain(process, interval)
         noisy = sampled + gain @ gain.T * force_std**2
         slope = ca.jacobian(process.force(ca.vertsplit(mean)), mean[0])
-        slope = ca.substitute(slope, mean, ca.vertcat(_away(mean[0]), mean[1:]))
+        slope = ca.substitute(slope, mean, ca.vertcat(away(mean[0]), mean[1:]))
         column = noisy[:, 1] if redraw else sampled[:, 1]
         return Predicted(centre + shift, noisy, column, slope, repaired)
 
@@ -75,6 +75,7 @@ def sigma_directions(
         for d in range(1, n + 1):
             rows[d - 1, :d] = 1.0 / np.sqrt(d * (d + 1.0))
             rows[d - 1, d] = -d / np.sqrt(d * (d + 1.0))
+        rows[0] *= -1.0
         return rows * np.sqrt(n + 1.0), 1.0 / (n + 1), -1.0
     if points == "julier":
         alpha, beta = 1.0, 0.0
@@ -112,7 +113,8 @@ def _stepper(process: InertialProcess) -> Any:
     return ahead
 
 
-def _away(depth: Any) -> Any:
+def away(depth: Any) -> Any:
+    """The depth at which to take a Jacobian: no nearer to the pole of sqrt(d) than the floor."""
     import casadi as ca
 
     return ca.if_else(depth > 0, ca.fmax(depth, _DEPTH_FLOOR), depth)

@@ -49,10 +49,9 @@ class _SmoothingTracker:
     """Forwards with the filter, backwards with the smoother."""
 
     def __init__(self, settings: KinematicSmoother, problem: Problem) -> None:
-        name = "kinematic-smoother"
         self._settings = settings
-        self._recursion = kinematic_recursion(settings, name, problem, with_state=True)
-        self._opening = opening(settings, name)
+        self._recursion = kinematic_recursion(settings, problem, with_state=True)
+        self._opening = opening(settings)
         process = kinematic_process(settings, problem)
         self._states = process.states
         self._backward: Kernel = compile_step(backward_step(process))

@@ -30,7 +30,7 @@ class UnscentedKalmanFilter(InertialFilter):
     def start(self, problem: Problem) -> Tracker:
         """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
         prediction = unscented(self.points, self.spread, self.beta, self.kappa, self.redraw)
-        return inertial_tracker(self, "ukf", problem, prediction)
+        return inertial_tracker(self, problem, prediction)
 
 
 class AdaptiveFadingUkf(FadingFilter):
@@ -53,4 +53,4 @@ class AdaptiveFadingUkf(FadingFilter):
     def start(self, problem: Problem) -> Tracker:
         """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
         prediction = unscented(self.points, self.spread, self.beta, self.kappa, self.redraw)
-        return inertial_tracker(self, "afukf", problem, prediction)
+        return inertial_tracker(self, problem, prediction)
