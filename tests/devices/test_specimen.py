@@ -40,7 +40,7 @@ def test_contrast_is_broader_for_deeper_inclusions_and_broader_contacts():
     x, zero = np.array([0.008]), np.zeros(1)
 
     def share(depth, contact):
-        return float(Inclusion(shape="sphere", depth=depth, peak=1.0).contrast(x, zero, np.array([contact]))[0])
+        return float(Inclusion(shape="sphere", depth=depth, peak=1.0).contrast(x, zero, contact)[0])
 
     assert share(0.002, 0.003) < share(0.006, 0.003)
     assert share(0.002, 0.001) < share(0.002, 0.006)
@@ -53,7 +53,7 @@ def test_the_outline_goes_round_the_body(shape):
     assert outline[0] == pytest.approx(outline[-1])
     reach = np.min(np.linalg.norm(outline[:, None] - body.line[None], axis=2), axis=1)
     assert reach.max() <= body.radius + 1e-9
-    on_line = body.contrast(body.line[:, 0], body.line[:, 1], np.zeros(len(body.line)))
+    on_line = body.contrast(body.line[:, 0], body.line[:, 1], 0.0)
     assert on_line == pytest.approx(0.3)
 
 
@@ -64,8 +64,8 @@ def test_an_image_is_read_and_blurred(tmp_path):
     np.savetxt(path, image, delimiter=",")
     sharp = Inclusion(shape="image", file=path, depth=0.0, pixel=0.001)
     x, y = np.array([0.005, 0.0]), np.array([0.0, 0.0])
-    assert sharp.contrast(x, y, np.zeros(2)) == pytest.approx([0.5, 0.0])
-    blurred = Inclusion(shape="image", file=path, depth=0.005, pixel=0.001).contrast(x, y, np.zeros(2))
+    assert sharp.contrast(x, y, 0.0) == pytest.approx([0.5, 0.0])
+    blurred = Inclusion(shape="image", file=path, depth=0.005, pixel=0.001).contrast(x, y, 0.0)
     assert 0.0 < blurred[0] < 0.05
     with pytest.raises(ValidationError, match="file"):
         Inclusion(shape="image")

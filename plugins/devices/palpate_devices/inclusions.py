@@ -84,10 +84,10 @@ class Inclusion(Settings):
         cos, sin = np.cos(self.angle), np.sin(self.angle)
         return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + np.array(self.place))
 
-    def contrast(self, x: Floats, y: Floats, contact_radius: Floats) -> Floats:
-        """Contrast (n,) that a tip with these contact radii [m] feels at x, y (n,) [m]."""
+    def contrast(self, x: Floats, y: Floats, contact_radius: float) -> Floats:
+        """Contrast (n,) that a tip with a contact radius [m] feels at x, y (n,) [m]."""
         if self.shape == "image":
-            return self._image_contrast(x, y, float(np.max(contact_radius, initial=0.0)))
+            return self._image_contrast(x, y, contact_radius)
         width = (self.radius / 2) ** 2 + (contact_radius / 2) ** 2 + (_BLUR * (self.depth + self.radius)) ** 2
         return np.asarray(self.contrast_above * np.exp(-(self._distance(x, y) ** 2) / (2 * width)))
 

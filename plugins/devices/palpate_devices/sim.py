@@ -169,7 +169,7 @@ class _Rig:
         settings, specimen = self._settings, self._settings.specimen
         position, velocity, acceleration = motion.at(instants)
         depth, rate = specimen.depth(position, velocity)
-        theta = specimen.theta(position[:, 0], position[:, 1], depth)
+        theta = specimen.theta(position[:, 0], position[:, 1])
         contact = contact_force(specimen.model, depth, rate, theta, pulls=False)
         inertia = -settings.tip_mass * acceleration
         wrench = np.zeros((len(instants), 6))

@@ -27,6 +27,9 @@ class Specimen(Settings):
     surface: Length = Field(default=0.0, description="height of the skin over the origin of the work frame")
     relief: Relief = Field(default=Relief(), description="tilt, roughness and swell of the skin")
     inclusions: tuple[Inclusion, ...] = Field(default=(), description="stiffer or softer bodies below the skin")
+    felt_at: Length = Field(
+        default=0.004, gt=0, description="depth whose contact radius blurs the inclusions, at every depth of the tip"
+    )
     thickness: Length | None = Field(default=None, gt=0, description="height of the material; no motion may go deeper")
     size: tuple[Length, Length] | None = Field(
         default=None, description="extent [x, y] around the origin; no motion may touch outside of it"
@@ -63,14 +66,13 @@ class Specimen(Settings):
         rise = along_x * velocity[:, 0] + along_y * velocity[:, 1]
         return self.surface + height - position[:, 2], rise - velocity[:, 2]
 
-    def theta(self, x: Floats, y: Floats, depth: Floats | float) -> list[Any]:
-        """The model's parameters where a tip at x, y (n,) [m] feels them at a depth [m]."""
+    def theta(self, x: Floats, y: Floats) -> list[Any]:
+        """The model's parameters where a tip at x, y (n,) [m] feels them."""
         theta: list[Any] = [self.parameters[parameter.name] for parameter in self.model.parameters]
         if not self.inclusions:
             return theta
         indenter = getattr(self.model, "indenter", None)
-        touching = np.maximum(np.asarray(depth, float), 0.0)
-        radius = np.zeros_like(touching) if indenter is None else np.asarray(indenter.contact_radius(touching))
+        radius = 0.0 if indenter is None else float(indenter.contact_radius(self.felt_at))
         factor = 1.0 + sum(inclusion.contrast(x, y, radius) for inclusion in self.inclusions)
         factor = np.maximum(factor, 0.01)
         roles = [parameter.role for parameter in self.model.parameters]
