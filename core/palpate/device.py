@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.parts import Part
-from palpate.trajectory import Trajectory
+from palpate.trajectory import Setpoint, Trajectory
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,14 @@ class Device(Part, ABC):
     def truth(self) -> Mapping[str, float]:
         """What a simulated device knows and an estimator should find, by parameter name [SI]; else empty."""
         return {}
+
+    @property
+    def outlines(self) -> tuple[NDArray[np.float64], ...]:
+        """Closed outlines (k, 2) [m] of what a simulated device hides below the skin, for pictures; else none."""
+        return ()
+
+    def refuse(self, setpoint: Setpoint) -> None:
+        """Raise ConfigurationError where this device must not go; nothing moves for it. By default it goes anywhere."""
 
     @property
     def provenance(self) -> Mapping[str, str]:

@@ -33,12 +33,17 @@ class Samples:
     velocity: Floats  # (n,) [m/s] of that height
     contact: NDArray[np.bool_]  # (n,) the tip touches the material
     active: NDArray[np.bool_]  # (n,) in contact, and in the part of the motion that is meant for estimation
+    lateral: Floats = field(default_factory=lambda: np.zeros((0, 2)))  # (n, 2) [m] x and y of the tip; NaN: not known
+
+    def __post_init__(self) -> None:
+        if len(self.lateral) != len(self.time):
+            object.__setattr__(self, "lateral", np.full((len(self.time), 2), np.nan))
 
     def __len__(self) -> int:
         return len(self.time)
 
     def __getitem__(self, rows: slice | NDArray[Any]) -> Samples:
-        return Samples(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
+        return Samples(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
     @classmethod
     def joined(cls, blocks: Sequence[Samples]) -> Samples:

@@ -34,3 +34,10 @@ class Trajectory(Part, ABC):
     @abstractmethod
     def at(self, time: NDArray[np.float64]) -> Setpoint:
         """Setpoints at times (n,) [s] since the start; before it and after the end, the resting places."""
+
+    def after(self, elapsed: float) -> Trajectory | None:
+        """The motion that does what was not finished when this one was stopped `elapsed` [s] after its start.
+
+        None where nothing whole is left, or where it can only be done as one.
+        """
+        return None

@@ -16,6 +16,7 @@ from palpate.device import Batch, Stream, address
 from palpate.estimation import Samples
 
 _SECOND = 1_000_000_000  # [ns]
+_LATERAL = ("lateral_x", "lateral_y")
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Aligner:
         self._settings = settings
         self._health = {(d, s.name): Health(s) for d, group in streams.items() for s in group}
         self._series: dict[tuple[str, str], list[Series]] = {key: [] for key in self._health}
-        roles = ("force", "position", "velocity", "measuring")
+        roles = ("force", "position", "velocity", "measuring", *_LATERAL)
         signals = {role: signal for role in roles if (signal := getattr(settings, role)) is not None}
         self._roles = {role: self._attach(role, signal, streams) for role, signal in signals.items()}
         self._touch = TouchFinder(settings)
@@ -128,7 +129,9 @@ class Aligner:
         self._counts["velocity"] += int(np.count_nonzero(np.isnan(velocity)))
         time = (stamps - (self._origin or 0)) / _SECOND
         contact = np.zeros(len(stamps), bool)
-        return Samples(stamps, time, interval, force, position, velocity, contact, measuring)
+        unknown = np.full(len(stamps), np.nan)
+        lateral = [self._roles[role].at(stamps) if role in self._roles else unknown for role in _LATERAL]
+        return Samples(stamps, time, interval, force, position, velocity, contact, measuring, np.column_stack(lateral))
 
     def _central_difference(self, stamps: NDArray[np.int64], position: NDArray[np.float64]) -> NDArray[np.float64]:
         """Velocity [m/s] from the parabola through three neighbours: no delay; NaN at an end and beside a gap."""

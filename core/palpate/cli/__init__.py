@@ -17,11 +17,16 @@ from palpate.cli import (
     force,
     inspect,
     log_info,
+    lumps,
+    plan,
     recover,
     repeat,
+    resume,
     run,
+    search,
     sweep,
 )
+from palpate.cli import map as maps
 from palpate.cli.fit import fit
 from palpate.errors import PalpateError
 
@@ -57,6 +62,12 @@ app.command(name="repeat")(repeat.repeat)
 app.command(name="calibrate")(calibrate.calibrate)
 app.command(name="design")(design.design)
 app.command(name="check")(inspect.check)
+app.command(name="plan")(plan.plan)
+app.command(name="resume")(resume.resume)
+app.command(name="map")(maps.map_run)
+app.command(name="lumps")(lumps.lumps)
+app.command(name="compare-sites")(lumps.compare)
+app.command(name="search")(search.search)
 app.command(name="list")(inspect.list_parts)
 app.command(name="describe")(inspect.describe)
 app.command(name="schema")(inspect.schema)

@@ -13,7 +13,10 @@ from palpate.registry import Registry
 
 
 def resolved_text(pipeline: Pipeline) -> str:
-    """The pipeline as a TOML text in SI units, with every default spelled out and every reference in place."""
+    """The pipeline as a TOML text in SI units, with every default spelled out and every reference in place.
+
+    Paths are absolute, so that the text means the same wherever it is kept.
+    """
     tables: dict[str, Any] = {
         "run": plain_settings(pipeline.run, pipeline.registry),
         "alignment": plain_settings(pipeline.alignment, pipeline.registry),
@@ -41,4 +44,4 @@ def plain_settings(value: Any, registry: Registry) -> Any:
         return {name: plain_settings(item, registry) for name, item in value.items() if item is not None}
     if isinstance(value, tuple | list):
         return [plain_settings(item, registry) for item in value]
-    return str(value) if isinstance(value, Path) else value
+    return str(value.absolute()) if isinstance(value, Path) else value

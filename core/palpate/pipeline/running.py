@@ -11,6 +11,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from palpate.alignment import Aligner
 from palpate.config import Pipeline, resolved_text
 from palpate.device import Arm, Batch, Link
@@ -31,6 +33,8 @@ from palpate.result import (
 )
 from palpate.sink import Run, Writer
 from palpate.trajectory import Trajectory
+
+_LOOK = 5e-3  # [s] between the setpoints that devices are asked about before anything moves
 
 Progress = Callable[[float, float | None], None]  # log time [s], total [s] where known
 
@@ -125,6 +129,9 @@ def _set_in_motion(pipeline: Pipeline, links: Mapping[str, Link], stack: ExitSta
     if not arms:
         return max((d.duration for d in pipeline.devices.values() if d.duration is not None), default=None)
     trajectory = _the_trajectory(pipeline)
+    setpoint = trajectory.at(np.arange(0.0, trajectory.total_duration, _LOOK))
+    for device in pipeline.devices.values():
+        device.refuse(setpoint)
     for arm in arms:
         stack.callback(arm.stop)
         arm.follow(trajectory)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from palpate.contact import Parameter
 from palpate.errors import OutputError
-from palpate.estimation import Estimates
+from palpate.estimation import Estimates, Samples
 
 
 def make_folder(name: str, wanted: Path | None, now: datetime) -> Path:
@@ -52,25 +52,23 @@ def write_new(path: Path, text: str) -> None:
 
 
 class EstimatesFile:
-    """``estimates.csv``: time, then every parameter and its standard deviation of every track, decimated."""
+    """``estimates.csv``: time, place, every parameter and its standard deviation of every track, decimated."""
 
     def __init__(self, file: IO[str], tracks: Mapping[str, Sequence[Parameter]], interval: float) -> None:
         self._rows = csv.writer(file, lineterminator="\n")
         self._interval = interval
         self._next = -np.inf
-        header = ["time_s"]
+        header = ["time_s", "x_m", "y_m"]
         for track, parameters in tracks.items():
             header += [f"{track}:{p.name}{suffix}" for p in parameters for suffix in ("", "_std")]
             header += [f"{track}:{name}" for name in ("surface", "surface_std", "force", "nis", "status")]
         self._rows.writerow(header)
 
-    def write(self, estimates: Mapping[str, Estimates]) -> None:
-        """One row for each interval of time, of the estimates of all tracks on the same samples."""
+    def write(self, samples: Samples, estimates: Mapping[str, Estimates]) -> None:
+        """One row for each interval of time: the tip's place and the estimates of all tracks on a block of samples."""
         blocks = list(estimates.values())
-        if not blocks or not len(blocks[0]):
-            return
-        rows = self._due(blocks[0].time)
-        columns: list[Any] = [blocks[0].time[rows]]
+        rows = self._due(samples.time)
+        columns: list[Any] = [samples.time[rows], samples.lateral[rows, 0], samples.lateral[rows, 1]]
         for block in blocks:
             for k in range(block.values.shape[1]):
                 columns += [block.values[rows, k], block.std[rows, k]]

@@ -6,15 +6,13 @@ import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate import (
     Batch,
     Channel,
-    ConfigurationError,
-    ContactModel,
     Device,
     Force,
     ForceDrift,
@@ -22,62 +20,23 @@ from palpate import (
     Length,
     Link,
     Mass,
-    Settings,
+    Setpoint,
     Speed,
     Stream,
     Time,
     Trajectory,
-    force_over_time,
-    to_si,
 )
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field
 
 from palpate_devices.motion import Motion, PositionLoop
+from palpate_devices.specimen import Specimen
 
 Floats = NDArray[np.float64]
 
 _GRAVITY = 9.80665  # [m/s^2]
 _SECOND = 1_000_000_000  # [ns]
 _BLOCK = 0.05  # [s] of simulated time in one round of batches
-
-
-class Specimen(Settings):
-    """What the tip presses on: a contact model with its true parameters, at a height that nobody is told.
-
-    The parameters stand beside the model, by name: ``{ model = "dr", elasticity = "112.5 kPa", ... }``.
-    """
-
-    model: ContactModel = Field(description="contact model of the truth; need not be one that is estimated with")
-    surface: Length = Field(default=0.0, description="height of the skin over the origin of the work frame")
-    parameters: dict[str, float] = Field(description="true values by parameter name; may stand in the table itself")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _gather_parameters(cls, data: Any) -> Any:
-        if not isinstance(data, dict) or "parameters" in data:
-            return data
-        own = {key: value for key, value in data.items() if key in ("model", "surface")}
-        return own | {"parameters": {key: value for key, value in data.items() if key not in own}}
-
-    @field_validator("parameters", mode="before")
-    @classmethod
-    def _in_si(cls, given: Any, info: ValidationInfo) -> Any:
-        model = info.data.get("model")
-        if model is None or not isinstance(given, dict):
-            return {}
-        names = {parameter.name: parameter.unit for parameter in model.parameters}
-        for name in (*given, *names):
-            if name not in names or name not in given:
-                problem = "is unknown" if name in given else "is missing"
-                raise ValueError(f"parameter {name!r} {problem}; the specimen's model has: {', '.join(names)}")
-        return {name: _quantity(name, given[name], unit) for name, unit in names.items()}
-
-
-def _quantity(name: str, given: Any, unit: str) -> float:
-    try:
-        return to_si(given, unit)
-    except ValueError as error:
-        raise ValueError(f"{name}: {error}") from error
+_SLIP = 1e-4  # [m/s] of sliding over which friction comes up
 
 
 class SimulatedRig(Device):
@@ -143,6 +102,15 @@ class SimulatedRig(Device):
         """The sensor's serial number."""
         return {"serial_number": self.serial_number}
 
+    @property
+    def outlines(self) -> tuple[Floats, ...]:
+        """Outlines of the specimen's inclusions."""
+        return tuple(inclusion.outline for inclusion in self.specimen.inclusions)
+
+    def refuse(self, setpoint: Setpoint) -> None:
+        """Not through the specimen, and not beside it."""
+        self.specimen.refuse(setpoint)
+
     def connect(self, seed: int) -> AbstractContextManager[Link]:
         """The rig at rest; `follow` sets it in motion."""
         return self._connected(self.seed if self.seed is not None else seed)
@@ -207,21 +175,17 @@ class _Rig:
 
     def _contact(self, instants: Floats, motion: Motion) -> Floats:
         """Contact force (n,) [N] over the whole motion, which a material that remembers has to be asked for."""
-        specimen = self._settings.specimen
         position, velocity, _ = motion.at(instants)
-        depth, rate = specimen.surface - position[:, 2], -velocity[:, 2]
-        theta = [specimen.parameters[parameter.name] for parameter in specimen.model.parameters]
-        try:
-            return force_over_time(specimen.model, instants, depth, rate, theta, pulls=False)
-        except ValueError as error:
-            raise ConfigurationError(f"device sim: specimen: {error}") from error
+        return self._settings.specimen.push(instants, position, velocity)
 
     def _wrench(self, instants: Floats, motion: Motion, contact: Floats) -> Floats:
         """What the sensor reads (n, 6) at true times (n,) [s]."""
         settings = self._settings
+        _, velocity, _ = motion.at(instants)
         inertia = -settings.tip_mass * motion.mean_acceleration(instants, 1.0 / settings.sensor_rate)
         wrench = np.zeros((len(instants), 6))
         wrench[:, :3] = inertia
+        wrench[:, :2] -= friction(settings.specimen.friction * contact, velocity[:, :2])
         wrench[:, 2] += contact - settings.tip_mass * _GRAVITY + settings.bias + settings.drift * instants
         noise = self._force_noise.standard_normal((len(instants), 6)) * settings.force_std
         noise[:, 3:] *= 0.02  # torque noise in N*m for one newton of force noise, of the order of the real sensor's
@@ -239,3 +203,9 @@ class _Rig:
     def _batch(self, stream: str, instants: Floats, delay: float, values: Floats, origin: int) -> Batch:
         stamps = origin + np.rint((instants + delay) * _SECOND).astype(np.int64)
         return Batch(stream, stamps, stamps, values)
+
+
+def friction(limit: Floats, sliding: Floats) -> Floats:
+    """Friction (n, 2) [N] along the sliding (n, 2) [m/s], up to a limit (n,) [N]: limit tanh(|v|/0.1 mm/s) v/|v|."""
+    speed = np.linalg.norm(sliding, axis=1)
+    return np.asarray((limit * np.tanh(speed / _SLIP) / np.maximum(speed, 1e-12))[:, None] * sliding)

@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 
 class Point(Trajectory):
-    """Palpation at a point: rest in free air, approach, sine around a depth, retract.
+    """Palpation at a point: rest in free air, approach, settle, sine around a depth, retract.
 
     While measuring, z(t) = -bias - amplitude sin(2 pi f t) (paper, section Online Point Estimation). Approach and
     retraction are fifth-order polynomials that meet the sine where it crosses the bias at full speed, so position,
@@ -25,6 +25,9 @@ class Point(Trajectory):
     amplitude: Length = Field(default=0.001, gt=0, description="amplitude of the sine")
     frequency: Frequency = Field(default=2.0, gt=0, description="frequency of the sine")
     duration: Time = Field(default=10.0, gt=0, description="length of the measured part")
+    settle: Time = Field(
+        default=0.0, ge=0, description="sine before the measured part; rounded up to whole periods of it"
+    )
     clearance: Length = Field(
         default=0.005, gt=0, description="height above the nominal surface at which it starts and ends"
     )
@@ -48,9 +51,14 @@ class Point(Trajectory):
         return (self.clearance + self.bias) / self.speed
 
     @property
+    def _settling(self) -> float:
+        """How long the sine goes before the measured part [s]."""
+        return float(np.ceil(self.settle * self.frequency - 1e-9)) / self.frequency
+
+    @property
     def _sine_time(self) -> float:
         """The sine goes on after the measured part until it next crosses the bias outwards [s]."""
-        half_periods = np.ceil(2 * self.frequency * self.duration - 1e-9)
+        half_periods = np.ceil(2 * self.frequency * (self._settling + self.duration) - 1e-9)
         return float(half_periods + (half_periods % 2 == 0)) / (2 * self.frequency)
 
     @cached_property
@@ -85,7 +93,8 @@ class Point(Trajectory):
         position, velocity = np.zeros((len(t), 3)), np.zeros((len(t), 3))
         position[:, 2] = np.select(pieces, z, self.clearance)
         velocity[:, 2] = np.select(pieces, v, 0.0)
-        return Setpoint(position, velocity, (phase >= 0) & (phase < self.duration))
+        measured = phase - self._settling
+        return Setpoint(position, velocity, (measured >= 0) & (measured < self.duration))
 
 
 def _quintic(start: tuple[float, float, float], end: tuple[float, float, float], duration: float) -> Floats:

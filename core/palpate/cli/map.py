@@ -1,0 +1,105 @@
+"""``palpate map``: from a run to a map, or to a curve along a sweep."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from palpate.errors import ConfigurationError, LogError, PalpateError
+from palpate.units import to_si
+
+Run = Annotated[Path, typer.Argument(help="The run folder.")]
+Track = Annotated[str | None, typer.Option(help="Track, as model/estimator. [default: the best there is]")]
+Parameter = Annotated[str | None, typer.Option(help="Parameter of its model. [default: the first]")]
+
+
+def length(text: str, option: str) -> float:
+    """A length of the command line [m]; raises ConfigurationError."""
+    try:
+        return to_si(text, "m")
+    except ValueError as error:
+        raise ConfigurationError(f"{option}: {error}") from error
+
+
+def map_run(
+    run: Run,
+    track: Track = None,
+    parameter: Parameter = None,
+    cell: Annotated[str, typer.Option(help="Size of the map's cells.")] = "1 mm",
+    method: Annotated[str, typer.Option(help="gaussian-process or average.")] = "gaussian-process",
+    reach: Annotated[str | None, typer.Option(help="How far from a site the map goes. [default: 1.2 pitches]")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder to write to. [default: RUN/maps]")] = None,
+    svg: Annotated[bool, typer.Option("--svg", help="SVG pictures instead of PNG.")] = False,
+) -> None:
+    """Make the map of a run, with its uncertainty: CSV, NPZ and a picture; for a sweep, a curve."""
+    from palpate import maps
+    from palpate.maps import export, picture
+
+    if method not in ("gaussian-process", "average"):
+        raise ConfigurationError(f'--method: {method!r} is none of "gaussian-process" and "average"')
+    path = maps.read_path(run, track, parameter)
+    sites = maps.sites_along(path)
+    folder, ending = out or run / "maps", "svg" if svg else "png"
+    unit = unit_of(run, path.track, path.parameter)
+    findings = None
+    with suppress(LogError):  # too few sites for lumps are enough for a map
+        findings = maps.find_lumps(sites)
+    along = maps.line_coordinate(sites)
+    if along is not None and not sites.standing.all():
+        series = _series(run, track, parameter)
+        image = picture.sweep_picture(series, path.parameter, unit, findings)
+        export.replace_file(folder / "sweep.csv", export.sweep_csv(series, path.parameter))
+        picture.save(image, folder / f"sweep.{ending}")
+        typer.echo(f"sweep of {1e3 * (along.max() - along.min()):.4g} mm, {len(sites)} sites, {path.track}")
+    else:
+        edge = length(reach, "--reach") if reach is not None else None
+        field = maps.make_map(sites, length(cell, "--cell"), method, edge)  # type: ignore[arg-type]
+        image = picture.map_picture(field, path.parameter, unit, findings, outlines_of(run))
+        export.replace_file(folder / "map.csv", export.map_csv(field, path.parameter))
+        export.replace_file(folder / "map.npz", export.map_npz(field, path.parameter))
+        picture.save(image, folder / f"map.{ending}")
+        size = f"{1e3 * (field.x[-1] - field.x[0]):.4g} mm x {1e3 * (field.y[-1] - field.y[0]):.4g} mm"
+        typer.echo(
+            f"map of {size}, {100 * field.coverage:.0f} % covered, {len(sites)} sites, {path.track}, "
+            f"interpolated over {1e3 * field.length:.3g} mm"
+        )
+    typer.echo(f"written to {folder}")
+
+
+def _series(run: Path, track: str | None, parameter: str | None) -> dict[str, Any]:
+    """Coordinate and sites of one track, or of all that have estimates, by name."""
+    from palpate import maps
+
+    series = {}
+    for name in [track] if track else maps.tracks_of(run):
+        with suppress(LogError):  # a track that found nothing is not drawn
+            sites = maps.sites_along(maps.read_path(run, name, parameter))
+            along = maps.line_coordinate(sites)
+            if along is not None:
+                series[name] = along, sites
+    return series
+
+
+def outlines_of(run: Path) -> list[Any]:
+    """Outlines of what a simulated rig hides; none where the run's pipeline cannot be read again."""
+    from palpate.pipeline import recorded_pipeline
+
+    try:
+        return [outline for device in recorded_pipeline(run).devices.values() for outline in device.outlines]
+    except PalpateError:
+        return []
+
+
+def unit_of(run: Path, track: str, parameter: str) -> str:
+    """SI unit of a track's parameter, or nothing where the run's pipeline cannot be read again."""
+    from palpate.pipeline import recorded_pipeline
+
+    with suppress(PalpateError):
+        model = recorded_pipeline(run).models.get(track.partition("/")[0])
+        for known in model.parameters if model else ():
+            if known.name == parameter:
+                return known.unit
+    return ""

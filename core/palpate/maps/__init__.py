@@ -1,0 +1,32 @@
+"""Maps: from estimates along a way to a map with uncertainty, the lumps in it, and where to look next."""
+
+from palpate.maps.baseline import Baseline, Comparison, against_sites, discoveries, find_baseline, prediction_p, welch
+from palpate.maps.grid import StiffnessMap, make_map
+from palpate.maps.lumps import Findings, Lump, LumpSettings, find_lumps
+from palpate.maps.path import Path2D, read_path, tracks_of
+from palpate.maps.search import Proposal, propose
+from palpate.maps.sites import Sites, line_coordinate, sites_along
+
+__all__ = [
+    "Baseline",
+    "Comparison",
+    "Findings",
+    "Lump",
+    "LumpSettings",
+    "Path2D",
+    "Proposal",
+    "Sites",
+    "StiffnessMap",
+    "against_sites",
+    "discoveries",
+    "find_baseline",
+    "find_lumps",
+    "line_coordinate",
+    "make_map",
+    "prediction_p",
+    "propose",
+    "read_path",
+    "sites_along",
+    "tracks_of",
+    "welch",
+]

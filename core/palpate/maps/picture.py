@@ -1,0 +1,119 @@
+"""Pictures of sweeps, maps and plans, drawn without a screen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import ConfigurationError, OutputError
+from palpate.maps.grid import StiffnessMap
+from palpate.maps.lumps import Findings
+from palpate.maps.sites import Sites
+
+Floats = NDArray[np.float64]
+
+# SI unit -> what people read, and how many of it one SI unit is.
+_PEOPLE = {"Pa": ("kPa", 1e-3), "Pa*s": ("Pa s", 1.0)}
+
+
+def people(unit: str) -> tuple[str, float]:
+    """The unit that people read, and the factor to it."""
+    return _PEOPLE.get(unit, (unit, 1.0))
+
+
+def _figure(columns: int, rows: int = 1, width: float = 6.0, height: float = 4.5) -> tuple[Any, Any]:
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ConfigurationError("pictures need matplotlib: pip install matplotlib") from error
+    figure = Figure(figsize=(width * columns, height * rows), layout="constrained", dpi=120)
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(rows, columns, squeeze=False)
+
+
+def save(figure: Any, path: Path) -> None:
+    """Write a picture, PNG or SVG by its name; the same picture is the same file."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        dated = {"Date": None} if path.suffix == ".svg" else {"Software": None}
+        figure.savefig(path, metadata=dated)
+    except (OSError, ValueError) as error:
+        raise OutputError(f"{path}: cannot write: {error}") from error
+
+
+def map_picture(
+    field: StiffnessMap, label: str, unit: str, findings: Findings | None, outlines: Sequence[Floats]
+) -> Any:
+    """Value and relative standard deviation side by side, with sites, lumps, and outlines where they are known."""
+    figure, axes = _figure(2)
+    name, factor = people(unit)
+    extent = [1e3 * edge for edge in (*_edges(field.x), *_edges(field.y))]
+    fields = [(field.value * factor, f"{label} [{name}]", "viridis")]
+    fields.append((100 * field.std / field.value, "standard deviation [%]", "magma"))
+    for axis, (values, title, colours) in zip(axes[0], fields, strict=True):
+        shown = axis.imshow(values, origin="lower", extent=extent, cmap=colours, aspect="equal")
+        figure.colorbar(shown, ax=axis, shrink=0.8)
+        axis.plot(*(1e3 * field.sites.T), ".", color="white", markersize=1, alpha=0.5)
+        _mark(axis, findings, outlines)
+        axis.set(title=title, xlabel="x [mm]", ylabel="y [mm]", xlim=extent[:2], ylim=extent[2:])
+    return figure
+
+
+def _edges(axis: Floats) -> tuple[float, float]:
+    half = (axis[1] - axis[0]) / 2 if len(axis) > 1 else 5e-4
+    return float(axis[0] - half), float(axis[-1] + half)
+
+
+def _mark(axis: Any, findings: Findings | None, outlines: Sequence[Floats]) -> None:
+    for outline in outlines:
+        axis.plot(*(1e3 * outline.T), "--", color="white", linewidth=1)
+    for lump in findings.lumps if findings else ():
+        axis.plot(1e3 * lump.place[0], 1e3 * lump.place[1], "r+", markersize=12, markeredgewidth=2)
+
+
+def sweep_picture(series: Mapping[str, tuple[Floats, Sites]], label: str, unit: str, findings: Findings | None) -> Any:
+    """Estimates of one or several tracks along a sweep, with two standard deviations and the lumps."""
+    figure, axes = _figure(1, width=9.0)
+    axis, (name, factor) = axes[0, 0], people(unit)
+    for track, (along, sites) in series.items():
+        order = np.argsort(along)
+        at, value = 1e3 * along[order], sites.value[order] * factor
+        (line,) = axis.plot(at, value, label=track, linewidth=1)
+        band = 2 * value * sites.std[order]
+        axis.fill_between(at, value - band, value + band, color=line.get_color(), alpha=0.15, linewidth=0)
+    if findings is not None and findings.coordinate is not None and findings.curve is not None:
+        for lump in findings.lumps:
+            _mark_on_curve(axis, lump, findings, factor)
+    middle = np.median(np.concatenate([sites.value for _, sites in series.values()])) * factor
+    axis.set(xlabel="along the sweep [mm]", ylabel=f"{label} [{name}]", ylim=(0.5 * middle, 2.0 * middle))
+    axis.legend()
+    return figure
+
+
+def _mark_on_curve(axis: Any, lump: Any, findings: Findings, factor: float) -> None:
+    """A shaded stretch for a lump, at its coordinate along the sweep."""
+    at = lump.along
+    axis.axvspan(1e3 * (at - lump.extent[0] / 2), 1e3 * (at + lump.extent[0] / 2), color="red", alpha=0.1, linewidth=0)
+    axis.axvline(1e3 * at, color="red", linewidth=0.8)
+
+
+def plan_picture(time: Floats, position: Floats, velocity: Floats, measuring: NDArray[np.bool_], name: str) -> Any:
+    """A motion before it is made: seen from above, height over time, speed over time."""
+    figure, axes = _figure(3, width=5.0, height=4.0)
+    above, height, speed = axes[0]
+    above.plot(*(1e3 * position[:, :2].T), linewidth=0.8, color="grey")
+    above.plot(*(1e3 * position[measuring, :2].T), ".", markersize=1, color="tab:blue")
+    above.set(xlabel="x [mm]", ylabel="y [mm]", title=name)
+    above.axis("equal")
+    height.plot(time, 1e3 * position[:, 2], linewidth=0.6, color="grey")
+    height.plot(time[measuring], 1e3 * position[measuring, 2], ".", markersize=1, color="tab:blue")
+    height.axhline(0.0, color="black", linewidth=0.5)
+    height.set(xlabel="time [s]", ylabel="height [mm]", title="measuring in blue")
+    speed.plot(time, 1e3 * np.linalg.norm(velocity, axis=1), linewidth=0.6)
+    speed.set(xlabel="time [s]", ylabel="speed [mm/s]", title="speed")
+    return figure

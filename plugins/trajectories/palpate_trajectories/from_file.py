@@ -1,0 +1,81 @@
+"""A motion through the waypoints of a file."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import ConfigurationError, File, Length, Setpoint, Speed, Trajectory
+from pydantic import Field, model_validator
+
+Floats = NDArray[np.float64]
+
+
+class FromFile(Trajectory):
+    """Through the waypoints of a CSV file, at their times: columns time [s], x, y, z [m], and optionally measuring.
+
+    Between waypoints a fifth-order spline, at rest at both ends, so velocity and acceleration are continuous. A header
+    line is skipped. Measured where the column is 1; without the column, where the tip is below the nominal surface.
+    """
+
+    file: File = Field(description="the waypoints, .csv, relative to the pipeline file")
+    deepest: Length = Field(default=0.01, gt=0, description="depth below z = 0 that the motion may not exceed")
+    top_speed: Speed = Field(default=0.25, gt=0, le=0.25, description="speed that the motion may not exceed")
+
+    @model_validator(mode="after")
+    def _possible(self) -> Any:
+        time = np.linspace(0.0, self.total_duration, 20001)
+        setpoint = self.at(time)
+        fastest = float(np.linalg.norm(setpoint.velocity, axis=1).max())
+        if fastest > self.top_speed:
+            raise ValueError(f"{self.file}: the motion reaches {fastest:.3g} m/s, allowed {self.top_speed:g}")
+        lowest = float(setpoint.position[:, 2].min())
+        if lowest < -self.deepest:
+            raise ValueError(f"{self.file}: the motion goes to z = {lowest:.3g} m, allowed {-self.deepest:g}")
+        if not setpoint.measuring.any():
+            raise ValueError(f"{self.file}: nothing of the motion is for measuring")
+        return self
+
+    @cached_property
+    def _waypoints(self) -> Floats:
+        try:
+            text = self.file.read_text(encoding="utf-8-sig").splitlines()
+            skip = int(bool(text) and text[0].lstrip()[:1].isalpha())
+            table = np.loadtxt(text[skip:], delimiter=",", ndmin=2)
+        except (OSError, ValueError) as error:
+            raise ConfigurationError(f"{self.file}: cannot be read as waypoints: {error}") from error
+        if table.size == 0 or table.shape[1] not in (4, 5) or len(table) < 2:
+            raise ConfigurationError(f"{self.file}: waypoints have 4 or 5 columns (time, x, y, z, measuring), 2 rows")
+        if not np.isfinite(table).all() or not (np.diff(table[:, 0]) > 0).all():
+            raise ConfigurationError(f"{self.file}: every number must be finite, and times must increase")
+        table[:, 0] -= table[0, 0]
+        return np.asarray(table)
+
+    @cached_property
+    def _splines(self) -> tuple[Any, Any]:
+        from scipy.interpolate import make_interp_spline
+
+        table = self._waypoints
+        rest = [(1, np.zeros(3)), (2, np.zeros(3))]
+        position = make_interp_spline(table[:, 0], table[:, 1:4], k=5, bc_type=(rest, rest))
+        return position, position.derivative()
+
+    @property
+    def total_duration(self) -> float:
+        """From the first waypoint to the last [s]."""
+        return float(self._waypoints[-1, 0])
+
+    def at(self, time: Floats) -> Setpoint:
+        """Setpoints (n, 3)."""
+        table, (position, velocity) = self._waypoints, self._splines
+        inside = np.clip(time, 0.0, table[-1, 0])
+        moving = ((time >= 0) & (time <= table[-1, 0]))[:, None]
+        place = position(inside)
+        if table.shape[1] == 5:
+            stretch = np.clip(np.searchsorted(table[:, 0], inside, side="right") - 1, 0, len(table) - 1)
+            measuring = table[stretch, 4] > 0.5
+        else:
+            measuring = place[:, 2] < 0
+        return Setpoint(place, np.where(moving, velocity(inside), 0.0), measuring & moving[:, 0])

@@ -1,0 +1,156 @@
+"""Points palpated one after the other: those of a grid, or places that are given."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Angle, Length, Setpoint, Speed, Time, Trajectory
+from pydantic import Field, model_validator
+
+from palpate_trajectories.motion import Motion, line_knots, line_time
+from palpate_trajectories.press import Press, Touch, pressed
+from palpate_trajectories.profile import Knot
+from palpate_trajectories.surface import Surface
+
+_MOST_POINTS = 2000
+_RAMP = 0.25  # [s]
+
+Place = tuple[float, float]
+
+
+class GridPoints(Trajectory):
+    """Points on a grid, or `places`, palpated one after the other in the order of a short way.
+
+    Each visit is approach, settle, sine, retract, as in a point palpation; travel is in free air. The order is a
+    nearest-neighbour tour improved by exchanging edges (2-opt) until nothing is gained.
+    """
+
+    size: tuple[Length, Length] | None = Field(default=None, description="extent of the grid [along, across]")
+    pitch: Length | None = Field(default=None, gt=0, description="distance between the grid's points")
+    places: tuple[tuple[Length, Length], ...] = Field(default=(), description="the points themselves [x, y]")
+    centre: tuple[Length, Length] = Field(default=(0.0, 0.0), description="middle of the grid [x, y]")
+    angle: Angle = Field(default=0.0, description="direction of the grid, from the x axis towards y")
+    order: tuple[int, ...] | None = Field(default=None, description="order of the visits; left out: a short way")
+    duration: Time = Field(default=3.0, gt=0, description="measured part of each visit")
+    settle: Time = Field(default=0.5, ge=0, description="sine before the measured part of each visit")
+    travel_speed: Speed = Field(default=0.05, gt=0, le=0.25, description="speed from point to point, in free air")
+    first_point: int = Field(default=0, ge=0, description="visit to begin with, counted from 0; to go on with")
+    press: Press = Field(description="depth, sine, approach")
+    surface: Surface = Field(default=Surface(), description="nominal surface that it follows")
+
+    @model_validator(mode="after")
+    def _possible(self) -> Any:
+        gridded = self.size is not None and self.pitch is not None
+        if gridded == bool(self.places):
+            raise ValueError("give either size and pitch of a grid, or places")
+        if self.size is not None and min(self.size) < 0:
+            raise ValueError("size: no length may be below 0")
+        count = self._count
+        if count > _MOST_POINTS:
+            raise ValueError(f"these are {count} points; {_MOST_POINTS} are allowed")
+        if self.order is not None and sorted(self.order) != list(range(count)):
+            raise ValueError(f"order must name each of the points 0 to {count - 1} once")
+        if self.first_point >= count:
+            raise ValueError(f"first_point {self.first_point}: there are {count} points")
+        return self
+
+    @property
+    def _count(self) -> int:
+        if self.places or self.size is None or self.pitch is None:
+            return len(self.places)
+        along, across = (math.floor(extent / self.pitch + 1e-9) + 1 for extent in self.size)
+        return along * across
+
+    @cached_property
+    def visits(self) -> tuple[Place, ...]:
+        """The places in the order of their visits."""
+        places = self.places or self._grid
+        order = self.order if self.order is not None else short_way(places)
+        return tuple(places[i] for i in order)
+
+    @property
+    def _grid(self) -> tuple[Place, ...]:
+        assert self.size is not None
+        assert self.pitch is not None
+        along, across = (np.arange(math.floor(extent / self.pitch + 1e-9) + 1) * self.pitch for extent in self.size)
+        a, b = np.meshgrid(along - along[-1] / 2, across - across[-1] / 2)
+        cos, sin = math.cos(self.angle), math.sin(self.angle)
+        x, y = self.centre[0] + cos * a - sin * b, self.centre[1] + sin * a + cos * b
+        return tuple(zip(x.ravel().tolist(), y.ravel().tolist(), strict=True))
+
+    @cached_property
+    def _touches(self) -> list[Touch]:
+        """When each visit is on the skin; every touch begins at a whole number of periods after the first."""
+        press, stay = self.press, self.settle + self.duration
+        period = 1.0 / press.frequency
+        begin = press.rest + press.transfer
+        touches = [Touch(begin, begin + stay)]
+        visits = self.visits[self.first_point :]
+        for a, b in itertools.pairwise(visits):
+            travel = line_time(math.dist(a, b), self.travel_speed, _RAMP)
+            soonest = touches[-1].end + 2 * press.transfer + travel
+            begin = touches[0].begin + math.ceil((soonest - touches[0].begin) / period - 1e-9) * period
+            touches.append(Touch(begin, begin + stay))
+        return touches
+
+    @cached_property
+    def _motion(self) -> Motion:
+        touches, visits = self._touches, self.visits[self.first_point :]
+        x, y = [Knot(0.0, visits[0][0])], [Knot(0.0, visits[0][1])]
+        for touch, a, b in zip(touches, visits[:-1], visits[1:], strict=False):
+            leave, way = touch.end + self.press.transfer, math.dist(a, b)
+            for knots, axis in ((x, 0), (y, 1)):
+                speed = self.travel_speed * abs(b[axis] - a[axis]) / way if way > 0 else self.travel_speed
+                knots += [Knot(leave, a[axis]), *line_knots(leave, a[axis], b[axis], max(speed, 1e-9), _RAMP)]
+        measuring = [(touch.begin + self.settle, touch.end) for touch in touches]
+        return pressed(self.press, touches, x, y, measuring, self.surface)
+
+    @property
+    def total_duration(self) -> float:
+        """From rest to rest [s]."""
+        return self._motion.duration
+
+    def at(self, time: NDArray[np.float64]) -> Setpoint:
+        """Setpoints (n, 3)."""
+        return self._motion.at(time)
+
+    def after(self, elapsed: float) -> Trajectory | None:
+        """The visits that were not finished after a time [s]."""
+        done = self.first_point + sum(touch.end <= elapsed for touch in self._touches)
+        return self.model_copy(update={"first_point": done}) if done < len(self.visits) else None
+
+
+def short_way(places: Sequence[Place]) -> list[int]:
+    """An order in which the way through all places is short: nearest neighbour from the first, then 2-opt."""
+    points = np.array(places)
+    distance = np.linalg.norm(points[:, None] - points[None], axis=2)
+    tour, left = [0], list(range(1, len(points)))
+    while left:
+        nearest = min(left, key=lambda i: (distance[tour[-1], i], i))
+        tour.append(nearest)
+        left.remove(nearest)
+    if len(tour) > 400:
+        return tour
+    gained = True
+    while gained:
+        gained = _exchange(tour, distance)
+    return tour
+
+
+def _exchange(tour: list[int], distance: NDArray[np.float64]) -> bool:
+    """Reverse stretches of an open tour in place where that makes it shorter."""
+    gained = False
+    for i in range(len(tour) - 2):
+        for j in range(i + 2, len(tour)):
+            old = distance[tour[i], tour[i + 1]] + (distance[tour[j], tour[j + 1]] if j + 1 < len(tour) else 0.0)
+            new = distance[tour[i], tour[j]] + (distance[tour[i + 1], tour[j + 1]] if j + 1 < len(tour) else 0.0)
+            if new < old - 1e-12:
+                tour[i + 1 : j + 1] = tour[i + 1 : j + 1][::-1]
+                gained = True
+    return gained

@@ -1,0 +1,64 @@
+"""A sweep along a line: some time at its beginning, then at constant speed to its end while the sine goes on."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Length, Setpoint, Speed, Time, Trajectory
+from pydantic import Field, model_validator
+
+from palpate_trajectories.motion import Motion, line_knots, line_time
+from palpate_trajectories.press import Press, Touch, pressed, refuse_hasty
+from palpate_trajectories.surface import Surface
+
+
+class LineSweep(Trajectory):
+    """A sweep along a line: rest, approach, palpation at the beginning, line at constant speed, retract.
+
+    While measuring, depth(t) = bias + amplitude sin(2 pi f t) below the nominal surface; the coordinates along it have
+    continuous velocity and acceleration (paper, section Online Dynamic Estimation).
+    """
+
+    start: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where it begins [x, y]")
+    end: tuple[Length, Length] = Field(description="where it ends [x, y]")
+    speed: Speed = Field(default=0.004, gt=0, description="speed along the line")
+    settle: Time = Field(default=10.0, ge=0, description="palpation at the beginning, before it moves")
+    ramp: Time = Field(default=0.25, gt=0, description="time in which it speeds up, and slows down")
+    press: Press = Field(description="depth, sine, approach")
+    surface: Surface = Field(default=Surface(), description="nominal surface that it follows")
+
+    @model_validator(mode="after")
+    def _possible(self) -> Any:
+        if self._way < 1e-6:
+            raise ValueError("start and end are one place: there is no line to sweep")
+        refuse_hasty(self.press, self._way, self.speed)
+        return self
+
+    @property
+    def _way(self) -> float:
+        return math.dist(self.start, self.end)
+
+    @cached_property
+    def _motion(self) -> Motion:
+        begin = self.press.rest + self.press.transfer
+        leave = begin + self.settle
+        share = [abs(b - a) / self._way for a, b in zip(self.start, self.end, strict=True)]
+        x, y = (
+            line_knots(leave, a, b, self.speed * part, self.ramp)
+            for a, b, part in zip(self.start, self.end, share, strict=True)
+        )
+        arrive = leave + line_time(self._way, self.speed, self.ramp)
+        return pressed(self.press, [Touch(begin, arrive)], x, y, [(begin, arrive)], self.surface)
+
+    @property
+    def total_duration(self) -> float:
+        """From rest to rest [s]."""
+        return self._motion.duration
+
+    def at(self, time: NDArray[np.float64]) -> Setpoint:
+        """Setpoints (n, 3)."""
+        return self._motion.at(time)

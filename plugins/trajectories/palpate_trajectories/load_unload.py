@@ -1,0 +1,119 @@
+"""Loading and unloading at constant speed, by cycles."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Length, Setpoint, Speed, Time, Trajectory
+from pydantic import Field, model_validator
+
+from palpate_trajectories.motion import Motion, through
+from palpate_trajectories.profile import TURN, Knot, resting
+from palpate_trajectories.surface import Surface
+
+
+class LoadUnload(Trajectory):
+    """Down to a depth and up again at constant speed, in cycles, at one speed after the other.
+
+    Speed is constant but for the turns, which take `turn` each; the deepest point is exactly `depth`. All of the motion
+    is measured.
+    """
+
+    depth: Length = Field(gt=0, description="deepest point, below the nominal surface")
+    speeds: tuple[Speed, ...] = Field(default=(0.006,), min_length=1, description="speeds, one after the other")
+    cycles: int = Field(default=1, ge=1, le=1000, description="cycles at each speed")
+    turn: Time = Field(default=0.1, gt=0, description="duration of each turn, and of starting and stopping")
+    clearance: Length = Field(default=0.005, gt=0, description="height over the nominal surface to which it returns")
+    rest: Time = Field(default=1.0, ge=0, description="rest in free air before the first cycle, for the tare")
+    place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
+    surface: Surface = Field(default=Surface(), description="nominal surface")
+
+    @model_validator(mode="after")
+    def _possible(self) -> Any:
+        refuse_speeds(self.speeds, self.depth + self.clearance, self.turn)
+        return self
+
+    @cached_property
+    def _motion(self) -> Motion:
+        return cycled(self, [speed for speed in self.speeds for _ in range(self.cycles)], self.depth, 0.0)
+
+    @property
+    def total_duration(self) -> float:
+        """From rest to rest [s]."""
+        return self._motion.duration
+
+    def at(self, time: NDArray[np.float64]) -> Setpoint:
+        """Setpoints (n, 3)."""
+        return self._motion.at(time)
+
+
+class Compression(Trajectory):
+    """Compression to a strain of a known thickness at constant speed, held, and released: a dynamometer's protocol.
+
+    Defaults are the paper's: 50 mm/min to 10 % of 22 mm.
+    """
+
+    thickness: Length = Field(default=0.022, gt=0, description="height of the specimen")
+    strain: float = Field(default=0.1, gt=0, lt=1, allow_inf_nan=False, description="largest compression of it, 0 to 1")
+    speed: Speed = Field(default=0.05 / 60, gt=0, description="speed down and up")
+    hold: Time = Field(default=0.0, ge=0, description="rest at the deepest point, for relaxation")
+    turn: Time = Field(default=0.1, gt=0, description="duration of each turn, and of starting and stopping")
+    clearance: Length = Field(default=0.001, gt=0, description="height over the nominal surface at both ends")
+    rest: Time = Field(default=1.0, ge=0, description="rest in free air before it, for the tare")
+    place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
+    surface: Surface = Field(default=Surface(), description="nominal surface")
+
+    @model_validator(mode="after")
+    def _possible(self) -> Any:
+        refuse_speeds((self.speed,), self.thickness * self.strain + self.clearance, self.turn)
+        return self
+
+    @cached_property
+    def _motion(self) -> Motion:
+        return cycled(self, [self.speed], self.thickness * self.strain, self.hold)
+
+    @property
+    def total_duration(self) -> float:
+        """From rest to rest [s]."""
+        return self._motion.duration
+
+    def at(self, time: NDArray[np.float64]) -> Setpoint:
+        """Setpoints (n, 3)."""
+        return self._motion.at(time)
+
+
+def refuse_speeds(speeds: tuple[float, ...], way: float, turn: float) -> None:
+    """Raise ValueError where a speed is not positive or is never reached between two turns."""
+    for speed in speeds:
+        if speed <= 0 or speed > 0.25:
+            raise ValueError(f"speed {speed:g} m/s must be above 0 and at most 0.25 m/s")
+        if way <= speed * turn:
+            raise ValueError(f"speed {speed:g} m/s is never reached: its turns of {turn:g} s take all of {way:g} m")
+
+
+def cycled(settings: LoadUnload | Compression, speeds: list[float], depth: float, hold: float) -> Motion:
+    """Cycles down to a depth, with a hold at the bottom, from and to rest at the clearance."""
+    turn, top = settings.turn, -settings.clearance
+    now = settings.rest
+    knots = [Knot(now, top)]
+    for speed in speeds:
+        way = speed * turn / 2
+        knots.append(Knot(now + turn, top + way, speed))
+        now += turn
+        # A turn reaches beyond the place where it begins; with a hold it stops, and takes two halves of a move.
+        bottom = depth - (TURN * speed * turn if hold == 0 else way)
+        now += (bottom - top - way) / speed
+        knots.append(Knot(now, bottom, speed))
+        if hold > 0:
+            knots += [Knot(now + turn, depth), Knot(now + turn + hold, depth)]
+            now += turn + hold
+        knots.append(Knot(now + turn, bottom, -speed))
+        now += turn + (bottom - top - way) / speed
+        knots.append(Knot(now, top + way, -speed))
+        now += turn
+        knots.append(Knot(now, top))
+    x, y = (resting(value) for value in settings.place)
+    return Motion(now, x, y, through(knots), ((settings.rest, now),), settings.surface)

@@ -1,0 +1,218 @@
+"""`palpate plan`, `map`, `lumps`, `search`, `resume`, `compare`: from a pipeline to a picture and a list of lumps."""
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from palpate.config import load_pipeline
+from palpate.maps import find_lumps, make_map, read_path, sites_along
+from palpate.pipeline import remaining_pipeline, run_pipeline
+
+SMALL = (
+    'trajectory.raster.size=["20 mm", "10 mm"]',
+    "trajectory.raster.settle=1 s",
+    "trajectory.raster.pitch=5 mm",
+    "device.rig.sensor_rate=500 Hz",
+    'trajectory.raster.centre=["-16 mm", "6 mm"]',
+)
+
+
+def options(assignments):
+    return [part for assignment in assignments for part in ("--set", assignment)]
+
+
+@pytest.fixture(scope="module")
+def sweep_run(root, tmp_path_factory):
+    """The example sweep, run once."""
+    folder = tmp_path_factory.mktemp("sweep") / "run"
+    run_pipeline(load_pipeline(root / "pipelines" / "sweep.toml"), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def raster_run(root, tmp_path_factory):
+    """A small part of the example raster, run once."""
+    folder = tmp_path_factory.mktemp("raster") / "run"
+    run_pipeline(load_pipeline(root / "pipelines" / "raster.toml", SMALL), folder)
+    return folder
+
+
+def test_a_sweep_gives_a_picture_and_its_lumps(palpate, sweep_run):
+    done = palpate("map", sweep_run)
+    assert done.returncode == 0, done.stderr
+    assert (sweep_run / "maps" / "sweep.png").read_bytes().startswith(b"\x89PNG")
+    rows = (sweep_run / "maps" / "sweep.csv").read_text().splitlines()
+    assert rows[0] == "track,along_m,x_m,y_m,elasticity,elasticity_std"
+    assert len(rows) > 130
+    found = json.loads(palpate("lumps", sweep_run, "--json").stdout)
+    assert [lump["y"] for lump in found["lumps"]] == [pytest.approx(-0.014, abs=1e-3), pytest.approx(0.014, abs=1e-3)]
+    text = palpate("lumps", sweep_run).stdout
+    assert "contrast" in text
+    assert "kPa" in text
+
+
+def test_the_papers_filter_finds_no_lump_in_the_same_sweep(sweep_run):
+    assert find_lumps(sites_along(read_path(sweep_run, "dr/ekf"))).lumps == ()
+
+
+def test_a_raster_gives_a_map(palpate, raster_run):
+    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
+    done = palpate("map", raster_run, "--cell", "2 mm", "--svg")
+    assert done.returncode == 0, done.stderr
+    with np.load(raster_run / "maps" / "map.npz") as arrays:
+        assert arrays["value"].shape == arrays["std"].shape == arrays["covered"].shape == (6, 11)
+        peak = np.unravel_index(np.nanargmax(arrays["value"]), arrays["value"].shape)
+        assert arrays["x"][peak[1]] == pytest.approx(-0.016, abs=2.1e-3)
+        assert str(arrays["parameter"]) == "elasticity"
+    assert (raster_run / "maps" / "map.csv").read_text().startswith("x_m,y_m,elasticity,elasticity_std,covered\n")
+    assert (raster_run / "maps" / "map.svg").stat().st_size > 10_000
+
+
+def test_an_interrupted_raster_resumes_at_the_last_whole_line(root, raster_run, tmp_path, palpate):
+    """The first part is cut by hand to what a kill in the second line leaves."""
+    cut = tmp_path / "cut"
+    shutil.copytree(raster_run, cut, ignore=shutil.ignore_patterns("maps", "estimates-offline.csv", "result.json"))
+    rows = (cut / "estimates.csv").read_text().splitlines(keepends=True)
+    last = next(i for i, row in enumerate(rows[1:], 1) if float(row.split(",")[0]) > 12.0)
+    (cut / "estimates.csv").write_text("".join(rows[:last]) + rows[last][:20])
+    done = palpate("resume", cut)
+    assert done.returncode == 0, done.stderr
+    assert "first_line = 1" in (cut / "part-2" / "resolved.toml").read_text()
+    assert "nothing is left" in palpate("resume", cut).stdout
+    whole, pieces = (make_map(sites_along(read_path(run)), 2e-3, "average") for run in (raster_run, cut))
+    both = whole.covered[:-1, :-1] & pieces.covered[: whole.covered.shape[0] - 1, : whole.covered.shape[1] - 1]
+    assert both.mean() > 0.9
+    apart = (whole.value[:-1, :-1] - pieces.value[:-1, :-1])[both] / np.hypot(whole.std, pieces.std)[:-1, :-1][both]
+    assert np.sqrt(np.mean(apart**2)) < 1.5
+
+
+def test_ctrl_c_leaves_a_raster_that_resumes(root, tmp_path):
+    out = tmp_path / "out"
+    command = [sys.executable, "-c", "from palpate.cli import main; main()", "run", str(root / "pipelines/raster.toml")]
+    command += ["--out", str(out), *options([*SMALL, "device.rig.pace=real-time"])]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    log, deadline = out / "log.mcap", time.monotonic() + 30
+    while not (log.exists() and log.stat().st_size > 100_000) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 130, errors
+    (rest,) = remaining_pipeline(out).trajectories.values()
+    assert rest.first_line == 0
+    assert rest.lines == 3
+
+
+def test_a_motion_that_can_only_be_done_as_one_does_not_resume(palpate, sweep_run, tmp_path):
+    cut = tmp_path / "cut"
+    shutil.copytree(sweep_run, cut)
+    rows = (cut / "estimates.csv").read_text().splitlines(keepends=True)
+    (cut / "estimates.csv").write_text("".join(rows[:1000]))
+    done = palpate("resume", cut)
+    assert done.returncode == 2
+    assert "only be done as one" in done.stderr
+
+
+def test_a_plan_is_drawn_before_anything_moves(palpate, root, tmp_path):
+    done = palpate("plan", root / "pipelines" / "raster.toml", "--out", tmp_path / "plan.png")
+    assert done.returncode == 0, done.stderr
+    for text in ("duration", "speed", "acceleration", "force         up to", "senses forces"):
+        assert text in done.stdout
+    assert (tmp_path / "plan.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("assignment", "word"),
+    [
+        ("trajectory.raster.pitch=0 mm", "pitch"),
+        ("trajectory.raster.press.bias=25 mm", "thickness"),
+        ('trajectory.raster.size=["100 mm", "40 mm"]', "outside the specimen"),
+        ("trajectory.raster.speed=60 mm/s", "periods"),
+    ],
+)
+@pytest.mark.parametrize("command", ["plan"])
+def test_an_impossible_motion_is_refused_by_name(palpate, root, command, assignment, word):
+    done = palpate(command, root / "pipelines" / "raster.toml", "--set", assignment)
+    assert done.returncode == 2
+    assert word in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("--track", "dr/none"), "there is no track"),
+        (("--parameter", "weight"), "has no 'weight'"),
+    ],
+)
+@pytest.mark.parametrize("command", ["map", "lumps"])
+def test_what_is_not_there_is_said(palpate, sweep_run, command, arguments, word):
+    done = palpate(command, sweep_run, *arguments)
+    assert done.returncode == 2
+    assert word in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_folder_that_is_no_run_is_refused(palpate, tmp_path):
+    for command in ("lumps", "search", "resume"):
+        done = palpate(command, tmp_path)
+        assert done.returncode == 2, command
+        assert "no run folder" in done.stderr
+
+
+def test_a_search_visits_what_it_suspects(palpate, raster_run, tmp_path):
+    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
+    copy = tmp_path / "search"
+    shutil.copytree(raster_run, copy)
+    done = palpate("search", copy, "--go", "--points", 2, "--palpation", 2, "--budget", 5)
+    assert done.returncode == 0, done.stderr
+    assert "stopped:" in done.stdout
+    visited = sites_along(read_path(copy / "part-2"))
+    assert np.count_nonzero(visited.standing) == 2
+    assert np.hypot(*(visited.place[0] - [-0.016, 0.006])) < 6e-3
+
+
+RECORDED = """
+[run]
+name = "S5, sweep at 4 mm/s"
+[device.log]
+type = "csv-replay"
+file = "{file}"
+rate = "500 Hz"
+columns.z = {{ column = 0, unit = "mm" }}
+columns.v = {{ column = 3, unit = "mm/s" }}
+columns.f = {{ column = 4, unit = "N" }}
+columns.y = {{ column = 10, unit = "m" }}
+[alignment]
+force = {{ channel = "log.f", delay = "6 ms" }}
+position = "log.z"
+velocity = {{ channel = "log.v", sign = -1 }}
+lateral_y = "log.y"
+tip_mass = "140 g"
+tare = "none"
+[indenter.tip]
+type = "sphere"
+radius = "5 mm"
+[model.dr]
+type = "dimensionality-reduction"
+indenter = "tip"
+[estimator.smoother]
+type = "kinematic-smoother"
+sweep_speed = "4 mm/s"
+[estimator.ekf]
+type = "ekf"
+"""
+
+
+def test_the_recorded_sweep_holds_a_sphere_and_a_horseshoe_and_nothing_else(shared, tmp_path):
+    pipeline = tmp_path / "sweep.toml"
+    pipeline.write_text(RECORDED.format(file=shared / "ur3e-bota-2024" / "tran_4mms.csv.gz"))
+    run_pipeline(load_pipeline(pipeline), tmp_path / "out")
+    sphere, horseshoe = find_lumps(sites_along(read_path(tmp_path / "out"))).lumps
+    assert 1e3 * sphere.place[1] - 450 == pytest.approx(20.0, abs=3.0)
+    assert 42.0 - 3.0 < 1e3 * horseshoe.place[1] - 450 < 48.0 + 3.0
+    assert find_lumps(sites_along(read_path(tmp_path / "out", "dr/ekf"))).lumps == ()

@@ -1,0 +1,131 @@
+"""Specimens of the simulated rig: material, relief, inclusions."""
+
+import numpy as np
+import pytest
+from palpate import ConfigurationError, contact_force
+from palpate_devices.inclusions import Inclusion
+from palpate_devices.relief import Relief
+from palpate_devices.sim import SimulatedRig, friction
+from palpate_devices.specimen import Specimen
+from palpate_models import DimensionalityReduction, Sphere
+from palpate_trajectories.line_sweep import LineSweep
+from palpate_trajectories.press import Press
+from pydantic import ValidationError
+
+MODEL = DimensionalityReduction(indenter=Sphere(radius=0.005))
+# On-axis contrast in % by finite elements: {radius [mm]: {depth of the top [mm]: contrast}}.
+COMPUTED = {5: {2: 63, 4: 32.5, 6: 17, 8: 9.8, 11: 4.5}, 2.5: {2: 15, 4: 8.1, 6: 4.2, 8: 2.3, 11: 1.1}}
+
+
+def specimen(**settings):
+    return Specimen.model_validate({"model": MODEL, "elasticity": 112e3, "viscosity": 362.0, **settings})
+
+
+@pytest.mark.parametrize(
+    ("radius", "depth", "percent"), [(r, d, c) for r, row in COMPUTED.items() for d, c in row.items()]
+)
+def test_contrast_above_a_sphere_is_that_of_finite_elements(radius, depth, percent):
+    sphere = Inclusion(shape="sphere", radius=radius * 1e-3, depth=depth * 1e-3, stiffness_ratio=5.3)
+    assert 100 * sphere.contrast_above == pytest.approx(percent, rel=0.05)
+
+
+def test_contrast_grows_with_stiffness_and_vanishes_without():
+    ratios = [1.0, 2.0, 5.3, 50.0]
+    peaks = [Inclusion(shape="sphere", stiffness_ratio=ratio).contrast_above for ratio in ratios]
+    assert peaks[0] == 0.0
+    assert (np.diff(peaks) > 0).all()
+
+
+def test_contrast_is_broader_for_deeper_inclusions_and_broader_contacts():
+    x, zero = np.array([0.008]), np.zeros(1)
+
+    def share(depth, contact):
+        return float(Inclusion(shape="sphere", depth=depth, peak=1.0).contrast(x, zero, contact)[0])
+
+    assert share(0.002, 0.003) < share(0.006, 0.003)
+    assert share(0.002, 0.001) < share(0.002, 0.006)
+
+
+@pytest.mark.parametrize("shape", ["sphere", "cylinder", "horseshoe"])
+def test_the_outline_goes_round_the_body(shape):
+    body = Inclusion(shape=shape, place=(0.01, -0.02), angle=0.7, peak=0.3)
+    outline = body.outline
+    assert outline[0] == pytest.approx(outline[-1])
+    reach = np.min(np.linalg.norm(outline[:, None] - body.line[None], axis=2), axis=1)
+    assert reach.max() <= body.radius + 1e-9
+    on_line = body.contrast(body.line[:, 0], body.line[:, 1], 0.0)
+    assert on_line == pytest.approx(0.3)
+
+
+def test_an_image_is_read_and_blurred(tmp_path):
+    path = tmp_path / "image.csv"
+    image = np.zeros((21, 31))
+    image[10, 20] = 0.5
+    np.savetxt(path, image, delimiter=",")
+    sharp = Inclusion(shape="image", file=path, depth=0.0, pixel=0.001)
+    x, y = np.array([0.005, 0.0]), np.array([0.0, 0.0])
+    assert sharp.contrast(x, y, 0.0) == pytest.approx([0.5, 0.0])
+    blurred = Inclusion(shape="image", file=path, depth=0.005, pixel=0.001).contrast(x, y, 0.0)
+    assert 0.0 < blurred[0] < 0.05
+    with pytest.raises(ValidationError, match="file"):
+        Inclusion(shape="image")
+
+
+def test_relief_has_the_slopes_and_the_roughness_that_it_says():
+    relief = Relief(roughness=1e-4, length=0.01, tilt_x=0.02, tilt_y=-0.01, seed=5)
+    dice = np.random.default_rng(0)
+    x, y = dice.uniform(-0.3, 0.3, (2, 4000))
+    height, along_x, along_y = relief.at(x, y)
+    step = 1e-7
+    assert along_x == pytest.approx((relief.at(x + step, y)[0] - relief.at(x - step, y)[0]) / (2 * step), abs=1e-6)
+    assert along_y == pytest.approx((relief.at(x, y + step)[0] - relief.at(x, y - step)[0]) / (2 * step), abs=1e-6)
+    rough = height - np.tan(0.02) * x - np.tan(-0.01) * y
+    assert rough.std() == pytest.approx(1e-4, rel=0.1)
+    np.testing.assert_array_equal(height, relief.model_copy().at(x, y)[0])
+    assert not np.allclose(height, Relief(**{**relief.model_dump(), "seed": 6}).at(x, y)[0])
+
+
+def test_depth_is_measured_from_the_true_skin():
+    tilted = specimen(surface=0.001, relief={"tilt_x": 0.1})
+    position = np.array([[0.02, 0.0, -0.002]])
+    depth, rate = tilted.depth(position, np.array([[0.004, 0.0, -0.001]]))
+    assert depth == pytest.approx(0.001 + np.tan(0.1) * 0.02 + 0.002)
+    assert rate == pytest.approx(np.tan(0.1) * 0.004 + 0.001)
+
+
+def test_the_rig_feels_the_inclusion_under_the_tip():
+    sweep = LineSweep(start=(-0.02, 0.0), end=(0.02, 0.0), settle=0.5, press=Press(bias=0.004))
+    quiet = {"position_std": 0.0, "velocity_std": 0.0, "force_std": 0.0, "bias": 0.0, "drift": 0.0, "tip_mass": 1e-6}
+    lump = {"shape": "sphere", "place": (0.005, 0.0), "peak": 0.5}
+    rig = SimulatedRig.model_validate({**quiet, "sensor_rate": 500.0, "specimen": specimen(inclusions=(lump,))})
+    with rig.connect(0) as link:
+        link.follow(sweep)
+        batches = list(link.batches())
+    streams = {
+        name: np.concatenate([batch.values for batch in batches if batch.stream == name])
+        for name in ("wrench", "tip", "twist")
+    }
+    x, z, rate = streams["tip"][:, 0], streams["tip"][:, 2], -streams["twist"][:, 2]
+    plain = contact_force(MODEL, -z, rate, (112e3, 362.0), pulls=False)
+    pressed = plain > 1.0
+    ratio = streams["wrench"][pressed, 2] / plain[pressed]
+    above = np.abs(x[pressed] - 0.005) < 5e-4
+    away = np.abs(x[pressed] - 0.005) > 0.02
+    assert ratio[above] == pytest.approx(1.5, abs=0.01)
+    assert ratio[away] == pytest.approx(1.0, abs=0.03)
+
+
+def test_friction_opposes_sliding():
+    force = friction(np.array([2.0, 2.0, 0.0]), np.array([[0.01, 0.0], [0.0, 0.0], [0.01, 0.0]]))
+    assert force == pytest.approx(np.array([[2.0, 0.0], [0.0, 0.0], [0.0, 0.0]]))
+
+
+@pytest.mark.parametrize(
+    ("settings", "word"),
+    [({"thickness": 0.003}, "thickness"), ({"size": (0.03, 0.03)}, "outside the specimen")],
+)
+def test_a_motion_through_or_beside_the_specimen_is_refused(settings, word):
+    sweep = LineSweep(start=(-0.02, 0.0), end=(0.02, 0.0), settle=0.5, press=Press(bias=0.004))
+    rig = SimulatedRig.model_validate({"specimen": specimen(**settings)})
+    with pytest.raises(ConfigurationError, match=word):
+        rig.refuse(sweep.at(np.arange(0.0, sweep.total_duration, 0.01)))

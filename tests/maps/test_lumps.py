@@ -1,0 +1,137 @@
+"""Lumps along sweeps and on areas, from estimates whose truth is known."""
+
+import numpy as np
+import pytest
+from palpate import LogError
+from palpate.maps import LumpSettings, Path2D, Sites, find_lumps, line_coordinate, make_map, propose, sites_along
+
+
+def sweep(dice, lumps, length=0.07, noise=0.005, base=112e3):
+    """Sites every millimetre along y, with Gaussian lumps (middle, width, contrast)."""
+    y = np.arange(-length / 2, length / 2, 1e-3)
+    contrast = sum((c * np.exp(-0.5 * ((y - m) / w) ** 2) for m, w, c in lumps), np.zeros_like(y))
+    slow = np.convolve(dice.standard_normal(len(y) + 4), np.ones(5) / np.sqrt(5), "valid")
+    log = np.log(base * (1 + contrast)) + noise * slow
+    place = np.column_stack([1e-6 * dice.standard_normal(len(y)), y])
+    return Sites(place, log, np.full(len(y), noise), np.arange(len(y)) / 4.0, np.zeros(len(y), bool))
+
+
+def area(dice, lumps, noise=0.005):
+    """Sites on lines 5 mm apart."""
+    x, y = np.meshgrid(np.arange(-30, 31) * 1e-3, np.arange(-20, 21, 5) * 1e-3)
+    x[1::2] = x[1::2, ::-1]
+    place = np.column_stack([x.ravel(), y.ravel()])
+    contrast = np.zeros(len(place))
+    for mx, my, w, c in lumps:
+        contrast += c * np.exp(-((place[:, 0] - mx) ** 2 + (place[:, 1] - my) ** 2) / (2 * w**2))
+    log = np.log(112e3 * (1 + contrast)) + noise * dice.standard_normal(len(place))
+    n = len(log)
+    return Sites(place, log, np.full(n, noise), np.arange(n) / 4.0, np.zeros(n, bool))
+
+
+def test_lumps_of_a_sweep_are_where_they_are():
+    sites = sweep(np.random.default_rng(0), [(-0.014, 0.006, 0.45), (0.015, 0.005, 0.15)])
+    first, second = find_lumps(sites).lumps
+    assert first.place[1] == pytest.approx(-0.014, abs=1e-3)
+    assert second.place[1] == pytest.approx(0.015, abs=1e-3)
+    assert second.contrast == pytest.approx(0.15, abs=0.04)
+    assert second.extent[0] == pytest.approx(2.355 * 0.005, rel=0.25)
+    assert first.p < second.p < 1e-3
+
+
+def test_homogeneous_sweeps_raise_no_alarm():
+    alarms = [len(find_lumps(sweep(np.random.default_rng(seed), [])).lumps) for seed in range(100)]
+    assert sum(alarms) == 0
+
+
+def test_a_softer_place_is_no_lump():
+    sites = sweep(np.random.default_rng(1), [(0.0, 0.006, -0.3)])
+    assert find_lumps(sites).lumps == ()
+
+
+def test_lumps_of_an_area():
+    sites = area(np.random.default_rng(0), [(-0.015, 0.005, 0.005, 0.3), (0.012, -0.01, 0.004, 0.15)])
+    found = sorted(find_lumps(sites).lumps, key=lambda lump: lump.place)
+    assert [lump.place for lump in found] == [
+        pytest.approx((-0.015, 0.005), abs=1.5e-3),
+        pytest.approx((0.012, -0.01), abs=1.5e-3),
+    ]
+
+
+def test_homogeneous_areas_raise_no_alarm():
+    alarms = [len(find_lumps(area(np.random.default_rng(seed), [])).lumps) for seed in range(25)]
+    assert sum(alarms) == 0
+
+
+def test_the_threshold_is_a_setting():
+    sites = sweep(np.random.default_rng(2), [(0.0, 0.005, 0.1)])
+    assert len(find_lumps(sites).lumps) == 1
+    assert find_lumps(sites, LumpSettings(contrast=0.2)).lumps == ()
+
+
+def test_too_little_is_refused():
+    sites = sweep(np.random.default_rng(0), [])
+    with pytest.raises(LogError, match="too few"):
+        find_lumps(sites[:5])
+    with pytest.raises(LogError, match="too short"):
+        find_lumps(sites[:11])
+
+
+def test_a_line_is_told_from_an_area():
+    assert line_coordinate(sweep(np.random.default_rng(0), [])) is not None
+    assert line_coordinate(area(np.random.default_rng(0), [])) is None
+
+
+@pytest.mark.parametrize("method", ["gaussian-process", "average"])
+def test_a_map_is_right_within_its_uncertainty(method):
+    if method == "gaussian-process":
+        pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
+    sites = area(np.random.default_rng(3), [(-0.01, 0.005, 0.006, 0.3)])
+    field = make_map(sites, 1e-3, method)
+    x, y = np.meshgrid(field.x, field.y)
+    truth = 112e3 * (1 + 0.3 * np.exp(-((x + 0.01) ** 2 + (y - 0.005) ** 2) / (2 * 0.006**2)))
+    assert field.value.shape == (41, 61)
+    assert field.covered.all()
+    error = (field.value - truth) / field.std
+    assert np.mean(np.abs(error) < 2) > 0.9
+    if method == "gaussian-process":
+        assert np.sqrt(np.mean((field.value / truth - 1) ** 2)) < 0.01
+        assert np.mean(error**2) == pytest.approx(1.0, abs=0.9)
+
+
+def test_what_was_not_palpated_is_not_covered():
+    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
+    sites = area(np.random.default_rng(3), [])
+    hole = np.abs(sites.place[:, 1]) > 6e-3
+    field = make_map(sites[hole], 1e-3)
+    x, y = np.meshgrid(field.x, field.y)
+    assert not field.covered[(np.abs(y) < 2e-3) & (np.abs(x) < 0.02)].any()
+    assert np.isnan(field.value[~field.covered]).all()
+    assert field.covered[np.abs(y) > 1e-2].all()
+
+
+def test_proposals_go_to_the_suspicious_place_and_to_the_unknown_one():
+    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
+    sites = area(np.random.default_rng(5), [(-0.015, 0.0075, 0.005, 0.3)])
+    best = propose(sites, 2)
+    assert np.hypot(best[0].place[0] + 0.015, best[0].place[1] - 0.0075) < 5e-3
+    assert best[0].suspicion > 0.9
+    apart = [np.hypot(a.place[0] - b.place[0], a.place[1] - b.place[1]) for a in best for b in best if a is not b]
+    assert min(apart) >= 4e-3
+    right = sites[sites.place[:, 0] < 0.01]
+    unknown = propose(right, 1, "uncertainty", area=(-0.03, 0.03, -0.02, 0.02))[0]
+    assert unknown.place[0] > 0.02
+
+
+def test_a_path_becomes_sites_of_sweep_and_stay():
+    time = np.arange(0.0, 20.0, 0.01)
+    y = np.where(time < 10.0, 0.0, 0.004 * (time - 10.0))
+    place = np.column_stack([np.zeros_like(y), y]) + 5e-6 * np.random.default_rng(0).standard_normal((len(y), 2))
+    value = np.where(time < 5.0, 500e3, 100e3 * (1 + y))
+    path = Path2D("dr/ekf", "elasticity", time, place, value, np.full(len(y), 1e3), 1.0)
+    sites = sites_along(path)
+    assert np.count_nonzero(sites.standing) == 1
+    assert sites.value[sites.standing] == pytest.approx(100e3, rel=1e-3)  # the beginning of a stay does not count
+    moving = sites[~sites.standing]
+    assert 38 <= len(moving) <= 43
+    assert moving.value == pytest.approx(100e3 * (1 + moving.place[:, 1]), rel=1e-4)
