@@ -30,7 +30,7 @@ from palpate.estimation import (
 from palpate.hooks import plugin
 from palpate.kernel import Kernel, Step, compile_step
 from palpate.parts import File, Part, Settings
-from palpate.process import InertialProcess
+from palpate.process import InertialProcess, KinematicProcess
 from palpate.sink import Run, Sink, Writer
 from palpate.trajectory import Setpoint, Trajectory
 from palpate.units import (
@@ -70,6 +70,7 @@ __all__ = [
     "Indenter",
     "InertialProcess",
     "Kernel",
+    "KinematicProcess",
     "Length",
     "Link",
     "LogError",

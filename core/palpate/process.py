@@ -4,57 +4,181 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import factorial
 from typing import Any
 
 from palpate.contact import ContactModel, contact_force
+
+
+def advance_memory(
+    model: ContactModel,
+    before: tuple[Any, Any],
+    after: tuple[Any, Any],
+    theta: Sequence[Any],
+    memory: Sequence[Any],
+    interval: Any,
+) -> list[Any]:
+    """The model's internal states one interval [s] later, on the way from one (depth, rate) to another.
+
+    The midpoint rule: second order in the interval, and one expression for floats and CasADi symbols.
+    """
+    if not model.memory:
+        return []
+    slopes = model.memory_rate(before[0], before[1], theta, memory)
+    halfway = [value + 0.5 * interval * slope for value, slope in zip(memory, slopes, strict=True)]
+    depth, rate = 0.5 * (before[0] + after[0]), 0.5 * (before[1] + after[1])
+    slopes = model.memory_rate(depth, rate, theta, halfway)
+    return [value + interval * slope for value, slope in zip(memory, slopes, strict=True)]
 
 
 @dataclass(frozen=True)
 class InertialProcess:
     """The tip's mass between sensor and contact: force is the input, velocity the measurement.
 
-    State: depth d [m], its rate [m/s], the contact model's internal states, which follow its `memory_rate`, and its
-    parameters, which are constant. Between two samples
+    State: depth d [m], its rate [m/s], the contact model's internal states, its parameters, and their time derivatives
+    up to the evolution order, all first ones before all second ones. Between two samples
 
         d     <- d + T d' + T^2/(2 m) (u - F(d, d'))
         d'    <- d' + T/m (u - F(d, d'))
 
     with the measured force u, so that force noise of standard deviation sigma_u enters as Q = B sigma_u^2 B^T with
-    B = [T^2/(2 m), T/m] (paper, eqs. state_space_NL_FT, model_unc). SI here; the paper writes it in mm.
+    B = [T^2/(2 m), T/m] (paper, eqs. state_space_NL_FT, model_unc). Parameters are constant at order 0, and follow
+    their Taylor series at a higher one; order 2 is the paper's expanded state (eq. state_space_NL_FT_plus). SI here;
+    the paper writes it in mm.
     """
 
     model: ContactModel
     mass: Any  # [kg]
+    order: int = 0
+
+    @property
+    def states(self) -> int:
+        """Length of the state."""
+        return 2 + len(self.model.memory) + (1 + self.order) * len(self.model.parameters)
+
+    @property
+    def parameters(self) -> slice:
+        """Where the contact model's parameters stand in the state."""
+        first = 2 + len(self.model.memory)
+        return slice(first, first + len(self.model.parameters))
 
     def force(self, state: Sequence[Any]) -> Any:
         """Contact force [N] in a state."""
-        memory, theta = self.split(state)
-        return contact_force(self.model, state[0], state[1], theta, memory)
-
-    def split(self, state: Sequence[Any]) -> tuple[Sequence[Any], Sequence[Any]]:
-        """The internal states and the parameters in a state."""
-        first = 2 + len(self.model.memory)
-        return state[2:first], state[first:]
-
-    def remembered(self, state: Sequence[Any], interval: Any) -> list[Any]:
-        """The internal states one interval [s] later: a step of Heun's method along a straight motion."""
-        memory, theta = self.split(state)
-        if not len(memory):
-            return []
-        depth, rate = state[0], state[1]
-        first = self.model.memory_rate(depth, rate, theta, memory)
-        guess = [m + interval * change for m, change in zip(memory, first, strict=True)]
-        second = self.model.memory_rate(depth + interval * rate, rate, theta, guess)
-        return [m + interval / 2 * (a + b) for m, a, b in zip(memory, first, second, strict=True)]
+        first = self.parameters.start
+        return contact_force(self.model, state[0], state[1], state[self.parameters], state[2:first])
 
     def predict(self, state: Sequence[Any], force: Any, interval: Any) -> list[Any]:
         """The state one interval [s] later under a measured force [N]."""
         to_depth, to_rate = self.gain(interval)
         excess = force - self.force(state)
         depth = state[0] + interval * state[1] + to_depth * excess
-        _, theta = self.split(state)
-        return [depth, state[1] + to_rate * excess, *self.remembered(state, interval), *theta]
+        rate = state[1] + to_rate * excess
+        first = self.parameters.start
+        theta, memory = state[self.parameters], state[2:first]
+        remembered = advance_memory(self.model, (state[0], state[1]), (depth, rate), theta, memory, interval)
+        return [depth, rate, *remembered, *self._evolved(state[first:], interval)]
+
+    def _evolved(self, chain: Sequence[Any], interval: Any) -> list[Any]:
+        """Parameters and their derivatives one interval [s] later."""
+        count, evolved = len(self.model.parameters), []
+        for i in range(len(chain)):
+            value = chain[i]
+            for k, j in enumerate(range(i + count, len(chain), count), start=1):
+                value = value + interval**k / factorial(k) * chain[j]
+            evolved.append(value)
+        return evolved
 
     def gain(self, interval: Any) -> tuple[Any, Any]:
         """B: what one newton adds to depth [m/N] and rate [m/s/N] over an interval [s]."""
         return interval**2 / (2 * self.mass), interval / self.mass
+
+
+@dataclass(frozen=True)
+class KinematicProcess:
+    """The tip moves as the robot wants; position, velocity and force are measured, and the force is an output.
+
+    State: height z [m] of the tip, its velocity and acceleration (driven by white jerk), height s [m] of the surface,
+    on a sweep its slope along the path [m/s], a force bias [N] where wanted, the contact model's internal states, its
+    parameters on a chart, and on a sweep the trend [1/s] of the first of them. Depth is s - z, the force sensor reads
+    F(d, d') - m z'' + bias. The chart keeps signs: parameter 0 is exp(c_0), others that the force is proportional to
+    are exp(c_0 + c_i), so that c_i is the logarithm of their ratio to it; what remains is exp(c_i) where its lower
+    bound is not negative, else c_i itself.
+    """
+
+    model: ContactModel
+    mass: Any  # [kg]
+    sweeping: bool = False
+    biased: bool = False
+
+    @property
+    def states(self) -> int:
+        """Length of the state."""
+        return int(self.chart.stop) + int(self.sweeping)
+
+    @property
+    def bias(self) -> int:
+        """Where the force bias stands, if there is one."""
+        return 4 + self.sweeping
+
+    @property
+    def memory(self) -> slice:
+        """Where the contact model's internal states stand."""
+        first = self.bias + self.biased
+        return slice(first, first + len(self.model.memory))
+
+    @property
+    def chart(self) -> slice:
+        """Where the parameters stand, on their chart."""
+        return slice(self.memory.stop, self.memory.stop + len(self.model.parameters))
+
+    def depth(self, state: Sequence[Any]) -> Any:
+        """Depth [m] of the tip below the surface."""
+        return state[3] - state[0]
+
+    def rate(self, state: Sequence[Any]) -> Any:
+        """Rate of the depth [m/s]."""
+        return (state[4] if self.sweeping else 0.0) - state[1]
+
+    def parameters(self, chart: Sequence[Any], exp: Any) -> list[Any]:
+        """The contact model's parameters from their chart, with an exponential for the kind of number at hand."""
+        values = []
+        for i, parameter in enumerate(self.model.parameters):
+            if i and parameter.role is not None:
+                values.append(exp(chart[0] + chart[i]))
+            else:
+                values.append(exp(chart[i]) if parameter.lower >= 0 else chart[i])
+        return values
+
+    def on_chart(self, theta: Sequence[float], log: Any) -> list[Any]:
+        """The chart of parameters: the inverse of `parameters`."""
+        chart = []
+        for i, (parameter, value) in enumerate(zip(self.model.parameters, theta, strict=True)):
+            if i and parameter.role is not None:
+                chart.append(log(value) - log(theta[0]))
+            else:
+                chart.append(log(value) if parameter.lower >= 0 else value)
+        return chart
+
+    def contact(self, state: Sequence[Any], exp: Any) -> Any:
+        """Contact force [N] in a state."""
+        theta = self.parameters(state[self.chart], exp)
+        return contact_force(self.model, self.depth(state), self.rate(state), theta, state[self.memory])
+
+    def reading(self, state: Sequence[Any], exp: Any) -> Any:
+        """What the force sensor reads [N] in a state, without noise."""
+        force = self.contact(state, exp) - self.mass * state[2]
+        return force + state[self.bias] if self.biased else force
+
+    def predict(self, state: Sequence[Any], interval: Any, exp: Any) -> list[Any]:
+        """The state one interval [s] later."""
+        height, velocity, acceleration, surface = state[:4]
+        after = list(state)
+        after[0] = height + interval * velocity + 0.5 * interval**2 * acceleration
+        after[1] = velocity + interval * acceleration
+        if self.sweeping:
+            after[3] = surface + interval * state[4]
+            after[self.chart.start] = state[self.chart.start] + interval * state[-1]
+        theta = self.parameters(state[self.chart], exp)
+        ends = [(self.depth(motion), self.rate(motion)) for motion in (state, after)]
+        after[self.memory] = advance_memory(self.model, ends[0], ends[1], theta, state[self.memory], interval)
+        return after

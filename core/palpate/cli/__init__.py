@@ -1,4 +1,4 @@
-"""The command line: ``palpate run``, ``check``, ``list``, ``describe``, ``schema``, ``force``."""
+"""The command line: what each ``palpate`` command is, and what its exit code says."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli import force, inspect, run
+from palpate.cli import force, info, inspect, repeat, run, sweep
+from palpate.cli.fit import fit
 from palpate.errors import PalpateError
 
 app = typer.Typer(
@@ -38,11 +39,15 @@ def _options(
 
 
 app.command(name="run")(run.run)
+app.command(name="sweep")(sweep.sweep)
+app.command(name="fit")(fit)
+app.command(name="repeat")(repeat.repeat)
 app.command(name="check")(inspect.check)
 app.command(name="list")(inspect.list_parts)
 app.command(name="describe")(inspect.describe)
 app.command(name="schema")(inspect.schema)
 app.command(name="force")(force.force)
+app.command(name="info")(info.info)
 
 
 def main() -> None:

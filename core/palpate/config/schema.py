@@ -10,6 +10,12 @@ from palpate.hooks import KINDS
 from palpate.parts import Settings
 from palpate.registry import Registry
 
+_SWEEP = {
+    "type": "object",
+    "description": 'for `palpate sweep`: lists of values by setting, such as "estimator.afukf.theta" = ["1 mm/s"]',
+    "properties": {"combine": {"enum": ["grid", "list"], "default": "grid"}},
+}
+
 
 def pipeline_schema(registry: Registry) -> dict[str, Any]:
     """JSON schema (draft 2020-12) of every table, key and part that the loaded plugins know."""
@@ -17,6 +23,7 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
     properties: dict[str, Any] = {
         "run": _table(RunSettings, definitions),
         "alignment": _table(AlignmentSettings, definitions),
+        "sweep": _SWEEP,
     }
     for kind, entries in registry.parts.items():
         choices = []

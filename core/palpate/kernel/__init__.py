@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Protocol
 
+import numpy as np
+
+from palpate.errors import ConfigurationError
 from palpate.estimation import Floats
+from palpate.kernel.llvm import LANES, CompiledStep, Untranslatable
 from palpate.kernel.virtual_machine import VirtualMachine
 
-__all__ = ["Kernel", "Step", "compile_step"]
+__all__ = ["Kernel", "Step", "compile_step", "kernel_choice", "run_grid"]
+
+_VARIABLE = "PALPATE_KERNEL"
 
 
 @dataclass(frozen=True)
@@ -32,6 +41,59 @@ class Kernel(Protocol):
         ...
 
 
+def kernel_choice() -> tuple[str, str]:
+    """Which kernel steps are run by, "llvm" or "vm", and why."""
+    wanted = os.environ.get(_VARIABLE, "auto")
+    if wanted not in ("auto", "llvm", "vm"):
+        raise ConfigurationError(f'environment variable {_VARIABLE}: {wanted!r} is none of "auto", "llvm", "vm"')
+    try:
+        found = version("llvmlite")
+    except PackageNotFoundError:
+        if wanted == "llvm":
+            raise ConfigurationError(
+                f'{_VARIABLE}=llvm: llvmlite is not installed; pip install "palpate[fast]"'
+            ) from None
+        return "vm", 'llvmlite is not installed; pip install "palpate[fast]" makes filters some ten times faster'
+    if wanted == "vm":
+        return "vm", f"{_VARIABLE}=vm asks for it"
+    return "llvm", f"llvmlite {found} is installed"
+
+
 def compile_step(step: Step) -> Kernel:
-    """The fastest kernel that this machine has, for a step."""
-    return VirtualMachine(step.state, step.sample, step.settings, step.next_state, step.output)
+    """The fastest kernel that this machine has, for a step; all of them give the same bits."""
+    import casadi
+
+    outputs = [casadi.densify(step.next_state), casadi.densify(step.output)]
+    function = casadi.Function("step", [step.state, step.sample, step.settings], outputs, {"cse": True})
+    if kernel_choice()[0] == "llvm":
+        try:
+            return CompiledStep(function)
+        except (Untranslatable, ImportError, OSError, RuntimeError):
+            if os.environ.get(_VARIABLE) == "llvm":
+                raise
+    return VirtualMachine(function)
+
+
+def run_grid(
+    kernel: Kernel, states: Floats, samples: Floats, settings: Floats, *, every: int = 1, threads: int | None = None
+) -> tuple[Floats, Floats]:
+    """Many settings over one record: states (g, ns) after, and outputs (g, n // every, ny), for settings (g, np).
+
+    Each setting gives the bits that `Kernel.run` gives for it. The LLVM kernel takes eight settings at a time, in as
+    many threads as there are cores; `every` keeps the outputs of every so-many-th sample only, to save memory.
+    """
+    if every < 1:
+        raise ValueError("every must be at least 1")
+    count = len(settings)
+    if not isinstance(kernel, CompiledStep):
+        runs = [kernel.run(states[i], samples, settings[i]) for i in range(count)]
+        return np.array([s for s, _ in runs]), np.array([y[every - 1 :: every] for _, y in runs])
+    rows = np.minimum(np.arange(-(-count // LANES) * LANES), count - 1).reshape(-1, LANES)
+
+    def group(lanes: Any) -> tuple[Floats, Floats]:
+        return kernel.run_lanes(states[lanes], samples, settings[lanes], every)
+
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        runs = list(pool.map(group, rows))
+    after = np.concatenate([s for s, _ in runs])[:count]
+    return after, np.concatenate([y.transpose(1, 0, 2) for _, y in runs])[:count]

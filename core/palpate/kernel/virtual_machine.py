@@ -15,12 +15,8 @@ class VirtualMachine:
 
     name = "CasADi virtual machine"
 
-    def __init__(self, state: Any, sample: Any, settings: Any, next_state: Any, output: Any) -> None:
-        import casadi
-
-        outputs = [casadi.densify(next_state), casadi.densify(output)]
-        step = casadi.Function("step", [state, sample, settings], outputs, {"cse": True})
-        self._single = _Call(step, 1)
+    def __init__(self, function: Any) -> None:
+        self._single = _Call(function, 1)
         self._block: _Call | None = None
 
     def run(

@@ -28,7 +28,7 @@ from palpate.result import (
     track_result,
     write_new,
 )
-from palpate.sink import Run
+from palpate.sink import Run, Writer
 from palpate.trajectory import Trajectory
 
 Progress = Callable[[float, float | None], None]  # log time [s], total [s] where known
@@ -60,8 +60,10 @@ class Result:
         }
 
 
-def run_pipeline(pipeline: Pipeline, out: Path | None = None, progress: Progress | None = None) -> Result:
-    """Run a pipeline to its end, or to Ctrl-C, and write the run folder.
+def run_pipeline(
+    pipeline: Pipeline, out: Path | None = None, progress: Progress | None = None, observer: Writer | None = None
+) -> Result:
+    """Run a pipeline to its end, or to Ctrl-C, and write the run folder; an observer sees what the sinks see.
 
     Raises UserError for what the user can mend; what was recorded until then stays.
     """
@@ -78,7 +80,8 @@ def run_pipeline(pipeline: Pipeline, out: Path | None = None, progress: Progress
     began = time.monotonic()
     failure: DeviceError | None = None
     with interruptible() as interrupt, ExitStack() as stack:
-        outputs = Outputs(stack, pipeline, Run(folder, streams, tracks, flat_facts(facts), documents), running)
+        run = Run(folder, streams, tracks, flat_facts(facts), documents)
+        outputs = Outputs(stack, pipeline, run, running, observer)
         try:
             _flow(pipeline, aligner, running, outputs, progress, interrupt)
         except DeviceError as error:
@@ -174,7 +177,9 @@ def _result(
         {key: finite(value) for key, value in facts.items()},
         stream_tables(report),
         {
-            r.track.name: track_result(r.track.name, r.track.model, r.record, report, settings, pipeline.run.average)
+            r.track.name: track_result(
+                r.track.name, r.track.model, r.record, report, settings, pipeline.run.average, r.track.estimator.online
+            )
             for r in running
         },
         (*warnings, *record_flags(report, settings, interrupted)),

@@ -68,10 +68,18 @@ def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Ite
         yield flag("touched-again", f"contact was lost and found again {report.touches - 1} times")
 
 
-def track_flags(record: TrackRecord, model: ContactModel, report: AlignmentReport, average: float) -> Iterator[Flag]:
-    """What is amiss with one track."""
+def track_flags(
+    record: TrackRecord, model: ContactModel, report: AlignmentReport, average: float, online: bool = True
+) -> Iterator[Flag]:
+    """What is amiss with one track; an offline estimate is constant, so it neither drifts nor has innovations."""
+    yield from record.flags
     tail = record.tail
+    if tail is None and record.marks[Status.WAITING]:
+        yield flag("never-started", f"{record.marks[Status.WAITING]} samples in contact were too few to start on")
+        return
     if tail is None:
+        if record.flags:  # the estimator has said why
+            return
         yield flag("no-contact", f"the force never stayed above {report.touch_force:.3g} N: nothing was estimated")
         return
     yield from _status_flags(record)
@@ -80,7 +88,8 @@ def track_flags(record: TrackRecord, model: ContactModel, report: AlignmentRepor
     end = float(tail.time[-1])
     last = tail.since(end - average)
     yield from _bound_flags(last, model)
-    yield from _convergence_flags(tail, last, model, average, record.tracked)
+    if online:
+        yield from _convergence_flags(tail, last, model, average, record.tracked)
     yield from _force_flags(last, report)
     yield from _surface_flags(last, model, report)
 
@@ -99,6 +108,8 @@ def _status_flags(record: TrackRecord) -> Iterator[Flag]:
         yield flag("blind", f"{marks[Status.BLIND]} samples lacked a measurement and were predicted only")
     if marks[Status.STIFF]:
         yield flag("too-stiff", f"the contact was too stiff for the time step in {marks[Status.STIFF]} samples")
+    if marks[Status.REPAIRED]:
+        yield flag("covariance-repaired", f"the covariance lost its positivity in {marks[Status.REPAIRED]} samples")
     if marks[Status.RESUMED]:
         yield flag("resumed", f"the estimate was carried over a pause {marks[Status.RESUMED]} times")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from palpate.alignment import AlignmentReport, AlignmentSettings
@@ -77,6 +77,15 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+def finite_tree(value: Any) -> Any:
+    """Plain data with null for every number that is not finite."""
+    if isinstance(value, Mapping):
+        return {key: finite_tree(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite_tree(inner) for inner in value]
+    return finite(value)
+
+
 @dataclass(frozen=True)
 class TrackResult:
     """What one track found."""
@@ -91,6 +100,7 @@ class TrackResult:
     flags: tuple[str, ...]
     seconds_per_sample: float
     derived: tuple[Derived, ...] = ()
+    details: Mapping[str, Any] = field(default_factory=dict)  # what the estimator says beyond its numbers
 
     def table(self) -> dict[str, Any]:
         """As in ``result.json``."""
@@ -105,6 +115,7 @@ class TrackResult:
             "nis": finite(self.nis),
             "flags": list(self.flags),
             "seconds_per_sample": self.seconds_per_sample,
+            **({"details": finite_tree(self.details)} if self.details else {}),
         }
 
 
@@ -115,10 +126,15 @@ def track_result(
     report: AlignmentReport,
     settings: AlignmentSettings,
     average: float,
+    online: bool = True,
 ) -> TrackResult:
-    """The result of one track: means over the last `average` seconds of its estimates, and its flags."""
+    """The result of one track: means over the last `average` seconds of its estimates, and its flags.
+
+    Estimates of an offline estimator are constant and hold for every sample that it used.
+    """
+    average = average if online else math.inf
     model_name, _, estimator_name = name.partition("/")
-    flags = list(track_flags(record, model, report, average))
+    flags = list(track_flags(record, model, report, average, online))
     tail = record.tail
     nothing = float("nan")
     usable = tail is not None and not record.marks[Status.DIVERGED]
@@ -130,8 +146,11 @@ def track_result(
         last = tail.since(float(tail.time[-1]) - average)
         values, std = last.values.mean(axis=0), last.std[-1]
         # What is left of the way lies between nothing and this: a rectangular distribution.
-        rest = tail.unsettled(tail.values, record.tracked)
+        tracked = record.tracked if online else 0.0
+        rest = tail.unsettled(tail.values, tracked)
         timing = timing_uncertainty(settings)
+        # A fit that looks for the delay itself has the declared timing in its std already.
+        added = None if record.details.get("timing_included") else timing
         flags += timing_flags(model, values, timing)
         shifts = model.delay_shift(list(values))
         parameters = {
@@ -140,14 +159,14 @@ def track_result(
                 float(deviation),
                 p.unit,
                 float(settling),
-                abs(shift) * timing if shift and timing is not None else None,
+                abs(shift) * added if shift and added is not None else None,
                 float(value / abs(shift)) if shift else None,
             )
             for p, value, deviation, settling, shift in zip(
                 model.parameters, values, std, rest / math.sqrt(3), shifts, strict=True
             )
         }
-        way = float(tail.unsettled(tail.surface[:, None], record.tracked)[0]) / math.sqrt(3)
+        way = float(tail.unsettled(tail.surface[:, None], tracked)[0]) / math.sqrt(3)
         surface = Found(float(last.surface.mean()), float(last.surface_std[-1]), "m", way)
         flags += validity_flags(model, last)
         rms = last.force_rms(settings.tip_mass or 0.0)
@@ -156,7 +175,17 @@ def track_result(
     per_sample = record.seconds / record.samples if record.samples else 0.0
     derived = derived_values(model, parameters)
     return TrackResult(
-        model_name, estimator_name, record.samples, parameters, surface, rms, nis, tuple(flags), per_sample, derived
+        model_name,
+        estimator_name,
+        record.samples,
+        parameters,
+        surface,
+        rms,
+        nis,
+        tuple(flags),
+        per_sample,
+        derived,
+        record.details,
     )
 
 

@@ -1,8 +1,9 @@
-"""The tracker of a filter on the inertial process: carries it over pauses, reads its outputs."""
+"""The tracker of every recursive filter: starts it, carries it over pauses, reads its outputs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,95 +11,189 @@ from palpate import Estimates, Samples, Status, Step, compile_step
 
 Floats = NDArray[np.float64]
 
-_PAUSE = 0.02  # [s]; over a longer one the measured position carries the depth, not the process
-_RESUME_STD = 1e-4  # [m], what such a carry-over adds to the uncertainty of the depth
-_MARKS = (Status.LIFTED, Status.RESTARTED, Status.BLIND, Status.STIFF, Status.DIVERGED)
+PAUSE = 0.02  # [s]; over a longer one the measured position carries the depth, not the process
+_MARKS = (Status.LIFTED, Status.RESTARTED, Status.BLIND, Status.STIFF, Status.DIVERGED, Status.REPAIRED)
+_DIVERGED = _MARKS.index(Status.DIVERGED)
 
 
-class InertialTracker:
+@dataclass(frozen=True)
+class Carry:
+    """What is left of a stretch of contact when the next one begins."""
+
+    state: Floats | None  # the filter's; None before the first stretch
+    surface: float  # [m], by the latest estimate
+
+
+@dataclass(frozen=True)
+class Recursion:
+    """A filter as its tracker needs it.
+
+    The step's output: parameters (k), their variances (k), depth below the surface by the measured position [m], its
+    variance, contact force [N], NIS (negative where nothing was measured), and 0/1 for depth not positive, restarted,
+    a measurement missing, too stiff, broken numbers, covariance repaired.
+    """
+
+    step: Step
+    parameters: int
+    settings: Callable[[float | None, float | None], Floats]  # from force and velocity noise, where measured
+    begin: Callable[[Carry, Samples], tuple[Floats, bool]]  # state for a stretch, and whether it resumes the last one
+    inputs: Callable[[Samples, Floats], Floats]  # the step's samples (m, nw), from samples and their intervals
+
+
+@dataclass(frozen=True)
+class Opening:
+    """How a filter gets under way."""
+
+    window: float = 0.0  # [s] of samples gathered before the first estimate
+    measure_noise: bool = False
+
+
+@dataclass(frozen=True)
+class Passage:
+    """What a filter did on samples without a pause between them."""
+
+    rows: slice  # in the block
+    samples: Samples
+    interval: Floats  # (m,) [s], 0 at the first of a stretch
+    outputs: Floats  # (m, ny)
+
+
+class RecursiveTracker:
     """Runs a compiled step over the active samples, stretch by stretch."""
 
-    def __init__(self, step: Step, settings: Floats, start: Floats, start_std: Floats, parameters: int) -> None:
-        self._parameters = parameters  # the last of the states; before them depth, rate and the model's internal ones
-        self._kernel = compile_step(step)
-        self._settings = settings
-        self._start, self._start_std = start, start_std
-        self._state: Floats | None = None
-        self._surface = np.nan  # [m], by the latest estimate
+    def __init__(
+        self,
+        recursion: Recursion,
+        opening: Opening | None = None,
+        listener: Callable[[Passage], None] | None = None,
+    ) -> None:
+        from palpate_filters.free_air import FreeAir
+
+        self._recursion = recursion
+        self._listener = listener
+        self._opening = opening or Opening()
+        self._kernel = compile_step(recursion.step)
+        self._free_air = FreeAir() if self._opening.measure_noise else None
+        self.noise: tuple[float | None, float | None] = (None, None)  # of force [N] and velocity [m/s], where measured
+        self._settings: Floats | None = None if self._free_air else recursion.settings(None, None)
+        self._carry = Carry(None, np.nan)
+        self._gathered: list[Samples] = []
         self._active = False
         self._diverged = False
 
     def run(self, samples: Samples) -> Estimates:
         """Estimates for a block; see `palpate.Tracker`."""
-        estimates = Estimates.idle(samples, self._parameters)
+        estimates = Estimates.idle(samples, self._recursion.parameters)
         for rows in self._stretches(samples):
             self._run_stretch(samples, rows, estimates)
         if len(samples):
+            self._listen(samples, len(samples))
             self._active = bool(samples.active[-1])
         return estimates
+
+    def _listen(self, samples: Samples, until: int) -> None:
+        """Learn the noise from free air before the first contact."""
+        if self._free_air is not None and self._settings is None:
+            self._free_air.add(samples[:until])
+
+    def _numbers(self, samples: Samples, until: int) -> Floats:
+        if self._settings is None:
+            assert self._free_air is not None
+            self._listen(samples, until)
+            self.noise = self._free_air.noise()
+            self._settings = self._recursion.settings(*self.noise)
+        return self._settings
 
     def _stretches(self, samples: Samples) -> Iterator[slice]:
         """Rows of active samples without a pause between them."""
         active = samples.active
+        if self._active and active.all() and (samples.interval <= PAUSE).all():  # as it nearly always is online
+            if len(active):
+                yield slice(0, len(active))
+            return
         previous = np.concatenate([[self._active], active[:-1]])
-        begins = active & (~previous | (samples.interval > _PAUSE))
+        begins = active & (~previous | (samples.interval > PAUSE))
         cuts = np.flatnonzero(begins | (active != previous))
         for first, last in zip([0, *cuts], [*cuts, len(active)], strict=True):
             if first < last and active[first]:
                 yield slice(int(first), int(last))
 
     def _run_stretch(self, samples: Samples, rows: slice, estimates: Estimates) -> None:
-        part = samples[rows]
-        interval = part.interval.copy()
+        part = samples[rows] if rows != slice(0, len(samples)) else samples
+        settings = self._numbers(samples, rows.start)
         continued = self._active if rows.start == 0 else bool(samples.active[rows.start - 1])
-        resumed = False
-        if self._state is None or not continued or interval[0] > _PAUSE:
+        begins = not continued or part.interval[0] > PAUSE
+        if self._carry.state is None and self._opening.window > 0:
+            self._gather(part, rows, begins, settings, estimates)
+            return
+        interval = part.interval.copy()
+        state, resumed = self._carry.state, False
+        if state is None or begins:
             interval[0] = 0.0
-            resumed = self._begin(float(part.position[0]), -float(part.velocity[0]))
-        assert self._state is not None
-        inputs = np.column_stack([part.force, -part.velocity, interval])
-        self._state, outputs = self._kernel.run(self._state, inputs, self._settings)
+            state, resumed = self._recursion.begin(self._carry, part[:1])
+        outputs = self._advance(state, part, interval, settings, rows)
         self._write(outputs, part, estimates, rows)
         if resumed:
             estimates.status[rows.start] |= np.uint32(Status.RESUMED)
 
-    def _begin(self, position: float, rate: float) -> bool:
-        """Start afresh, or carry the last estimate over a pause by the measured position; True in this case."""
-        n = len(self._start)
-        depth = self._surface - position
-        resumed = self._state is not None and depth > 0
-        mean, covariance = self._start.copy(), np.diag(self._start_std**2)
-        if resumed:
-            assert self._state is not None
-            mean[2:] = self._state[2:n]
-            before = self._state[n : n + n * n].reshape(n, n)
-            covariance[2:, 2:] = before[2:, 2:]
-            mean[0], covariance[0, 0] = depth, before[0, 0] + _RESUME_STD**2
-        mean[1] = rate if np.isfinite(rate) else 0.0
-        self._state = np.concatenate([mean, covariance.ravel(), [0.0, 0.0]])
-        return resumed
+    def _advance(self, state: Floats, part: Samples, interval: Floats, settings: Floats, rows: slice) -> Floats:
+        state, outputs = self._kernel.run(state, self._recursion.inputs(part, interval), settings)
+        k = self._recursion.parameters
+        self._carry = Carry(state, float(part.position[-1] + outputs[-1, 2 * k]))
+        if self._listener is not None:
+            self._listener(Passage(rows, part, interval, outputs))
+        return outputs
 
-    def _write(self, outputs: Floats, part: Samples, estimates: Estimates, rows: slice) -> None:
-        n = len(self._start)
-        marks = outputs[:, 2 * n + 2 :] > 0.5
+    def _gather(self, part: Samples, rows: slice, begins: bool, settings: Floats, estimates: Estimates) -> None:
+        """Hold samples until there are enough to start on; then run over them, and tell only what is now."""
+        if begins:
+            self._gathered = []
+        held = sum(len(block) for block in self._gathered)
+        self._gathered.append(part)
+        whole = Samples.joined(self._gathered)
+        estimates.status[rows] |= np.uint32(Status.WAITING)
+        elapsed = whole.time - whole.time[0]
+        ready = int(np.searchsorted(elapsed, self._opening.window - 1e-9))
+        if ready >= len(whole):
+            return
+        self._gathered = []
+        start, window = ready - held, whole[: ready + 1]
+        interval = window.interval.copy()
+        interval[0] = 0.0
+        state, _ = self._recursion.begin(self._carry, window)
+        here = slice(rows.start + start, rows.start + start + 1)
+        outputs = self._advance(state, window, interval, settings, slice(here.stop - len(window), here.stop))
+        self._write(outputs[-1:], part[start : start + 1], estimates, here, before=outputs)
+        if start + 1 < len(part):
+            rest, after = part[start + 1 :], slice(here.stop, rows.stop)
+            assert self._carry.state is not None
+            outputs = self._advance(self._carry.state, rest, rest.interval, settings, after)
+            self._write(outputs, rest, estimates, after)
+
+    def _write(
+        self, outputs: Floats, part: Samples, estimates: Estimates, rows: slice, before: Floats | None = None
+    ) -> None:
+        k = self._recursion.parameters
+        marks = outputs[:, 2 * k + 4 : 2 * k + 4 + len(_MARKS)] > 0.5
         status = np.zeros(len(outputs), np.uint32)
         for column, mark in enumerate(_MARKS):
             status[marks[:, column]] |= np.uint32(mark)
-        broken = np.logical_or.accumulate(marks[:, -1] | self._diverged)
+        if before is not None:  # what went wrong while nobody was told
+            self._diverged |= bool((before[:, 2 * k + 4 + _DIVERGED] > 0.5).any())
+        broken = np.logical_or.accumulate(marks[:, _DIVERGED] | self._diverged)
         self._diverged = bool(broken[-1])
         status[broken] |= np.uint32(Status.DIVERGED)
-        variance = np.maximum(outputs[:, n : 2 * n], 0.0)
-        nis = outputs[:, 2 * n + 1]
+        nis = outputs[:, 2 * k + 3]
         columns = {
-            "values": outputs[:, n - self._parameters : n],
-            "std": np.sqrt(variance[:, n - self._parameters :]),
-            "surface": part.position + outputs[:, 0],
-            "surface_std": np.sqrt(variance[:, 0]),
-            "force": outputs[:, 2 * n],
+            "values": outputs[:, :k],
+            "std": np.sqrt(np.maximum(outputs[:, k : 2 * k], 0.0)),
+            "surface": part.position + outputs[:, 2 * k],
+            "surface_std": np.sqrt(np.maximum(outputs[:, 2 * k + 1], 0.0)),
+            "force": outputs[:, 2 * k + 2],
             "nis": np.where(nis < 0, np.nan, nis),
         }
         for name, found in columns.items():
+            found = np.array(found)
             found[broken] = np.nan
             getattr(estimates, name)[rows] = found
         estimates.status[rows] = status
-        self._surface = float(estimates.surface[rows][-1])

@@ -1,0 +1,196 @@
+"""What the filters on the inertial process share: their settings, and how these become a tracker."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import (
+    ConfigurationError,
+    Damping,
+    Estimator,
+    Force,
+    InertialProcess,
+    Length,
+    Problem,
+    Samples,
+    Speed,
+    Time,
+    Tracker,
+)
+from pydantic import Field
+
+from palpate_filters.first_guess import first_guess
+from palpate_filters.inertial_step import Prediction, inertial_step
+from palpate_filters.opening_fit import fit_start
+from palpate_filters.tracking import Carry, Opening, Recursion, RecursiveTracker
+
+Floats = NDArray[np.float64]
+
+_RESUME_STD = 1e-4  # [m], what a carry-over by the measured position adds to the uncertainty of the depth
+_FIT_SPREAD = (
+    10.0  # the filter sees the fitted samples again, so it takes only a hundredth of their weight from the fit
+)
+_NO_FADING = (math.inf, 1.0, 0.0, 0.0)
+
+
+class PaperStart(Estimator, ABC):
+    """Settings of noise and start on the inertial process.
+
+    Defaults are the paper's: x0 = [1 mm, v0, 0.1 N/mm^1.5, 0.01 N s/mm^1.5], P0 = diag(5, 1, 1, 1), read as the force
+    and the damping of the material at a depth of 1 mm so that they hold for every tip and model.
+    """
+
+    force_std: Force = Field(default=0.05, gt=0, description="standard deviation sigma_u of the force")
+    velocity_std: Speed = Field(default=0.67e-3, gt=0, description="standard deviation sigma_vel of the velocity")
+    start_depth: Length = Field(default=1e-3, gt=0, description="first guess of the depth")
+    start_depth_std: Length = Field(default=math.sqrt(5) * 1e-3, gt=0, description="its standard deviation")
+    start_rate_std: Speed = Field(
+        default=1e-3, gt=0, description="standard deviation of the first rate, which is measured"
+    )
+    start_force: Force = Field(default=0.1, gt=0, description="first guess of the elastic force at a depth of 1 mm")
+    start_force_std: Force = Field(default=1.0, gt=0, description="its standard deviation")
+    start_damping: Damping = Field(
+        default=10.0, gt=0, description="first guess of the force per speed at a depth of 1 mm"
+    )
+    start_damping_std: Damping = Field(default=1000.0, gt=0, description="its standard deviation")
+    first_guess: dict[str, float | str] = Field(
+        default={}, description='first guesses by parameter name, such as { elasticity = "50 kPa" }'
+    )
+    first_guess_std: dict[str, float | str] = Field(
+        default={}, description="their standard deviations, by parameter name"
+    )
+
+
+class InertialFilter(PaperStart, ABC):
+    """Settings that every compiled filter on the inertial process has."""
+
+    noise: Literal["given", "measure"] = Field(
+        default="given", description='"measure": take both from the free air before the first contact'
+    )
+    start_from: Literal["guess", "fit"] = Field(
+        default="guess", description='"fit": a variable-projection fit of the first start_duration of contact'
+    )
+    start_duration: Time = Field(default=0.5, gt=0, description="length of the fit; nothing is estimated before")
+
+
+class FadingFilter(InertialFilter, ABC):
+    """Settings of adaptive fading: P is multiplied by alpha, which rises while the innovation is large.
+
+    alpha <- min(alpha_max, alpha + step_up) where |innovation| > theta, else max(1, alpha - step_down) (paper, section
+    Dynamic Estimation). `theta` must exceed the standard deviation of the innovation, some 0.9 to 1 mm/s with the
+    paper's noise, or alpha stays at its maximum.
+    """
+
+    theta: Speed = Field(default=1e-3, ge=0, description="innovation beyond which alpha rises")
+    alpha_max: float = Field(default=1.02, ge=1, le=10, description="largest fading factor")
+    step_up: float = Field(default=0.005, ge=0, le=10, description="rise of alpha in a step")
+    step_down: float = Field(default=0.005, ge=0, le=10, description="fall of alpha in a step")
+    signed: bool = Field(default=False, description="compare the innovation with its sign, to the letter of the paper")
+    covariance_cap: float = Field(
+        default=1.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="fading raises no standard deviation beyond so many times its first value",
+    )
+    order: int = Field(
+        default=0, ge=0, le=4, description="evolution order: how many time derivatives of the parameters are states"
+    )
+    evolution_time: Time = Field(
+        default=1.0, gt=0, description="first std of a k-th derivative: that of the parameter over this to the power k"
+    )
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a filter starts: mean and standard deviation of the state."""
+
+    mean: Floats
+    std: Floats
+
+
+def mass_of(problem: Problem) -> float:
+    """The tip's mass [kg]; raises ConfigurationError where none is declared."""
+    if problem.tip_mass is None or not problem.tip_mass > 0:
+        raise ConfigurationError(
+            'the tip\'s mass is not declared; this filter needs it: set [alignment] tip_mass, such as "140 g"'
+        )
+    return problem.tip_mass
+
+
+def inertial_tracker(settings: InertialFilter, problem: Problem, prediction: Prediction) -> Tracker:
+    """A tracker of a filter on the inertial process.
+
+    Raises ConfigurationError where no tip mass is declared or a first guess cannot be made.
+    """
+    fading = settings if isinstance(settings, FadingFilter) else None
+    process = InertialProcess(problem.model, mass_of(problem), fading.order if fading else 0)
+    start = first_state(settings, process, fading.evolution_time if fading else 1.0)
+    fade = (fading.theta, fading.alpha_max, fading.step_up, fading.step_down) if fading else _NO_FADING
+    cap = (fading.covariance_cap * start.std) ** 2 if fading else np.full(process.states, 1e300)
+
+    def numbers(force_std: float | None, velocity_std: float | None) -> Floats:
+        noise = (force_std or settings.force_std, velocity_std or settings.velocity_std)
+        return np.array([*noise, *fade, *cap, *start.mean, *start.std])
+
+    def begin(carry: Carry, first: Samples) -> tuple[Floats, bool]:
+        fit = settings.start_from == "fit" and carry.state is None
+        return _begin(process, _fitted(settings, process, start, first) if fit else start, carry, first)
+
+    step = inertial_step(process, prediction, fading=fading is not None, signed=fading is not None and fading.signed)
+    window = settings.start_duration if settings.start_from == "fit" else 0.0
+    recursion = Recursion(step, len(problem.model.parameters), numbers, begin, _inputs)
+    return RecursiveTracker(recursion, Opening(window, settings.noise == "measure"))
+
+
+def _inputs(samples: Samples, interval: Floats) -> Floats:
+    return np.column_stack([samples.force, -samples.velocity, interval])
+
+
+def first_state(settings: PaperStart, process: InertialProcess, evolution_time: float = 1.0) -> Start:
+    """The state that the first guess gives; raises ConfigurationError where it gives none."""
+    model = process.model
+    forces = {
+        "elastic": (settings.start_force, settings.start_force_std),
+        "viscous": (settings.start_damping, settings.start_damping_std),
+    }
+    guess, spread = first_guess(model, forces, settings.first_guess, settings.first_guess_std)
+    zeros, memory = np.zeros(process.order * len(guess)), np.zeros(len(model.memory))
+    derivatives = [spread / evolution_time**k for k in range(1, process.order + 1)]
+    mean = np.concatenate([[settings.start_depth, 0.0], memory, guess, zeros])
+    std = np.concatenate([[settings.start_depth_std, settings.start_rate_std], memory + 1.0, spread, *derivatives])
+    return Start(mean, std)
+
+
+def _fitted(settings: InertialFilter, process: InertialProcess, start: Start, window: Samples) -> Start:
+    """A start from the window's fit, where this finds the parameters; else the first guess."""
+    values = process.parameters
+    found = fit_start(process.model, process.mass, window, start.mean[values])
+    if found is None:
+        return start
+    mean, std = start.mean.copy(), start.std.copy()
+    mean[0], std[0] = found.surface - window.position[0], min(_FIT_SPREAD * found.surface_std, std[0])
+    mean[values] = found.theta
+    std[values] = np.where(found.theta_std > 0, np.minimum(_FIT_SPREAD * found.theta_std, std[values]), std[values])
+    return Start(mean, std)
+
+
+def _begin(process: InertialProcess, start: Start, carry: Carry, first: Samples) -> tuple[Floats, bool]:
+    """Start afresh, or carry the last estimate over a pause by the measured position; True in this case."""
+    n = process.states
+    position, rate = float(first.position[0]), -float(first.velocity[0])
+    depth = carry.surface - position
+    resumed = carry.state is not None and depth > 0
+    mean, covariance, factor = start.mean.copy(), np.diag(start.std**2), 1.0
+    if resumed:
+        assert carry.state is not None
+        mean[2:] = carry.state[2:n]
+        before = carry.state[n : n + n * n].reshape(n, n)
+        covariance[2:, 2:] = before[2:, 2:]
+        mean[0], covariance[0, 0] = depth, before[0, 0] + _RESUME_STD**2
+    mean[1] = rate if np.isfinite(rate) else 0.0
+    return np.concatenate([mean, covariance.ravel(), [0.0, 0.0, factor]]), resumed

@@ -1,0 +1,113 @@
+"""The kinematic smoother: what the whole record says of each of its samples, or what is known a little later."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Estimates, Kernel, Problem, Samples, Status, Time, Tracker, compile_step
+from pydantic import Field
+
+from palpate_filters.kinematic_filter import (
+    KinematicSettings,
+    kinematic_process,
+    kinematic_recursion,
+    noises,
+    opening,
+)
+from palpate_filters.kinematic_step import backward_step
+from palpate_filters.tracking import Passage, RecursiveTracker
+
+Floats = NDArray[np.float64]
+
+_HOPS = 4  # a fixed-lag smoother looks between one lag and one lag and a quarter ahead
+
+
+class KinematicSmoother(KinematicSettings):
+    """The kinematic filter, then Rauch, Tung and Striebel's smoother backwards: for maps, after the motion.
+
+    Estimates are those of the whole stretch of contact; with `lag` they use the samples up to that much later (and up
+    to a quarter of it more), which is what a delayed online display would show. The first `start_duration` gets
+    estimates, too. Defaults are the filter's, except a stiffer trend. Source: Rauch, Tung and Striebel 1965.
+    """
+
+    online: ClassVar[bool] = False
+
+    stiffness_trend: float = Field(
+        default=1e-3, ge=0, allow_inf_nan=False, description="density of the first logarithm's trend, in 1/s^3"
+    )
+    lag: Time | None = Field(default=None, gt=0, description="how far ahead it looks; left out: to the end")
+
+    def start(self, problem: Problem) -> Tracker:
+        """A tracker that wants all samples in one block; raises ConfigurationError like the filter."""
+        return _SmoothingTracker(self, problem)
+
+
+class _SmoothingTracker:
+    """Forwards with the filter, backwards with the smoother."""
+
+    def __init__(self, settings: KinematicSmoother, problem: Problem) -> None:
+        self._settings = settings
+        self._recursion = kinematic_recursion(settings, problem, with_state=True)
+        self._opening = opening(settings)
+        process = kinematic_process(settings, problem)
+        self._states = process.states
+        self._backward: Kernel = compile_step(backward_step(process))
+        self._passages: list[Passage] = []
+        self._forward = RecursiveTracker(self._recursion, self._opening, self._passages.append)
+
+    def run(self, samples: Samples) -> Estimates:
+        """Estimates for all samples; see `palpate.Tracker`."""
+        self._passages.clear()
+        estimates = self._forward.run(samples)
+        for first, last in self._runs():
+            self._smooth(self._passages[first:last], estimates)
+        self._passages.clear()
+        return estimates
+
+    def _runs(self) -> list[tuple[int, int]]:
+        """First and last passage of each stretch: a stretch begins with an interval of 0."""
+        begins = [i for i, passage in enumerate(self._passages) if passage.interval[0] == 0.0]
+        return list(pairwise([*begins, len(self._passages)]))
+
+    def _smooth(self, passages: list[Passage], estimates: Estimates) -> None:
+        k, n = self._recursion.parameters, self._states
+        samples = Samples.joined([passage.samples for passage in passages])
+        outputs = np.vstack([passage.outputs for passage in passages])
+        interval = np.concatenate([passage.interval for passage in passages])
+        rows = slice(passages[0].rows.start, passages[-1].rows.stop)
+        if (estimates.status[rows] & Status.DIVERGED).any():
+            return
+        filtered = outputs[:, -n - n * n :]
+        inputs = np.column_stack([filtered[:-1], interval[1:], samples.position[:-1]])
+        found = outputs[:, : 2 * k + 3].copy()
+        found[:-1] = self._backwards(filtered, inputs, samples.time)
+        if not np.isfinite(found).all():
+            estimates.status[rows] |= np.uint32(Status.DIVERGED)
+            return
+        estimates.values[rows], estimates.std[rows] = found[:, :k], np.sqrt(np.maximum(found[:, k : 2 * k], 0.0))
+        estimates.surface[rows] = samples.position + found[:, 2 * k]
+        estimates.surface_std[rows] = np.sqrt(np.maximum(found[:, 2 * k + 1], 0.0))
+        estimates.force[rows] = found[:, 2 * k + 2]
+        estimates.nis[rows] = outputs[:, 2 * k + 3]
+        estimates.status[rows] &= ~np.uint32(Status.WAITING | Status.IDLE)
+
+    def _backwards(self, filtered: Floats, inputs: Floats, time: Floats) -> Floats:
+        """What the smoother says of every sample but the last."""
+        settings = np.array(noises(self._settings, *self._forward.noise))
+        if not len(inputs):
+            return np.zeros((0, 2 * self._recursion.parameters + 3))
+        lag = self._settings.lag
+        if lag is None:
+            _, outputs = self._backward.run(filtered[-1], inputs[::-1], settings)
+            return outputs[::-1]
+        hop = lag / _HOPS
+        cuts = np.searchsorted(time, np.arange(time[0] + hop, time[-1], hop)).tolist()
+        blocks = []
+        for first, last in pairwise(sorted({0, *cuts, len(inputs)})):
+            end = min(int(np.searchsorted(time, time[last - 1] + lag)), len(inputs))
+            _, outputs = self._backward.run(filtered[end], inputs[first:end][::-1], settings)
+            blocks.append(outputs[::-1][: last - first])
+        return np.vstack(blocks)

@@ -1,0 +1,56 @@
+"""The unscented Kalman filter on the inertial process, and the paper's one with adaptive fading."""
+
+from __future__ import annotations
+
+from palpate import Problem, Tracker
+from pydantic import Field
+
+from palpate_filters.inertial_filter import FadingFilter, InertialFilter, inertial_tracker
+from palpate_filters.predictions import Points, unscented
+
+_ALPHA = "spread of the sigma points around the mean (merwe)"
+_BETA = "weight of the centre in the covariance; 2 for a Gaussian (merwe)"
+_KAPPA = "secondary spread: alpha^2 (n + kappa) is the squared reach of the points (merwe, julier)"
+_REDRAW = "whether the update sees the process noise, as if sigma points were drawn again after the prediction"
+
+
+class UnscentedKalmanFilter(InertialFilter):
+    """The unscented Kalman filter: the paper's process and measurement, without linearisation.
+
+    Sigma points of van der Merwe, Julier or the simplex, propagated through `palpate.InertialProcess`; the velocity is
+    a linear measurement, so its update is exact. Source: Wan and van der Merwe 2000.
+    """
+
+    points: Points = Field(default="merwe", description="kind of sigma points")
+    spread: float = Field(default=1e-3, gt=0, le=10, description=_ALPHA)
+    beta: float = Field(default=2.0, allow_inf_nan=False, description=_BETA)
+    kappa: float = Field(default=0.0, gt=-2, allow_inf_nan=False, description=_KAPPA)
+    redraw: bool = Field(default=True, description=_REDRAW)
+
+    def start(self, problem: Problem) -> Tracker:
+        """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
+        prediction = unscented(self.points, self.spread, self.beta, self.kappa, self.redraw)
+        return inertial_tracker(self, problem, prediction)
+
+
+class AdaptiveFadingUkf(FadingFilter):
+    """The paper's AFUKF: an unscented Kalman filter with adaptive fading on the expanded state (order 2: 8 states).
+
+    For sweeps. Fading with process noise of rank one winds the covariance up where theta is below the innovation's
+    standard deviation; `covariance_cap` contains it, and what still runs away is marked as diverged.
+    Source: paper, eq. state_space_NL_FT_plus and section Dynamic Estimation; Hu et al. 2015.
+    """
+
+    points: Points = Field(default="merwe", description="kind of sigma points")
+    spread: float = Field(default=1e-3, gt=0, le=10, description=_ALPHA)
+    beta: float = Field(default=2.0, allow_inf_nan=False, description=_BETA)
+    kappa: float = Field(default=0.0, gt=-2, allow_inf_nan=False, description=_KAPPA)
+    redraw: bool = Field(default=True, description=_REDRAW)
+    order: int = Field(
+        default=2, ge=0, le=4, description="evolution order: how many time derivatives of the parameters are states"
+    )
+
+    def start(self, problem: Problem) -> Tracker:
+        """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
+        prediction = unscented(self.points, self.spread, self.beta, self.kappa, self.redraw)
+        return inertial_tracker(self, problem, prediction)
