@@ -11,6 +11,7 @@ from pydantic import Field
 from palpate_models.indenters.spheres import sphere_angle, sphere_area
 
 _ANGLE = "angle t between the cone and the untouched surface: 90 degrees less half of the opening angle"
+_STEEPEST = math.radians(88.0)  # beyond, the fixed number of Newton steps does not reach rounding
 
 
 class Cone(Indenter):
@@ -72,7 +73,7 @@ class BluntCone(Indenter):
     Source: the MDR integral of the profile; for a parabolic cap Briscoe, Sebastian and Adams 1994.
     """
 
-    angle: Angle = Field(gt=0, lt=math.pi / 2, description=_ANGLE)
+    angle: Angle = Field(gt=0, le=_STEEPEST, description=_ANGLE + "; 88 degrees at most")
     tip_radius: Length = Field(gt=0, description="radius R of the sphere at the tip")
 
     @property

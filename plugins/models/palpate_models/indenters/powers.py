@@ -19,7 +19,8 @@ class Sphere(Indenter):
     """A sphere, approximated by the paraboloid r^2/(2 R) at its tip, as in the paper and in Hertz's theory.
 
     a(d) = sqrt(R d), A(d) = (2/3) sqrt(R) d^1.5, so that the elastic force is (4/3) E* sqrt(R) d^1.5.
-    Valid for a contact radius small against R: at d = 0.8 R the real sphere's force is about 10 % lower.
+    Valid for a contact radius small against R: the force of the real sphere (`exact-sphere`) is lower by the part
+    d/(10 R), which is 10 % at d = R.
     Source: paper, eq. TotalForce; Hertz 1882; Popov and Hess 2015, table 2.1.
     """
 
