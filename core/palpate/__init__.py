@@ -1,6 +1,19 @@
 """palpate: elasticity and viscosity of soft material from robotic palpation, each with its uncertainty."""
 
-from palpate.contact import ContactModel, Indenter, Parameter, contact_force
+from palpate.contact import (
+    ContactModel,
+    Indenter,
+    MaterialValue,
+    Parameter,
+    arctan,
+    contact_force,
+    force_over_time,
+    log,
+    select,
+    sqrt,
+    tanh,
+    tip_profile,
+)
 from palpate.device import Arm, Batch, Channel, Device, Link, Stream
 from palpate.errors import ConfigurationError, DeviceError, LogError, OutputError, PalpateError, PluginError, UserError
 from palpate.estimation import (
@@ -18,6 +31,7 @@ from palpate.hooks import plugin
 from palpate.kernel import Kernel, Step, compile_step
 from palpate.parts import File, Part, Settings
 from palpate.process import InertialProcess, KinematicProcess
+from palpate.recording import Recording, Suggestion, Survey, TopicSurvey
 from palpate.sink import Run, Sink, Writer
 from palpate.trajectory import Setpoint, Trajectory
 from palpate.units import (
@@ -62,6 +76,7 @@ __all__ = [
     "Link",
     "LogError",
     "Mass",
+    "MaterialValue",
     "Moment",
     "OutputError",
     "PalpateError",
@@ -70,6 +85,7 @@ __all__ = [
     "PluginError",
     "Pressure",
     "Problem",
+    "Recording",
     "Run",
     "Samples",
     "Setpoint",
@@ -79,15 +95,25 @@ __all__ = [
     "Status",
     "Step",
     "Stream",
+    "Suggestion",
+    "Survey",
     "Time",
+    "TopicSurvey",
     "Tracker",
     "Trajectory",
     "UserError",
     "Viscosity",
     "Writer",
+    "arctan",
     "compile_step",
     "contact_force",
+    "force_over_time",
+    "log",
     "plugin",
+    "select",
+    "sqrt",
+    "tanh",
+    "tip_profile",
     "to_si",
     "track_by_step",
 ]

@@ -1,6 +1,9 @@
 """MCAP logs: what is recorded comes back to the last bit, here and in other readers."""
 
 import json
+import shutil
+import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -196,3 +199,26 @@ def test_real_logs_of_others_are_read_or_refused_in_words(shared):
             with McapReplay(file=path).connect(0) as link:
                 assert {batch.stream for batch in link.batches()} <= {stream.name for stream in streams}
         assert path.name in words
+
+
+def test_the_readers_of_npm_find_the_same(recording):
+    """NODE_PATH must lead to @mcap/core, @foxglove/rosmsg, @foxglove/rosmsg2-serialization and fzstd."""
+    node = shutil.which("node")
+    packages = ("@mcap/core", "@foxglove/rosmsg", "@foxglove/rosmsg2-serialization", "fzstd")
+    lookup = "".join(f"require.resolve('{name}');" for name in packages)
+    if node is None or subprocess.run([node, "-e", lookup], capture_output=True).returncode:
+        pytest.skip(f"the readers of npm are not here: node, and {', '.join(packages)} on NODE_PATH")
+    script = Path(__file__).parent / "read_mcap.cjs"
+    done = subprocess.run([node, script, recording], capture_output=True, text=True, timeout=60, check=True)
+    found = json.loads(done.stdout)
+    ours = {}
+    for topic, names, batch in McapReplay.tables(recording):
+        columns = [k for k, name in enumerate(names) if not name.startswith("header.")]
+        count, total = ours.get(topic, (0, 0.0))
+        values = batch.values[:, columns]
+        ours[topic] = count + len(values), total + float(values.sum())
+    assert found.keys() == ours.keys()
+    for topic, (count, total) in ours.items():
+        assert found[topic][0] == count
+        if np.isfinite(total):
+            assert found[topic][1] == pytest.approx(total, rel=1e-9, abs=1e-9)

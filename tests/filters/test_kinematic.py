@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from palpate import ContactModel, KinematicProcess, Problem, Samples, contact_force
 from palpate.testing import synthetic_samples
-from palpate_filters.fit import fit_start
 from palpate_filters.kinematic_filter import KinematicFilter
+from palpate_filters.opening_fit import fit_start
 from palpate_filters.smoother import KinematicSmoother
 from palpate_models import DimensionalityReduction, Sphere
 

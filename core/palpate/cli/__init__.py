@@ -1,4 +1,4 @@
-"""The command line: ``palpate run``, ``sweep``, ``check``, ``list``, ``describe``, ``schema``, ``info``."""
+"""The command line: what each ``palpate`` command is, and what its exit code says."""
 
 from __future__ import annotations
 
@@ -9,7 +9,20 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli import info, inspect, run, sweep
+from palpate.cli import (
+    calibrate,
+    compare,
+    design,
+    export,
+    force,
+    inspect,
+    log_info,
+    recover,
+    repeat,
+    run,
+    sweep,
+)
+from palpate.cli.fit import fit
 from palpate.errors import PalpateError
 
 app = typer.Typer(
@@ -39,11 +52,19 @@ def _options(
 
 app.command(name="run")(run.run)
 app.command(name="sweep")(sweep.sweep)
+app.command(name="fit")(fit)
+app.command(name="repeat")(repeat.repeat)
+app.command(name="calibrate")(calibrate.calibrate)
+app.command(name="design")(design.design)
 app.command(name="check")(inspect.check)
 app.command(name="list")(inspect.list_parts)
 app.command(name="describe")(inspect.describe)
 app.command(name="schema")(inspect.schema)
-app.command(name="info")(info.info)
+app.command(name="force")(force.force)
+app.command(name="info")(log_info.info)
+app.command(name="compare")(compare.compare)
+app.command(name="export")(export.export)
+app.command(name="recover")(recover.recover)
 
 
 def main() -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from palpate.alignment import AlignmentSettings, Signal
+from palpate.calibration import CalibrationSettings
 from palpate.config.pipeline_file import RunSettings
+from palpate.design import DesignSettings
 from palpate.hooks import KINDS
 from palpate.parts import Settings
 from palpate.registry import Registry
@@ -24,6 +26,8 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
         "run": _table(RunSettings, definitions),
         "alignment": _table(AlignmentSettings, definitions),
         "sweep": _SWEEP,
+        "calibration": _table(CalibrationSettings, definitions),
+        "design": _table(DesignSettings, definitions),
     }
     for kind, entries in registry.parts.items():
         choices = []

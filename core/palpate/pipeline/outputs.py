@@ -17,8 +17,16 @@ from palpate.sink import Run, Writer
 class Outputs:
     """Sinks and the table of estimates, all open."""
 
-    def __init__(self, stack: ExitStack, pipeline: Pipeline, run: Run, running: list[RunningTrack]) -> None:
+    def __init__(
+        self,
+        stack: ExitStack,
+        pipeline: Pipeline,
+        run: Run,
+        running: list[RunningTrack],
+        observer: Writer | None = None,
+    ) -> None:
         self._writers: list[Writer] = [stack.enter_context(sink.open(run)) for sink in pipeline.sinks.values()]
+        self._writers += [observer] if observer is not None else []
         path = run.folder / "estimates.csv"
         try:
             file = stack.enter_context(path.open("x", newline="", encoding="utf-8"))

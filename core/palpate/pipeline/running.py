@@ -15,6 +15,7 @@ from palpate.alignment import Aligner
 from palpate.config import Pipeline, resolved_text
 from palpate.device import Arm, Batch, Link
 from palpate.errors import ConfigurationError, DeviceError
+from palpate.pipeline.calibration_flags import calibration_flags
 from palpate.pipeline.facts import flat_facts, run_facts
 from palpate.pipeline.interrupt import Interrupt, interruptible
 from palpate.pipeline.outputs import Outputs
@@ -28,7 +29,7 @@ from palpate.result import (
     track_result,
     write_new,
 )
-from palpate.sink import Run
+from palpate.sink import Run, Writer
 from palpate.trajectory import Trajectory
 
 Progress = Callable[[float, float | None], None]  # log time [s], total [s] where known
@@ -60,8 +61,10 @@ class Result:
         }
 
 
-def run_pipeline(pipeline: Pipeline, out: Path | None = None, progress: Progress | None = None) -> Result:
-    """Run a pipeline to its end, or to Ctrl-C, and write the run folder.
+def run_pipeline(
+    pipeline: Pipeline, out: Path | None = None, progress: Progress | None = None, observer: Writer | None = None
+) -> Result:
+    """Run a pipeline to its end, or to Ctrl-C, and write the run folder; an observer sees what the sinks see.
 
     Raises UserError for what the user can mend; what was recorded until then stays.
     """
@@ -78,7 +81,8 @@ def run_pipeline(pipeline: Pipeline, out: Path | None = None, progress: Progress
     began = time.monotonic()
     failure: DeviceError | None = None
     with interruptible() as interrupt, ExitStack() as stack:
-        outputs = Outputs(stack, pipeline, Run(folder, streams, tracks, flat_facts(facts), documents), running)
+        run = Run(folder, streams, tracks, flat_facts(facts), documents)
+        outputs = Outputs(stack, pipeline, run, running, observer)
         try:
             _flow(pipeline, aligner, running, outputs, progress, interrupt)
         except DeviceError as error:
@@ -104,7 +108,7 @@ def _flow(
     with ExitStack() as stack:
         links = {name: stack.enter_context(d.connect(pipeline.run.seed)) for name, d in pipeline.devices.items()}
         total = _set_in_motion(pipeline, links, stack)
-        for device, batch in _merged(links):
+        for device, batch in merged(links):
             outputs.batch(device, batch)
             aligner.feed(device, batch)
             samples = aligner.samples()
@@ -134,7 +138,7 @@ def _the_trajectory(pipeline: Pipeline) -> Trajectory:
     return next(iter(pipeline.trajectories.values()))
 
 
-def _merged(links: Mapping[str, Link]) -> Iterator[tuple[str, Batch]]:
+def merged(links: Mapping[str, Link]) -> Iterator[tuple[str, Batch]]:
     """Batches of all links, always from the one that is furthest behind in time."""
     streams = {name: link.batches() for name, link in links.items()}
     heads: dict[str, Batch] = {}
@@ -174,10 +178,12 @@ def _result(
         {key: finite(value) for key, value in facts.items()},
         stream_tables(report),
         {
-            r.track.name: track_result(r.track.name, r.track.model, r.record, report, settings, pipeline.run.average)
+            r.track.name: track_result(
+                r.track.name, r.track.model, r.record, report, settings, pipeline.run.average, r.track.estimator.online
+            )
             for r in running
         },
-        (*warnings, *record_flags(report, settings, interrupted)),
+        (*warnings, *calibration_flags(pipeline), *record_flags(report, settings, interrupted)),
         {name: value for d in pipeline.devices.values() for name, value in d.truth.items()},
         interrupted,
     )

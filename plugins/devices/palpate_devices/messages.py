@@ -28,6 +28,7 @@ class MessageType:
     name: str
     definition: str
     fields: tuple[str, ...]
+    paths: tuple[str, ...] = ()  # where they are in a message; empty: the fields themselves
 
 
 def _composed(*parts: str) -> str:
@@ -42,6 +43,7 @@ WRENCH = MessageType(
         _VECTOR,
     ),
     ("x", "y", "z", "tx", "ty", "tz"),
+    tuple(f"wrench.{part}.{axis}" for part in ("force", "torque") for axis in "xyz"),
 )
 POSE = MessageType(
     "geometry_msgs/msg/PoseStamped",
@@ -52,6 +54,7 @@ POSE = MessageType(
         "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w",
     ),
     ("x", "y", "z", "qx", "qy", "qz", "qw"),
+    (*(f"pose.position.{axis}" for axis in "xyz"), *(f"pose.orientation.{axis}" for axis in "xyzw")),
 )
 TWIST = MessageType(
     "geometry_msgs/msg/TwistStamped",
@@ -61,6 +64,7 @@ TWIST = MessageType(
         _VECTOR,
     ),
     ("x", "y", "z", "wx", "wy", "wz"),
+    tuple(f"twist.{part}.{axis}" for part in ("linear", "angular") for axis in "xyz"),
 )
 STANDARD = {"wrench": WRENCH, "pose": POSE, "twist": TWIST}
 UNITS = {

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from palpate import (
     Batch,
     Channel,
+    ConfigurationError,
     ContactModel,
     Device,
     Force,
@@ -26,12 +27,12 @@ from palpate import (
     Stream,
     Time,
     Trajectory,
-    contact_force,
+    force_over_time,
     to_si,
 )
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from palpate_devices.motion import PositionLoop
+from palpate_devices.motion import Motion, PositionLoop
 
 Floats = NDArray[np.float64]
 
@@ -108,6 +109,9 @@ class SimulatedRig(Device):
     motion_delay: Time = Field(
         default=0.0, description="how late pose and twist are stamped; an estimator has to be told"
     )
+    serial_number: str = Field(
+        default="SIM-0001", min_length=1, description="serial number of the sensor, as a real one has"
+    )
     seed: int | None = Field(default=None, ge=0, description="seed of the noise; left out: that of the run")
     pace: Literal["fast", "real-time"] = Field(
         default="fast", description="as fast as the machine can, or by the clock"
@@ -133,6 +137,11 @@ class SimulatedRig(Device):
     def truth(self) -> Mapping[str, float]:
         """The specimen's parameters and the height of its surface."""
         return {**self.specimen.parameters, "surface": self.specimen.surface}
+
+    @property
+    def provenance(self) -> Mapping[str, str]:
+        """The sensor's serial number."""
+        return {"serial_number": self.serial_number}
 
     def connect(self, seed: int) -> AbstractContextManager[Link]:
         """The rig at rest; `follow` sets it in motion."""
@@ -177,6 +186,7 @@ class _Rig:
         loop = PositionLoop(settings.gain, settings.damping, settings.lag, 1.0 / settings.rate)
         motion = loop.track(setpoint.position, setpoint.velocity)
         readings = np.arange(int(np.floor(ticks[-1] * settings.sensor_rate)) + 1) / settings.sensor_rate
+        contact = self._contact(readings, motion)
         origin = time.time_ns() if settings.pace == "real-time" else 0
         began = time.monotonic()
         done_ticks = done_readings = 0
@@ -185,8 +195,9 @@ class _Rig:
                 self._stopped.wait(max(edge - (time.monotonic() - began), 0.0))
             if self._stopped.is_set():
                 return
-            now = readings[done_readings : (done_readings := int(np.searchsorted(readings, edge)))]
-            yield self._batch("wrench", now, settings.force_delay, self._wrench(now, motion), origin)
+            felt = slice(done_readings, done_readings := int(np.searchsorted(readings, edge)))
+            now = readings[felt]
+            yield self._batch("wrench", now, settings.force_delay, self._wrench(now, motion, contact[felt]), origin)
             rows = slice(done_ticks, done_ticks := int(np.searchsorted(ticks, edge)))
             pose, twist = self._kinematics(motion.position[rows], motion.velocity[rows])
             yield self._batch("tip", ticks[rows], settings.motion_delay, pose, origin)
@@ -194,14 +205,21 @@ class _Rig:
             commanded = [setpoint.position[rows], setpoint.velocity[rows], setpoint.measuring[rows][:, None]]
             yield self._batch("setpoint", ticks[rows], settings.motion_delay, np.hstack(commanded), origin)
 
-    def _wrench(self, instants: Floats, motion: Any) -> Floats:
-        """What the sensor reads (n, 6) at true times (n,) [s]."""
-        settings, specimen = self._settings, self._settings.specimen
-        position, velocity, acceleration = motion.at(instants)
+    def _contact(self, instants: Floats, motion: Motion) -> Floats:
+        """Contact force (n,) [N] over the whole motion, which a material that remembers has to be asked for."""
+        specimen = self._settings.specimen
+        position, velocity, _ = motion.at(instants)
         depth, rate = specimen.surface - position[:, 2], -velocity[:, 2]
         theta = [specimen.parameters[parameter.name] for parameter in specimen.model.parameters]
-        contact = contact_force(specimen.model, depth, rate, theta, pulls=False)
-        inertia = -settings.tip_mass * acceleration
+        try:
+            return force_over_time(specimen.model, instants, depth, rate, theta, pulls=False)
+        except ValueError as error:
+            raise ConfigurationError(f"device sim: specimen: {error}") from error
+
+    def _wrench(self, instants: Floats, motion: Motion, contact: Floats) -> Floats:
+        """What the sensor reads (n, 6) at true times (n,) [s]."""
+        settings = self._settings
+        inertia = -settings.tip_mass * motion.mean_acceleration(instants, 1.0 / settings.sensor_rate)
         wrench = np.zeros((len(instants), 6))
         wrench[:, :3] = inertia
         wrench[:, 2] += contact - settings.tip_mass * _GRAVITY + settings.bias + settings.drift * instants

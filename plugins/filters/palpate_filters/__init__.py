@@ -4,6 +4,7 @@ from palpate import Estimator, plugin
 
 from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
 from palpate_filters.filterpy_filter import FilterpyFilter
+from palpate_filters.fit import CasadiFit
 from palpate_filters.kinematic_filter import IteratedKinematicFilter, KinematicFilter
 from palpate_filters.smoother import KinematicSmoother
 from palpate_filters.ukf import AdaptiveFadingUkf, UnscentedKalmanFilter
@@ -21,4 +22,5 @@ def palpate_estimators() -> dict[str, type[Estimator]]:
         "kinematic-ekf": KinematicFilter,
         "iekf": IteratedKinematicFilter,
         "kinematic-smoother": KinematicSmoother,
+        "casadi-fit": CasadiFit,
     }

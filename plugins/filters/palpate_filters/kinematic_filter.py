@@ -24,9 +24,9 @@ from palpate import (
 from pydantic import Field
 
 from palpate_filters.first_guess import first_guess
-from palpate_filters.fit import fit_start
 from palpate_filters.inertial_filter import mass_of
 from palpate_filters.kinematic_step import kinematic_step
+from palpate_filters.opening_fit import fit_start
 from palpate_filters.tracking import Carry, Opening, Recursion, RecursiveTracker
 
 Floats = NDArray[np.float64]
