@@ -110,6 +110,19 @@ class KinematicFilter(KinematicSettings):
         return RecursiveTracker(kinematic_recursion(self, problem), opening(self))
 
 
+class IteratedKinematicFilter(KinematicSettings):
+    """The kinematic filter with its force linearised anew at each iterate (iterated extended Kalman filter).
+
+    For strongly curved forces and poor starts; from a fit it brings nothing. Source: Bell and Cathey 1993.
+    """
+
+    iterations: int = Field(default=3, ge=1, le=5, description="linearisations of the force in one update")
+
+    def start(self, problem: Problem) -> Tracker:
+        """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
+        return RecursiveTracker(kinematic_recursion(self, problem), opening(self))
+
+
 def opening(settings: KinematicSettings) -> Opening:
     """How the filter gets under way."""
     window = settings.start_duration if settings.start_from == "fit" else 0.0
