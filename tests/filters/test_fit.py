@@ -8,6 +8,7 @@ from palpate import ConfigurationError, ContactModel, Parameter, Problem, Sample
 from palpate.testing import check_estimator, synthetic_samples
 from palpate_filters.fit import CasadiFit
 from palpate_models import DimensionalityReduction, Flat, Power, Sphere
+from scipy.signal import lfilter
 
 SPHERE = Sphere(radius=0.005)
 TIPS = {"sphere": SPHERE, "flat": Flat(radius=0.005), "quartic": Power(exponent=4.0, coefficient=1e7)}
@@ -69,11 +70,7 @@ def ramp(model, theta, *, speed=50e-3 / 60, deep=2.2e-3, air=2e-3, back=False, r
     stamp = np.arange(len(height), dtype=np.int64) * round(1e9 / rate)
     time = stamp / 1e9
     white = random.standard_normal(len(time) + 300)
-    coloured = np.empty_like(white)
-    state = 0.0
-    for i, kick in enumerate(white):
-        state = colour * state + np.sqrt(1 - colour**2) * kick
-        coloured[i] = state
+    coloured = lfilter([np.sqrt(1 - colour**2)], [1.0, -colour], white)
     force = contact_force(model, SURFACE - height, -velocity, theta) + noise * coloured[300:] + bias + drift * time
     contact = height < SURFACE
     interval = np.concatenate([[0.0], np.diff(time)])

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate_filters.fit.loss import Loss
-from palpate_filters.fit.residual import Record, Residual
+from palpate_filters.fit.record import Record
+from palpate_filters.fit.residual import Residual
 from palpate_filters.fit.solvers import solve_trf
 from palpate_filters.fit.uncertainty import Scatter
 from palpate_filters.fit.unknowns import Unknowns

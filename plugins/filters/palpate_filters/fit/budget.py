@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import ConfigurationError, ContactModel, Part, to_si
 
-from palpate_filters.fit.residual import Record, Residual, reading
+from palpate_filters.fit.record import Record
+from palpate_filters.fit.residual import Residual, reading
 
 Floats = NDArray[np.float64]
 

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import ContactModel
 
+from palpate_filters.fit.record import Record
 from palpate_filters.fit.refusal import NotFitted
-from palpate_filters.fit.residual import Record, reading
+from palpate_filters.fit.residual import reading
 from palpate_filters.fit.unknowns import EXTRAS, Unknown, Unknowns
 
 Floats = NDArray[np.float64]

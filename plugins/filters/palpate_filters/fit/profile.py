@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate_filters.fit.loss import Loss
-from palpate_filters.fit.residual import Record, Residual
+from palpate_filters.fit.record import Record
+from palpate_filters.fit.residual import Residual
 from palpate_filters.fit.uncertainty import scaled_inverse
 from palpate_filters.fit.unknowns import Unknowns
 

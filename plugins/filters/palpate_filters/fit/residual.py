@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,72 +10,13 @@ from numpy.typing import NDArray
 from palpate import ContactModel
 
 from palpate_filters.fit.loss import Loss
+from palpate_filters.fit.record import COLUMNS, Record
 from palpate_filters.fit.unknowns import EXTRAS
 
 Floats = NDArray[np.float64]
 
 _BLOCK = 1024  # samples in one call
 _BLOCKS_IN_A_FACTOR = 8
-_COLUMNS = 9
-_TRANSITION = 1e-3  # of the travel
-
-
-@dataclass(frozen=True)
-class Record:
-    """The samples of a fit: columns height [m], rate [m/s], acceleration [m/s^2], force [N], time from the middle [s],
-    weight, interval [s], and height and rate of the sample before."""
-
-    columns: Floats  # (n, 9)
-    transition: float  # [m] over which contact sets in; far below anything that is measured
-
-    def __len__(self) -> int:
-        return len(self.columns)
-
-    @property
-    def height(self) -> Floats:
-        """(n,) [m]."""
-        return self.columns[:, 0]
-
-    @property
-    def force(self) -> Floats:
-        """(n,) [N]."""
-        return self.columns[:, 3]
-
-    @property
-    def weight(self) -> Floats:
-        """(n,) square root of the weight in the sum of squares; 0 for samples that are only there for their history."""
-        return self.columns[:, 5]
-
-    @cached_property
-    def used(self) -> NDArray[np.bool_]:
-        """(n,) samples that count."""
-        return self.weight > 0
-
-    def with_force(self, force: Floats) -> Record:
-        """The same motion with another force (n,) [N]."""
-        columns = self.columns.copy()
-        columns[:, 3] = force
-        return Record(columns, self.transition)
-
-    def thinned(self, most: int) -> Record:
-        """Every k-th sample, about `most` of them."""
-        step = max(len(self) // most, 1)
-        return Record(np.ascontiguousarray(self.columns[::step]), self.transition)
-
-
-def make_record(
-    height: Floats, rate: Floats, acceleration: Floats, force: Floats, time: Floats, weight: Floats
-) -> Record:
-    """A record from its columns, each (n,)."""
-    n = len(height)
-    columns = np.empty((n, _COLUMNS))
-    columns[:, 0], columns[:, 1], columns[:, 2], columns[:, 3] = height, rate, acceleration, force
-    columns[:, 4] = time - 0.5 * (time[0] + time[-1]) if n else time
-    columns[:, 5] = weight
-    columns[:1, 6:9] = 0.0
-    columns[0, 7], columns[0, 8] = height[0], rate[0]
-    columns[1:, 6], columns[1:, 7], columns[1:, 8] = np.diff(time), height[:-1], rate[:-1]
-    return Record(columns, _TRANSITION * max(float(np.ptp(height)), 1e-12))
 
 
 def touching(depth: Any, rate: Any, transition: Any) -> tuple[Any, Any]:
@@ -153,7 +92,7 @@ def _triangular(matrix: Floats) -> Floats:
 def _symbols(residual: Residual) -> tuple[Any, Any, Any]:
     import casadi as ca
 
-    return ca.SX.sym("w", _COLUMNS), ca.SX.sym("x", residual.parameters), ca.SX.sym("eps")
+    return ca.SX.sym("w", COLUMNS), ca.SX.sym("x", residual.parameters), ca.SX.sym("eps")
 
 
 def _outputs(residual: Residual, row: Any, x: Any, transition: Any, memory: Any = ()) -> Any:
@@ -174,7 +113,7 @@ class _Mapped:
         slopes = [ca.jacobian(error, x[i]) for i in residual.free]
         inputs = [row, ca.vertcat(x, transition)]
         one = ca.Function("residual", inputs, [ca.densify(ca.vertcat(error, *slopes))], {"cse": True})
-        self._rows = np.zeros((_BLOCK, _COLUMNS))
+        self._rows = np.zeros((_BLOCK, COLUMNS))
         self._x = np.zeros(residual.parameters + 1)
         self._values = np.zeros((_BLOCK, 1 + len(residual.free)))
         self._mapped: Any = one.map("residuals", "serial", _BLOCK, [1], [])
@@ -225,7 +164,7 @@ class _Remembering:
         self._chain: Any = one.mapaccum("residuals", _BLOCK, [0], [0])
         self._width = 1 + free
         self._state = np.zeros(count * (1 + free))
-        self._rows = np.zeros((_BLOCK, _COLUMNS))
+        self._rows = np.zeros((_BLOCK, COLUMNS))
         self._x = np.zeros((_BLOCK, residual.parameters + 1))
         self._states = np.zeros((_BLOCK, len(self._state)))
         self._values = np.zeros((_BLOCK, self._width))

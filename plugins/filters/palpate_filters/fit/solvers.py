@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate_filters.fit.loss import Loss
+from palpate_filters.fit.record import Record
 from palpate_filters.fit.refusal import NotFitted
-from palpate_filters.fit.residual import Record, Residual, reading
+from palpate_filters.fit.residual import Residual, reading
 from palpate_filters.fit.unknowns import Unknowns
 
 Floats = NDArray[np.float64]
@@ -53,7 +54,7 @@ def solve_trf(residual: Residual, unknowns: Unknowns, record: Record, x: Floats,
         method="trf",
         ftol=1e-12,
         xtol=1e-10,
-        gtol=1e-10,
+        gtol=1e-9,
         max_nfev=200,
     )
     full = x.copy()

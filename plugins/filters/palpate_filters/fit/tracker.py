@@ -21,8 +21,9 @@ from palpate_filters.fit.contact_point import (
 from palpate_filters.fit.first_guess import first_guess, linear_places
 from palpate_filters.fit.loss import Loss
 from palpate_filters.fit.motion import Motion, zero_phase_motion
+from palpate_filters.fit.record import Record, make_record
 from palpate_filters.fit.refusal import NotFitted
-from palpate_filters.fit.residual import Record, Residual, make_record
+from palpate_filters.fit.residual import Residual
 from palpate_filters.fit.segments import Passage, Rows, Window, passage, segment_rows
 from palpate_filters.fit.solvers import Solution, solve_ipopt, solve_trf, solve_varpro
 from palpate_filters.fit.unknowns import Unknowns
