@@ -1,7 +1,7 @@
 """palpate: elasticity and viscosity of soft material from robotic palpation, each with its uncertainty."""
 
 from palpate.contact import ContactModel, Indenter, Parameter, contact_force
-from palpate.device import Arm, Batch, Channel, Device, Link, Stream
+from palpate.device import Arm, Batch, Channel, Device, Link, Retractable, Stream, Watched
 from palpate.errors import ConfigurationError, DeviceError, LogError, OutputError, PalpateError, PluginError, UserError
 from palpate.estimation import (
     Belief,
@@ -20,6 +20,7 @@ from palpate.parts import File, Part, Settings
 from palpate.process import InertialProcess
 from palpate.sink import Run, Sink, Writer
 from palpate.trajectory import Setpoint, Trajectory
+from palpate.twin import Twin
 from palpate.units import (
     Acceleration,
     Angle,
@@ -31,6 +32,7 @@ from palpate.units import (
     Mass,
     Pressure,
     Speed,
+    Stiffness,
     Time,
     Viscosity,
     to_si,
@@ -69,6 +71,7 @@ __all__ = [
     "PluginError",
     "Pressure",
     "Problem",
+    "Retractable",
     "Run",
     "Samples",
     "Setpoint",
@@ -77,12 +80,15 @@ __all__ = [
     "Speed",
     "Status",
     "Step",
+    "Stiffness",
     "Stream",
     "Time",
     "Tracker",
     "Trajectory",
+    "Twin",
     "UserError",
     "Viscosity",
+    "Watched",
     "Writer",
     "compile_step",
     "contact_force",

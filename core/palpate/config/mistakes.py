@@ -13,7 +13,7 @@ from palpate.config.source import Location, Source
 from palpate.errors import ConfigurationError
 from palpate.registry import suggest
 
-PLAIN_TABLES = ("run", "alignment")  # tables that hold settings; all others hold named parts
+PLAIN_TABLES = ("run", "alignment", "safety")  # tables that hold settings; all others hold named parts
 
 
 @dataclass(frozen=True)

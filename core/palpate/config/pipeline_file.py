@@ -21,8 +21,10 @@ from palpate.errors import PalpateError
 from palpate.estimation import Estimator
 from palpate.parts import File, Settings
 from palpate.registry import Registry, suggest
+from palpate.safety import SafetySettings
 from palpate.sink import Sink
 from palpate.trajectory import Trajectory
+from palpate.twin import Twin
 from palpate.units import Time
 
 
@@ -64,6 +66,8 @@ class Pipeline:
     devices: Mapping[str, Device]
     trajectories: Mapping[str, Trajectory]
     sinks: Mapping[str, Sink]
+    twins: Mapping[str, Twin]
+    safety: SafetySettings | None
     tracks: tuple[Track, ...]
     registry: Registry
 
@@ -92,6 +96,7 @@ def build_pipeline(source: Source) -> Pipeline:
         alignment = builder.settings(AlignmentSettings, ("alignment",))
     else:
         builder.mistakes.append(Mistake((), "the table [alignment] is missing: it says which channel is the force"))
+    safety = builder.settings(SafetySettings, ("safety",)) if "safety" in tables else None
     kinds = {kind: builder.parts(kind) for kind in registry.parts}
     builder.mistakes += _missing_kinds(tables, registry)
     if alignment and len(kinds["device"]) == len(tables.get("device", {})):
@@ -112,6 +117,8 @@ def build_pipeline(source: Source) -> Pipeline:
         kinds["device"],
         kinds["trajectory"],
         kinds["sink"],
+        kinds["twin"],
+        safety,
         tracks,
         registry,
     )

@@ -18,6 +18,8 @@ def resolved_text(pipeline: Pipeline) -> str:
         "run": _plain(pipeline.run, pipeline.registry),
         "alignment": _plain(pipeline.alignment, pipeline.registry),
     }
+    if pipeline.safety is not None:
+        tables["safety"] = _plain(pipeline.safety, pipeline.registry)
     kinds = {
         "device": pipeline.devices,
         "trajectory": pipeline.trajectories,
@@ -25,6 +27,7 @@ def resolved_text(pipeline: Pipeline) -> str:
         "model": pipeline.models,
         "estimator": pipeline.estimators,
         "sink": pipeline.sinks,
+        "twin": pipeline.twins,
     }
     for kind, parts in kinds.items():
         tables[kind] = {name: _plain(part, pipeline.registry) for name, part in parts.items()}

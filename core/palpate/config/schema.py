@@ -9,6 +9,7 @@ from palpate.config.pipeline_file import RunSettings
 from palpate.hooks import KINDS
 from palpate.parts import Settings
 from palpate.registry import Registry
+from palpate.safety import SafetySettings
 
 
 def pipeline_schema(registry: Registry) -> dict[str, Any]:
@@ -17,6 +18,7 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
     properties: dict[str, Any] = {
         "run": _table(RunSettings, definitions),
         "alignment": _table(AlignmentSettings, definitions),
+        "safety": _table(SafetySettings, definitions),
     }
     for kind, entries in registry.parts.items():
         choices = []

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from palpate import (
     Batch,
     Channel,
-    ContactModel,
     Device,
     Force,
     ForceDrift,
@@ -21,62 +20,20 @@ from palpate import (
     Length,
     Link,
     Mass,
-    Settings,
     Speed,
     Stream,
     Time,
     Trajectory,
-    contact_force,
-    to_si,
 )
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field
 
 from palpate_devices.motion import PositionLoop
+from palpate_devices.sensing import Specimen, sensed_wrench
 
 Floats = NDArray[np.float64]
 
-_GRAVITY = 9.80665  # [m/s^2]
 _SECOND = 1_000_000_000  # [ns]
 _BLOCK = 0.05  # [s] of simulated time in one round of batches
-
-
-class Specimen(Settings):
-    """What the tip presses on: a contact model with its true parameters, at a height that nobody is told.
-
-    The parameters stand beside the model, by name: ``{ model = "dr", elasticity = "112.5 kPa", ... }``.
-    """
-
-    model: ContactModel = Field(description="contact model of the truth; need not be one that is estimated with")
-    surface: Length = Field(default=0.0, description="height of the skin over the origin of the work frame")
-    parameters: dict[str, float] = Field(description="true values by parameter name; may stand in the table itself")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _gather_parameters(cls, data: Any) -> Any:
-        if not isinstance(data, dict) or "parameters" in data:
-            return data
-        own = {key: value for key, value in data.items() if key in ("model", "surface")}
-        return own | {"parameters": {key: value for key, value in data.items() if key not in own}}
-
-    @field_validator("parameters", mode="before")
-    @classmethod
-    def _in_si(cls, given: Any, info: ValidationInfo) -> Any:
-        model = info.data.get("model")
-        if model is None or not isinstance(given, dict):
-            return {}
-        names = {parameter.name: parameter.unit for parameter in model.parameters}
-        for name in (*given, *names):
-            if name not in names or name not in given:
-                problem = "is unknown" if name in given else "is missing"
-                raise ValueError(f"parameter {name!r} {problem}; the specimen's model has: {', '.join(names)}")
-        return {name: _quantity(name, given[name], unit) for name, unit in names.items()}
-
-
-def _quantity(name: str, given: Any, unit: str) -> float:
-    try:
-        return to_si(given, unit)
-    except ValueError as error:
-        raise ValueError(f"{name}: {error}") from error
 
 
 class SimulatedRig(Device):
@@ -198,16 +155,12 @@ class _Rig:
         """What the sensor reads (n, 6) at true times (n,) [s]."""
         settings, specimen = self._settings, self._settings.specimen
         position, velocity, acceleration = motion.at(instants)
-        depth, rate = specimen.surface - position[:, 2], -velocity[:, 2]
-        theta = [specimen.parameters[parameter.name] for parameter in specimen.model.parameters]
-        contact = contact_force(specimen.model, depth, rate, theta, pulls=False)
-        inertia = -settings.tip_mass * acceleration
-        wrench = np.zeros((len(instants), 6))
-        wrench[:, :3] = inertia
-        wrench[:, 2] += contact - settings.tip_mass * _GRAVITY + settings.bias + settings.drift * instants
-        noise = self._force_noise.standard_normal((len(instants), 6)) * settings.force_std
-        noise[:, 3:] *= 0.02  # torque noise in N*m for one newton of force noise, of the order of the real sensor's
-        return np.clip(wrench + noise, -settings.force_limit, settings.force_limit)
+        contact = specimen.push(position[:, 2], velocity[:, 2])
+        offset = settings.bias + settings.drift * instants
+        noise = self._force_noise.standard_normal((len(instants), 6))
+        return sensed_wrench(
+            contact, acceleration, settings.tip_mass, offset, noise, settings.force_std, settings.force_limit
+        )
 
     def _kinematics(self, position: Floats, velocity: Floats) -> tuple[Floats, Floats]:
         """Measured pose (n, 7) and twist (n, 6); the tool keeps its orientation."""
