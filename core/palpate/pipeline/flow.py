@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -25,6 +26,7 @@ from palpate.trajectory import Trajectory
 Progress = Callable[[float, float | None], None]  # log time [s], total [s] where known
 
 _PATIENCE = 8.0  # [s] for a retraction
+_PRIORITY = 20  # below that of robots and sensors
 
 
 class Flow:
@@ -89,8 +91,8 @@ class Flow:
             demand_safe(trajectory, limits, str(pipeline.path))
         guard = Guard(limits, pipeline.alignment, {name: d.streams for name, d in pipeline.devices.items()})
         with ExitStack() as stack:
+            self.facts["scheduling"] = stack.enter_context(_undisturbed())
             links = {name: stack.enter_context(d.connect(pipeline.run.seed)) for name, d in pipeline.devices.items()}
-            stack.enter_context(_undisturbed())
             arms = [link for link in links.values() if isinstance(link, Arm)]
             live = LiveLinks(links, guard)
             stack.callback(self._account, guard, live, links)
@@ -152,17 +154,29 @@ def _finite_table(value: Any) -> Any:
 
 
 @contextmanager
-def _undisturbed() -> Iterator[None]:
-    """What there is now is no garbage, and threads change quickly, so that the guard need not wait for the others."""
+def _undisturbed() -> Iterator[str]:
+    """What there is now is no garbage, threads change quickly, and other programs wait; says whether they do."""
     before = sys.getswitchinterval()
     gc.collect()
     gc.freeze()
     sys.setswitchinterval(0.0005)
+    said = _scheduled(_PRIORITY)
     try:
-        yield
+        yield said
     finally:
+        _scheduled(0)
         sys.setswitchinterval(before)
         gc.unfreeze()
+
+
+def _scheduled(priority: int) -> str:
+    """Real-time scheduling of this thread, and of those that it starts, where that is permitted; 0 gives it back."""
+    try:
+        policy = os.SCHED_FIFO if priority else os.SCHED_OTHER
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
+    except (AttributeError, OSError):
+        return "no real-time scheduling: not permitted"
+    return f"real-time scheduling, SCHED_FIFO {priority}" if priority else ""
 
 
 def the_trajectory(pipeline: Pipeline) -> Trajectory:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from palpate import Batch, Channel, Device, DeviceError, Force, Link, Stream, Time
 from pydantic import Field, field_validator
 
-from palpate_devices.bota import worker
+from palpate_devices.bota import layout
 from palpate_devices.bota.commands import BAUD_RATES
 from palpate_devices.bota.frames import INVALID, OVERRANGE, RAW, THROTTLED
 from palpate_devices.process.child import Child
@@ -77,7 +77,7 @@ class BotaSensor(Device):
     def _connected(self) -> Iterator[Link]:
         keys = ("port", "baud", "sinc", "fir", "fast", "temperature_compensation", "silence", "boot", "settle")
         settings = {key: getattr(self, key) for key in keys}
-        child = Child(f"bota at {self.port}", worker.__name__, settings, worker.COLUMNS)
+        child = Child(f"bota at {self.port}", layout.MODULE, settings, layout.COLUMNS)
         try:
             ready = child.wait_for("ready", self.boot + self.settle + 15.0)
             yield _BotaLink(child, ready)
@@ -130,7 +130,7 @@ class _BotaLink:
         return {
             **self._ready,
             **self._counts,
-            "damaged": int(head[worker.DAMAGED]),
-            "skipped_bytes": int(head[worker.SKIPPED]),
+            "damaged": int(head[layout.DAMAGED]),
+            "skipped_bytes": int(head[layout.SKIPPED]),
             "clock_wander": self._clock.wander,
         }

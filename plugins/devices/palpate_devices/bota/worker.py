@@ -15,11 +15,10 @@ from palpate import DeviceError
 
 from palpate_devices.bota.commands import configure, open_port, stop_stream
 from palpate_devices.bota.frames import Decoder, Frame, Unwrapped
+from palpate_devices.bota.layout import COLUMNS, DAMAGED, SKIPPED
 from palpate_devices.process.child import Parent, real_time
-from palpate_devices.process.ring import WORDS, Ring
+from palpate_devices.process.ring import Ring
 
-COLUMNS = 10  # sensor time [us], host time [ns], status; wrench (6), temperature
-DAMAGED, SKIPPED = WORDS, WORDS + 1
 _REBOOT_TEXTS = (b"App Init", b"FW version")
 _IDLE = 0.02  # [s]
 

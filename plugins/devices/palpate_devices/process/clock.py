@@ -43,10 +43,11 @@ class ClockMap:
         for i, (stamp, arrival) in enumerate(zip(device.tolist(), received.tolist(), strict=True)):
             if self._offset is None:
                 self._first, self._device, self._offset, self._began = arrival - stamp, stamp, 0.0, stamp
+            new = stamp != self._device
             risen = self._offset + _LEAK * max(stamp - self._device, 0)
             self._offset, self._device = min(float(arrival - stamp - self._first), risen), stamp
             host = stamp + self._first + round(self._offset)
-            if self._last is not None and host <= self._last and stamp != self._device:
+            if self._last is not None and host <= self._last and new:
                 host = self._last + 1
             mapped[i] = self._last = host
             if stamp - self._began > 1_000_000_000:

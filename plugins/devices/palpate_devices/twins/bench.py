@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import select
 import signal
 import sys
@@ -85,6 +86,7 @@ class World:
         self.stalled_until = 0.0
         self.peak = 0.0
         self._done = False
+        self._typed = ""
 
     def _start(self) -> Any:
         goal = self._settings.work.tool_pose(np.array([0.0, 0.0, self._settings.height]))
@@ -103,13 +105,11 @@ class World:
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._end)
         began = time.monotonic() - self.controller.now
-        inputs = [sys.stdin]
         while not self._done:
             wait = max(began + self.controller.now + TICK - time.monotonic(), 0.0)
-            watched = [*inputs, *self.ports.sockets]
-            ready = select.select(watched, [], [], wait)[0]
-            if sys.stdin in ready and not self._command(sys.stdin.readline()):
-                return
+            ready = select.select([sys.stdin, *self.ports.sockets], [], [], wait)[0]
+            if sys.stdin in ready:
+                self._listen()
             self.ports.serve(ready)
             behind = time.monotonic() - began - self.controller.now
             if time.monotonic() < self.stalled_until:
@@ -127,15 +127,17 @@ class World:
     def _end(self, *_: Any) -> None:
         self._done = True
 
-    def _command(self, line: str) -> bool:
-        if not line:
-            return False
-        words = line.split()
-        if words and words[0] == "help":
-            print("\n".join(f"{name}: {meaning}" for name, meaning in FAULTS.items()), flush=True)
-        elif words:
-            print(apply_fault(self, words), flush=True)
-        return words[:1] != ["quit"]
+    def _listen(self) -> None:
+        """Commands from the standard input, read past its buffer, which `select` cannot see."""
+        data = os.read(sys.stdin.fileno(), 4096)
+        self._done = self._done or not data
+        *lines, self._typed = (self._typed + data.decode(errors="replace")).split("\n")
+        for words in map(str.split, lines):
+            if words[:1] == ["help"]:
+                print("\n".join(f"{name}: {meaning}" for name, meaning in FAULTS.items()), flush=True)
+            elif words:
+                print(apply_fault(self, words), flush=True)
+            self._done = self._done or words[:1] == ["quit"]
 
     @property
     def position(self) -> Any:

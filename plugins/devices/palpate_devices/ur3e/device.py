@@ -30,7 +30,7 @@ from palpate_devices.process.child import Child
 from palpate_devices.process.clock import ClockMap, epoch_offset
 from palpate_devices.process.lateness import lateness_table
 from palpate_devices.process.ring import integers, shared_memory
-from palpate_devices.ur3e import worker
+from palpate_devices.ur3e import layout
 from palpate_devices.ur3e.frame import WorkFrame
 from palpate_devices.ur3e.kinematics import matrix_of, quaternion, tip
 from palpate_devices.ur3e.probe import probe
@@ -110,12 +110,12 @@ class UR3e(Device):
             identity = probe(self.host)
         except DeviceError as error:
             raise DeviceError(f"ur3e at {error}") from error
-        child = Child(name, worker.__name__, self._worker_settings(), worker.COLUMNS)
+        child = Child(name, layout.MODULE, self._worker_settings(), layout.COLUMNS)
         try:
             link = UR3eLink(self, child, {**identity, **child.wait_for("ready", _START)})
             yield link
         finally:
-            child.ring.head[worker.STOP] = 1
+            child.ring.head[layout.STOP] = 1
             child.close()
 
     def _worker_settings(self) -> dict[str, Any]:
@@ -159,11 +159,11 @@ class UR3eLink:
 
     def stop(self) -> None:
         """Stop where it is."""
-        self._child.ring.head[worker.STOP] = 1
+        self._child.ring.head[layout.STOP] = 1
 
     def retract(self) -> None:
         """Brake, and go back along the normal to where the motion began."""
-        self._child.ring.head[worker.RETRACT] = 1
+        self._child.ring.head[layout.RETRACT] = 1
 
     def batches(self) -> Iterator[Batch]:
         """The states as they come, until the motion is over; raises DeviceError as soon as the robot fails."""

@@ -19,12 +19,11 @@ from palpate_devices.process.lateness import Lateness
 from palpate_devices.process.ring import Ring
 from palpate_devices.ur3e.frame import WorkFrame
 from palpate_devices.ur3e.kinematics import pose_of
+from palpate_devices.ur3e.layout import COLUMNS, RETRACT, STOP
 from palpate_devices.ur3e.servo import PERIOD, Commander, Law
 
 Floats = NDArray[np.float64]
 
-COLUMNS = 42  # controller time [ns], host time [ns]; q, q', pose, speed, force (6 each), modes (3), setpoint (7)
-STOP, RETRACT = 8, 9  # words of the ring by which the parent, from any thread, commands
 _VARIABLES = [
     *("timestamp", "actual_q", "actual_qd", "actual_TCP_pose", "actual_TCP_speed", "actual_TCP_force"),
     *("robot_mode", "safety_mode", "runtime_state", "robot_status_bits", "safety_status_bits"),
@@ -131,11 +130,11 @@ class _Loop:
             self._ring.beat(now)
             self._lateness.add(late, self._commander is not None and self._commander.mode == "follow")
             self._cycle(now)
-            # A look at a random instant between two deadlines: else a controller that ticks in step with this loop would
-            # always be seen equally late, and its clock mapped wrongly by up to a period.
+            # A look at a random instant between two deadlines: else a controller that ticks in step with this loop
+            # would always be seen equally late, and its clock mapped wrongly by up to a period.
             rest = deadline + _TICK - time.monotonic_ns()
             if rest > _TICK // 4:
-                time.sleep(rest * random.uniform(0.1, 0.8) / 1e9)
+                time.sleep(rest * random.uniform(0.0, 0.95) / 1e9)
                 self._take_state()
             deadline += _TICK
             if late > _MOST_BEHIND * _TICK:
@@ -196,7 +195,9 @@ class _Loop:
             self._leave()
         if head[STOP]:
             self._finish()
-        elif commander is not None and (head[RETRACT] or (now - beat) / 1e9 > self._host_limit):
+        elif commander is not None and head[RETRACT]:
+            commander.retract()
+        elif commander is not None and commander.mode != "hold" and (now - beat) / 1e9 > self._host_limit:
             commander.retract()
 
     def _finish(self) -> NoReturn:
