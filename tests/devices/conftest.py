@@ -19,8 +19,8 @@ _ADDRESSES = itertools.count(2)
 # A short motion with the same limits: rest, approach, a second of sine, retraction.
 SHORT = (
     "device.sensor.settle=0.1 s",
-    "safety.rest=0.4 s",
-    "alignment.tare_duration=0.3 s",
+    "safety.rest=0.3 s",
+    "alignment.tare_duration=0.2 s",
     "trajectory.press.rest=0 s",
     "trajectory.press.clearance=3 mm",
     "trajectory.press.duration=1 s",
@@ -119,6 +119,22 @@ def bench(tmp_path):
     yield start
     for twin in running:
         twin.close()
+
+
+@pytest.fixture(scope="module")
+def shared_bench(tmp_path_factory):
+    """One twin for a module's tests; `restore` it before each use."""
+    twin = Bench(tmp_path_factory.mktemp("bench"), SHORT)
+    yield twin
+    twin.close()
+
+
+@pytest.fixture
+def restored(shared_bench, tmp_path):
+    """The module's twin, as new."""
+    shared_bench.folder = tmp_path
+    shared_bench.fault("restore")
+    return shared_bench
 
 
 @pytest.fixture

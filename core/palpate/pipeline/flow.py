@@ -7,6 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
@@ -92,7 +93,7 @@ class Flow:
         guard = Guard(limits, pipeline.alignment, {name: d.streams for name, d in pipeline.devices.items()})
         with ExitStack() as stack:
             self.facts["scheduling"] = stack.enter_context(_undisturbed())
-            links = {name: stack.enter_context(d.connect(pipeline.run.seed)) for name, d in pipeline.devices.items()}
+            links = connected(pipeline, stack)
             arms = [link for link in links.values() if isinstance(link, Arm)]
             live = LiveLinks(links, guard)
             stack.callback(self._account, guard, live, links)
@@ -177,6 +178,23 @@ def _scheduled(priority: int) -> str:
     except (AttributeError, OSError):
         return "no real-time scheduling: not permitted"
     return f"real-time scheduling, SCHED_FIFO {priority}" if priority else ""
+
+
+def connected(pipeline: Pipeline, stack: ExitStack) -> dict[str, Link]:
+    """Links of all devices, connected side by side; those that came about are left with the stack if one fails."""
+    contexts = {name: device.connect(pipeline.run.seed) for name, device in pipeline.devices.items()}
+    links, failures = {}, []
+    with ThreadPoolExecutor(len(contexts)) as pool:
+        entering = {name: pool.submit(context.__enter__) for name, context in contexts.items()}
+    for name, future in entering.items():
+        if (error := future.exception()) is None:
+            stack.push(contexts[name])
+            links[name] = future.result()
+        else:
+            failures.append(error)
+    if failures:
+        raise failures[0]
+    return links
 
 
 def the_trajectory(pipeline: Pipeline) -> Trajectory:

@@ -28,8 +28,9 @@ class Child:
     is to put the device at rest and leave. When the child goes or stops beating, the parent kills it and says so.
     """
 
-    def __init__(self, name: str, module: str, settings: dict[str, Any], columns: int) -> None:
+    def __init__(self, name: str, module: str, settings: dict[str, Any], columns: int, hint: str = "") -> None:
         self.name = name
+        self._hint = hint  # what a sudden end means
         ours, theirs = socket.socketpair()
         memory = shared_memory(ring_size(columns))
         command = [sys.executable, "-m", module, str(theirs.fileno()), str(memory), json.dumps(settings)]
@@ -89,7 +90,7 @@ class Child:
         if self.fault is not None:
             raise DeviceError(f"{self.name}: {self.fault}")
         if self._process.poll() is not None:
-            raise DeviceError(f"{self.name}: its process ended ({_ending(self._process.returncode)})")
+            raise DeviceError(f"{self.name}: its process ended ({_ending(self._process.returncode)}){self._hint}")
         beat = self.ring.last_beat()
         if beat_limit is not None and beat and (age := (time.monotonic_ns() - beat) / 1e9) > beat_limit:
             self.kill()

@@ -95,6 +95,13 @@ class World:
             raise DeviceError("the twin's arm cannot reach the work frame: move [twin.*] work")
         return q
 
+    def restore(self) -> None:
+        """Make everything sound again."""
+        self.controller.restore(self._start())
+        self.ports.restore()
+        self.sensor.restore()
+        self._before, self.peak = self._tip(), 0.0
+
     def close(self) -> None:
         """Leave no port behind."""
         self.ports.close()

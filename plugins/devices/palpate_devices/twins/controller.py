@@ -84,9 +84,11 @@ class Controller:
         self.arm.stop(80.0)
         self._safety = _EMERGENCY
 
-    def reset_emergency(self) -> None:
-        """Release the red button and power up again."""
-        self._safety, self._runtime = _NORMAL, _STOPPED
+    def restore(self, q: Any) -> None:
+        """No stop, no program, the arm at rest at joint angles (6,)."""
+        self.end_program()
+        self._safety = _NORMAL
+        self.arm.q, self.arm.qd = q, np.zeros(6)
 
     def tick(self) -> None:
         """Two milliseconds."""

@@ -29,6 +29,7 @@ FAULTS = {
     "corrupt FRACTION": "so large a part of the frames is damaged on the line",
     "refuse LETTER": "the sensor refuses a command",
     "sign": "the sensor counts the other way round",
+    "restore": "everything is sound again, and the arm where it was at the start",
     "state": "print what the twins did so far",
     "quit": "end",
 }
@@ -72,6 +73,8 @@ def apply_fault(world: World, words: list[str]) -> str:
                 sensor.refuse(argument)
             case "sign":
                 sensor.sign = -sensor.sign
+            case "restore":
+                world.restore()
             case "state":
                 return _state(world)
             case "quit":

@@ -94,6 +94,12 @@ class VirtualSensor:
         self._mode, self._boot_at, self._command, self._replies = "boot", now + _BOOT, b"", []
         self._sinc = self._stored["sinc"]
 
+    def restore(self) -> None:
+        """Plugged in, and without a fault."""
+        self.fault, self.corruption, self.sign, self._refuse = None, 0.0, 1.0, ""
+        if self._mode == "unplugged":
+            self.plug_in()
+
     def refuse(self, letter: str) -> None:
         """Answer a command with code 1 from now on."""
         self._refuse = letter

@@ -87,6 +87,12 @@ class Ports:
             client.socket.close()
         self.clients = []
 
+    def restore(self) -> None:
+        """Listen and answer again."""
+        self.frozen = self.mute = False
+        if not self._listening:
+            self.open()
+
     @property
     def sockets(self) -> list[socket.socket]:
         """What to wait for."""

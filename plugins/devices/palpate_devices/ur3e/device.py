@@ -39,8 +39,8 @@ from palpate_devices.ur3e.servo import PERIOD
 Floats = NDArray[np.float64]
 
 _POLL = 0.006  # [s]
-_START = 20.0  # [s]
 _BEAT_LIMIT = 0.12  # [s]
+_HINT = ": the client library does that where it loses the link to the controller"
 
 
 class UR3e(Device):
@@ -69,6 +69,7 @@ class UR3e(Device):
     watchdog: Frequency = Field(default=10.0, ge=2, le=50, description="the arm stops where commands come more rarely")
     stale: Time = Field(default=0.1, gt=0, description="an older state of the controller is a lost link")
     host_limit: Time = Field(default=0.25, gt=0, description="the arm retracts where the main job is silent for longer")
+    start: Time = Field(default=20.0, gt=0, description="how long the client library may take to connect")
     start_tolerance: Length = Field(default=0.03, gt=0, description="how far from its start a motion may begin")
     retract_speed: Speed = Field(
         default=0.05, gt=0, le=0.25, description="of the way to the start, and of a retraction"
@@ -110,9 +111,9 @@ class UR3e(Device):
             identity = probe(self.host)
         except DeviceError as error:
             raise DeviceError(f"ur3e at {error}") from error
-        child = Child(name, layout.MODULE, self._worker_settings(), layout.COLUMNS)
+        child = Child(name, layout.MODULE, self._worker_settings(), layout.COLUMNS, _HINT)
         try:
-            link = UR3eLink(self, child, {**identity, **child.wait_for("ready", _START)})
+            link = UR3eLink(self, child, {**identity, **child.wait_for("ready", self.start)})
             yield link
         finally:
             child.ring.head[layout.STOP] = 1
@@ -132,6 +133,7 @@ class UR3eLink:
         self._clock = ClockMap()
         self._tool = matrix_of([*settings.tcp, 0.0, 0.0, 0.0])
         self._position: Floats | None = None
+        self._turned = np.array([1.0, 1e-3, 1e-6, 1e-9])  # the first quaternion's largest part is positive
         self._states = 0
         self._first = self._last = 0
         self._mismatch = 0.0
@@ -202,7 +204,10 @@ class UR3eLink:
                 self._mismatch = max(self._mismatch, float(np.abs(own[:3, 3] - matrix[:3, 3]).max()))
                 if self._settings.kinematics == "dh":
                     matrix, speed = own, jacobian @ row[8:14]
-            pose[i, :3], pose[i, 3:] = turn @ (matrix[:3, 3] - work[:3, 3]), quaternion(turn @ matrix[:3, :3])
+            turned = quaternion(turn @ matrix[:3, :3])
+            # A tool that looks down is turned by about pi, where the sign of a quaternion is up to chance.
+            turned = -turned if float(turned @ self._turned) < 0 else turned
+            pose[i, :3], pose[i, 3:], self._turned = turn @ (matrix[:3, 3] - work[:3, 3]), turned, turned
             twist[i, :3], twist[i, 3:] = turn @ speed[:3], turn @ speed[3:]
         return pose, twist
 

@@ -145,10 +145,8 @@ class _Loop:
         self._check(now)
         self._listen(now)
         robot, commander = self._robot, self._commander
-        if not robot.state:
-            return
         if commander is None:
-            commander = self._commander = Commander(self._law, robot.position)
+            return
         if commander.mode == "done":
             self._finish()
         if commander.mode == "hold":
@@ -167,6 +165,9 @@ class _Loop:
     def _take_state(self) -> None:
         robot = self._robot
         if robot.poll():
+            if self._commander is None:
+                self._commander = Commander(self._law, robot.position)
+                self._setpoint = self._commander.setpoint
             stamps = round(robot.stamp * 1e9), robot.seen
             self._ring.write(stamps, [*robot.state, *robot.modes, *self._setpoint])
 
