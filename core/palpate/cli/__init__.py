@@ -1,4 +1,4 @@
-"""The command line: ``palpate run``, ``check``, ``list``, ``describe``, ``schema``, ``twin``."""
+"""The command line: ``palpate run``, ``check``, ``list``, ``describe``, ``schema``, ``doctor``, ``twin``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli import inspect, run, twin
+from palpate.cli import doctor, inspect, run, twin
 from palpate.errors import PalpateError
 
 app = typer.Typer(
@@ -42,6 +42,7 @@ app.command(name="check")(inspect.check)
 app.command(name="list")(inspect.list_parts)
 app.command(name="describe")(inspect.describe)
 app.command(name="schema")(inspect.schema)
+app.command(name="doctor")(doctor.doctor)
 app.command(name="twin")(twin.twin)
 
 

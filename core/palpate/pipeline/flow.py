@@ -90,6 +90,7 @@ class Flow:
             )
         if trajectory is not None and limits is not None:
             demand_safe(trajectory, limits, str(pipeline.path))
+        began, before = time.monotonic(), os.times()
         guard = Guard(limits, pipeline.alignment, {name: d.streams for name, d in pipeline.devices.items()})
         with ExitStack() as stack:
             self.facts["scheduling"] = stack.enter_context(_undisturbed())
@@ -107,6 +108,9 @@ class Flow:
             live.stop()
             for device, batch in live.rest():
                 self._pass_on(device, batch)
+        # Children that have ended count as well; what the devices did is all in here.
+        used = sum(os.times()[:4]) - sum(before[:4])
+        self.facts["cpu_cores"] = used / (time.monotonic() - began)
         if guard.reason is not None and self._interrupt.reason is None:
             raise DeviceError(guard.reason)
 

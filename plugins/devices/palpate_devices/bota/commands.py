@@ -7,6 +7,7 @@ import os
 import re
 import select
 import time
+from pathlib import Path
 from typing import Any
 
 from palpate import DeviceError
@@ -23,12 +24,23 @@ def open_port(path: str, baud: int) -> Any:
     try:
         port = serial.Serial(path, baud, timeout=0, exclusive=True)
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
+        number = getattr(error, "errno", None)
+        reason = os.strerror(number) if number else str(error)
         raise DeviceError(f"{path} cannot be opened: {reason}") from error
     # A pseudo-terminal has no latency timer, a chip by another maker none that can be set.
     with contextlib.suppress(OSError, ValueError, NotImplementedError, AttributeError):
         port.set_low_latency_mode(True)
     return port
+
+
+def latency_timer(path: str) -> str:
+    """What the USB adapter waits before it passes bytes on; "1 ms" is what is wanted, 16 ms the usual default."""
+    name = Path(path).resolve().name
+    timer = Path("/sys/bus/usb-serial/devices") / name / "latency_timer"
+    try:
+        return f"{timer.read_text().strip()} ms"
+    except OSError:
+        return "none"
 
 
 def configure(port: Any, baud: int, filters: dict[str, Any], boot: float) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 
 from palpate import DeviceError
 
-from palpate_devices.bota.commands import configure, open_port, stop_stream
+from palpate_devices.bota.commands import configure, latency_timer, open_port, stop_stream
 from palpate_devices.bota.frames import Decoder, Frame, Unwrapped
 from palpate_devices.bota.layout import COLUMNS, DAMAGED, SKIPPED
 from palpate_devices.process.child import Parent, real_time
@@ -35,7 +35,9 @@ def main() -> None:
         _settle(port, settings["settle"])
         gc.freeze()
         gc.disable()
-        parent.tell("ready", identity=identity, scheduling=scheduling)
+        timer = latency_timer(settings["port"])
+        parent.tell("ready", identity=identity, scheduling=scheduling, latency_timer=timer)
+        _settle(port, 0.0)  # what has waited meanwhile arrived too late for the clock
         _read(port, ring, parent, settings["silence"])
     except DeviceError as error:
         parent.tell("fault", text=str(error))
@@ -49,7 +51,8 @@ def main() -> None:
 def _settle(port: Any, duration: float) -> None:
     """Drop what the sensor sends while its filters fill."""
     deadline = time.monotonic() + duration
-    while (rest := deadline - time.monotonic()) > 0:
+    while (rest := deadline - time.monotonic()) > 0 or select.select([port.fileno()], [], [], 0.0)[0]:
+        rest = max(rest, 0.0)
         if select.select([port.fileno()], [], [], rest)[0] and not os.read(port.fileno(), 65536):
             raise DeviceError("the sensor is disconnected")
 
