@@ -94,8 +94,8 @@ def check_motion(trajectory: Trajectory, limits: SafetySettings) -> MotionReport
     peak = limits.stop_force + limits.overshoot(inward)
     if peak > limits.force:
         problems.append(
-            f"at {1e3 * inward:.1f} mm/s inwards the force could reach {peak:.1f} N before the tip stands, over the limit "
-            f"of {limits.force:g} N; with these limits {1e3 * limits.fastest:.1f} mm/s is the fastest approach"
+            f"at {1e3 * inward:.1f} mm/s inwards the force could reach {peak:.1f} N before the tip stands, over "
+            f"{limits.force:g} N; with these limits {1e3 * limits.fastest:.1f} mm/s is the fastest approach"
         )
     return MotionReport(
         trajectory.total_duration,

@@ -11,7 +11,6 @@ from palpate_devices.ur3e.kinematics import (
     flange,
     joints_at,
     matrix_of,
-    pose_of,
     rotation_matrix,
     rotation_vector,
     tip,
@@ -31,7 +30,7 @@ def test_the_posture_of_the_paper():
 @pytest.mark.parametrize("seed", range(5))
 def test_the_jacobian_is_the_derivative(seed):
     q = np.random.default_rng(seed).uniform(-2, 2, 6)
-    pose, jacobian = tip(q, TCP)
+    _, jacobian = tip(q, TCP)
     for joint in range(6):
         step = np.zeros(6)
         step[joint] = 1e-6
@@ -169,7 +168,7 @@ def test_a_second_master_is_refused(restored):
 
 def test_a_motion_out_of_reach_ends_in_words(restored):
     far = Point(bias=0.001, amplitude=0.0005, clearance=0.6, rest=0.0, duration=0.5, speed=1.0)
-    with pytest.raises(DeviceError, match="out of reach|does not follow|refuses"):
+    with pytest.raises(DeviceError, match=r"out of reach|does not follow|refuses"):
         states(device(restored, start_tolerance=1.0, retract_speed=0.25), far)
     assert restored.wait(lambda state: state["joint_speed"] < 1e-3, 3.0)
 

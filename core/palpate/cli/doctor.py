@@ -20,7 +20,7 @@ def doctor(
     ] = None,
     duration: Annotated[float, typer.Option(help="How long to listen [s].", min=0.2)] = 2.0,
 ) -> None:
-    """Connect every device and look: ports, rates, pauses, clocks, noise at rest, the motion's limits. Nothing moves."""
+    """Connect every device and look: ports, rates, pauses, clocks, noise at rest, the limits. Nothing moves."""
     from palpate.pipeline import examine
 
     bad = 0

@@ -23,9 +23,7 @@ def run(
         list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override a setting; can be repeated.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print result.json instead of the table.")] = False,
-    dry: Annotated[
-        bool, typer.Option("--dry-run", help="Show the motion and its limits; connect to nothing.")
-    ] = False,
+    dry: Annotated[bool, typer.Option("--dry-run", help="Show the motion and its limits; connect to nothing.")] = False,
     seed: Annotated[int | None, typer.Option(help="Seed of the run; overrides that of the file.", min=0)] = None,
 ) -> None:
     """Run a pipeline; print what was found and where it is written."""

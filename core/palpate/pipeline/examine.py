@@ -57,7 +57,9 @@ def _motion(pipeline: Pipeline) -> Iterator[Finding]:
         report = check_motion(trajectory, pipeline.safety)
         yield from (Finding("bad", f"trajectory {name}", problem) for problem in report.problems)
         if not report.problems:
-            yield Finding("good", f"trajectory {name}", f"keeps the limits; at most {report.peak_force:.1f} N by computation")
+            yield Finding(
+                "good", f"trajectory {name}", f"keeps the limits; at most {report.peak_force:.1f} N by computation"
+            )
 
 
 def _listened(pipeline: Pipeline, links: Mapping[str, Link], duration: float) -> Iterator[Finding]:

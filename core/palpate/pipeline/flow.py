@@ -86,7 +86,7 @@ class Flow:
         trajectory = the_trajectory(pipeline) if pipeline.trajectories else None
         if trajectory is not None and limits is None:
             raise ConfigurationError(
-                f"{pipeline.path}: a live robot needs a [safety] table; `palpate describe safety` says what belongs in it"
+                f"{pipeline.path}: a live robot needs a [safety] table: workspace, speed and force limits"
             )
         if trajectory is not None and limits is not None:
             demand_safe(trajectory, limits, str(pipeline.path))

@@ -15,7 +15,7 @@ from palpate.device import Arm, Batch, Retractable, Stream, address
 from palpate.errors import DeviceError
 from palpate.safety import SafetySettings
 
-_LOOK_EVERY = 0.01  # [s]
+_LOOK_EVERY = 0.02  # [s]
 
 
 class _Column:
@@ -156,7 +156,7 @@ class Guard:
         force, noise, speed = found["force"], found["force_std"], found["velocity_std"]
         if abs(force) > limits.rest_force:
             raise DeviceError(
-                f"{self._force.name} reads {force:.2f} N at rest, more than [safety] rest_force = {limits.rest_force:g} N: "
+                f"{self._force.name} reads {force:.2f} N at rest, over [safety] rest_force = {limits.rest_force:g} N: "
                 "is the tip free, and is nothing pulling at the cable?"
             )
         if noise > limits.rest_noise:

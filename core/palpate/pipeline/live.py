@@ -13,7 +13,7 @@ from palpate.device import Arm, Batch, Link
 from palpate.errors import DeviceError
 from palpate.pipeline.guard import Guard
 
-_GATHER = 0.025  # [s]; what the guard has seen may go on in larger pieces
+_GATHER = 0.05  # [s]; what the guard has seen may go on in larger pieces
 _JOIN = 2.0  # [s]
 
 

@@ -19,9 +19,9 @@ from palpate_devices.process.child import Child
 from palpate_devices.process.clock import ClockMap, epoch_offset
 from palpate_devices.process.ring import integers
 
-_POLL = 0.002  # [s]
+_POLL = 0.004  # [s]
 _MOST_SILENT = 0.1  # [s]; at least so often there is a batch, if an empty one
-_BEAT_LIMIT = 0.12  # [s]
+_BEAT_SLACK = 0.02  # [s]; its process beats at least so often
 _UNUSABLE = OVERRANGE | INVALID | RAW
 
 
@@ -80,14 +80,14 @@ class BotaSensor(Device):
         child = Child(f"bota at {self.port}", layout.MODULE, settings, layout.COLUMNS)
         try:
             ready = child.wait_for("ready", self.boot + self.settle + 15.0)
-            yield _BotaLink(child, ready)
+            yield _BotaLink(child, ready, self.silence + _BEAT_SLACK)
         finally:
             child.close()
 
 
 class _BotaLink:
-    def __init__(self, child: Child, ready: Mapping[str, Any]) -> None:
-        self._child = child
+    def __init__(self, child: Child, ready: Mapping[str, Any], beat_limit: float) -> None:
+        self._child, self._beat_limit = child, beat_limit
         self._clock = ClockMap()
         self._ready = ready
         self._counts = {"readings": 0, "throttled": 0, "unusable": 0}
@@ -103,7 +103,7 @@ class _BotaLink:
                 quiet = now
             if not len(rows):
                 self._child.messages()
-                self._child.check(_BEAT_LIMIT)
+                self._child.check(self._beat_limit)
                 time.sleep(_POLL)
             if self._child.ring.lost:
                 raise DeviceError(

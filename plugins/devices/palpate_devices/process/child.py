@@ -18,7 +18,7 @@ from palpate import DeviceError
 
 from palpate_devices.process.ring import Ring, ring_size, shared_memory
 
-_BEAT_EVERY = 0.01  # [s]
+_BEAT_EVERY = 0.025  # [s]
 
 
 class Child:

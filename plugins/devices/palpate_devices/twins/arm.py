@@ -87,7 +87,7 @@ class Arm:
     def run_tip_at(self, twist: list[float]) -> bool:
         """Hold a tip speed; False where the arm is singular."""
         try:
-            self.run_at(np.linalg.solve(tip(self.q.tolist(), self.tcp)[1], np.array(twist)))
+            self.run_at(np.asarray(np.linalg.solve(tip(self.q.tolist(), self.tcp)[1], np.array(twist)), np.float64))
         except np.linalg.LinAlgError:
             return False
         return True

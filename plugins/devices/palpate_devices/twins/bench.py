@@ -114,7 +114,7 @@ class World:
         began = time.monotonic() - self.controller.now
         while not self._done:
             wait = max(began + self.controller.now + TICK - time.monotonic(), 0.0)
-            ready = select.select([sys.stdin, *self.ports.sockets], [], [], wait)[0]
+            ready: list[Any] = select.select([sys.stdin, *self.ports.sockets], [], [], wait)[0]
             if sys.stdin in ready:
                 self._listen()
             self.ports.serve(ready)

@@ -17,8 +17,8 @@ _READY, _DONE, _END = 1, 2, 255
 class Program:
     """A running control program: commands come in `input_int_register_0`, parameters in the double registers.
 
-    Carried out: servoJ/L, speedJ/L, moveJ/L and their stops, watchdog, TCP, kinematics, steadiness, protective stop, and
-    what needs no motion (payload, zero of the force sensor). Any other command ends the program, and says so.
+    Carried out: servoJ/L, speedJ/L, moveJ/L and their stops, watchdog, TCP, kinematics, steadiness, protective stop,
+    and what needs no motion (payload, zero of the force sensor). Any other command ends the program, and says so.
     """
 
     def __init__(self, text: str, arm: Arm, protect: Callable[[], None]) -> None:

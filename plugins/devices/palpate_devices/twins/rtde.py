@@ -12,21 +12,59 @@ _CODES |= {"VECTOR3D": "3d", "VECTOR6D": "6d", "VECTOR6INT32": "6i", "VECTOR6UIN
 OUTPUTS: dict[str, str] = {
     "timestamp": "DOUBLE",
     **dict.fromkeys(
-        "target_q target_qd target_qdd target_current target_moment actual_q actual_qd actual_current "
-        "joint_control_output actual_TCP_pose actual_TCP_speed actual_TCP_force target_TCP_pose target_TCP_speed "
-        "joint_temperatures actual_joint_voltage actual_current_as_torque ft_raw_wrench payload_inertia".split(),
+        [
+            "target_q",
+            "target_qd",
+            "target_qdd",
+            "target_current",
+            "target_moment",
+            "actual_q",
+            "actual_qd",
+            "actual_current",
+            "joint_control_output",
+            "actual_TCP_pose",
+            "actual_TCP_speed",
+            "actual_TCP_force",
+            "target_TCP_pose",
+            "target_TCP_speed",
+            "joint_temperatures",
+            "actual_joint_voltage",
+            "actual_current_as_torque",
+            "ft_raw_wrench",
+            "payload_inertia",
+        ],
         "VECTOR6D",
     ),
-    **dict.fromkeys("actual_tool_accelerometer payload_cog elbow_position elbow_velocity".split(), "VECTOR3D"),
     **dict.fromkeys(
-        "actual_execution_time speed_scaling target_speed_fraction actual_momentum actual_main_voltage "
-        "actual_robot_voltage actual_robot_current standard_analog_input0 standard_analog_input1 "
-        "standard_analog_output0 standard_analog_output1 payload tcp_force_scalar".split(),
+        [
+            "actual_tool_accelerometer",
+            "payload_cog",
+            "elbow_position",
+            "elbow_velocity",
+        ],
+        "VECTOR3D",
+    ),
+    **dict.fromkeys(
+        [
+            "actual_execution_time",
+            "speed_scaling",
+            "target_speed_fraction",
+            "actual_momentum",
+            "actual_main_voltage",
+            "actual_robot_voltage",
+            "actual_robot_current",
+            "standard_analog_input0",
+            "standard_analog_input1",
+            "standard_analog_output0",
+            "standard_analog_output1",
+            "payload",
+            "tcp_force_scalar",
+        ],
         "DOUBLE",
     ),
-    **dict.fromkeys("actual_digital_input_bits actual_digital_output_bits".split(), "UINT64"),
-    **dict.fromkeys("runtime_state robot_status_bits safety_status_bits".split(), "UINT32"),
-    **dict.fromkeys("robot_mode safety_mode safety_status".split(), "INT32"),
+    **dict.fromkeys(["actual_digital_input_bits", "actual_digital_output_bits"], "UINT64"),
+    **dict.fromkeys(["runtime_state", "robot_status_bits", "safety_status_bits"], "UINT32"),
+    **dict.fromkeys(["robot_mode", "safety_mode", "safety_status"], "INT32"),
     "joint_mode": "VECTOR6INT32",
     **{f"output_int_register_{i}": "INT32" for i in range(48)},
     **{f"output_double_register_{i}": "DOUBLE" for i in range(48)},
@@ -38,8 +76,14 @@ INPUTS: dict[str, str] = {
     "speed_slider_mask": "UINT32",
     "speed_slider_fraction": "DOUBLE",
     **dict.fromkeys(
-        "standard_digital_output_mask configurable_digital_output_mask tool_digital_output_mask "
-        "standard_digital_output configurable_digital_output tool_digital_output".split(),
+        [
+            "standard_digital_output_mask",
+            "configurable_digital_output_mask",
+            "tool_digital_output_mask",
+            "standard_digital_output",
+            "configurable_digital_output",
+            "tool_digital_output",
+        ],
         "UINT8",
     ),
 }

@@ -171,8 +171,8 @@ class VirtualSensor:
         """The times [s] up to `until` at which it reads, since the last call."""
         if self._mode != "run":
             return np.zeros(0)
-        count = max(int(math.floor((until - self._next) / self.period + 1e-9)) + 1, 0)
-        instants = self._next + self.period * np.arange(count)
+        count = max(math.floor((until - self._next) / self.period + 1e-9) + 1, 0)
+        instants = np.asarray(self._next + self.period * np.arange(count), np.float64)
         self._next += self.period * count
         return instants
 

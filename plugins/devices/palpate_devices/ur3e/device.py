@@ -39,7 +39,7 @@ from palpate_devices.ur3e.servo import PERIOD
 Floats = NDArray[np.float64]
 
 _POLL = 0.006  # [s]
-_BEAT_LIMIT = 0.12  # [s]
+_BEAT_SLACK = 0.02  # [s]
 _HINT = ": the client library does that where it loses the link to the controller"
 
 
@@ -140,7 +140,8 @@ class UR3eLink:
 
     def follow(self, trajectory: Trajectory) -> None:
         """Go to the first setpoint, then follow them all."""
-        times = np.arange(int(np.floor(trajectory.total_duration / PERIOD + 1e-9)) + 1) * PERIOD
+        count = int(np.floor(trajectory.total_duration / PERIOD + 1e-9)) + 1
+        times = np.asarray(np.arange(count) * PERIOD, np.float64)
         setpoint = trajectory.at(times)
         table = np.column_stack([setpoint.position, setpoint.velocity, setpoint.measuring.astype(float)])
         if self._position is None:
@@ -175,7 +176,7 @@ class UR3eLink:
             rows = self._child.ring.read()
             yield from self._batches(rows)
             if not len(rows):
-                self._child.check(_BEAT_LIMIT)
+                self._child.check(self._settings.stale + _BEAT_SLACK)
             time.sleep(_POLL)
 
     def _batches(self, rows: Floats) -> Iterator[Batch]:

@@ -61,10 +61,11 @@ def joints_at(pose: Floats, tcp: Floats, near: Floats, steps: int = 30, toleranc
     """Joint angles (6,) that put the tool centre point at a pose (4, 4), by Newton's method; None where it fails."""
     q = np.array(near, float)
     for _ in range(steps):
-        found, jacobian = tip(q, tcp)
+        found, jacobian = tip(q.tolist(), tcp)
         error = np.concatenate([pose[:3, 3] - found[:3, 3], rotation_vector(pose[:3, :3] @ found[:3, :3].T)])
         if np.abs(error).max() < tolerance:
-            return (q + np.pi) % (2 * np.pi) - np.pi if np.abs(q).max() > 2 * np.pi else q
+            turned = (q + np.pi) % (2 * np.pi) - np.pi if np.abs(q).max() > 2 * np.pi else q
+            return np.asarray(turned, np.float64)
         try:
             step = np.linalg.solve(jacobian, error)
         except np.linalg.LinAlgError:

@@ -46,7 +46,7 @@ class Commander:
     def setpoint(self) -> Floats:
         """Position, velocity (3 + 3) and whether it is meant for estimation, as of now."""
         if self.mode == "follow" and len(self._table):
-            return self._table[min(self._row, len(self._table) - 1)]
+            return np.array(self._table[min(self._row, len(self._table) - 1)])
         return np.array([*self._command, *self._speed, 0.0])
 
     def follow(self, table: Floats) -> None:
@@ -111,4 +111,4 @@ class Commander:
 
     def lags(self, position: Floats) -> bool:
         """Whether the arm is so far from the command that it cannot be following it."""
-        return float(np.abs(self._command - position).max()) > _OUT_OF_LINE
+        return bool(max(abs(self._command - position)) > _OUT_OF_LINE)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import json
+import math
 import mmap
 import os
 import random
@@ -32,6 +33,8 @@ _TICK = round(PERIOD * 1e9)
 _SAFE = (1, 2)  # NORMAL, REDUCED
 _SAFETY = {3: "protective stop", 5: "safeguard stop", 6: "emergency stop", 7: "emergency stop", 8: "violation"}
 _PLAYING = 2
+_EXPLAIN = 10  # periods
+_LISTEN_EVERY = 5  # periods; stopping goes by shared memory and does not wait
 _MOST_BEHIND = 4  # periods; what is later is not made up for
 
 
@@ -63,6 +66,8 @@ class _Robot:
         self.control.setWatchdog(settings["watchdog"])
         self.control.setTcp([*settings["tcp"], 0.0, 0.0, 0.0])
         self._work = WorkFrame.model_construct(**settings["work"])
+        self._out, self._origin = self._work.matrix[:3, :3], self._work.matrix[:3, 3]
+        self._turn = pose_of(self._work.tool_pose(self._origin))[3:]
         self._servo = PERIOD, settings["lookahead"], settings["servo_gain"]
         self.stamp, self.seen = -1.0, time.monotonic_ns()
         self.state: list[float] = []
@@ -75,40 +80,40 @@ class _Robot:
         if stamp == self.stamp:
             return False
         now = time.monotonic_ns()
-        for _ in range(3):
-            values = [
-                *receive.getActualQ(),
-                *receive.getActualQd(),
-                *receive.getActualTCPPose(),
-                *receive.getActualTCPSpeed(),
-                *receive.getActualTCPForce(),
-            ]
-            modes = receive.getRobotMode(), receive.getSafetyMode(), receive.getRuntimeState()
+        values, modes = self._read()
+        for _ in range(2):
             again = receive.getTimestamp()
             if again == stamp:
                 break
-            stamp, now = again, time.monotonic_ns()
+            stamp, now = again, time.monotonic_ns()  # a packet came in between: its values may be mixed
+            values, modes = self._read()
         if len(values) != 30:
             return False
         self.stamp, self.seen, self.state, self.modes = stamp, now, values, modes
         return True
 
-    @property
-    def position(self) -> Floats:
-        """Tip in the work frame (3,)."""
-        matrix = self._work.matrix
-        return np.asarray(matrix[:3, :3].T @ (np.array(self.state[12:15]) - matrix[:3, 3]))
+    def _read(self) -> tuple[list[float], tuple[int, int, int]]:
+        receive = self.receive
+        values = [
+            *receive.getActualQ(),
+            *receive.getActualQd(),
+            *receive.getActualTCPPose(),
+            *receive.getActualTCPSpeed(),
+            *receive.getActualTCPForce(),
+        ]
+        return values, (receive.getRobotMode(), receive.getSafetyMode(), receive.getRuntimeState())
 
-    @property
-    def velocity(self) -> Floats:
-        """Its velocity (3,)."""
-        return np.asarray(self._work.matrix[:3, :3].T @ np.array(self.state[18:21]))
+    def place(self) -> tuple[Floats, Floats]:
+        """Position and velocity (3,) of the tip in the work frame."""
+        inwards = self._out.T
+        return inwards @ (np.array(self.state[12:15]) - self._origin), inwards @ np.array(self.state[18:21])
 
     def servo(self, position: Floats) -> bool:
         """Send the arm to a position in the work frame; True means sent, not done."""
-        if not np.isfinite(position).all():
+        target = (self._origin + self._out @ position).tolist()
+        if not all(map(math.isfinite, target)):
             raise ValueError("a command that is no number")
-        return bool(self.control.servoL(pose_of(self._work.tool_pose(position)), 0.5, 0.5, *self._servo))
+        return bool(self.control.servoL([*target, *self._turn], 0.5, 0.5, *self._servo))
 
 
 class _Loop:
@@ -119,6 +124,7 @@ class _Loop:
         self._lateness = Lateness(ring.head, _TICK)
         self._commander: Commander | None = None
         self._setpoint = np.zeros(7)
+        self._cycles = 0
 
     def run(self) -> NoReturn:
         """One cycle after another, each at its deadline."""
@@ -154,11 +160,14 @@ class _Loop:
             self._setpoint = commander.setpoint
             return
         self._setpoint = commander.setpoint
-        if not robot.servo(commander.next(robot.position, robot.velocity)):
-            self._robot.poll()
-            self._check(now)
+        position, velocity = robot.place()
+        if not robot.servo(commander.next(position, velocity)):
+            for _ in range(_EXPLAIN):  # the state that says why comes on another connection
+                self._take_state()
+                self._check(time.monotonic_ns())
+                time.sleep(PERIOD)
             self._fail("the robot refuses commands: its program has ended (out of reach, or stopped)")
-        if commander.lags(robot.position):
+        if commander.lags(position):
             self._halt()
             self._fail("the arm does not follow: it is more than 20 mm from its command")
 
@@ -166,7 +175,7 @@ class _Loop:
         robot = self._robot
         if robot.poll():
             if self._commander is None:
-                self._commander = Commander(self._law, robot.position)
+                self._commander = Commander(self._law, robot.place()[0])
                 self._setpoint = self._commander.setpoint
             stamps = round(robot.stamp * 1e9), robot.seen
             self._ring.write(stamps, [*robot.state, *robot.modes, *self._setpoint])
@@ -186,7 +195,8 @@ class _Loop:
 
     def _listen(self, now: int) -> None:
         head, commander = self._ring.head, self._commander
-        for message in self._parent.messages():
+        self._cycles += 1
+        for message in self._parent.messages() if self._cycles % _LISTEN_EVERY == 0 else ():
             if message["say"] == "follow" and commander is not None:
                 commander.follow(_table(self._parent.descriptors.pop(0), message["rows"]))
             elif message["say"] == "close":
@@ -196,10 +206,10 @@ class _Loop:
             self._leave()
         if head[STOP]:
             self._finish()
-        elif commander is not None and head[RETRACT]:
-            commander.retract()
-        elif commander is not None and commander.mode != "hold" and (now - beat) / 1e9 > self._host_limit:
-            commander.retract()
+        elif commander is not None:
+            silent = commander.mode != "hold" and (now - beat) / 1e9 > self._host_limit
+            if head[RETRACT] or silent:
+                commander.retract()
 
     def _finish(self) -> NoReturn:
         """The motion is over, one way or the other."""
