@@ -14,7 +14,7 @@ from palpate.contact import (
     tanh,
     tip_profile,
 )
-from palpate.device import Arm, Batch, Channel, Device, Link, Stream
+from palpate.device import Arm, Batch, Channel, Device, Link, Retractable, Stream, Watched
 from palpate.errors import ConfigurationError, DeviceError, LogError, OutputError, PalpateError, PluginError, UserError
 from palpate.estimation import (
     Belief,
@@ -34,6 +34,7 @@ from palpate.process import InertialProcess, KinematicProcess
 from palpate.recording import Recording, Suggestion, Survey, TopicSurvey
 from palpate.sink import Run, Sink, Writer
 from palpate.trajectory import Setpoint, Trajectory
+from palpate.twin import Twin
 from palpate.units import (
     Acceleration,
     Angle,
@@ -45,6 +46,7 @@ from palpate.units import (
     Mass,
     Pressure,
     Speed,
+    Stiffness,
     Time,
     Viscosity,
     to_si,
@@ -86,6 +88,7 @@ __all__ = [
     "Pressure",
     "Problem",
     "Recording",
+    "Retractable",
     "Run",
     "Samples",
     "Setpoint",
@@ -94,6 +97,7 @@ __all__ = [
     "Speed",
     "Status",
     "Step",
+    "Stiffness",
     "Stream",
     "Suggestion",
     "Survey",
@@ -101,8 +105,10 @@ __all__ = [
     "TopicSurvey",
     "Tracker",
     "Trajectory",
+    "Twin",
     "UserError",
     "Viscosity",
+    "Watched",
     "Writer",
     "arctan",
     "compile_step",

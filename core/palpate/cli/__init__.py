@@ -13,6 +13,7 @@ from palpate.cli import (
     calibrate,
     compare,
     design,
+    doctor,
     export,
     force,
     inspect,
@@ -25,6 +26,7 @@ from palpate.cli import (
     run,
     search,
     sweep,
+    twin,
 )
 from palpate.cli import map as maps
 from palpate.cli.fit import fit
@@ -76,6 +78,8 @@ app.command(name="info")(log_info.info)
 app.command(name="compare")(compare.compare)
 app.command(name="export")(export.export)
 app.command(name="recover")(recover.recover)
+app.command(name="doctor")(doctor.doctor)
+app.command(name="twin")(twin.twin)
 
 
 def main() -> None:

@@ -14,7 +14,7 @@ from palpate.errors import ConfigurationError
 from palpate.registry import suggest
 
 # Tables that hold settings; all others hold named parts.
-PLAIN_TABLES = ("run", "alignment", "sweep", "calibration", "design")
+PLAIN_TABLES = ("run", "alignment", "safety", "sweep", "calibration", "design")
 
 
 @dataclass(frozen=True)

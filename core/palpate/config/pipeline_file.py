@@ -24,8 +24,10 @@ from palpate.errors import PalpateError
 from palpate.estimation import Estimator
 from palpate.parts import File, Settings
 from palpate.registry import Registry, suggest
+from palpate.safety import SafetySettings
 from palpate.sink import Sink
 from palpate.trajectory import Trajectory
+from palpate.twin import Twin
 from palpate.units import Time
 
 
@@ -71,6 +73,8 @@ class Pipeline:
     devices: Mapping[str, Device]
     trajectories: Mapping[str, Trajectory]
     sinks: Mapping[str, Sink]
+    twins: Mapping[str, Twin]
+    safety: SafetySettings | None
     tracks: tuple[Track, ...]
     registry: Registry
     calibration: CalibrationUse | None = None
@@ -104,6 +108,7 @@ def build_pipeline(source: Source) -> Pipeline:
         builder.mistakes.append(Mistake((), "the table [alignment] is missing: it says which channel is the force"))
     design = builder.settings(DesignSettings, ("design",))
     builder.settings(CalibrationSettings, ("calibration",))
+    safety = builder.settings(SafetySettings, ("safety",)) if "safety" in tables else None
     kinds = {kind: builder.parts(kind) for kind in registry.parts}
     builder.mistakes += _missing_kinds(tables, registry)
     if alignment and len(kinds["device"]) == len(tables.get("device", {})):
@@ -131,6 +136,8 @@ def build_pipeline(source: Source) -> Pipeline:
         kinds["device"],
         kinds["trajectory"],
         kinds["sink"],
+        kinds["twin"],
+        safety,
         tracks,
         registry,
         use,

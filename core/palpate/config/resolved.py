@@ -21,6 +21,8 @@ def resolved_text(pipeline: Pipeline) -> str:
         "run": plain_settings(pipeline.run, pipeline.registry),
         "alignment": plain_settings(pipeline.alignment, pipeline.registry),
     }
+    if pipeline.safety is not None:
+        tables["safety"] = plain_settings(pipeline.safety, pipeline.registry)
     kinds = {
         "device": pipeline.devices,
         "trajectory": pipeline.trajectories,
@@ -28,6 +30,7 @@ def resolved_text(pipeline: Pipeline) -> str:
         "model": pipeline.models,
         "estimator": pipeline.estimators,
         "sink": pipeline.sinks,
+        "twin": pipeline.twins,
     }
     for kind, parts in kinds.items():
         tables[kind] = {name: plain_settings(part, pipeline.registry) for name, part in parts.items()}

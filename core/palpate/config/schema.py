@@ -11,6 +11,7 @@ from palpate.design import DesignSettings
 from palpate.hooks import KINDS
 from palpate.parts import Settings
 from palpate.registry import Registry
+from palpate.safety import SafetySettings
 
 _SWEEP = {
     "type": "object",
@@ -28,6 +29,7 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
         "sweep": _SWEEP,
         "calibration": _table(CalibrationSettings, definitions),
         "design": _table(DesignSettings, definitions),
+        "safety": _table(SafetySettings, definitions),
     }
     for kind, entries in registry.parts.items():
         choices = []

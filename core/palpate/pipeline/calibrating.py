@@ -24,7 +24,7 @@ from palpate.calibration import (
 from palpate.config import CalibrationPlan, plain_settings
 from palpate.device import Arm
 from palpate.errors import ConfigurationError
-from palpate.pipeline.running import merged
+from palpate.pipeline.flow import merged
 from palpate.trajectory import Trajectory
 
 Say = Callable[[str], None]

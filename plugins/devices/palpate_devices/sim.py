@@ -29,14 +29,13 @@ from palpate import (
 from pydantic import Field
 
 from palpate_devices.motion import Motion, PositionLoop
+from palpate_devices.sensing import sensed_wrench
 from palpate_devices.specimen import Specimen
 
 Floats = NDArray[np.float64]
 
-_GRAVITY = 9.80665  # [m/s^2]
 _SECOND = 1_000_000_000  # [ns]
 _BLOCK = 0.05  # [s] of simulated time in one round of batches
-_SLIP = 1e-4  # [m/s] of sliding over which friction comes up
 
 
 class SimulatedRig(Device):
@@ -182,14 +181,13 @@ class _Rig:
         """What the sensor reads (n, 6) at true times (n,) [s]."""
         settings = self._settings
         _, velocity, _ = motion.at(instants)
-        inertia = -settings.tip_mass * motion.mean_acceleration(instants, 1.0 / settings.sensor_rate)
-        wrench = np.zeros((len(instants), 6))
-        wrench[:, :3] = inertia
-        wrench[:, :2] -= friction(settings.specimen.friction * contact, velocity[:, :2])
-        wrench[:, 2] += contact - settings.tip_mass * _GRAVITY + settings.bias + settings.drift * instants
-        noise = self._force_noise.standard_normal((len(instants), 6)) * settings.force_std
-        noise[:, 3:] *= 0.02  # torque noise in N*m for one newton of force noise, of the order of the real sensor's
-        return np.clip(wrench + noise, -settings.force_limit, settings.force_limit)
+        acceleration = motion.mean_acceleration(instants, 1.0 / settings.sensor_rate)
+        push = settings.specimen.with_friction(contact, velocity)
+        offset = settings.bias + settings.drift * instants
+        noise = self._force_noise.standard_normal((len(instants), 6))
+        return sensed_wrench(
+            push, acceleration, settings.tip_mass, offset, noise, settings.force_std, settings.force_limit
+        )
 
     def _kinematics(self, position: Floats, velocity: Floats) -> tuple[Floats, Floats]:
         """Measured pose (n, 7) and twist (n, 6); the tool keeps its orientation."""
@@ -203,9 +201,3 @@ class _Rig:
     def _batch(self, stream: str, instants: Floats, delay: float, values: Floats, origin: int) -> Batch:
         stamps = origin + np.rint((instants + delay) * _SECOND).astype(np.int64)
         return Batch(stream, stamps, stamps, values)
-
-
-def friction(limit: Floats, sliding: Floats) -> Floats:
-    """Friction (n, 2) [N] along the sliding (n, 2) [m/s], up to a limit (n,) [N]: limit tanh(|v|/0.1 mm/s) v/|v|."""
-    speed = np.linalg.norm(sliding, axis=1)
-    return np.asarray((limit * np.tanh(speed / _SLIP) / np.maximum(speed, 1e-12))[:, None] * sliding)

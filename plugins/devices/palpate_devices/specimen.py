@@ -14,6 +14,8 @@ from palpate_devices.relief import Relief
 
 Floats = NDArray[np.float64]
 
+_SLIP = 1e-4  # [m/s] of sliding over which friction comes up
+
 
 class Specimen(Settings):
     """What the tip presses on: a contact model with its true parameters, at a height that nobody is told.
@@ -95,6 +97,16 @@ class Specimen(Settings):
             return force_over_time(self.model, instants, depth, rate, values, pulls=False)
         except ValueError as error:
             raise ConfigurationError(f"device sim: specimen: {error}") from error
+
+    def with_friction(self, contact: Floats, velocity: Floats) -> Floats:
+        """Force (n, 3) [N] on a tip: the contact force (n,) along z, friction against its velocity (n, 3) [m/s].
+
+        Friction is mu F tanh(|v|/(0.1 mm/s)), v the velocity along the surface.
+        """
+        sliding = velocity[:, :2]
+        speed = np.linalg.norm(sliding, axis=1)
+        friction = self.friction * contact * np.tanh(speed / _SLIP) / np.maximum(speed, 1e-12)
+        return np.column_stack([-friction[:, None] * sliding, contact])
 
     def refuse(self, setpoint: Setpoint) -> None:
         """Raise ConfigurationError where a motion goes through the material or touches beside it."""

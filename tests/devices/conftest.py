@@ -1,0 +1,151 @@
+"""Software twins for tests: each on a loopback address and a port of its own, gone when the test is over."""
+
+import itertools
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from palpate.config import load_pipeline
+from palpate.errors import DeviceError
+from palpate.pipeline import run_pipeline
+
+PIPELINE = Path(__file__).parents[2] / "pipelines" / "point_ur3e.toml"
+_ADDRESSES = itertools.count(2)
+# A short motion with the same limits: rest, approach, a second of sine, retraction.
+SHORT = (
+    "device.sensor.settle=0.1 s",
+    "safety.rest=0.3 s",
+    "alignment.tare_duration=0.2 s",
+    "trajectory.press.rest=0 s",
+    "trajectory.press.clearance=3 mm",
+    "trajectory.press.duration=1 s",
+    "twin.bench.height=4 mm",
+)
+# Kernel threads that serve a pseudo-terminal can wait 0.2 s on a machine with more work than cores: only tests of
+# silence itself keep the limits of 0.1 s.
+PATIENT = (
+    "device.sensor.silence=0.6 s",
+    "device.arm.stale=0.6 s",
+    "device.arm.watchdog=2 Hz",
+    "device.arm.host_limit=1 s",
+    "safety.stale=0.6 s",
+)
+
+
+class Bench:
+    """A running twin."""
+
+    def __init__(self, folder, overrides=()):
+        self.host = f"127.6.{os.getpid() % 250}.{next(_ADDRESSES)}"
+        self.port = folder / f"sensor-{self.host}"
+        self.folder = folder
+        self._overrides = [f"twin.bench.host={self.host}", f"twin.bench.port={self.port}", *overrides]
+        command = [sys.executable, "-c", "from palpate.cli import main; main()", "twin", str(PIPELINE)]
+        for override in self._overrides:
+            command += ["--set", override]
+        self._errors = (folder / "twin.log").open("w")
+        self.process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, text=True, bufsize=1
+        )
+        self._lock = threading.Lock()
+        line = self.process.stdout.readline()
+        assert line.startswith("ready"), (folder / "twin.log").read_text()
+
+    def say(self, words):
+        """Tell the twin something; its answer."""
+        with self._lock:
+            self.process.stdin.write(words + "\n")
+            self.process.stdin.flush()
+            return self.process.stdout.readline().strip()
+
+    def fault(self, words):
+        """Make a fault; the monotonic time at which it was there."""
+        answer = self.say(words)
+        assert answer.startswith("done"), answer
+        return float(answer.split()[1])
+
+    def state(self):
+        return json.loads(self.say("state").removeprefix("state "))
+
+    def wait(self, condition, timeout=20.0):
+        deadline = time.monotonic() + timeout
+        while time.monotonic() < deadline:
+            if condition(state := self.state()):
+                return state
+            time.sleep(0.01)
+        raise AssertionError(f"never came: {state}")
+
+    def pipeline(self, *overrides):
+        sets = [f"device.arm.host={self.host}", f"device.sensor.port={self.port}", *self._overrides, *overrides]
+        return load_pipeline(PIPELINE, sets)
+
+    def run(self, *overrides, out="out", patient=True):
+        return run_pipeline(self.pipeline(*(PATIENT if patient else ()), *overrides), self.folder / out)
+
+    def run_into(self, fault, when, *overrides, out="out", patient=True):
+        """Run with a fault as soon as a condition holds: the error, the fault's time, result.json."""
+        times = []
+
+        def make():
+            self.wait(when)
+            times.append(self.fault(fault))
+
+        thread = threading.Thread(target=make)
+        thread.start()
+        try:
+            with pytest.raises(DeviceError) as caught:
+                self.run(*overrides, out=out, patient=patient)
+        finally:
+            thread.join()
+        return str(caught.value), times[0], json.loads((self.folder / out / "result.json").read_text())
+
+    def close(self):
+        self.process.stdin.close()
+        try:
+            self.process.wait(5)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        self.process.stdout.close()
+        self._errors.close()
+        assert not self.port.exists()
+
+
+@pytest.fixture
+def bench(tmp_path):
+    """Start twins with overrides; they end with the test."""
+    running = []
+
+    def start(*overrides):
+        running.append(Bench(tmp_path, overrides))
+        return running[-1]
+
+    yield start
+    for twin in running:
+        twin.close()
+
+
+@pytest.fixture(scope="module")
+def shared_bench(tmp_path_factory):
+    """One twin for a module's tests; `restore` it before each use."""
+    twin = Bench(tmp_path_factory.mktemp("bench"), SHORT)
+    yield twin
+    twin.close()
+
+
+@pytest.fixture
+def restored(shared_bench, tmp_path):
+    """The module's twin, as new."""
+    shared_bench.folder = tmp_path
+    shared_bench.fault("restore")
+    return shared_bench
+
+
+@pytest.fixture
+def short():
+    return SHORT
