@@ -57,7 +57,7 @@ def test_other_tracks_on_a_recording(recording, point_pipeline, tmp_path):
         ],
     )
     result = run_pipeline(pipeline, tmp_path / "replay")
-    assert set(result.tracks) == {"dr/ekf", "dr/soft"}
+    assert set(result.tracks) == {"dr/ekf", "dr/kinematic", "dr/soft"}
 
 
 def test_it_keeps_the_promises_of_a_device(recording):

@@ -38,6 +38,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",  # rich's own markup would take [tables] for tags
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
