@@ -95,6 +95,7 @@ class _BotaLink:
     def batches(self) -> Iterator[Batch]:
         """What has come, every 2 ms; raises DeviceError as soon as the sensor fails."""
         quiet = time.monotonic()
+        self._child.ring.skip()  # what came while other devices were connected
         while True:
             rows = self._child.ring.read()
             now = time.monotonic()

@@ -20,8 +20,8 @@ class Lateness:
         self._period = period
         self._edges = EDGES.tolist()
 
-    def add(self, late: int, counted: bool) -> None:
-        """One cycle that began so late [ns]; only cycles that command are counted."""
+    def add(self, now: int, late: int, counted: bool) -> None:
+        """One cycle that began at a time [ns], so late [ns]; only cycles that command are counted."""
         if not counted:
             return
         head, bin_ = self._head, 0
@@ -30,17 +30,20 @@ class Lateness:
                 break
             bin_ += 1
         head[_BINS + bin_] += 1
+        head[_FIRST], head[_LAST] = head[_FIRST] or now, now
         head[_CYCLES] += 1
         head[_MISSED] += late > self._period
         head[_LATEST] = max(int(head[_LATEST]), late)
 
 
 def lateness_table(head: NDArray[np.int64]) -> dict[str, Any]:
-    """Cycles, missed deadlines (later than a period), largest lateness and p99 [s], histogram."""
+    """Cycles, mean rate [Hz], missed deadlines (later than a period), largest lateness and p99 [s], histogram."""
     counts = head[_BINS : _BINS + len(EDGES) + 1]
     total = int(counts.sum())
     table: dict[str, Any] = {"cycles": int(head[_CYCLES]), "missed": int(head[_MISSED])}
     if total:
+        span = int(head[_LAST] - head[_FIRST]) / 1e9
+        table["rate"] = (total - 1) / span if span > 0 else None
         rank = int(np.searchsorted(np.cumsum(counts), 0.99 * total))
         edges = [*(EDGES / 1e9).tolist(), float(head[_LATEST]) / 1e9]
         table |= {"largest": float(head[_LATEST]) / 1e9, "p99_below": min(edges[rank], edges[-1])}

@@ -134,7 +134,7 @@ class _Loop:
             now = time.monotonic_ns()
             late = now - deadline
             self._ring.beat(now)
-            self._lateness.add(late, self._commander is not None and self._commander.mode == "follow")
+            self._lateness.add(now, late, self._commander is not None and self._commander.mode == "follow")
             self._cycle(now)
             # A look at a random instant between two deadlines: else a controller that ticks in step with this loop
             # would always be seen equally late, and its clock mapped wrongly by up to a period.
