@@ -11,6 +11,7 @@ import zlib
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate_devices.logs.topics import Bytes, Stamps, column, gather
 
@@ -144,7 +145,7 @@ class Block:
     buffer: Bytes
     offsets: Stamps
     opcodes: Bytes
-    channel: Stamps
+    channel: NDArray[np.uint16]
     logged: Stamps
     published: Stamps
     lengths: Stamps  # of the payloads
@@ -153,9 +154,17 @@ class Block:
     def read(cls, buffer: Bytes, offsets: Stamps) -> Block:
         """From the offsets of the records."""
         block = gather(buffer, offsets, HEAD)
-        codes = ((9, "<u2"), (15, "<u8"), (23, "<u8"), (1, "<u8"))
-        channel, logged, published, lengths = (column(block, at, code).astype(np.int64) for at, code in codes)
-        return cls(buffer, offsets, block[:, 0], channel, logged, published, lengths - (HEAD - 9))
+        # Views: what is not looked at is not copied. A number beyond 2^63 turns negative, and is damage.
+        lengths: Stamps = column(block, 1, "<i8") - (HEAD - 9)
+        return cls(
+            buffer,
+            offsets,
+            block[:, 0],
+            column(block, 9, "<u2"),
+            column(block, 15, "<i8"),
+            column(block, 23, "<i8"),
+            lengths,
+        )
 
 
 def read_text(content: bytes, at: int) -> tuple[str, int]:

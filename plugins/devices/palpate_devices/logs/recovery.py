@@ -10,7 +10,8 @@ from typing import Any
 from palpate import LogError, OutputError
 
 from palpate_devices.logs import mcap_records as records
-from palpate_devices.logs.mcap_file import Known, McapFile
+from palpate_devices.logs.mcap_definitions import Known
+from palpate_devices.logs.mcap_file import McapFile
 from palpate_devices.logs.mcap_records import Block
 from palpate_devices.logs.topics import Topic
 

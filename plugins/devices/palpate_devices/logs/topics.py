@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,6 +89,6 @@ def gather(buffer: Bytes, starts: Stamps, width: int) -> Bytes:
     return records[starts].view(np.uint8).reshape(len(starts), width)
 
 
-def column(block: Bytes, offset: int, code: str) -> NDArray[np.generic]:
+def column(block: Bytes, offset: int, code: str) -> NDArray[Any]:
     """One column of a block of records (n, width), as a view."""
     return np.ndarray((len(block),), code, block, offset, (block.shape[1],))
