@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -87,10 +88,10 @@ def null(seeds: int, speeds: Sequence[float]) -> None:
     for speed in speeds:
         alarms: dict[str, int] = {}
         for seed in range(seeds):
-            for track, findings, _ in sweep(
-                pipeline(1000 + seed, speed, 3.0, FINDING, "device.rig.specimen.inclusions=[]")
-            ):
+            empty = pipeline(1000 + seed, speed, 3.0, FINDING, "device.rig.specimen.inclusions=[]")
+            for track, findings, _ in sweep(empty):
                 alarms[track] = alarms.get(track, 0) + bool(findings.lumps)
+            print(f"after {seed + 1} sweeps: {alarms}", file=sys.stderr, flush=True)
         for track, count in sorted(alarms.items(), key=lambda row: TRACKS.index(row[0])):
             print(f"| {speed:g} | {track} | {seeds} | {count} |", flush=True)
 
