@@ -1,12 +1,13 @@
 """Sweeps over the simulated S5: which filters find the lumps, how far off, and how often where there is none.
 
-Run it with: python benchmarks/sweeps.py lumps|null|roc [--seeds 20] [--speeds 2 4 6]. One process, no timing.
+Run it with: python benchmarks/sweeps.py lumps|null|roc|search [--seeds 20] [--speeds 2 4 6]. One process, no timing.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -87,10 +88,10 @@ def null(seeds: int, speeds: Sequence[float]) -> None:
     for speed in speeds:
         alarms: dict[str, int] = {}
         for seed in range(seeds):
-            for track, findings, _ in sweep(
-                pipeline(1000 + seed, speed, 3.0, FINDING, "device.rig.specimen.inclusions=[]")
-            ):
+            empty = pipeline(1000 + seed, speed, 3.0, FINDING, "device.rig.specimen.inclusions=[]")
+            for track, findings, _ in sweep(empty):
                 alarms[track] = alarms.get(track, 0) + bool(findings.lumps)
+            print(f"after {seed + 1} sweeps: {alarms}", file=sys.stderr, flush=True)
         for track, count in sorted(alarms.items(), key=lambda row: TRACKS.index(row[0])):
             print(f"| {speed:g} | {track} | {seeds} | {count} |", flush=True)
 
@@ -100,8 +101,7 @@ def roc(seeds: int) -> None:
     print("| depth mm | stiffness ratio | contrast % | kinematic | smoother | AFUKF |\n|---|---|---|---|---|---|")
     for depth in (4, 6, 8, 11):
         for ratio in (2.0, 5.3):
-            place = 'shape="sphere", place=["0 mm","0 mm"], radius="5 mm"'
-            body = f'[{{{place}, depth="{depth} mm", stiffness_ratio={ratio}}}]'
+            body = f'[{{shape="sphere", depth="{depth} mm", radius="5 mm", stiffness_ratio={ratio}}}]'
             found, contrast = dict.fromkeys(("dr/kinematic", "dr/smoother", "dr/afukf"), 0), math.nan
             for seed in range(seeds):
                 given = pipeline(seed, 4.0, 3.0, FINDING, f"device.rig.specimen.inclusions={body}")
@@ -113,15 +113,49 @@ def roc(seeds: int) -> None:
             print(f"| {depth} | {ratio:g} | {100 * contrast:.1f} | {shares} |", flush=True)
 
 
+def search(seeds: int) -> None:
+    """Time to a checked sphere of 5 mm radius anywhere in 60 mm x 40 mm: two coarse lines, then points by suspicion."""
+    from palpate.cli.search import visit
+    from palpate.maps import propose
+
+    raster = PIPELINE.with_name("raster.toml")
+    whole = next(iter(load_pipeline(raster).trajectories.values())).total_duration
+    times, errors = [], []
+    for seed in range(seeds):
+        x, y = np.random.default_rng(seed).uniform((-25.0, -17.0), (25.0, 17.0))
+        body = f'[{{shape="sphere", place=["{x} mm","{y} mm"], depth="4 mm", radius="5 mm"}}]'
+        settings = [f"run.seed={seed}", f"device.rig.specimen.relief.seed={seed}", 'run.tracks=["dr/smoother"]']
+        settings += [f"device.rig.specimen.inclusions={body}", "trajectory.raster.speed=6 mm/s"]
+        settings += ['trajectory.raster.size=["60 mm", "20 mm"]', "trajectory.raster.pitch=20 mm"]
+        settings += ["trajectory.raster.settle=1 s", "estimator.smoother.sweep_speed=6 mm/s"]
+        given = replace(load_pipeline(raster, settings), sinks={})
+        with tempfile.TemporaryDirectory() as folder:
+            run = Path(folder) / "run"
+            run_pipeline(given, run)
+            spent, found = next(iter(given.trajectories.values())).total_duration, None
+            while found is None and spent < whole:
+                places = propose(sites_along(read_path(run)), 2, area=(-0.03, 0.03, -0.02, 0.02))
+                spent += visit(run, [place.place for place in places], 2.0)
+                lumps = find_lumps(sites_along(read_path(run))).lumps
+                found = next((lump for lump in lumps if lump.checked and lump.p < 1e-3), None)
+        off = math.hypot(1e3 * found.place[0] - x, 1e3 * found.place[1] - y) if found else math.inf
+        times.append(spent if off < 5.0 else math.inf)
+        errors.append(off)
+        print(f"seed {seed}: {spent:.1f} s, {off:.1f} mm off", flush=True)
+    median = float(np.median(times))
+    print(f"whole raster {whole:.1f} s; search: median {median:.1f} s, {median / whole:.2f} of it; ", end="")
+    print(f"found within 5 mm in {np.isfinite(times).sum()} of {seeds}, median error {np.median(errors):.1f} mm")
+
+
 def main() -> None:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["lumps", "null", "roc"])
+    parser.add_argument("what", choices=["lumps", "null", "roc", "search"])
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--speeds", type=float, nargs="+", default=[2.0, 4.0, 6.0])
     given = parser.parse_args()
-    if given.what == "roc":
-        roc(given.seeds)
+    if given.what in ("roc", "search"):
+        {"roc": roc, "search": search}[given.what](given.seeds)
     else:
         {"lumps": lumps, "null": null}[given.what](given.seeds, given.speeds)
 

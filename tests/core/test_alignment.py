@@ -267,3 +267,20 @@ def test_a_force_that_is_not_zero_in_air_is_reported():
     assert report.air_force == pytest.approx(-0.7, abs=0.01)
     assert aligned(pressed(offset=-0.7), tare="free-air")[1].air_force == pytest.approx(0.0, abs=0.01)
     assert aligned(record(), tare="none")[1].air_force is None
+
+
+def test_the_tips_place_comes_along_or_is_unknown():
+    """A stream of its own and slower, in front of the motion's."""
+    place = Stream("place", (Channel("x", "m"), Channel("y", "m")), 100.0)
+    time = stamps(100.0, 2.0)
+    aligner = Aligner(settings(lateral_y="rig.place.y"), {"rig": (*RIG["rig"], place)})
+    for item in [batch("place", time, time / 1e9, 0.004 * time / 1e9), *record()]:
+        aligner.feed("rig", item)
+    samples = aligner.samples(final=True)
+    assert len(samples) > 980
+    assert samples.lateral[:, 1] == pytest.approx(0.004 * samples.stamp / 1e9, abs=1e-12)
+    assert np.isnan(samples.lateral[:, 0]).all()
+    assert samples[10:20].lateral.shape == (10, 2)
+    plain, _ = aligned(record())
+    assert plain.lateral.shape == (len(plain), 2)
+    assert np.isnan(plain.lateral).all()

@@ -25,7 +25,9 @@ def search(
     contrast: Annotated[float, typer.Option(help="Contrast that counts as a lump.")] = 0.05,
     go: Annotated[bool, typer.Option("--go", help="Visit the places, and go on until a stop rule holds.")] = False,
     budget: Annotated[float, typer.Option(help="Seconds of motion after which --go stops.")] = 120.0,
-    sure: Annotated[float, typer.Option(help="--go stops once a lump has a smaller p-value.")] = 0.001,
+    sure: Annotated[
+        float, typer.Option(help="--go stops once a lump checked by points has a smaller p-value.")
+    ] = 0.001,
     palpation: Annotated[float, typer.Option(help="Seconds of sine at each place.")] = 2.0,
 ) -> None:
     """Propose the next places to palpate after a coarse sweep or raster; with --go, visit them."""
@@ -42,10 +44,12 @@ def search(
             return
         spent += visit(run, [place.place for place in places], palpation)
         found = maps.find_lumps(maps.sites_along(maps.read_path(run, track, parameter)))
-        best = min((lump.p for lump in found.lumps), default=1.0)
-        typer.echo(f"after {spent:.0f} s more of motion: {len(found.lumps)} lumps, the surest with p = {best:.2g}")
+        best = min((lump.p for lump in found.lumps if lump.checked), default=1.0)
+        typer.echo(
+            f"after {spent:.0f} s of visits: {len(found.lumps)} lumps; the surest checked one has p = {best:.2g}"
+        )
         if best < sure:
-            typer.echo(f"stopped: a lump is significant at {sure:g}")
+            typer.echo(f"stopped: a lump that was checked is significant at {sure:g}")
             return
         if spent >= budget:
             typer.echo(f"stopped: {budget:g} s of motion are spent")

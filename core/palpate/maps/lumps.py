@@ -40,6 +40,7 @@ class Lump:
     contrast_std: float
     p: float  # the chance of one like it where there is none
     along: float = float("nan")  # [m] its middle along a sweep
+    checked: bool = False  # palpated at a point of it, too
 
 
 @dataclass(frozen=True)
@@ -178,10 +179,12 @@ def _lump(sites: Sites, group: NDArray[np.intp], baseline: Baseline, p: Floats) 
     body = near & (height >= 0.5 * height[peak])
     body[group] = True
     weight = np.maximum(height[body], 0.0)
+    points = sites.standing[body]
+    if points.any():  # sweeps pass where they pass; points were put where it is stiff
+        weight = np.where(points, weight**2, 0.0)
     middle = weight @ sites.place[body] / weight.sum()
     extent = np.sqrt(12 * (weight @ (sites.place[body] - middle) ** 2) / weight.sum())
     std = float(np.hypot(baseline.spread, sites.std[peak]))
     contrast = float(np.expm1(height[peak]))
-    return Lump(
-        (float(middle[0]), float(middle[1])), (float(extent[0]), float(extent[1])), contrast, std, float(p[group].min())
-    )
+    (x, y), (wide, high) = middle.tolist(), extent.tolist()
+    return Lump((x, y), (wide, high), contrast, std, float(p[group].min()), checked=bool(points.any()))
