@@ -12,6 +12,7 @@ from palpate.calibration.record import Record
 
 _WINDOW = 0.1  # [s] over which the motion is judged
 _STILL = 2e-6  # [m]; a standard deviation of the position that nobody would call a motion
+_EVEN = 0.1  # change of the swing over a second that is still even
 _SHORTEST_REST = 0.4  # [s]
 _SHORTEST_SHAKE = 2.0  # [s]
 _EDGE = 0.1  # [s] left out at both ends of every stretch: streams are not yet aligned
@@ -40,17 +41,27 @@ def resting(record: Record) -> list[Segment]:
 def shaking(record: Record, settle: float) -> list[Segment]:
     """The stretches of even to-and-fro motion, in order, without the first `settle` seconds of each.
 
-    The swing over a longer window must stay above 0.7 of the record's largest; a shake fades in and out.
+    The swing over a window of a second must be the same half a second before and after: a shake fades in and out.
     """
     edges, swing = _swing(record)
     width = round(1.0 / _WINDOW)
     if len(swing) < 2 * width:
         return []
     longer = np.sqrt(np.convolve(swing**2, np.ones(width) / width, "same"))
-    # The window looks half a second ahead and back.
-    found = _stretches(edges, longer > max(0.7 * float(longer.max()), 5.0 * _STILL), record, _SHORTEST_SHAKE)
-    cut = [Segment(s.begin + 0.5 + settle, s.end - 0.5) for s in found]
+    half = width // 2
+    padded = np.pad(longer, half)
+    even = np.abs(padded[2 * half :] - padded[: -2 * half]) < _EVEN * longer
+    busy = even & (longer > max(0.2 * float(longer.max()), 5.0 * _STILL))
+    found = _stretches(edges, busy, record, _SHORTEST_SHAKE)
+    cut = [Segment(s.begin + settle, s.end) for s in found if _comes_back(record, s)]
     return [segment for segment in cut if segment.length >= _SHORTEST_SHAKE / 2]
+
+
+def _comes_back(record: Record, segment: Segment) -> bool:
+    """Whether a stretch goes to and fro, not from one place to another."""
+    _, values = record.position.between(segment.begin, segment.end)
+    quarter = max(len(values) // 4, 1)
+    return abs(float(values[-quarter:].mean() - values[:quarter].mean())) < float(values.std())
 
 
 def _swing(record: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -30,7 +30,7 @@ class CalibrationSettings(Settings):
         default=(), description="frequencies of the shake; left out: those found in the motion"
     )
     settle: Time = Field(
-        default=0.5, ge=0, description="how much of each shake's beginning is left to the robot to settle"
+        default=0.2, ge=0, description="how much of each shake's beginning is left to the robot to settle"
     )
     gravity: bool = Field(
         default=True, description="the force is along gravity, so that the mass has a weight in the reading at rest"

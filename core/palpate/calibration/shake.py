@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate.calibration.quantity import Scatter
 from palpate.calibration.record import Record
 from palpate.calibration.segments import Segment
-from palpate.calibration.sines import SineFit, find_lines, sine_fit
+from palpate.calibration.sines import SineFit, find_lines, harmonics_of, sine_fit
 from palpate.errors import LogError
 
 Floats = NDArray[np.float64]
@@ -20,6 +20,8 @@ _WEAK = 0.1  # a relative uncertainty of the mass above it says nothing
 _QUARTER = 0.25  # of a period: a phase beyond it is a mass below zero
 _APART = 5.0  # standard uncertainties between the masses or delays of two lines that cannot be one
 _APART_AT_ALL = 0.02  # of a value; below it nobody minds
+_HARMONIC = 6.0  # standard uncertainties of a harmonic that is no chance
+_HARMONIC_AT_ALL = 0.01  # of the swing; below it nobody minds
 _AVERAGED = 21  # samples, the paper's moving average
 
 
@@ -52,20 +54,24 @@ def shake_fit(record: Record, segment: Segment, frequencies: tuple[float, ...] =
     lines = frequencies or find_lines(times, heights)
     if not lines:
         raise LogError("calibration: the motion holds no sine")
-    motion = sine_fit(times, heights, lines, middle)
-    force = sine_fit(*record.force.between(segment.begin, segment.end), lines, middle)
+    # What touches now and then pushes in harmonics, which a mass has only where the motion has them.
+    every = (*lines, *harmonics_of(lines, min(record.force.rate, record.position.rate) / 2.5, segment.length))
+    motion = sine_fit(times, heights, every, middle)
+    force = sine_fit(*record.force.between(segment.begin, segment.end), every, middle)
     _refuse_noise(motion, force, lines)
     masses, delays = _by_line(motion, force, lines)
     mass, delay = _average(masses), _average(delays)
     _refuse_contact(mass, masses, delays, lines)
+    swing = float(np.sqrt((np.abs(force.phasors[: len(lines)]) ** 2).sum() / 2))
+    left = _unexplained(motion, force, every, mass.value, delay.value)
+    _refuse_harmonics(left[len(lines) :], force, every, swing)
     velocity = velocity_std = None
     if record.velocity is not None:
         instants, speeds = record.velocity.between(segment.begin, segment.end)
         velocity = _velocity_delay(motion, sine_fit(instants, speeds, lines, middle), lines)
         velocity_std = _against_average(speeds)
-    residual = math.hypot(float(np.sqrt(np.mean(force.residual**2))), force.harmonic)
-    swing = float(np.sqrt((np.abs(force.phasors) ** 2).sum() / 2))
-    amplitudes = tuple(float(abs(z)) for z in motion.phasors)
+    residual = math.sqrt(float(np.mean(force.residual**2)) + float((left**2).sum()) / 2)
+    amplitudes = tuple(float(abs(z)) for z in motion.phasors[: len(lines)])
     return ShakeFit(lines, amplitudes, mass, delay, velocity, force.offset, swing, residual, velocity_std)
 
 
@@ -93,8 +99,8 @@ def _average(parts: list[Scatter]) -> Scatter:
 
 def _refuse_noise(motion: SineFit, force: SineFit, lines: tuple[float, ...]) -> None:
     """Raise LogError where no line stands out of the force's noise."""
-    signal = np.abs(force.phasors)
-    noise = np.sqrt(force.variances)
+    signal = np.abs(force.phasors[: len(lines)])
+    noise = np.sqrt(force.variances[: len(lines)])
     if (noise / np.maximum(signal, 1e-300)).min() > _WEAK:
         best = int(np.argmax(signal / np.maximum(noise, 1e-300)))
         raise LogError(
@@ -123,6 +129,24 @@ def _refuse_contact(mass: Scatter, masses: list[Scatter], delays: list[Scatter],
                         f"frequencies ({first.value:.4g} and {second.value:.4g}): the tip is in contact, or the "
                         "sensor filters"
                     )
+
+
+def _unexplained(motion: SineFit, force: SineFit, lines: tuple[float, ...], mass: float, delay: float) -> Floats:
+    """Modulus (k,) [N] of the force at each frequency that mass and delay do not give."""
+    omega = 2 * np.pi * np.array(lines)
+    given = mass * omega**2 * np.exp(-1j * omega * delay) * motion.phasors
+    return np.asarray(np.abs(force.phasors - given), np.float64)
+
+
+def _refuse_harmonics(left: Floats, force: SineFit, lines: tuple[float, ...], swing: float) -> None:
+    """Raise LogError where the force has a harmonic (k,) [N] that the motion does not have."""
+    first = len(lines) - len(left)
+    for modulus, variance, frequency in zip(left, force.variances[first:], lines[first:], strict=True):
+        if modulus > max(_HARMONIC * math.sqrt(variance), _HARMONIC_AT_ALL * swing):
+            raise LogError(
+                f"calibration: the force has {modulus:.3g} N at {frequency:.3g} Hz, a harmonic that the motion does "
+                "not explain: the tip is in contact, or touches something now and then"
+            )
 
 
 def _velocity_delay(motion: SineFit, velocity: SineFit, lines: tuple[float, ...]) -> Scatter:

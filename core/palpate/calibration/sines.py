@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-_HARMONICS = 3  # of each line that are fitted along, so that they do not count as noise
+_HARMONICS = 3  # the highest of each line that is fitted along
 _NEIGHBOURS = 20  # bins of 1/T to either side of a line in which its noise is measured
 
 
 @dataclass(frozen=True)
 class SineFit:
-    """x(t) = offset + slope t + Re(sum_k c_k exp(i omega_k t)) + harmonics, t from the middle of the record.
+    """x(t) = offset + slope t + Re(sum_k c_k exp(i omega_k t)), t from the middle of the record.
 
     The coefficients are those of least squares at the readings' own instants, so that a delay of any fraction of a
     sample is a phase like any other; interpolation, which lowers the noise half-way between samples, plays no part.
@@ -28,28 +28,22 @@ class SineFit:
     offset: float
     slope: float  # [1/s]
     residual: Floats  # (n,)
-    harmonic: float  # RMS of the fitted harmonics
 
 
 def sine_fit(time: Floats, values: Floats, frequencies: Sequence[float], middle: float) -> SineFit:
     """Least squares of sines of known frequencies [Hz], about a middle instant [s]."""
     t = time - middle
-    span = float(t[-1] - t[0])
-    lines = list(frequencies) + _harmonics(frequencies, (len(t) - 1) / span / 2.5, span)
-    design = _columns(t, lines)
+    design = _columns(t, frequencies)
     found = _solved(design, values)
     residual = values - design @ found
-    phasors = found[2::2] - 1j * found[3::2]
-    own = len(frequencies)
-    noise = [_variance_at(t, residual, frequency, lines) for frequency in frequencies]
+    noise = [_variance_at(t, residual, frequency, frequencies) for frequency in frequencies]
     return SineFit(
-        phasors[:own],
+        found[2::2] - 1j * found[3::2],
         np.array([variance for variance, _ in noise]),
         np.array([freedom for _, freedom in noise]),
         float(found[0]),
         float(found[1]),
         residual,
-        float(np.sqrt((np.abs(phasors[own:]) ** 2).sum() / 2)),
     )
 
 
@@ -68,8 +62,8 @@ def _solved(columns: Floats, values: Floats) -> Floats:
     return np.asarray(np.linalg.solve(unit.T @ unit, unit.T @ values) / scale, np.float64)
 
 
-def _harmonics(frequencies: Sequence[float], highest: float, span: float) -> list[float]:
-    """Harmonics of the lines that are neither lines themselves nor too high to be seen."""
+def harmonics_of(frequencies: Sequence[float], highest: float, span: float) -> list[float]:
+    """Second and third harmonics [Hz] that are neither lines themselves nor too high for a record of `span` [s]."""
     found: list[float] = []
     for frequency in frequencies:
         for order in range(2, _HARMONICS + 1):
