@@ -149,4 +149,4 @@ def _type(annotation: Any, metadata: list[Any]) -> str:
     words = {float: "number", int: "whole number", str: "text", bool: "true or false", Path: "path"}
     if annotation in words:
         return words[annotation]
-    return {tuple: "list"}.get(typing.get_origin(annotation), "value")
+    return "list" if typing.get_origin(annotation) is tuple else "value"
