@@ -125,3 +125,12 @@ def test_a_fit_of_noise_is_none():
     samples = record(duration=1.0)
     noise = np.random.default_rng(4).standard_normal(len(samples))
     assert fit_start(MODEL, 0.14, replace(samples, force=noise), np.array([1e4, 10.0])) is None
+
+
+def test_a_model_without_roles_has_no_fit(contact_models: dict[str, tuple[ContactModel, list[float]]]):
+    class Branch(type(contact_models["kelvin-voigt"][0])):
+        parameters = tuple(replace(p, role=None, upper=1e4) for p in contact_models["kelvin-voigt"][0].parameters)
+
+    assert fit_start(Branch(), 0.14, record(duration=1.0), np.array([800.0, 10.0])) is None
+    estimates = KinematicFilter().start(Problem(Branch(), 0.14)).run(record(duration=1.0))
+    assert np.isfinite(estimates.values[-1]).all()
