@@ -370,6 +370,14 @@ def _zero(samples):
     samples.force[:] = 0.0
 
 
+def _constant(samples):
+    samples.force[:] = 3.0
+
+
+def _stopped(samples):
+    samples.time[:] = 0.0
+
+
 def _missing(samples):
     samples.force[:] = np.nan
 
@@ -380,6 +388,8 @@ def _missing(samples):
         (_silent, {}, "no-contact"),
         (_zero, {}, "no-force"),
         (_missing, {}, "no-force"),
+        (_constant, {}, "no-force: the force never changes"),
+        (_stopped, {}, "no-time"),
         (lambda s: None, {"segment": "depth 3 mm..5 mm"}, "segment-empty: depth 3..5 mm is never reached"),
         (lambda s: None, {"segment": "100 s..200 s"}, "segment-empty"),
         (lambda s: None, {"segment": "cycles 4..5"}, "segment-empty"),
@@ -403,6 +413,28 @@ def test_a_saturated_force_is_left_out_and_flagged():
     assert any(text.startswith("saturated") for text in estimates.flags)
     values, std, _ = last(estimates)
     assert abs(values[0] - E) < 4 * std[0]
+
+
+def test_missing_positions_are_left_out():
+    samples = ramp(DR, (E, ETA))
+    samples.position[100::40] = np.nan
+    estimates = fitted(DR, samples, segment="load", fixed={"viscosity": ETA})
+    values, std, _ = last(estimates)
+    assert abs(values[0] - E) < 4 * std[0]
+    assert np.isnan(estimates.values[100::40]).all()
+
+
+@pytest.mark.parametrize("spoil", ["no motion", "noise", "upside down"])
+@pytest.mark.parametrize("model", [DR, HuntCrossley()], ids=["dr", "hc"])
+def test_nonsense_gives_a_flag(model, spoil):
+    samples = ramp(DR, (E, ETA))
+    if spoil == "no motion":
+        samples.position[:], samples.velocity[:] = 1.0, 0.0
+    else:
+        samples.force[:] = (
+            np.random.default_rng(0).standard_normal(len(samples)) if spoil == "noise" else -samples.force
+        )
+    assert fitted(model, samples).flags
 
 
 def test_a_wrong_model_is_flagged():

@@ -44,13 +44,14 @@ def comparison(logs: Mapping[str, Tracks]) -> RenderableType:
     from rich.table import Table
 
     table = Table(title="offline fits", title_justify="left")
-    for heading in ("log", "track", "parameters", "surface\nmm"):
-        table.add_column(heading)
+    several = len(logs) > 1
+    for heading in (*(["log"] if several else []), "track", "parameters", "surface\nmm"):
+        table.add_column(heading, no_wrap=heading in ("track", "parameters"))
     for heading in ("residual\nN^2", "RMS\nN", "AIC", "BIC", "auto-\ncorrelation", "samples,\neffective", "flags"):
         table.add_column(heading, justify="right")
     for log, tracks in logs.items():
         for label, track in tracks.items():
-            table.add_row(log, label, *_row(track))
+            table.add_row(*([log] if several else []), label, *_row(track))
     return table
 
 

@@ -46,5 +46,6 @@ def correlations(jacobian: Floats) -> Floats:
     if jacobian.shape[1] == 0:
         return np.zeros((0, 0))
     inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-15, hermitian=True)
-    std = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
+    variance = np.diag(inverse)
+    std = np.sqrt(np.where(variance > 0, variance, 1.0))
     return np.asarray(np.clip(inverse / np.outer(std, std), -1.0, 1.0))

@@ -41,7 +41,8 @@ class Profile:
         variance = self._inverse[j, j]
         if not (variance > 0 and std > 0 and np.isfinite(std)):
             return None
-        ends = [self._end(j, side, std, quantile, variance) for side in (-1.0, 1.0)]
+        with np.errstate(over="ignore", invalid="ignore"):
+            ends = [self._end(j, side, std, quantile, variance) for side in (-1.0, 1.0)]
         if ends[0] is None or ends[1] is None:
             return None
         shift = self._given[j] - self._minimum[j]
@@ -92,6 +93,8 @@ class Profile:
 
     def _better(self, at: Floats, triangle: Floats, moving: list[int]) -> tuple[Floats, Floats] | None:
         """The point after a Gauss-Newton step, shortened until it is no worse, and its triangle; None without one."""
+        if not np.isfinite(triangle).all():
+            return None
         lengths = np.sqrt(np.sum(triangle[:, moving] ** 2, axis=0))
         lengths[lengths == 0] = 1.0
         step = -np.linalg.lstsq(triangle[:, moving] / lengths, triangle[:, -1], rcond=None)[0] / lengths

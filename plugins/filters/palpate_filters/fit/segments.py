@@ -91,6 +91,10 @@ def passage(samples: Samples) -> Passage:
         raise NotFitted("no-force", "the record has no force")
     if not np.any(samples.force[known]):
         raise NotFitted("no-force", "the force is zero throughout: a sensor that is not connected or never tared")
+    if np.ptp(samples.force[known]) == 0:
+        raise NotFitted("no-force", f"the force never changes: it reads {samples.force[known][0]:.5g} N throughout")
+    if np.any(np.diff(samples.time) <= 0):
+        raise NotFitted("no-time", "the time does not advance from every sample to the next")
     touching = samples.contact & known
     if not touching.any():
         raise NotFitted("no-contact", "the tip never touches the material in this record")

@@ -126,8 +126,8 @@ def solve_varpro(residual: Residual, unknowns: Unknowns, record: Record, x: Floa
         for width in (0.02, 0.1, 0.5, 2.0):
             edges = item.inside(surface - width * reach), item.inside(surface + width * reach)
             tolerance = {"xatol": 1e-7 * reach}
-            found = minimize_scalar(lambda z: projected(z)[0], bounds=edges, method="bounded", options=tolerance)
-            surface = float(found.x)
+            minimum: Any = minimize_scalar(lambda z: projected(z)[0], bounds=edges, method="bounded", options=tolerance)
+            surface = float(minimum.x)
             if edges[0] + 1e-3 * width * reach < surface < edges[1] - 1e-3 * width * reach:
                 break  # a minimum within, not an edge that it was cut off at
     cost, values = projected(surface)

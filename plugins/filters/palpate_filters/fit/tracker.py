@@ -83,6 +83,9 @@ class FitTracker:
 
         if not len(samples):
             return Estimates.idle(samples, len(self._problem.model.parameters))
+        known = np.isfinite(samples.position)
+        if not known.all():
+            return _spread(self.run(samples[known]), samples, known)
         try:
             return estimates_of(self.fit(samples))
         except NotFitted as refusal:
@@ -99,10 +102,10 @@ class FitTracker:
         approach = first_approach(samples, course)
         points = _contact_points(settings, approach)
         unknowns = self._prepared(samples, rows, approach, points, notes)
-        record = self._record(samples, rows, motion, approach)
         enough = max(_FEWEST * len(unknowns.free), 10)
-        if int(record.used.sum()) < enough:
-            raise NotFitted("too-few-samples", f"{int(record.used.sum())} samples to fit; {enough} are needed")
+        if np.count_nonzero(rows) < enough:
+            raise NotFitted("too-few-samples", f"{np.count_nonzero(rows)} samples to fit; {enough} are needed")
+        record = self._record(samples, rows, motion)
         model = self._problem.model
         linear = tuple(linear_places(model, unknowns))
         loss = Loss(settings.loss, settings.loss_scale)
@@ -162,7 +165,7 @@ class FitTracker:
             )
         return unknowns.changed("surface", lower=max(item.lower, lowest))
 
-    def _record(self, samples: Samples, rows: Rows, motion: Motion, approach: Approach | None) -> Record:
+    def _record(self, samples: Samples, rows: Rows, motion: Motion) -> Record:
         weight = rows.astype(float)
         if self._settings.weights == "depth":
             weight[rows] = _by_depth(samples.position[rows])
@@ -196,6 +199,14 @@ class FitTracker:
         if wanted == "ipopt":
             return wanted, solve_ipopt(residual, unknowns, record, x, loss)
         return "trf", solve_trf(residual, unknowns, record, x, loss)
+
+
+def _spread(found: Estimates, samples: Samples, known: Rows) -> Estimates:
+    """Estimates for the known among the samples, as estimates for all of them."""
+    whole = Estimates.idle(samples, found.values.shape[1])
+    for name in ("values", "std", "surface", "surface_std", "force", "nis", "status"):
+        getattr(whole, name)[known] = getattr(found, name)
+    return Estimates(**{**vars(whole), "details": found.details, "flags": found.flags})
 
 
 def _contact_points(settings: CasadiFit, approach: Approach | None) -> dict[str, ContactPoint]:
