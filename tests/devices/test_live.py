@@ -99,12 +99,14 @@ def check_record(folder, learnt, fault_time):
 def test_faults_in_contact(restored, tmp_path, fault):
     twin = restored
     silent = fault in ("freeze", "stall 0.4", "silent", "gone", "close", "reset", "reboot")
-    error, fault_time, table = twin.run_into(fault, touching, patient=not silent)
+    error, fault_time, table, folder = twin.run_into(fault, touching, patient=not silent)
     assert re.search((ROBOT | SENSOR)[fault], error), error
     stop = table["run"]["live"]["stop"]
-    check_record(tmp_path / "out", stop["monotonic"], fault_time)
+    check_record(folder, stop["monotonic"], fault_time)
     assert any(flag.startswith("interrupted") for flag in table["tracks"]["dr/ekf"]["flags"])
     state = twin.wait(lambda state: state["joint_speed"] < 1e-3, 3.0)
+    if fault in ROBOT:  # it stands: a law that reads frozen positions must not have driven it on
+        assert state["height"] > twin.fault_height - 0.0012
     if fault in SENSOR:  # the robot is well: it has left the material by itself
         assert state["height"] > 0.002
 
