@@ -84,7 +84,7 @@ def main() -> None:
         kind = bench_class()
         twin = kind(Path(name), kind.short)
         print(
-            f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; {repeats} times each, median (largest) in ms and mm"
+            f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; {repeats} times each: median (largest), ms, mm"
         )
         try:
             for fault in _FAULTS:

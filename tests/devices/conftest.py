@@ -132,9 +132,15 @@ class Bench:
         assert not self.port.exists()
 
 
+def _need_clients():
+    pytest.importorskip("rtde_control", reason="ur-rtde is not installed")
+    pytest.importorskip("serial", reason="pyserial is not installed")
+
+
 @pytest.fixture
 def bench(tmp_path):
     """Start twins with overrides; they end with the test."""
+    _need_clients()
     running = []
 
     def start(*overrides):
@@ -149,6 +155,7 @@ def bench(tmp_path):
 @pytest.fixture(scope="module")
 def shared_bench(tmp_path_factory):
     """One twin for a module's tests; `restore` it before each use."""
+    _need_clients()
     twin = Bench(tmp_path_factory.mktemp("bench"), SHORT)
     yield twin
     twin.close()

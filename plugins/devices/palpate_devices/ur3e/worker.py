@@ -52,6 +52,9 @@ def main() -> None:
     scheduling = real_time(45)
     try:
         robot = _Robot(settings)
+    except ImportError as error:
+        parent.tell("fault", text=f"the client library is missing ({error}): pip install ur-rtde")
+        os._exit(1)
     except RuntimeError as error:
         parent.tell("fault", text=f"the client library cannot connect: {' '.join(str(error).split())}")
         os._exit(1)  # its destructors sleep, hang or crash
