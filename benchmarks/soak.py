@@ -40,11 +40,13 @@ def watch(job: subprocess.Popen[bytes], interval: float) -> list[tuple[float, in
     return seen
 
 
-def soak(minutes: float, folder: Path) -> int:
+def soak(minutes: float, silence: float, folder: Path) -> int:
     """One long press; prints what came of it."""
     host, port = "127.66.0.1", folder / "sensor"
     sets = [f"twin.bench.host={host}", f"twin.bench.port={port}", f"device.arm.host={host}"]
     sets += [f"device.sensor.port={port}", f"trajectory.press.duration={60 * minutes} s"]
+    limits = ("device.sensor.silence", "device.arm.stale", "safety.stale")
+    sets += [f"{limit}={silence} s" for limit in limits] + [f"device.arm.watchdog={max(1 / silence, 2.0)} Hz"]
     options = [word for item in sets for word in ("--set", item)]
     twin = subprocess.Popen(
         [*_PALPATE, "twin", str(PIPELINE), *options], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
@@ -91,8 +93,10 @@ def main() -> None:
     """Parse and run."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=30.0)
+    parser.add_argument("--silence", type=float, default=0.1, help="limits of silence [s]; 0.6 where cores are shared")
+    given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        sys.exit(soak(parser.parse_args().minutes, Path(folder)))
+        sys.exit(soak(given.minutes, given.silence, Path(folder)))
 
 
 if __name__ == "__main__":

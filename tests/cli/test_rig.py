@@ -52,6 +52,8 @@ def test_a_pipeline_without_a_twin(root):
 
 
 def test_the_doctor(palpate, live, tmp_path):
+    pytest.importorskip("rtde_control")
+    pytest.importorskip("serial")
     sets = ["--set", f"device.arm.host={HOST}", "--set", f"device.sensor.port={tmp_path / 'sensor'}"]
     twin_sets = ["--set", f"twin.bench.host={HOST}", "--set", f"twin.bench.port={tmp_path / 'sensor'}"]
     sick = palpate("doctor", live, *sets)

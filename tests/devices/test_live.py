@@ -12,7 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate.config import load_pipeline
+from palpate.errors import OutputError
 from palpate.pipeline import run_pipeline
+from palpate.pipeline.outputs import Outputs
 from palpate_devices.mcap_replay import McapReplay
 
 PIPELINE = Path(__file__).parents[2] / "pipelines" / "point_ur3e.toml"
@@ -99,12 +101,14 @@ def check_record(folder, learnt, fault_time):
 def test_faults_in_contact(restored, tmp_path, fault):
     twin = restored
     silent = fault in ("freeze", "stall 0.4", "silent", "gone", "close", "reset", "reboot")
-    error, fault_time, table = twin.run_into(fault, touching, patient=not silent)
+    error, fault_time, table, folder = twin.run_into(fault, touching, patient=not silent)
     assert re.search((ROBOT | SENSOR)[fault], error), error
     stop = table["run"]["live"]["stop"]
-    check_record(tmp_path / "out", stop["monotonic"], fault_time)
+    check_record(folder, stop["monotonic"], fault_time)
     assert any(flag.startswith("interrupted") for flag in table["tracks"]["dr/ekf"]["flags"])
     state = twin.wait(lambda state: state["joint_speed"] < 1e-3, 3.0)
+    if fault in ROBOT:  # it stands: a law that reads frozen positions must not have driven it on
+        assert state["height"] > twin.fault_height - 0.0012
     if fault in SENSOR:  # the robot is well: it has left the material by itself
         assert state["height"] > 0.002
 
@@ -131,6 +135,22 @@ def test_the_force_limit(bench, short, tmp_path, case, overrides, stiffness):
     # K (v tau + v^2/2a) above what trips, at the approach's 18 mm/s and 60 ms of declared latency.
     assert state["peak_force"] < 12.0 + stiffness * (0.018 * 0.06 + 0.018**2 / 2)
     assert state["height"] > 0.002
+
+
+def test_an_exception_in_the_job_itself(restored, monkeypatch, tmp_path):
+    """A bug, a full disk: the arm leaves the material before the error is shown."""
+    write = Outputs.samples
+
+    def broken(self, samples, running):
+        if len(samples) and restored.state()["height"] < -0.002:
+            raise OutputError("the disk is full")
+        write(self, samples, running)
+
+    monkeypatch.setattr(Outputs, "samples", broken)
+    with pytest.raises(OutputError, match="the disk is full"):
+        restored.run()
+    assert restored.wait(lambda state: state["joint_speed"] < 1e-3, 3.0)["height"] > 0.002
+    assert readings(tmp_path / "out" / "log.mcap", "arm", "tip")
 
 
 def command(twin, out, short):

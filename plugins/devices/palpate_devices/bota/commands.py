@@ -19,8 +19,10 @@ BAUD_RATES = (9600, 57600, 115200, 230400, 460800)  # by their codes
 
 def open_port(path: str, baud: int) -> Any:
     """The port, ours alone, with the least delay that its driver offers; raises DeviceError in words."""
-    import serial
-
+    try:
+        import serial
+    except ImportError as error:
+        raise DeviceError("pyserial is missing: pip install pyserial") from error
     try:
         port = serial.Serial(path, baud, timeout=0, exclusive=True)
     except (OSError, ValueError) as error:

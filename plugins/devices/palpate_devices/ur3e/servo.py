@@ -49,6 +49,11 @@ class Commander:
             return np.array(self._table[min(self._row, len(self._table) - 1)])
         return np.array([*self._command, *self._speed, 0.0])
 
+    @property
+    def command(self) -> Floats:
+        """The latest command (3,)."""
+        return self._command
+
     def follow(self, table: Floats) -> None:
         """Go to the first setpoint, then through the table (n, 7): position, velocity, measuring."""
         self._table, self._row, self.mode = table, 0, "approach"

@@ -31,8 +31,15 @@ _VARIABLES = [
 ]
 _TICK = round(PERIOD * 1e9)
 _SAFE = (1, 2)  # NORMAL, REDUCED
-_SAFETY = {3: "protective stop", 5: "safeguard stop", 6: "emergency stop", 7: "emergency stop", 8: "violation"}
+_SAFETY = {
+    3: "a protective stop",
+    5: "a safeguard stop",
+    6: "an emergency stop",
+    7: "an emergency stop",
+    8: "a safety violation",
+}
 _PLAYING = 2
+_BLIND = 12_000_000  # [ns] without a new state
 _EXPLAIN = 10  # periods
 _LISTEN_EVERY = 5  # periods; stopping goes by shared memory and does not wait
 _MOST_BEHIND = 4  # periods; what is later is not made up for
@@ -45,6 +52,9 @@ def main() -> None:
     scheduling = real_time(45)
     try:
         robot = _Robot(settings)
+    except ImportError as error:
+        parent.tell("fault", text=f"the client library is missing ({error}): pip install ur-rtde")
+        os._exit(1)
     except RuntimeError as error:
         parent.tell("fault", text=f"the client library cannot connect: {' '.join(str(error).split())}")
         os._exit(1)  # its destructors sleep, hang or crash
@@ -161,7 +171,9 @@ class _Loop:
             return
         self._setpoint = commander.setpoint
         position, velocity = robot.place()
-        if not robot.servo(commander.next(position, velocity)):
+        # A law that reads a frozen position would drive on and on: without news the arm waits where it is.
+        blind = now - robot.seen > _BLIND and commander.mode in ("approach", "follow")
+        if not robot.servo(commander.command if blind else commander.next(position, velocity)):
             for _ in range(_EXPLAIN):  # the state that says why comes on another connection
                 self._take_state()
                 self._check(time.monotonic_ns())
@@ -184,7 +196,7 @@ class _Loop:
         robot = self._robot
         _, safety, runtime = robot.modes
         if safety not in _SAFE:
-            self._fail(f"the robot is in a {_SAFETY.get(safety, f'safety mode {safety}')}")
+            self._fail(f"the robot is in {_SAFETY.get(safety, f'safety mode {safety}')}")
         if runtime != _PLAYING:
             self._fail("the robot's program was stopped (pendant, dashboard, watchdog or a pose out of reach)")
         age = (now - robot.seen) / 1e9
