@@ -11,8 +11,11 @@ from palpate import LogError
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
 from palpate.testing import check_device
+from palpate_devices.logs.decoders import decoder_of
+from palpate_devices.logs.readings import Reading
+from palpate_devices.logs.topics import Messages, Topic
 from palpate_devices.mcap_replay import McapReplay
-from palpate_devices.messages import WRENCH, known_type, numbers_type, pack, unpack
+from palpate_devices.messages import WRENCH, known_type, numbers_type, pack
 
 SHORT = ("trajectory.press.duration=1 s", "trajectory.press.speed=20 mm/s")
 
@@ -96,6 +99,16 @@ def test_another_reader_sees_the_same_messages(recording):
     assert messages[0].header.frame_id == "tip"
 
 
+def unpack(messages, count):
+    """Stamps and numbers of messages of a header and so many numbers."""
+    names = [f"n{i}" for i in range(count)]
+    kind = numbers_type("Load", names)
+    decoder = decoder_of(Topic("/load", kind.name, schema=kind.definition.encode()))
+    none = np.zeros(len(messages), np.int64)
+    table = decoder.read(Messages.joined(messages, none, none), [Reading(name) for name in names])
+    return table.stamps, table.values
+
+
 @pytest.mark.parametrize("frame", ["", "a", "work", "ft_sensor0_wrench", "é"])
 @pytest.mark.parametrize("count", [1, 6, 7])
 def test_messages_survive_packing(frame, count):
@@ -118,7 +131,7 @@ def test_messages_of_different_frames_in_one_block():
 
 @pytest.mark.parametrize("damage", [b"", b"\0" * 20, b"\x00\x01\x00\x00" + b"\xff" * 60])
 def test_a_message_that_is_none_is_refused(damage):
-    with pytest.raises(ValueError, match="message"):
+    with pytest.raises(LogError, match="message"):
         unpack([damage], 6)
 
 

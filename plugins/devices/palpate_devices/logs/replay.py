@@ -7,13 +7,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import Batch, LogError
 
 from palpate_devices.logs.decoders import decoder_of
 from palpate_devices.logs.mapping import Feed
 from palpate_devices.logs.readings import SECOND, Reading
 from palpate_devices.logs.survey import columns_of
-from palpate_devices.logs.topics import Container
+from palpate_devices.logs.topics import Container, Messages, Stamps
+from palpate_devices.logs.turning import Turning
 
 
 class LogLink:
@@ -27,14 +29,33 @@ class LogLink:
 
     def batches(self) -> Iterator[Batch]:
         """Every block of the log, as a batch of each stream that it feeds."""
-        for topic, messages in self._container.blocks(self._feeds.keys(), *self._window):
-            for feed in self._feeds[topic]:
-                try:
-                    stamps, received, values = feed.numbers(messages, self._log)
-                except LogError as error:
-                    raise error if str(error).startswith(self._log) else LogError(f"{self._log}: {error}") from error
-                if len(stamps):
+        turned = [(feed, Turning()) for feeds in self._feeds.values() for feed in feeds if feed.orientation is not None]
+        topics = self._feeds.keys() | {feed.orientation.topic for feed, _ in turned if feed.orientation is not None}
+        for topic, messages in self._container.blocks(topics, *self._window):
+            for feed in self._feeds.get(topic, ()):
+                stamps, received, values = self._numbers(feed, messages)
+                if feed.orientation is not None:
+                    next(turning for other, turning in turned if other is feed).add(stamps, received, values)
+                elif len(stamps):
                     yield Batch(feed.stream.name, stamps, received, values)
+            for feed, turning in turned:
+                if feed.orientation is not None and feed.orientation.topic == topic:
+                    stamps, _, quaternions = self._numbers(feed.orientation, messages)
+                    turning.learn(stamps, quaternions)
+            yield from self._turned(turned)
+        yield from self._turned(turned, final=True)
+
+    def _turned(self, turned: Sequence[tuple[Feed, Turning]], final: bool = False) -> Iterator[Batch]:
+        for feed, turning in turned:
+            for stamps, received, values, quaternions in turning.ready(final):
+                if len(stamps):
+                    yield Batch(feed.stream.name, stamps, received, feed.along(values, quaternions))
+
+    def _numbers(self, feed: Feed, messages: Messages) -> tuple[Stamps, Stamps, NDArray[np.float64]]:
+        try:
+            return feed.numbers(messages, self._log)
+        except LogError as error:
+            raise error if str(error).startswith(self._log) else LogError(f"{self._log}: {error}") from error
 
 
 def window(container: Container, begin: float | None, end: float | None) -> tuple[int | None, int | None]:
