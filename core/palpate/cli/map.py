@@ -31,6 +31,9 @@ def map_run(
     cell: Annotated[str, typer.Option(help="Size of the map's cells.")] = "1 mm",
     method: Annotated[str, typer.Option(help="gaussian-process or average.")] = "gaussian-process",
     reach: Annotated[str | None, typer.Option(help="How far from a site the map goes. [default: 1.2 pitches]")] = None,
+    points: Annotated[
+        Path | None, typer.Option(help="Run of point palpations on the same line, to be drawn with a sweep.")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder to write to. [default: RUN/maps]")] = None,
     svg: Annotated[bool, typer.Option("--svg", help="SVG pictures instead of PNG.")] = False,
 ) -> None:
@@ -50,7 +53,8 @@ def map_run(
     along = maps.line_coordinate(sites)
     if along is not None and not sites.standing.all():
         series = _series(run, track, parameter)
-        image = picture.sweep_picture(series, path.parameter, unit, findings)
+        checked = _points(points, parameter) if points is not None else None
+        image = picture.sweep_picture(series, path.parameter, unit, findings, checked)
         export.replace_file(folder / "sweep.csv", export.sweep_csv(series, path.parameter))
         picture.save(image, folder / f"sweep.{ending}")
         typer.echo(f"sweep of {1e3 * (along.max() - along.min()):.4g} mm, {len(sites)} sites, {path.track}")
@@ -81,6 +85,18 @@ def _series(run: Path, track: str | None, parameter: str | None) -> dict[str, An
             if along is not None:
                 series[name] = along, sites
     return series
+
+
+def _points(run: Path, parameter: str | None) -> tuple[Any, Any]:
+    """Coordinate and sites of the point palpations of a run; raises LogError where they are on no line."""
+    from palpate import maps
+
+    sites = maps.sites_along(maps.read_path(run, None, parameter))
+    sites = sites[sites.standing]
+    along = maps.line_coordinate(sites) if len(sites) > 1 else None
+    if along is None:
+        raise LogError(f"{run}: holds no point palpations on a line")
+    return along, sites
 
 
 def outlines_of(run: Path) -> list[Any]:

@@ -76,8 +76,14 @@ def _mark(axis: Any, findings: Findings | None, outlines: Sequence[Floats]) -> N
         axis.plot(1e3 * lump.place[0], 1e3 * lump.place[1], "r+", markersize=12, markeredgewidth=2)
 
 
-def sweep_picture(series: Mapping[str, tuple[Floats, Sites]], label: str, unit: str, findings: Findings | None) -> Any:
-    """Estimates of one or several tracks along a sweep, with two standard deviations and the lumps."""
+def sweep_picture(
+    series: Mapping[str, tuple[Floats, Sites]],
+    label: str,
+    unit: str,
+    findings: Findings | None,
+    points: tuple[Floats, Sites] | None = None,
+) -> Any:
+    """Estimates of tracks along a sweep, with two standard deviations, the lumps, and point palpations."""
     figure, axes = _figure(1, width=9.0)
     axis, (name, factor) = axes[0, 0], people(unit)
     for track, (along, sites) in series.items():
@@ -86,6 +92,9 @@ def sweep_picture(series: Mapping[str, tuple[Floats, Sites]], label: str, unit: 
         (line,) = axis.plot(at, value, label=track, linewidth=1)
         band = 2 * value * sites.std[order]
         axis.fill_between(at, value - band, value + band, color=line.get_color(), alpha=0.15, linewidth=0)
+    if points is not None:
+        at, value = 1e3 * points[0], points[1].value * factor
+        axis.errorbar(at, value, 2 * value * points[1].std, fmt="ko", markersize=4, capsize=2, label="points")
     if findings is not None and findings.coordinate is not None and findings.curve is not None:
         for lump in findings.lumps:
             _mark_on_curve(axis, lump, findings, factor)
