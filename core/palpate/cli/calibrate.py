@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from palpate.cli.tables import measured
+from palpate.cli.tables import drawing, measured
 from palpate.config import load_plan
 from palpate.errors import OutputError
 
@@ -40,6 +40,9 @@ def calibrate(
     overrides: Annotated[
         list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override a setting; can be repeated.")
     ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Draw force and inertia into this file (.png, .svg or .pdf; wants matplotlib).")
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Write over an older calibration file.")] = False,
 ) -> None:
     """Calibrate mass, force-motion delay, tare and noise from a shake in free air; write them with uncertainties.
@@ -56,7 +59,7 @@ def calibrate(
     if target.exists() and not force:
         raise OutputError(f"{target}: exists already; --force writes over it, --out writes elsewhere")
     errors, console = Console(stderr=True), Console()
-    calibration, _, _ = run_calibration(plan, lambda text: errors.print(text, highlight=False))
+    calibration, session, records = run_calibration(plan, lambda text: errors.print(text, highlight=False))
     try:
         target.write_text(calibration.text(), encoding="utf-8")
     except OSError as error:
@@ -66,6 +69,11 @@ def calibrate(
     console.print(_table(calibration))
     for line in _lines(calibration, target):
         console.print(line, highlight=False, markup=False)
+    if picture is not None:
+        from palpate.cli.calibrate_picture import draw
+
+        with drawing(picture):
+            draw(records[0], session, plan.settings.settle, picture)
 
 
 def _table(calibration: Calibration) -> object:
