@@ -91,7 +91,7 @@ def main() -> None:
         table = covered(rig(**settings), Shake.model_validate({**motion, "rest": 1.5}), runs)
         print(f"{settings} {motion}: {runs} runs, {(time.perf_counter() - began) / runs:.2f} s each")
         for name, (inside, error, stated) in table.items():
-            print(f"  {name:14} inside {100 * inside:5.1f} %   RMS error {error:.3g}   stated {stated:.3g}")
+            print(f"  {name:14} inside {100 * inside:5.1f} %   RMS error {error:.3g}   stated {stated:.3g}", flush=True)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from palpate.calibration import (
     weight_fit,
 )
 from palpate_devices.sim import SimulatedRig
-from palpate_models import DimensionalityReduction, Sphere
+from palpate_models import DimensionalityReduction, Flat, Sphere
 from palpate_trajectories.point import Point
 from palpate_trajectories.shake import Shake
 
@@ -181,7 +181,7 @@ def test_several_shakes_in_one_log_are_repeats():
 
 def test_rest_and_shake_are_found():
     record = recorded(rig(), Shake(amplitude=0.005, duration=5.0, rest=1.5))
-    (shake,) = shaking(record, 0.5)
+    (shake,) = shaking(record, 0.2)
     rests = resting(record)
     assert len(rests) == 2
     assert 0.0 <= rests[0].begin < rests[0].end <= 1.6
@@ -300,6 +300,17 @@ def test_a_tap_gives_the_delay_too(delay):
     assert np.mean(stds) == pytest.approx(np.std(errors), rel=0.8)
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.0083])
+def test_a_plate_under_the_simulated_rig(delay):
+    """The contact is the only spring there: its slope is the compliance that must come out."""
+    plate = {"model": DimensionalityReduction(indenter=Flat(radius=0.005)), "elasticity": 3e6, "viscosity": 0.0}
+    press = Point(bias=2e-4, amplitude=1e-4, frequency=1.0, duration=4.0)
+    values = calibrated(rig(specimen=plate, force_delay=delay), press, motion="plate").values
+    stiffness = 2 * 3e6 / (1 - 0.25) * 0.005
+    assert abs(values["tap_delay"].value - delay) < max(4 * values["tap_delay"].combined, 3e-4)
+    assert values["compliance"].value == pytest.approx(1 / stiffness, rel=0.05)
+
+
 def test_compliance_on_a_rigid_plate():
     rng = np.random.default_rng(0)
     force = np.linspace(0.0, 20.0, 500)
@@ -309,3 +320,21 @@ def test_compliance_on_a_rigid_plate():
     assert found.std < 1e-7
     with pytest.raises(LogError, match=r"0\.5 N"):
         series_compliance(np.full(500, 0.1), position)
+
+
+@pytest.mark.parametrize("name", ["d10mm_soft", "d10mm_sphere", "d5mm_soft"])
+def test_a_real_palpation_is_refused_as_contact(shared, name):
+    """A point palpation, 2 Hz in contact all the time: it must not pass for a shake."""
+    from palpate_devices.csv_replay import CsvReplay
+
+    columns = {"z": {"column": 0, "unit": "mm"}, "force": {"column": 4, "unit": "N"}}
+    log = CsvReplay.model_validate(
+        {"file": shared / "ur3e-bota-2024" / f"{name}.csv.gz", "rate": 500.0, "columns": columns}
+    )
+    settings = AlignmentSettings.model_validate({"force": "log.force", "position": "log.z"})
+    recorder = Recorder(settings, {"log": log.streams})
+    with log.connect(0) as link:
+        for batch in link.batches():
+            recorder.feed("log", batch)
+    with pytest.raises(LogError, match="in contact"):
+        calibrate([recorder.record()], CalibrationSettings())

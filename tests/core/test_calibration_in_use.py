@@ -133,6 +133,8 @@ def test_a_calibration_that_is_not_there_is_a_mistake(point_pipeline):
 def test_its_uncertainties_reach_the_result(pipeline, tmp_path):
     values = calibration().values | {"delay": value(0.0, 2e-4, "s"), "mass": value(0.14, 5e-3, "kg")}
     result = run_pipeline(pipeline('trajectory.press.duration="3 s"', values=values), tmp_path / "out")
+    assert result.run["inputs"]["calibration.file"].endswith("c.toml")
+    assert len(result.run["inputs"]["calibration.sha256"]) == 64
     found = result.tracks["dr/ekf"].parameters
     eta, elasticity = found["viscosity"], found["elasticity"]
     assert eta.budget["timing"] == pytest.approx(elasticity.value / 3 * 2e-4, rel=1e-6)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from palpate.alignment import GRAVITY
 from palpate.calibration.quantity import Measured, Scatter
 from palpate.calibration.record import Record
@@ -12,9 +14,11 @@ from palpate.calibration.rest import RestFit, rest_fit
 from palpate.calibration.segments import Segment, resting, shaking
 from palpate.calibration.settings import CalibrationSettings
 from palpate.calibration.shake import ShakeFit, shake_fit
+from palpate.calibration.statics import series_compliance, tap_delay
 from palpate.errors import LogError
 
 _STUCK = 0.1  # [s] of exactly equal readings
+_MARGIN = 0.06  # [s]; a delay that is searched for must not leave the record
 _SHIFTED = 8.0  # standard uncertainties between the mean forces of shake and rest
 _UNEXPLAINED = 3.0  # times the noise at rest, and a tenth of the inertia, may be left over
 
@@ -35,6 +39,8 @@ def calibrate(records: Sequence[Record], settings: CalibrationSettings) -> Sessi
 
     Raises LogError with the reason where a record cannot be used: saturated, stuck, in contact, too small a motion.
     """
+    if settings.motion == "plate":
+        return _plate(records)
     shakes: list[ShakeFit] = []
     rests: list[RestFit] = []
     for record in records:
@@ -54,6 +60,25 @@ def calibrate(records: Sequence[Record], settings: CalibrationSettings) -> Sessi
         max(shake.residual for shake in shakes),
         tuple(_notes(shakes, rests)),
     )
+
+
+def _plate(records: Sequence[Record]) -> Session:
+    """A second delay, and the compliance of the robot, from presses on a rigid plate."""
+    delays, compliances = [], []
+    for record in records:
+        _refuse_broken(record)
+        still = resting(record)
+        if not still:
+            raise LogError("calibration: the record holds no rest before the tip presses, so the force has no zero")
+        force, position = record.force, record.position
+        free = force.values - rest_fit(record, still[:1]).offset.value
+        inside = (force.time > position.time[0] + _MARGIN) & (force.time < position.time[-1] - _MARGIN)
+        times, readings = force.time[inside], free[inside]
+        delays.append(tap_delay((times, readings), (position.time, position.values)))
+        heights = np.interp(times - delays[-1].value, position.time, position.values)
+        compliances.append(series_compliance(readings, heights))
+    values = {"tap_delay": Measured.of(delays, "s"), "compliance": Measured.of(compliances, "m/N")}
+    return Session(values, (), (), 0.0, ())
 
 
 def _refuse_broken(record: Record) -> None:

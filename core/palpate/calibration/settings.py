@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -24,6 +24,10 @@ class CalibrationSettings(Settings):
 
     trajectory: Trajectory | None = Field(
         default=None, description="the motion in free air; left out: the file's only [trajectory.*]"
+    )
+    motion: Literal["shake", "plate"] = Field(
+        default="shake",
+        description='"shake": in free air; "plate": pressed on a rigid plate, for a second delay and the compliance',
     )
     repeats: int = Field(default=3, ge=1, le=100, description="how often the motion is repeated")
     frequencies: tuple[Frequency, ...] = Field(

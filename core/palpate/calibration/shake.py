@@ -59,9 +59,10 @@ def shake_fit(record: Record, segment: Segment, frequencies: tuple[float, ...] =
     motion = sine_fit(times, heights, every, middle)
     force = sine_fit(*record.force.between(segment.begin, segment.end), every, middle)
     _refuse_noise(motion, force, lines)
-    masses, delays = _by_line(motion, force, lines)
+    strong = [k for k in range(len(lines)) if force.variances[k] < (2 * _WEAK * abs(force.phasors[k])) ** 2]
+    masses, delays = _by_line(motion, force, lines, strong)
     mass, delay = _average(masses), _average(delays)
-    _refuse_contact(mass, masses, delays, lines)
+    _refuse_contact(mass, masses, delays, tuple(lines[k] for k in strong))
     swing = float(np.sqrt((np.abs(force.phasors[: len(lines)]) ** 2).sum() / 2))
     left = _unexplained(motion, force, every, mass.value, delay.value)
     _refuse_harmonics(left[len(lines) :], force, every, swing)
@@ -75,10 +76,13 @@ def shake_fit(record: Record, segment: Segment, frequencies: tuple[float, ...] =
     return ShakeFit(lines, amplitudes, mass, delay, velocity, force.offset, swing, residual, velocity_std)
 
 
-def _by_line(motion: SineFit, force: SineFit, lines: tuple[float, ...]) -> tuple[list[Scatter], list[Scatter]]:
+def _by_line(
+    motion: SineFit, force: SineFit, lines: tuple[float, ...], strong: list[int]
+) -> tuple[list[Scatter], list[Scatter]]:
+    """Mass and delay by each of the lines that stand well out of the noise: the modulus of a weak one is biased."""
     masses, delays = [], []
-    for k, frequency in enumerate(lines):
-        omega = 2 * math.pi * frequency
+    for k in strong:
+        omega = 2 * math.pi * lines[k]
         z, u = motion.phasors[k], force.phasors[k]
         ratio = u / z / omega**2
         shares = float(force.variances[k] / abs(u) ** 2), float(motion.variances[k] / abs(z) ** 2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,10 +109,10 @@ def tap_delay(force: tuple[Floats, Floats], position: tuple[Floats, Floats]) -> 
     best = int(np.argmin(costs))
     if best in (0, len(grid) - 1):
         raise LogError("calibration: the tap shows no delay within 50 ms: the surface is not elastic, or not stiff")
-    found = minimize_scalar(
+    found: Any = minimize_scalar(
         lambda d: float((residual(d) ** 2).sum()), bounds=(grid[best - 1], grid[best + 1]), method="bounded"
     )
-    delay, step = float(found["x"]), 2e-4
+    delay, step = float(found.x), 2e-4
     slope = (residual(delay + step) - residual(delay - step)) / (2 * step)
     freedom = float(len(u) - 6)
     std = math.sqrt(float((residual(delay) ** 2).sum()) / freedom / float((slope**2).sum()))

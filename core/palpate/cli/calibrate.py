@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from palpate.cli.quantities import measured
+from palpate.cli.tables import drawing
 from palpate.config import load_plan
 from palpate.errors import OutputError
 
@@ -16,7 +17,14 @@ if TYPE_CHECKING:
     from palpate.calibration import Calibration
 
 # SI unit -> what people write, and how many of it one SI unit is.
-_PEOPLE = {"kg": ("g", 1e3), "s": ("ms", 1e3), "m": ("µm", 1e6), "m/s": ("mm/s", 1e3), "N/s": ("mN/s", 1e3)}
+_PEOPLE = {
+    "kg": ("g", 1e3),
+    "s": ("ms", 1e3),
+    "m": ("µm", 1e6),
+    "m/s": ("mm/s", 1e3),
+    "N/s": ("mN/s", 1e3),
+    "m/N": ("µm/N", 1e6),
+}
 _MEANING = {
     "mass": "mass behind the sensor",
     "delay": "force later than position",
@@ -28,6 +36,8 @@ _MEANING = {
     "force_std": "noise of one force reading",
     "position_std": "noise of one position",
     "velocity_std": "noise of one velocity, at rest",
+    "tap_delay": "force later than position, on a plate",
+    "compliance": "of robot and sensor, with that of the plate",
     "paper_velocity_std": "RMSE to the 21-sample mean, shaken",
 }
 
@@ -39,6 +49,9 @@ def calibrate(
     ] = None,
     overrides: Annotated[
         list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override a setting; can be repeated.")
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Draw force and inertia into this file (.png, .svg or .pdf; wants matplotlib).")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Write over an older calibration file.")] = False,
 ) -> None:
@@ -56,7 +69,7 @@ def calibrate(
     if target.exists() and not force:
         raise OutputError(f"{target}: exists already; --force writes over it, --out writes elsewhere")
     errors, console = Console(stderr=True), Console()
-    calibration, _, _ = run_calibration(plan, lambda text: errors.print(text, highlight=False))
+    calibration, session, records = run_calibration(plan, lambda text: errors.print(text, highlight=False))
     try:
         target.write_text(calibration.text(), encoding="utf-8")
     except OSError as error:
@@ -66,6 +79,11 @@ def calibrate(
     console.print(_table(calibration))
     for line in _lines(calibration, target):
         console.print(line, highlight=False, markup=False)
+    if picture is not None and session.shakes:
+        from palpate.cli.calibrate_picture import draw
+
+        with drawing(picture):
+            draw(records[0], session, plan.settings.settle, picture)
 
 
 def _table(calibration: Calibration) -> object:
@@ -92,9 +110,14 @@ def _table(calibration: Calibration) -> object:
 
 def _lines(calibration: Calibration, target: Path) -> Iterator[str]:
     shake = calibration.shake
+    if shake:
+        yield _shaken(shake)
+    yield from calibration.notes
+    yield f'written to {target}; a pipeline takes it by [run] calibration = "{target.name}"'
+
+
+def _shaken(shake: Mapping[str, Any]) -> str:
     sines = ", ".join(
         f"{f:.3g} Hz {a * 1e3:.3g} mm" for f, a in zip(shake["frequencies"], shake["amplitudes"], strict=True)
     )
-    yield f"{shake['count']} shakes of {sines}; residual {shake['residual']:.3g} N"
-    yield from calibration.notes
-    yield f'written to {target}; a pipeline takes it by [run] calibration = "{target.name}"'
+    return f"{shake['count']} shakes of {sines}; residual {shake['residual']:.3g} N"

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from palpate.cli.tables import drawing
 from palpate.config import load_pipeline
 from palpate.design import Case
-from palpate.errors import OutputError
 
 if TYPE_CHECKING:
     from palpate.design import Palpation
@@ -52,12 +52,8 @@ def design(
     if picture is not None:
         from palpate.cli.design_picture import draw
 
-        try:
+        with drawing(picture):
             draw(designs, picture)
-        except ImportError as error:
-            raise OutputError(f"{picture}: drawing wants matplotlib: pip install matplotlib") from error
-        except (OSError, ValueError) as error:
-            raise OutputError(f"{picture}: cannot draw: {error}") from error
         console.print(f"drawn to {picture}", highlight=False)
 
 

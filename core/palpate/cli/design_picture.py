@@ -44,5 +44,8 @@ def _draw_parameter(axis: object, design: Design, name: str) -> None:
         best = 100 * chosen.relative("known", design.theta)[name]
         plot.plot(chosen.frequencies[0], best, "o", markersize=12, fillstyle="none", color="k", label="recommended")
     plot.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel=f"bound of {name} [%]")
+    ticks = sorted({item.frequencies[0] for item in single})
+    plot.set_xticks(ticks, [f"{tick:.3g}" for tick in ticks])
+    plot.set_xticks([], minor=True)
     plot.set_title(f"{design.name}: - known, -- unknown timing, : unknown offset", fontsize=9)
     plot.legend(fontsize=8)

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.cli.fit_tables import comparison, evidence
 from palpate.cli.quantities import measured, people
+from palpate.errors import OutputError
 from palpate.result import Found, TrackResult
 
 if TYPE_CHECKING:
@@ -20,6 +24,17 @@ _UNUSABLE = {
     "not-identifiable": "not identifiable",
     "diverged": "diverged",
 }
+
+
+@contextmanager
+def drawing(path: Path) -> Iterator[None]:
+    """Turns what can go wrong while a picture is drawn into an OutputError."""
+    try:
+        yield
+    except ImportError as error:
+        raise OutputError(f"{path}: drawing wants matplotlib: pip install matplotlib") from error
+    except (OSError, ValueError) as error:
+        raise OutputError(f"{path}: cannot draw: {error}") from error
 
 
 def result_view(result: Result) -> RenderableType:
@@ -44,7 +59,7 @@ def result_view(result: Result) -> RenderableType:
         surface = _scaled(result.truth.get("surface", math.nan), "m")
         table.add_row("truth", *(_plain(v) for v in known), "", _plain(surface), "", "", style="dim")
     lines = [f"  every track: {text}" for text in result.flags]
-    lines += [f"  {label}: {text}" for label, track in result.tracks.items() for text in track.flags]
+    lines += list(_track_lines(result))
     flags = [Text(line, style="yellow") for line in lines]
     head = [Text("flags")] if flags else [Text("no flags")]
     return Group(table, *_fits(result), *_derived(result), *head, *flags, Text(f"written to {result.folder}"))
@@ -69,6 +84,17 @@ def _fits(result: Result) -> list[RenderableType]:
 
     fits = {name: track for name, track in result.tracks.items() if track.details.get("fit")}
     return [comparison({result.run["name"]: fits}), Text(evidence(fits))] if len(fits) > 1 else []
+
+
+def _track_lines(result: Result) -> Iterator[str]:
+    """Flags by track; what concerns all of them alike, an undeclared timing, is said once."""
+    said = False
+    for label, track in result.tracks.items():
+        for text in track.flags:
+            undeclared = text.startswith("timing-undeclared")
+            if not (undeclared and said):
+                yield f"  {label}: {text}"
+            said = said or undeclared
 
 
 def _scaled(value: float, unit: str) -> float:

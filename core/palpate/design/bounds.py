@@ -39,14 +39,15 @@ def cramer_rao(
     tip_mass: float,
     force_std: float,
     nuisances: Nuisances,
+    slopes: tuple[Floats, Floats, Floats, Floats] | None = None,
 ) -> Bound:
     """Bounds from the force along a known motion, u = F(d, d'; theta) + m d'' + bias, white noise of `force_std`.
 
     Fisher information J^T J/sigma^2 + priors, with columns dF/dtheta, dF/dd (the surface), 1 (bias), du/dt (skew) and
     d'' (mass); priors 1/u^2 on the nuisances, none on parameters and surface. Source: Cramer 1946, Rao 1945; van Trees
-    1968 for the priors.
+    1968 for the priors. `slopes` are those of `force_slopes` along the path, where they are at hand.
     """
-    _, by_parameter, by_depth, by_rate = force_slopes(model, path.depth, path.rate, theta)
+    _, by_parameter, by_depth, by_rate = slopes or force_slopes(model, path.depth, path.rate, theta)
     columns = [*by_parameter.T, by_depth, np.ones_like(path.time)]
     priors = [0.0] * (len(theta) + 1) + [nuisances.bias]
     if nuisances.skew is not None:

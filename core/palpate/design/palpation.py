@@ -55,19 +55,19 @@ def palpations(
         for amplitude in settings.amplitudes:
             sines = [(frequency, amplitude / len(frequencies)) for frequency in frequencies]
             path = sine_path(depth, sines, duration, settings.rate, settings.loop)
+            slopes = force_slopes(model, path.depth, path.rate, theta)
             bounds: dict[Case, Bound] = {
-                case: cramer_rao(model, theta, path, tip_mass, force_std, nuisances)
+                case: cramer_rao(model, theta, path, tip_mass, force_std, nuisances, slopes)
                 for case, nuisances in cases.items()
             }
             travel = float(abs(path.depth - depth).max())
-            refused = _refusal(model, theta, path, sines, settings)
+            refused = _refusal(float(slopes[0].max()), path, sines, settings)
             found.append(Palpation(tuple(frequencies), amplitude / len(frequencies), travel, bounds, refused))
     return found
 
 
 def _refusal(
-    model: ContactModel,
-    theta: Sequence[float],
+    force: float,
     path: Path,
     sines: Sequence[tuple[float, float]],
     settings: DesignSettings,
@@ -85,7 +85,6 @@ def _refusal(
         return f"{sudden:.3g} m/s^2"
     if max(f for f, _ in sines) > settings.rate / 4:
         return "too few samples a period"
-    force = float(force_slopes(model, path.depth, path.rate, theta)[0].max())
     return f"{force:.3g} N" if force > settings.top_force else None
 
 

@@ -49,7 +49,9 @@ class DesignSettings(Settings):
     tare_std: Force = Field(default=0.005, gt=0, description="uncertainty of the offset after a tare")
     unknown_bias: Force = Field(default=1.0, gt=0, description="uncertainty of the offset without one")
     timing_std: Time | None = Field(
-        default=None, gt=0, description="uncertainty of the timing once it is known; left out: none"
+        default=None,
+        gt=0,
+        description="uncertainty of the timing once it is known; left out: that of [run] calibration, or none",
     )
     unknown_skew: Time = Field(default=0.3e-3, gt=0, description="uncertainty of the timing without calibration")
     loop: Loop = Field(default=Loop(), description="how the robot follows its command")

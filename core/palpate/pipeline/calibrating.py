@@ -94,6 +94,18 @@ def refuse_beyond_limits(trajectory: Trajectory, settings: CalibrationSettings) 
             )
 
 
+def _shake(session: Session) -> dict[str, Any]:
+    if not session.shakes:
+        return {}
+    first = session.shakes[0]
+    return {
+        "frequencies": list(first.frequencies),
+        "amplitudes": list(first.amplitudes),
+        "residual": session.residual,
+        "count": len(session.shakes),
+    }
+
+
 def _calibration(plan: CalibrationPlan, session: Session) -> Calibration:
     roles = ("force", "position", "velocity")
     channels = {role: s.channel for role in roles if (s := getattr(plan.alignment, role)) is not None}
@@ -103,7 +115,6 @@ def _calibration(plan: CalibrationPlan, session: Session) -> Calibration:
     tip: dict[str, Any] | None = None
     if len(plan.indenters) == 1:
         tip = plain_settings(next(iter(plan.indenters.values())), plan.registry)
-    first = session.shakes[0]
     return Calibration(
         name=plan.run.name,
         created=datetime.now(UTC).replace(microsecond=0),
@@ -111,12 +122,7 @@ def _calibration(plan: CalibrationPlan, session: Session) -> Calibration:
         channels=channels,
         devices=devices,
         tip=tip,
-        shake={
-            "frequencies": list(first.frequencies),
-            "amplitudes": list(first.amplitudes),
-            "residual": session.residual,
-            "count": len(session.shakes),
-        },
+        shake=_shake(session),
         notes=session.notes,
         versions={"palpate": importlib.metadata.version("palpate"), "python": platform.python_version()},
     )

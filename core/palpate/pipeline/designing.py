@@ -32,7 +32,7 @@ class Design:
 
 def run_design(pipeline: Pipeline, name: str) -> Design:
     """Bounds for one model of a pipeline; raises ConfigurationError where something is not known that must be."""
-    model, settings = pipeline.models[name], pipeline.design
+    model, settings = pipeline.models[name], _timed(pipeline)
     theta = _expected(model, name, settings, pipeline)
     depth, duration = _protocol(settings, pipeline)
     found = palpations(
@@ -47,6 +47,14 @@ def run_design(pipeline: Pipeline, name: str) -> Design:
     units = tuple(parameter.unit for parameter in model.parameters)
     symbols = tuple(parameter.symbol for parameter in model.parameters)
     return Design(name, theta, units, symbols, duration, tuple(found), best(found, theta))
+
+
+def _timed(pipeline: Pipeline) -> DesignSettings:
+    """The settings; a pipeline with a calibration knows its timing as well as that says."""
+    values = pipeline.calibration.calibration.values if pipeline.calibration else {}
+    if pipeline.design.timing_std is None and "delay" in values and values["delay"].std > 0:
+        return pipeline.design.model_copy(update={"timing_std": values["delay"].std})
+    return pipeline.design
 
 
 def _expected(model: ContactModel, name: str, settings: DesignSettings, pipeline: Pipeline) -> dict[str, float]:
