@@ -48,7 +48,7 @@ def run_point(point_pipeline, tmp_path):
 def palpate(tmp_path):
     """The real command line, in a folder of its own."""
 
-    def call(*arguments, cwd=tmp_path, timeout=60, **environment):
+    def call(*arguments, cwd=tmp_path, timeout=300, **environment):
         command = [sys.executable, "-c", "from palpate.cli import main; main()", *map(str, arguments)]
         env = {**os.environ, "COLUMNS": "140", **environment}
         return subprocess.run(

@@ -21,6 +21,6 @@ def test_it_is_in_order(palpate, pipeline):
     "pipeline", [path for path in PIPELINES if 'type = "sim"' in path.read_text()], ids=lambda path: path.stem
 )
 def test_it_runs(palpate, pipeline, tmp_path):
-    done = palpate("run", pipeline, "--out", tmp_path / "out")
+    done = palpate("run", pipeline, "--out", tmp_path / "out", timeout=300)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "result.json").exists()

@@ -13,8 +13,9 @@ _STEP = 1e-4  # [s]
 def check_trajectory(trajectory: Trajectory, top_speed: float = 0.25) -> None:
     """A trajectory starts and ends at rest, has no jumps, and says the velocity that it really has.
 
-    Checked on a fine grid: shapes, finiteness, rest at both ends and beyond them, position and velocity without jumps,
-    velocity equal to the derivative of position, no speed above `top_speed` [m/s], and some part for measuring.
+    Checked on a fine grid: shapes, finiteness, rest at both ends and beyond them, the duration, position and velocity
+    without jumps, velocity equal to the derivative of position, no speed above `top_speed` [m/s], and a part for
+    measuring within the motion.
     """
     name, end = type(trajectory).__name__, trajectory.total_duration
     demand(np.isfinite(end) and end > 0, f"{name}.total_duration is {end}")
@@ -28,6 +29,11 @@ def check_trajectory(trajectory: Trajectory, top_speed: float = 0.25) -> None:
     demand(setpoint.measuring.any(), f"{name} has no part for measuring")
     outside = (time < 0) | (time > end)
     demand(np.allclose(setpoint.velocity[outside], 0, atol=1e-9), f"{name} does not start and end at rest")
+    demand(not setpoint.measuring[outside].any(), f"{name} measures before it starts or after its total_duration")
+    ends = trajectory.at(np.array([0.0, end])).position
+    for rows, place in ((time < 0, ends[0]), (time > end, ends[1])):
+        moved = np.abs(setpoint.position[rows] - place).max()
+        demand(moved <= 1e-9, f"{name} does not last for its total_duration: {moved:.3g} m are left")
     speed = np.linalg.norm(setpoint.velocity, axis=1)
     demand(speed.max() <= top_speed, f"{name} moves at {speed.max():.3g} m/s, allowed {top_speed:g}")
     jump = np.abs(np.diff(setpoint.position, axis=0)).max()
