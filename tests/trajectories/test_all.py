@@ -14,6 +14,7 @@ from palpate_trajectories.load_unload import Compression, LoadUnload
 from palpate_trajectories.point import Point
 from palpate_trajectories.press import Press
 from palpate_trajectories.raster import Raster
+from palpate_trajectories.shake import Shake
 from palpate_trajectories.surface import Surface
 from pydantic import ValidationError
 
