@@ -122,8 +122,14 @@ class Flow:
     def _live(self, live: LiveLinks, guard: Guard, arms: list[Arm], trajectory: Trajectory | None) -> None:
         """Rest, judge the rest, move, until the arms are done or somebody has tripped the guard."""
         limits = self._pipeline.safety
-        for device, batch in live.until(time.monotonic() + (limits.rest if limits else 1.0)):
-            self._pass_on(device, batch)
+        began = time.monotonic()
+        rest = limits.rest if limits else 1.0
+        # A device may be slow to begin; one that has failed trips the guard.
+        while guard.reason is None and not guard.rested and time.monotonic() - began < rest + _PATIENCE:
+            for device, batch in live.until(max(began + rest, time.monotonic() + 0.05)):
+                self._pass_on(device, batch)
+            if guard.reason is not None or self._interrupt.reason is not None:
+                break
         if guard.reason is not None:
             return
         self.facts["rest"] = guard.judge_rest()

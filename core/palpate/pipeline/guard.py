@@ -16,6 +16,7 @@ from palpate.errors import DeviceError
 from palpate.safety import SafetySettings
 
 _LOOK_EVERY = 0.02  # [s]
+_ENOUGH = 10  # readings
 
 
 class _Column:
@@ -137,12 +138,17 @@ class Guard:
         if largest > limits.stop_force:
             self.trip(f"the force is {largest:.1f} N, over the limit of {limits.stop_force:g} N that stops the motion")
 
+    @property
+    def rested(self) -> bool:
+        """Whether force and position have sent enough to be judged."""
+        return min(len(self._force.at_rest()), len(self._position.at_rest())) >= _ENOUGH
+
     def judge_rest(self) -> dict[str, Any]:
         """Tare and noise from the rest in free air; raises DeviceError with advice where they are not plausible."""
         force, position = self._force.at_rest(), self._position.at_rest()
         velocity = self._velocity.at_rest() if self._velocity else np.zeros(0)
-        if len(force) < 10 or len(position) < 10:
-            silent = self._force.name if len(force) < 10 else self._position.name
+        if len(force) < _ENOUGH or len(position) < _ENOUGH:
+            silent = self._force.name if len(force) < _ENOUGH else self._position.name
             raise DeviceError(f"{silent} gave nothing usable at rest; is the device on, and are its readings valid?")
         found: dict[str, Any] = {"force": float(force.mean()), "force_std": float(force.std(ddof=1))}
         found["velocity_std"] = float(velocity.std(ddof=1)) if len(velocity) > 10 else None
