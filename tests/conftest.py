@@ -36,10 +36,10 @@ def point_pipeline(tmp_path):
 
 @pytest.fixture
 def run_point(point_pipeline, tmp_path):
-    """Run the example pipeline with overrides; a fresh folder each time."""
+    """Run the example pipeline with overrides, the paper's filter only; a fresh folder each time."""
 
     def run(*overrides, name="out"):
-        return run_pipeline(load_pipeline(point_pipeline, overrides), tmp_path / name)
+        return run_pipeline(load_pipeline(point_pipeline, ['run.tracks=["*/ekf"]', *overrides]), tmp_path / name)
 
     return run
 

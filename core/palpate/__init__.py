@@ -1,7 +1,20 @@
 """palpate: elasticity and viscosity of soft material from robotic palpation, each with its uncertainty."""
 
-from palpate.contact import ContactModel, Indenter, Parameter, contact_force
-from palpate.device import Arm, Batch, Channel, Device, Link, Stream
+from palpate.contact import (
+    ContactModel,
+    Indenter,
+    MaterialValue,
+    Parameter,
+    arctan,
+    contact_force,
+    force_over_time,
+    log,
+    select,
+    sqrt,
+    tanh,
+    tip_profile,
+)
+from palpate.device import Arm, Batch, Channel, Device, Link, Retractable, Stream, Watched
 from palpate.errors import ConfigurationError, DeviceError, LogError, OutputError, PalpateError, PluginError, UserError
 from palpate.estimation import (
     Belief,
@@ -18,8 +31,10 @@ from palpate.hooks import plugin
 from palpate.kernel import Kernel, Step, compile_step
 from palpate.parts import File, Part, Settings
 from palpate.process import InertialProcess, KinematicProcess
+from palpate.recording import Recording, Suggestion, Survey, TopicSurvey
 from palpate.sink import Run, Sink, Writer
 from palpate.trajectory import Setpoint, Trajectory
+from palpate.twin import Twin
 from palpate.units import (
     Acceleration,
     Angle,
@@ -31,6 +46,7 @@ from palpate.units import (
     Mass,
     Pressure,
     Speed,
+    Stiffness,
     Time,
     Viscosity,
     to_si,
@@ -62,6 +78,7 @@ __all__ = [
     "Link",
     "LogError",
     "Mass",
+    "MaterialValue",
     "Moment",
     "OutputError",
     "PalpateError",
@@ -70,6 +87,8 @@ __all__ = [
     "PluginError",
     "Pressure",
     "Problem",
+    "Recording",
+    "Retractable",
     "Run",
     "Samples",
     "Setpoint",
@@ -78,16 +97,29 @@ __all__ = [
     "Speed",
     "Status",
     "Step",
+    "Stiffness",
     "Stream",
+    "Suggestion",
+    "Survey",
     "Time",
+    "TopicSurvey",
     "Tracker",
     "Trajectory",
+    "Twin",
     "UserError",
     "Viscosity",
+    "Watched",
     "Writer",
+    "arctan",
     "compile_step",
     "contact_force",
+    "force_over_time",
+    "log",
     "plugin",
+    "select",
+    "sqrt",
+    "tanh",
+    "tip_profile",
     "to_si",
     "track_by_step",
 ]

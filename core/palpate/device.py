@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Protocol, runtime_checkable
+from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +77,25 @@ class Arm(Protocol):
         ...
 
 
+@runtime_checkable
+class Retractable(Protocol):
+    """An arm that can leave the material by itself."""
+
+    def retract(self) -> None:
+        """Stop and go back along the normal to where the motion began: from any thread, any number of times."""
+        ...
+
+
+@runtime_checkable
+class Watched(Protocol):
+    """A link that keeps account of its own health."""
+
+    @property
+    def health(self) -> Mapping[str, Any]:
+        """What a record should say: lateness, losses, scheduling, identity; numbers, texts and tables of them."""
+        ...
+
+
 class Device(Part, ABC):
     """Settings of a device; `connect` gives the link for as long as it is needed, and cleans up after it."""
 
@@ -90,6 +109,14 @@ class Device(Part, ABC):
     @abstractmethod
     def connect(self, seed: int) -> AbstractContextManager[Link]:
         """A link that lives as long as the context; `seed` is for devices that play dice."""
+
+    @property
+    def live(self) -> bool:
+        """Whether it sends as time goes by, so that nobody may make it wait; a log or a fast simulation does not.
+
+        The batches of a live link come at least every 0.1 s, empty ones where there is nothing to say.
+        """
+        return False
 
     @property
     def truth(self) -> Mapping[str, float]:

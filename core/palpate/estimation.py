@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import IntFlag
 from typing import Any, ClassVar, Protocol
@@ -77,6 +77,9 @@ class Estimates:
     force: Floats  # (n,) [N] contact force of the model at the estimate
     nis: Floats  # (n,) normalised innovation squared; 1 on average where model and noise are right
     status: NDArray[np.uint32]  # (n,) of Status
+    # What an estimator has to say beyond its numbers, in plain data that JSON can hold; it goes into result.json.
+    details: Mapping[str, Any] = field(default_factory=dict)
+    flags: tuple[str, ...] = ()  # "code: sentence", of the block as a whole; they join those of the track
 
     def __len__(self) -> int:
         return len(self.time)
@@ -96,6 +99,7 @@ class Problem:
 
     model: ContactModel
     tip_mass: float | None  # [kg] of all that hangs behind the sensor; None where it is not declared
+    timing_uncertainty: float | None = None  # [s] standard uncertainty between force and motion; None: not declared
 
 
 class Tracker(Protocol):

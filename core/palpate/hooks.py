@@ -21,6 +21,7 @@ from palpate.device import Device
 from palpate.estimation import Estimator
 from palpate.sink import Sink
 from palpate.trajectory import Trajectory
+from palpate.twin import Twin
 
 PROJECT = "palpate"
 plugin = pluggy.HookimplMarker(PROJECT)
@@ -57,6 +58,11 @@ def palpate_sinks() -> Mapping[str, type[Sink]]:  # type: ignore[empty-body]
     """Places to write to, by the name that ``[sink.*] type = "..."`` gives them."""
 
 
+@_hook
+def palpate_twins() -> Mapping[str, type[Twin]]:  # type: ignore[empty-body]
+    """Devices in software, by the name that ``[twin.*] type = "..."`` gives them."""
+
+
 # Kind of part -> (hook, class that its parts derive from).
 KINDS = {
     "indenter": ("palpate_indenters", Indenter),
@@ -65,4 +71,5 @@ KINDS = {
     "device": ("palpate_devices", Device),
     "trajectory": ("palpate_trajectories", Trajectory),
     "sink": ("palpate_sinks", Sink),
+    "twin": ("palpate_twins", Twin),
 }

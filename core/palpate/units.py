@@ -31,6 +31,7 @@ _NAMES = {
     "N/m": "stiffness",
     "N/s": "force drift",
     "rad": "angle",
+    "1": "pure number",
 }
 _EXAMPLES = {
     "m": "5 mm",
@@ -46,6 +47,7 @@ _EXAMPLES = {
     "N/m": "100 N/mm",
     "N/s": "1.5 N/h",
     "rad": "30 deg",
+    "1": "1.5",
 }
 
 
@@ -95,6 +97,8 @@ def _parse(text: str, unit: str) -> float:
     if not match:
         raise ValueError(f"{text!r} is not a {dimension(unit)}; {wanted}")
     number, written = float(match[1]), (match[2] or "").strip()
+    if not written and unit == "1":
+        return number
     if not written:
         raise ValueError(f"{text!r} has no unit; {wanted}, or a plain number for {unit}")
     registry = _registry()
@@ -147,6 +151,7 @@ ForceDrift = Annotated[float, Quantity("N/s")]
 Pressure = Annotated[float, Quantity("Pa")]
 Viscosity = Annotated[float, Quantity("Pa*s")]
 Damping = Annotated[float, Quantity("N*s/m")]
+Stiffness = Annotated[float, Quantity("N/m")]
 Frequency = Annotated[float, Quantity("Hz")]
 Speed = Annotated[float, Quantity("m/s")]
 Acceleration = Annotated[float, Quantity("m/s^2")]

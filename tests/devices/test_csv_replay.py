@@ -47,6 +47,39 @@ def test_time_from_a_column_and_other_delimiters(tmp_path):
     np.testing.assert_allclose(values, [[0.01, 0.002], [0.02, 0.003]])
 
 
+def test_columns_by_the_names_in_the_header(tmp_path):
+    columns = {"z": {"column": "height", "unit": "mm"}, "fz": {"column": "force", "unit": "N"}}
+    device = log(tmp_path / "a.csv", "\ufefft\tforce\t height\n0\t7\t1.5\n", columns=columns, delimiter="\t")
+    np.testing.assert_array_equal(rows(device)[1], [[0.0015, 7.0]])
+    check_device(device)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("t,force\n0,7\n", r"no column of the name 'height' \(t, force\)"),
+        ("height,height\n0,7\n", "two columns of the name 'height'"),
+        ("0,7\n", r"no column of the name 'height' \(its first line holds numbers\)"),
+    ],
+)
+def test_names_that_are_not_there(tmp_path, text, words):
+    with pytest.raises(LogError, match=words):
+        rows(log(tmp_path / "a.csv", text, columns={"z": {"column": "height", "unit": "mm"}}))
+
+
+@pytest.mark.parametrize(("text", "delimiter"), [("z;f\n1,5;2\n", ";"), ("z,f\n1,5,2,0\n", ",")])
+def test_decimal_commas_are_refused_with_advice(tmp_path, text, delimiter):
+    with pytest.raises(LogError, match=r"a\.csv:2: .*decimal comma.* points"):
+        rows(log(tmp_path / "a.csv", text, delimiter=delimiter))
+
+
+def test_stamps_since_1970_keep_their_nanoseconds(tmp_path):
+    text = "1700000000.25,1\n1700000000.75,2\n"
+    columns = {"z": {"column": 1, "unit": "m"}}
+    time, _ = rows(log(tmp_path / "a.csv", text, rate=None, time={"column": 0, "unit": "s"}, columns=columns))
+    assert time.tolist() == [1_700_000_000_250_000_000, 1_700_000_000_750_000_000]
+
+
 def test_empty_cells_and_nan_are_invalid_readings(tmp_path):
     _, values = rows(log(tmp_path / "a.csv", "1,2\n,3\n4,nan\n"))
     assert np.isnan(values).sum() == 2

@@ -1,6 +1,9 @@
 """MCAP logs: what is recorded comes back to the last bit, here and in other readers."""
 
 import json
+import shutil
+import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,8 +11,11 @@ from palpate import LogError
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
 from palpate.testing import check_device
+from palpate_devices.logs.decoders import decoder_of
+from palpate_devices.logs.readings import Reading
+from palpate_devices.logs.topics import Messages, Topic
 from palpate_devices.mcap_replay import McapReplay
-from palpate_devices.messages import WRENCH, known_type, numbers_type, pack, unpack
+from palpate_devices.messages import WRENCH, known_type, numbers_type, pack
 
 SHORT = ("trajectory.press.duration=1 s", "trajectory.press.speed=20 mm/s")
 
@@ -54,7 +60,7 @@ def test_other_tracks_on_a_recording(recording, point_pipeline, tmp_path):
         ],
     )
     result = run_pipeline(pipeline, tmp_path / "replay")
-    assert set(result.tracks) == {"dr/ekf", "dr/soft"}
+    assert set(result.tracks) == {"dr/ekf", "dr/kinematic", "dr/soft"}
 
 
 def test_it_keeps_the_promises_of_a_device(recording):
@@ -93,6 +99,16 @@ def test_another_reader_sees_the_same_messages(recording):
     assert messages[0].header.frame_id == "tip"
 
 
+def unpack(messages, count):
+    """Stamps and numbers of messages of a header and so many numbers."""
+    names = [f"n{i}" for i in range(count)]
+    kind = numbers_type("Load", names)
+    decoder = decoder_of(Topic("/load", kind.name, schema=kind.definition.encode()))
+    none = np.zeros(len(messages), np.int64)
+    table = decoder.read(Messages.joined(messages, none, none), [Reading(name) for name in names])
+    return table.stamps, table.values
+
+
 @pytest.mark.parametrize("frame", ["", "a", "work", "ft_sensor0_wrench", "é"])
 @pytest.mark.parametrize("count", [1, 6, 7])
 def test_messages_survive_packing(frame, count):
@@ -115,7 +131,7 @@ def test_messages_of_different_frames_in_one_block():
 
 @pytest.mark.parametrize("damage", [b"", b"\0" * 20, b"\x00\x01\x00\x00" + b"\xff" * 60])
 def test_a_message_that_is_none_is_refused(damage):
-    with pytest.raises(ValueError, match="message"):
+    with pytest.raises(LogError, match="message"):
         unpack([damage], 6)
 
 
@@ -196,3 +212,26 @@ def test_real_logs_of_others_are_read_or_refused_in_words(shared):
             with McapReplay(file=path).connect(0) as link:
                 assert {batch.stream for batch in link.batches()} <= {stream.name for stream in streams}
         assert path.name in words
+
+
+def test_the_readers_of_npm_find_the_same(recording):
+    """NODE_PATH must lead to @mcap/core, @foxglove/rosmsg, @foxglove/rosmsg2-serialization and fzstd."""
+    node = shutil.which("node")
+    packages = ("@mcap/core", "@foxglove/rosmsg", "@foxglove/rosmsg2-serialization", "fzstd")
+    lookup = "".join(f"require.resolve('{name}');" for name in packages)
+    if node is None or subprocess.run([node, "-e", lookup], capture_output=True).returncode:
+        pytest.skip(f"the readers of npm are not here: node, and {', '.join(packages)} on NODE_PATH")
+    script = Path(__file__).parent / "read_mcap.cjs"
+    done = subprocess.run([node, script, recording], capture_output=True, text=True, timeout=60, check=True)
+    found = json.loads(done.stdout)
+    ours = {}
+    for topic, names, batch in McapReplay.tables(recording):
+        columns = [k for k, name in enumerate(names) if not name.startswith("header.")]
+        count, total = ours.get(topic, (0, 0.0))
+        values = batch.values[:, columns]
+        ours[topic] = count + len(values), total + float(values.sum())
+    assert found.keys() == ours.keys()
+    for topic, (count, total) in ours.items():
+        assert found[topic][0] == count
+        if np.isfinite(total):
+            assert found[topic][1] == pytest.approx(total, rel=1e-9, abs=1e-9)

@@ -4,6 +4,17 @@ The samples do not depend on how the streams were cut into batches, so a replaye
 """
 
 from palpate.alignment.aligner import Aligner, AlignmentReport
+from palpate.alignment.series import Health, Series
 from palpate.alignment.settings import SIGNAL_UNITS, AlignmentSettings, Signal
+from palpate.alignment.touch import GRAVITY
 
-__all__ = ["SIGNAL_UNITS", "Aligner", "AlignmentReport", "AlignmentSettings", "Signal"]
+__all__ = [
+    "GRAVITY",
+    "SIGNAL_UNITS",
+    "Aligner",
+    "AlignmentReport",
+    "AlignmentSettings",
+    "Health",
+    "Series",
+    "Signal",
+]

@@ -47,13 +47,18 @@ class AlignmentSettings(Settings):
     lateral_x: Signal | None = Field(default=None, description="x of the tip along the surface, for sweeps and maps")
     lateral_y: Signal | None = Field(default=None, description="y of the tip along the surface, for sweeps and maps")
     tip_mass: Mass | None = Field(default=None, gt=0, description="mass of all that hangs behind the sensor")
+    tip_mass_uncertainty: Mass | None = Field(default=None, ge=0, description="its standard uncertainty")
     weight: Literal["tared", "removed"] = Field(
         default="tared",
         description='"tared": the tare or the recording took it; "removed": subtract tip_mass times gravity',
     )
-    tare: float | Literal["free-air", "none"] = Field(
+    tare: float | Literal["free-air", "none", "calibrated"] = Field(
         default="free-air",
-        description='"free-air": mean of the first tare_duration, at rest in air; "none"; or a force',
+        description='"free-air": mean of the first tare_duration, at rest in air; "calibrated": the offset of '
+        '[run] calibration; "none"; or a force',
+    )
+    tare_uncertainty: Force | None = Field(
+        default=None, ge=0, description="standard uncertainty of a tare that is a force"
     )
     tare_duration: Time = Field(
         default=0.9, gt=0, description="length of the free-air window at the beginning of the record"
@@ -71,10 +76,10 @@ class AlignmentSettings(Settings):
     @field_validator("tare", mode="before")
     @classmethod
     def _tare(cls, value: Any) -> Any:
-        if value in ("free-air", "none"):
+        if value in ("free-air", "none", "calibrated"):
             return value
         try:
             return to_si(value, "N")
         except ValueError as error:
-            reason = f'{value!r} is none of "free-air", "none" and a force such as "1.8 N"'
+            reason = f'{value!r} is none of "free-air", "calibrated", "none" and a force such as "1.8 N"'
             raise PydanticCustomError("tare", "{reason}", {"reason": reason}) from error

@@ -67,7 +67,7 @@ class TouchFinder:
         if self._settings.tare == "none":
             return Tare(0.0, None, None)
         if self._settings.tare != "free-air":
-            return Tare(float(self._settings.tare), None, None)
+            return Tare(float(self._settings.tare), self._settings.tare_uncertainty, None)
         window = samples.force[samples.time <= self._settings.tare_duration]
         window = window[np.isfinite(window)]
         if len(window) < 10:

@@ -1,4 +1,4 @@
-"""The command line: ``palpate run``, ``check``, ``plan``, ``map``, ``lumps``, ``list`` and the others."""
+"""The command line: what each ``palpate`` command is, and what its exit code says."""
 
 from __future__ import annotations
 
@@ -9,8 +9,27 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli import info, inspect, lumps, plan, resume, run, search, sweep
+from palpate.cli import (
+    calibrate,
+    compare,
+    design,
+    doctor,
+    export,
+    force,
+    inspect,
+    log_info,
+    lumps,
+    plan,
+    recover,
+    repeat,
+    resume,
+    run,
+    search,
+    sweep,
+    twin,
+)
 from palpate.cli import map as maps
+from palpate.cli.fit import fit
 from palpate.errors import PalpateError
 
 app = typer.Typer(
@@ -19,6 +38,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",  # rich's own markup would take [tables] for tags
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
@@ -40,17 +60,27 @@ def _options(
 
 app.command(name="run")(run.run)
 app.command(name="sweep")(sweep.sweep)
+app.command(name="fit")(fit)
+app.command(name="repeat")(repeat.repeat)
+app.command(name="calibrate")(calibrate.calibrate)
+app.command(name="design")(design.design)
 app.command(name="check")(inspect.check)
 app.command(name="plan")(plan.plan)
 app.command(name="resume")(resume.resume)
 app.command(name="map")(maps.map_run)
 app.command(name="lumps")(lumps.lumps)
-app.command(name="compare")(lumps.compare)
+app.command(name="compare-sites")(lumps.compare)
 app.command(name="search")(search.search)
 app.command(name="list")(inspect.list_parts)
 app.command(name="describe")(inspect.describe)
 app.command(name="schema")(inspect.schema)
-app.command(name="info")(info.info)
+app.command(name="force")(force.force)
+app.command(name="info")(log_info.info)
+app.command(name="compare")(compare.compare)
+app.command(name="export")(export.export)
+app.command(name="recover")(recover.recover)
+app.command(name="doctor")(doctor.doctor)
+app.command(name="twin")(twin.twin)
 
 
 def main() -> None:

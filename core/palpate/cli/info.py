@@ -1,4 +1,4 @@
-"""``palpate info``: what this installation runs on."""
+"""What ``palpate info`` says without a log: what this installation runs on."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from palpate.kernel import Step, compile_step, kernel_choice
 _LIBRARIES = ("casadi", "numpy", "scipy", "llvmlite", "filterpy")
 
 
-def info() -> None:
+def show_installation() -> None:
     """Say which kernel runs the filters and why, and which libraries and plugins there are."""
     _, reason = kernel_choice()
     typer.echo(f"palpate {importlib.metadata.version('palpate')}")

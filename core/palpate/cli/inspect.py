@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import types
 import typing
 from collections.abc import Iterator
 from pathlib import Path
@@ -100,6 +101,8 @@ def _description(title: str, part: type[Settings]) -> Iterator[str]:
     nested = {n.__name__: n for f in part.model_fields.values() if (n := nested_settings(f.annotation)) is not None}
     for name, settings in nested.items():
         yield ""
+        yield f"{name.lower()}: {inspect.getdoc(settings) or ''}"
+        yield ""
         yield f"Keys of the table {name.lower()}:"
         yield from _keys(settings, "  ")
 
@@ -129,13 +132,21 @@ def _type(annotation: Any, metadata: list[Any]) -> str:
     nested = nested_settings(annotation)
     if nested is not None:
         return f"table {nested.__name__.lower()}"
-    arguments = typing.get_args(annotation)
+    arguments = tuple(argument for argument in typing.get_args(annotation) if argument is not type(None))
+    if typing.get_origin(annotation) is dict:
+        return f"table of names, each a {_type(arguments[1], [])}"
     if typing.get_origin(annotation) is typing.Literal:
         return " or ".join(json.dumps(choice) for choice in arguments)
     for argument in arguments:  # optional quantities carry their unit inside the union
         if getattr(argument, "__metadata__", None):
             return _type(argument.__origin__, list(argument.__metadata__))
+    if getattr(annotation, "__metadata__", None):
+        return _type(annotation.__origin__, list(annotation.__metadata__))
+    if len(arguments) == 1 and annotation not in (dict, tuple) and typing.get_origin(annotation) is not tuple:
+        return _type(arguments[0], [])
+    if arguments and typing.get_origin(annotation) in (typing.Union, types.UnionType):
+        return " or ".join(_type(argument, []) for argument in arguments)
     words = {float: "number", int: "whole number", str: "text", bool: "true or false", Path: "path"}
     if annotation in words:
         return words[annotation]
-    return {dict: "table", tuple: "list"}.get(typing.get_origin(annotation), "value")
+    return "list" if typing.get_origin(annotation) is tuple else "value"

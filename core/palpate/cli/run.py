@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from palpate.cli.rehearsal import rehearse
 from palpate.cli.tables import result_view
 from palpate.config import load_pipeline
 
@@ -22,6 +23,7 @@ def run(
         list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override a setting; can be repeated.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print result.json instead of the table.")] = False,
+    dry: Annotated[bool, typer.Option("--dry-run", help="Show the motion and its limits; connect to nothing.")] = False,
     seed: Annotated[int | None, typer.Option(help="Seed of the run; overrides that of the file.", min=0)] = None,
 ) -> None:
     """Run a pipeline; print what was found and where it is written."""
@@ -32,6 +34,9 @@ def run(
 
     assignments = [*(overrides or []), *([f"run.seed={seed}"] if seed is not None else [])]
     pipeline = load_pipeline(file, assignments)
+    if dry:
+        rehearse(pipeline)
+        return
     errors, console = Console(stderr=True), Console()
     for plugin, reason in pipeline.registry.failures.items():
         errors.print(f"[yellow]plugin {plugin} could not be loaded: {reason}[/]", highlight=False)

@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from palpate.cli.fit_tables import comparison, evidence
+from palpate.cli.quantities import measured, people
+from palpate.errors import OutputError
 from palpate.result import Found, TrackResult
 
 if TYPE_CHECKING:
@@ -12,23 +18,23 @@ if TYPE_CHECKING:
 
     from palpate.pipeline import Result
 
-# SI unit -> what people write, and how many of it one SI unit is.
-_PEOPLE = {"Pa": ("kPa", 1e-3), "m": ("mm", 1e3), "Pa*s": ("Pa s", 1.0)}
-_UNUSABLE = {"no-contact": "no contact", "not-identifiable": "not identifiable", "diverged": "diverged"}
+_UNUSABLE = {
+    "no-contact": "no contact",
+    "not-fitted": "not fitted",
+    "not-identifiable": "not identifiable",
+    "diverged": "diverged",
+}
 
 
-def measured(value: float, std: float) -> str:
-    """A value and its uncertainty, to two digits of the uncertainty.
-
-    >>> measured(126.5312, 0.2134)
-    '126.53 ± 0.21'
-    """
-    if not math.isfinite(value):
-        return "-"
-    if not (math.isfinite(std) and std > 0):
-        return f"{value:.4g}"
-    digits = max(0, 1 - math.floor(math.log10(std)))
-    return f"{value:.{digits}f} ± {std:.{digits}f}"
+@contextmanager
+def drawing(path: Path) -> Iterator[None]:
+    """Turns what can go wrong while a picture is drawn into an OutputError."""
+    try:
+        yield
+    except ImportError as error:
+        raise OutputError(f"{path}: drawing wants matplotlib: pip install matplotlib") from error
+    except (OSError, ValueError) as error:
+        raise OutputError(f"{path}: cannot draw: {error}") from error
 
 
 def result_view(result: Result) -> RenderableType:
@@ -43,7 +49,7 @@ def result_view(result: Result) -> RenderableType:
     table = Table(title=result.run["name"], title_justify="left")
     table.add_column("track")
     for name, unit in units.items():
-        table.add_column(f"{name}\n{_PEOPLE.get(unit, (unit, 1))[0]}", justify="right")
+        table.add_column(f"{name}\n{people(unit)[0]}", justify="right")
     for heading in ("eta/G\nms", "surface\nmm", "residual\nN", "NIS\n"):
         table.add_column(heading, justify="right")
     for label, track in result.tracks.items():
@@ -53,14 +59,46 @@ def result_view(result: Result) -> RenderableType:
         surface = _scaled(result.truth.get("surface", math.nan), "m")
         table.add_row("truth", *(_plain(v) for v in known), "", _plain(surface), "", "", style="dim")
     lines = [f"  every track: {text}" for text in result.flags]
-    lines += [f"  {label}: {text}" for label, track in result.tracks.items() for text in track.flags]
+    lines += list(_track_lines(result))
     flags = [Text(line, style="yellow") for line in lines]
     head = [Text("flags")] if flags else [Text("no flags")]
-    return Group(table, *head, *flags, Text(f"written to {result.folder}"))
+    return Group(table, *_fits(result), *_derived(result), *head, *flags, Text(f"written to {result.folder}"))
+
+
+def _derived(result: Result) -> list[RenderableType]:
+    """Elasticity and viscosity that follow from other parameters, with what has to hold for them."""
+    from rich.text import Text
+
+    lines = [
+        Text(f"  {label}: {value.name} {_shown(value.found)} {people(value.found.unit)[0]} ({value.caveat})")
+        for label, track in result.tracks.items()
+        for value in track.derived
+        if math.isfinite(value.found.value)
+    ]
+    return [Text("derived"), *lines] if lines else []
+
+
+def _fits(result: Result) -> list[RenderableType]:
+    """Comparison of the offline fits among the tracks, where there are several."""
+    from rich.text import Text
+
+    fits = {name: track for name, track in result.tracks.items() if track.details.get("fit")}
+    return [comparison({result.run["name"]: fits}), Text(evidence(fits))] if len(fits) > 1 else []
+
+
+def _track_lines(result: Result) -> Iterator[str]:
+    """Flags by track; what concerns all of them alike, an undeclared timing, is said once."""
+    said = False
+    for label, track in result.tracks.items():
+        for text in track.flags:
+            undeclared = text.startswith("timing-undeclared")
+            if not (undeclared and said):
+                yield f"  {label}: {text}"
+            said = said or undeclared
 
 
 def _scaled(value: float, unit: str) -> float:
-    return value * _PEOPLE.get(unit, (unit, 1.0))[1]
+    return value * people(unit)[1]
 
 
 def _plain(value: float) -> str:

@@ -13,7 +13,8 @@ from palpate.config.source import Location, Source
 from palpate.errors import ConfigurationError
 from palpate.registry import suggest
 
-PLAIN_TABLES = ("run", "alignment", "sweep")  # tables that hold settings; all others hold named parts
+# Tables that hold settings; all others hold named parts.
+PLAIN_TABLES = ("run", "alignment", "safety", "sweep", "calibration", "design")
 
 
 @dataclass(frozen=True)

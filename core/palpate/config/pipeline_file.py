@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -12,17 +12,22 @@ from pydantic import Field
 
 from palpate import registry as registries
 from palpate.alignment import SIGNAL_UNITS, AlignmentSettings, Signal
+from palpate.calibration import CalibrationSettings, CalibrationUse, read_calibration
 from palpate.config.builder import Builder, unknown_tables
+from palpate.config.conformance import check_tips
 from palpate.config.mistakes import Mistake, raise_mistakes
 from palpate.config.source import Source
 from palpate.contact import ContactModel, Indenter
+from palpate.design import DesignSettings
 from palpate.device import Device, address
 from palpate.errors import PalpateError
 from palpate.estimation import Estimator
 from palpate.parts import File, Settings
 from palpate.registry import Registry, suggest
+from palpate.safety import SafetySettings
 from palpate.sink import Sink
 from palpate.trajectory import Trajectory
+from palpate.twin import Twin
 from palpate.units import Time
 
 
@@ -34,6 +39,10 @@ class RunSettings(Settings):
         default=("*",), description='which model/estimator pairs run, as patterns: "dr/*", "*/ekf"'
     )
     plugins: tuple[File, ...] = Field(default=(), description="Python files beside the pipeline with parts of your own")
+    calibration: File | None = Field(
+        default=None, description="calibration file: mass, tare, timing and noise that this file leaves open"
+    )
+    calibration_valid: Time = Field(default=30 * 86400.0, gt=0, description="an older calibration is flagged")
     seed: int = Field(default=0, ge=0, description="seed of everything that plays dice")
     average: Time = Field(default=1.0, ge=0.05, description="results are means over so much time at the end")
     estimates_interval: Time = Field(
@@ -64,8 +73,13 @@ class Pipeline:
     devices: Mapping[str, Device]
     trajectories: Mapping[str, Trajectory]
     sinks: Mapping[str, Sink]
+    twins: Mapping[str, Twin]
+    safety: SafetySettings | None
     tracks: tuple[Track, ...]
     registry: Registry
+    calibration: CalibrationUse | None = None
+    design: DesignSettings = field(default_factory=DesignSettings)
+    stated: AlignmentSettings | None = None  # the alignment as the file has it, without the calibration
 
 
 def load_pipeline(path: Path, overrides: Iterable[str] = ()) -> Pipeline:
@@ -92,14 +106,24 @@ def build_pipeline(source: Source) -> Pipeline:
         alignment = builder.settings(AlignmentSettings, ("alignment",))
     else:
         builder.mistakes.append(Mistake((), "the table [alignment] is missing: it says which channel is the force"))
+    design = builder.settings(DesignSettings, ("design",))
+    builder.settings(CalibrationSettings, ("calibration",))
+    safety = builder.settings(SafetySettings, ("safety",)) if "safety" in tables else None
     kinds = {kind: builder.parts(kind) for kind in registry.parts}
     builder.mistakes += _missing_kinds(tables, registry)
     if alignment and len(kinds["device"]) == len(tables.get("device", {})):
-        builder.mistakes += _wrong_channels(alignment, kinds["device"])
+        builder.mistakes += wrong_channels(alignment, kinds["device"])
+    stated = alignment
+    use, problems = _calibration(run, alignment)
+    builder.mistakes += problems
+    if use and alignment:
+        alignment = use.alignment(alignment)
+        kinds["estimator"] = {name: use.estimator(part) for name, part in kinds["estimator"].items()}
     tracks, lost = _tracks(run or RunSettings(), kinds["model"], kinds["estimator"])
     if not builder.mistakes:
         builder.mistakes += lost
     raise_mistakes(builder.mistakes, source)
+    check_tips((*kinds["indenter"].values(), *kinds["model"].values(), *kinds["device"].values()), registry)
     assert alignment is not None
     return Pipeline(
         source.path,
@@ -112,9 +136,31 @@ def build_pipeline(source: Source) -> Pipeline:
         kinds["device"],
         kinds["trajectory"],
         kinds["sink"],
+        kinds["twin"],
+        safety,
         tracks,
         registry,
+        use,
+        design,
+        stated,
     )
+
+
+def _calibration(
+    run: RunSettings | None, alignment: AlignmentSettings | None
+) -> tuple[CalibrationUse | None, list[Mistake]]:
+    if run is None or run.calibration is None:
+        if alignment is not None and alignment.tare == "calibrated":
+            problem = 'is "calibrated", but [run] names no calibration'
+            return None, [Mistake(("alignment", "tare"), problem)]
+        return None, []
+    try:
+        calibration = read_calibration(run.calibration)
+    except PalpateError as error:
+        return None, [Mistake(("run", "calibration"), f"{error}; `palpate calibrate` makes one")]
+    if alignment is not None and alignment.tare == "calibrated" and "offset" not in calibration.values:
+        return None, [Mistake(("alignment", "tare"), 'is "calibrated", but the calibration holds no offset')]
+    return CalibrationUse(calibration, str(run.calibration), run.calibration_valid), []
 
 
 def _missing_kinds(tables: Mapping[str, Any], registry: Registry) -> list[Mistake]:
@@ -127,7 +173,8 @@ def _missing_kinds(tables: Mapping[str, Any], registry: Registry) -> list[Mistak
     ]
 
 
-def _wrong_channels(alignment: AlignmentSettings, devices: Mapping[str, Device]) -> list[Mistake]:
+def wrong_channels(alignment: AlignmentSettings, devices: Mapping[str, Device]) -> list[Mistake]:
+    """A mistake for every role whose channel no device has."""
     mistakes = []
     units: dict[str, str] = {}
     for name, device in devices.items():

@@ -18,9 +18,11 @@ def resolved_text(pipeline: Pipeline) -> str:
     Paths are absolute, so that the text means the same wherever it is kept.
     """
     tables: dict[str, Any] = {
-        "run": _plain(pipeline.run, pipeline.registry),
-        "alignment": _plain(pipeline.alignment, pipeline.registry),
+        "run": plain_settings(pipeline.run, pipeline.registry),
+        "alignment": plain_settings(pipeline.alignment, pipeline.registry),
     }
+    if pipeline.safety is not None:
+        tables["safety"] = plain_settings(pipeline.safety, pipeline.registry)
     kinds = {
         "device": pipeline.devices,
         "trajectory": pipeline.trajectories,
@@ -28,19 +30,21 @@ def resolved_text(pipeline: Pipeline) -> str:
         "model": pipeline.models,
         "estimator": pipeline.estimators,
         "sink": pipeline.sinks,
+        "twin": pipeline.twins,
     }
     for kind, parts in kinds.items():
-        tables[kind] = {name: _plain(part, pipeline.registry) for name, part in parts.items()}
+        tables[kind] = {name: plain_settings(part, pipeline.registry) for name, part in parts.items()}
     return tomli_w.dumps({name: table for name, table in tables.items() if table})
 
 
-def _plain(value: Any, registry: Registry) -> Any:
+def plain_settings(value: Any, registry: Registry) -> Any:
+    """Settings and parts as TOML can hold them, each part with its type."""
     if isinstance(value, Settings):
         head = {"type": registry.name_of(type(value))} if isinstance(value, Part) else {}
         fields = {name: getattr(value, name) for name in type(value).model_fields}
-        return head | {name: _plain(field, registry) for name, field in fields.items() if field is not None}
+        return head | {name: plain_settings(field, registry) for name, field in fields.items() if field is not None}
     if isinstance(value, dict):
-        return {name: _plain(item, registry) for name, item in value.items() if item is not None}
+        return {name: plain_settings(item, registry) for name, item in value.items() if item is not None}
     if isinstance(value, tuple | list):
-        return [_plain(item, registry) for item in value]
+        return [plain_settings(item, registry) for item in value]
     return str(value.absolute()) if isinstance(value, Path) else value

@@ -5,10 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from palpate.alignment import AlignmentSettings, Signal
+from palpate.calibration import CalibrationSettings
 from palpate.config.pipeline_file import RunSettings
+from palpate.design import DesignSettings
 from palpate.hooks import KINDS
 from palpate.parts import Settings
 from palpate.registry import Registry
+from palpate.safety import SafetySettings
 
 _SWEEP = {
     "type": "object",
@@ -24,6 +27,9 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
         "run": _table(RunSettings, definitions),
         "alignment": _table(AlignmentSettings, definitions),
         "sweep": _SWEEP,
+        "calibration": _table(CalibrationSettings, definitions),
+        "design": _table(DesignSettings, definitions),
+        "safety": _table(SafetySettings, definitions),
     }
     for kind, entries in registry.parts.items():
         choices = []

@@ -68,7 +68,7 @@ def compile_step(step: Step) -> Kernel:
     if kernel_choice()[0] == "llvm":
         try:
             return CompiledStep(function)
-        except (Untranslatable, ImportError, OSError, RuntimeError):
+        except (Untranslatable, ImportError, AttributeError, OSError, RuntimeError):  # an old llvmlite, too
             if os.environ.get(_VARIABLE) == "llvm":
                 raise
     return VirtualMachine(function)

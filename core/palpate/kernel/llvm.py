@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 LANES = 8
+_ENGINES: list[Any] = []
 _COMPILING = threading.Lock()
 
 # CasADi operation -> function of the C library; the number of arguments follows.
@@ -62,19 +63,25 @@ class CompiledStep:
     name = "LLVM"
 
     def __init__(self, function: Any) -> None:
-        self._sizes = tuple(int(function.numel_in(i)) for i in range(3))
         self.outputs = int(function.numel_out(1))
-        self._scalar = _compiled(function.serialize(), 1)
         self._text: str = function.serialize()
+        with _COMPILING:
+            self._scalar = _compiled(self._text, 1)
+        # One sample at a time, what takes longest is telling where the arrays are: these stay where they are.
+        self._held = [np.zeros(function.numel_in(i)) for i in range(3)] + [np.zeros(self.outputs)]
+        self._places = [array.ctypes.data for array in self._held]
 
     def run(self, state: Floats, samples: Floats, settings: Floats) -> tuple[Floats, Floats]:
         """State (ns,) after, and outputs (n, ny) of, the samples (n, nw)."""
-        after = np.array(state, float)
-        samples = np.ascontiguousarray(samples, float)
-        settings = np.ascontiguousarray(settings, float)
-        outputs = np.empty((len(samples), self.outputs))
-        self._scalar(len(samples), 1, after, samples, settings, outputs)
-        return after, outputs
+        if len(samples) == 1:
+            held = self._held
+            held[0][:], held[1][:], held[2][:] = state, samples[0], settings
+            self._scalar(1, 1, *self._places)
+            return held[0].copy(), held[3].copy().reshape(1, -1)
+        arrays = [np.array(state, float), *(np.ascontiguousarray(array, float) for array in (samples, settings))]
+        arrays.append(np.empty((len(samples), self.outputs)))
+        self._scalar(len(samples), 1, *(array.ctypes.data for array in arrays))
+        return arrays[0], arrays[3]
 
     def run_lanes(self, states: Floats, samples: Floats, settings: Floats, every: int) -> tuple[Floats, Floats]:
         """States (8, ns) after, and outputs (m, 8, ny) of every so-many-th sample, for eight settings (8, np)."""
@@ -84,7 +91,7 @@ class CompiledStep:
         samples = np.ascontiguousarray(samples, float)
         columns = np.ascontiguousarray(settings.T, float)
         outputs = np.empty((len(samples) // every, self.outputs, LANES))
-        call(len(samples), every, after, samples, columns, outputs)
+        call(len(samples), every, *(array.ctypes.data for array in (after, samples, columns, outputs)))
         return np.ascontiguousarray(after.T), outputs.transpose(0, 2, 1)
 
 
@@ -109,11 +116,8 @@ def _compiled(text: str, lanes: int) -> Callable[..., None]:
     pointer = ctypes.c_void_p
     entry = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64, *([pointer] * 4))(address)
 
-    def call(count: int, every: int, *arrays: Floats) -> None:
-        assert engine is not None  # the code lives as long as its engine
-        entry(count, every, *(array.ctypes.data for array in arrays))
-
-    return call
+    _ENGINES.append(engine)  # the code lives as long as its engine
+    return entry
 
 
 def _machine() -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib.metadata
 import platform
 import socket
@@ -18,6 +19,10 @@ def run_facts(pipeline: Pipeline) -> dict[str, Any]:
     versions = {"palpate": importlib.metadata.version("palpate"), "python": platform.python_version()}
     versions |= {name: importlib.metadata.version(name) for name in _LIBRARIES}
     inputs = {f"{name}.{key}": text for name, d in pipeline.devices.items() for key, text in d.provenance.items()}
+    if pipeline.run.calibration is not None:
+        with pipeline.run.calibration.open("rb") as file:
+            inputs["calibration.sha256"] = hashlib.file_digest(file, "sha256").hexdigest()
+        inputs["calibration.file"] = str(pipeline.run.calibration)
     return {
         "name": pipeline.run.name,
         "pipeline": str(pipeline.path),

@@ -17,8 +17,16 @@ from palpate.sink import Run, Writer
 class Outputs:
     """Sinks and the table of estimates, all open; estimates made after the record get a table of their own."""
 
-    def __init__(self, stack: ExitStack, pipeline: Pipeline, run: Run, running: list[RunningTrack]) -> None:
+    def __init__(
+        self,
+        stack: ExitStack,
+        pipeline: Pipeline,
+        run: Run,
+        running: list[RunningTrack],
+        observer: Writer | None = None,
+    ) -> None:
         self._writers: list[Writer] = [stack.enter_context(sink.open(run)) for sink in pipeline.sinks.values()]
+        self._writers += [observer] if observer is not None else []
         self._interval = pipeline.run.estimates_interval
         self._folder, self._stack = run.folder, stack
         self._table = self._open_table("estimates.csv", [r for r in running if r.track.estimator.online])

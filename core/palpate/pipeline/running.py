@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from palpate.alignment import Aligner
 from palpate.config import Pipeline, resolved_text
-from palpate.device import Arm, Batch, Link
-from palpate.errors import ConfigurationError, DeviceError
+from palpate.errors import DeviceError
+from palpate.pipeline.calibration_flags import calibration_flags
 from palpate.pipeline.facts import flat_facts, run_facts
-from palpate.pipeline.interrupt import Interrupt, interruptible
+from palpate.pipeline.flow import Flow, Progress
+from palpate.pipeline.interrupt import interruptible
 from palpate.pipeline.outputs import Outputs
 from palpate.pipeline.tracks import RunningTrack, start_tracks
 from palpate.result import (
@@ -30,12 +29,7 @@ from palpate.result import (
     track_result,
     write_new,
 )
-from palpate.sink import Run
-from palpate.trajectory import Trajectory
-
-_LOOK = 5e-3  # [s] between the setpoints that devices are asked about before anything moves
-
-Progress = Callable[[float, float | None], None]  # log time [s], total [s] where known
+from palpate.sink import Run, Writer
 
 
 @dataclass(frozen=True)
@@ -64,8 +58,10 @@ class Result:
         }
 
 
-def run_pipeline(pipeline: Pipeline, out: Path | None = None, progress: Progress | None = None) -> Result:
-    """Run a pipeline to its end, or to Ctrl-C, and write the run folder.
+def run_pipeline(
+    pipeline: Pipeline, out: Path | None = None, progress: Progress | None = None, observer: Writer | None = None
+) -> Result:
+    """Run a pipeline to its end, or to Ctrl-C, and write the run folder; an observer sees what the sinks see.
 
     Raises UserError for what the user can mend; what was recorded until then stays.
     """
@@ -82,80 +78,22 @@ def run_pipeline(pipeline: Pipeline, out: Path | None = None, progress: Progress
     began = time.monotonic()
     failure: DeviceError | None = None
     with interruptible() as interrupt, ExitStack() as stack:
-        outputs = Outputs(stack, pipeline, Run(folder, streams, tracks, flat_facts(facts), documents), running)
+        run = Run(folder, streams, tracks, flat_facts(facts), documents)
+        outputs = Outputs(stack, pipeline, run, running, observer)
+        flow = Flow(pipeline, aligner, running, outputs, progress, interrupt)
         try:
-            _flow(pipeline, aligner, running, outputs, progress, interrupt)
+            flow.run()
         except DeviceError as error:
             interrupt.reason, failure = f"stopped by a device: {error}", error
         outputs.finish(aligner, running)
+    if flow.facts:
+        facts["live"] = flow.facts
     facts |= {"started": started.isoformat(timespec="seconds"), "duration": time.monotonic() - began}
     result = _result(pipeline, folder, facts, aligner, running, interrupt.reason)
     write_new(folder / "result.json", json.dumps(result.table(), indent=2, allow_nan=False) + "\n")
     if failure is not None:
         raise DeviceError(f"{failure} (what was found until then is in {folder})") from failure
     return result
-
-
-def _flow(
-    pipeline: Pipeline,
-    aligner: Aligner,
-    running: list[RunningTrack],
-    outputs: Outputs,
-    progress: Progress | None,
-    interrupt: Interrupt,
-) -> None:
-    """Connect, set in motion, and pass every batch on until there are no more."""
-    with ExitStack() as stack:
-        links = {name: stack.enter_context(d.connect(pipeline.run.seed)) for name, d in pipeline.devices.items()}
-        total = _set_in_motion(pipeline, links, stack)
-        for device, batch in _merged(links):
-            outputs.batch(device, batch)
-            aligner.feed(device, batch)
-            samples = aligner.samples()
-            outputs.samples(samples, running)
-            if progress is not None and len(samples):
-                progress(float(samples.time[-1]), total)
-            if interrupt.reason is not None:
-                return
-
-
-def _set_in_motion(pipeline: Pipeline, links: Mapping[str, Link], stack: ExitStack) -> float | None:
-    """Start the arms, which stop when the stack unwinds, whatever happens; how long it will take [s], if known."""
-    arms = [link for link in links.values() if isinstance(link, Arm)]
-    if not arms:
-        return max((d.duration for d in pipeline.devices.values() if d.duration is not None), default=None)
-    trajectory = _the_trajectory(pipeline)
-    setpoint = trajectory.at(np.arange(0.0, trajectory.total_duration, _LOOK))
-    for device in pipeline.devices.values():
-        device.refuse(setpoint)
-    for arm in arms:
-        stack.callback(arm.stop)
-        arm.follow(trajectory)
-    return trajectory.total_duration
-
-
-def _the_trajectory(pipeline: Pipeline) -> Trajectory:
-    if len(pipeline.trajectories) != 1:
-        count = len(pipeline.trajectories)
-        raise ConfigurationError(f"{pipeline.path}: a device that moves needs one [trajectory.*] table, not {count}")
-    return next(iter(pipeline.trajectories.values()))
-
-
-def _merged(links: Mapping[str, Link]) -> Iterator[tuple[str, Batch]]:
-    """Batches of all links, always from the one that is furthest behind in time."""
-    streams = {name: link.batches() for name, link in links.items()}
-    heads: dict[str, Batch] = {}
-    while True:
-        for name in [name for name in streams if name not in heads]:
-            batch = next((batch for batch in streams[name] if len(batch.time)), None)
-            if batch is None:
-                del streams[name]
-            else:
-                heads[name] = batch
-        if not heads:
-            return
-        name = min(heads, key=lambda name: int(heads[name].received[0]))
-        yield name, heads.pop(name)
 
 
 def _result(
@@ -181,10 +119,12 @@ def _result(
         {key: finite(value) for key, value in facts.items()},
         stream_tables(report),
         {
-            r.track.name: track_result(r.track.name, r.track.model, r.record, report, settings, pipeline.run.average)
+            r.track.name: track_result(
+                r.track.name, r.track.model, r.record, report, settings, pipeline.run.average, r.track.estimator.online
+            )
             for r in running
         },
-        (*warnings, *record_flags(report, settings, interrupted)),
+        (*warnings, *calibration_flags(pipeline), *record_flags(report, settings, interrupted)),
         {name: value for d in pipeline.devices.values() for name, value in d.truth.items()},
         interrupted,
     )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass, field
 
 from palpate.config import Pipeline, Track
 from palpate.errors import ConfigurationError
 from palpate.estimation import Estimates, Problem, Samples, Tracker
-from palpate.result import TrackRecord
+from palpate.result import TrackRecord, timing_uncertainty
 
 
 @dataclass
@@ -33,10 +34,12 @@ def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
     keep = max(3.0 * pipeline.run.average, 1.0)
     running = []
     for track in pipeline.tracks:
-        problem = Problem(track.model, pipeline.alignment.tip_mass)
+        problem = Problem(track.model, pipeline.alignment.tip_mass, timing_uncertainty(pipeline.alignment))
         try:
             tracker = track.estimator.start(problem)
         except ConfigurationError as error:
             raise ConfigurationError(f"{pipeline.path}: [estimator.{track.name.split('/')[-1]}]: {error}") from error
-        running.append(RunningTrack(track, tracker, TrackRecord(keep)))
+        # An offline estimate holds for all of its samples, so all of them are looked at.
+        record = TrackRecord(keep if track.estimator.online else math.inf)
+        running.append(RunningTrack(track, tracker, record))
     return running

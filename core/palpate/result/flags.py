@@ -68,13 +68,18 @@ def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Ite
         yield flag("touched-again", f"contact was lost and found again {report.touches - 1} times")
 
 
-def track_flags(record: TrackRecord, model: ContactModel, report: AlignmentReport, average: float) -> Iterator[Flag]:
-    """What is amiss with one track."""
+def track_flags(
+    record: TrackRecord, model: ContactModel, report: AlignmentReport, average: float, online: bool = True
+) -> Iterator[Flag]:
+    """What is amiss with one track; an offline estimate is constant, so it neither drifts nor has innovations."""
+    yield from record.flags
     tail = record.tail
     if tail is None and record.marks[Status.WAITING]:
         yield flag("never-started", f"{record.marks[Status.WAITING]} samples in contact were too few to start on")
         return
     if tail is None:
+        if record.flags:  # the estimator has said why
+            return
         yield flag("no-contact", f"the force never stayed above {report.touch_force:.3g} N: nothing was estimated")
         return
     yield from _status_flags(record)
@@ -83,7 +88,8 @@ def track_flags(record: TrackRecord, model: ContactModel, report: AlignmentRepor
     end = float(tail.time[-1])
     last = tail.since(end - average)
     yield from _bound_flags(last, model)
-    yield from _convergence_flags(tail, last, model, average, record.tracked)
+    if online:
+        yield from _convergence_flags(tail, last, model, average, record.tracked)
     yield from _force_flags(last, report)
     yield from _surface_flags(last, model, report)
 
@@ -143,8 +149,8 @@ def _force_flags(last: Tail, report: AlignmentReport) -> Iterator[Flag]:
 
 def _surface_flags(last: Tail, model: ContactModel, report: AlignmentReport) -> Iterator[Flag]:
     """The model at the estimate must give the force of first touch where the first touch was."""
-    if report.first_touch is None or report.tare is None or report.tare.noise is None:
-        return
+    if report.first_touch is None or report.tare is None or report.tare.noise is None or model.memory:
+        return  # what a material that relaxes answers to a first touch depends on the approach
     theta, surface = last.values.mean(axis=0), float(last.surface.mean())
     depths = np.linspace(0.0, 0.02, 2001)
     force = contact_force(model, depths, 0.0, theta)
@@ -152,6 +158,14 @@ def _surface_flags(last: Tail, model: ContactModel, report: AlignmentReport) -> 
     apart = surface - (report.first_touch[1] + expected)
     if abs(apart) > _SURFACE_TOLERANCE:
         yield flag("surface-mismatch", f"the estimated surface is {1e3 * apart:+.2f} mm from where the tip touched")
+
+
+def validity_flags(model: ContactModel, last: Tail) -> Iterator[Flag]:
+    """What the model says against itself at the greatest depth that was reached."""
+    depth = float(np.max(last.surface - last.position)) if len(last.time) else 0.0
+    problem = model.validity(depth) if np.isfinite(depth) and depth > 0 else ""
+    if problem:
+        yield flag("beyond-model-range", problem)
 
 
 def timing_flags(model: ContactModel, values: NDArray[np.float64], uncertainty: float | None) -> Iterator[Flag]:

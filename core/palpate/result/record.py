@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,7 @@ class Tail:
 
     time: Floats  # (n,) [s]
     force: Floats  # (n,) [N] measured
+    position: Floats  # (n,) [m]
     velocity: Floats  # (n,) [m/s]
     values: Floats  # (n, k)
     std: Floats  # (n, k)
@@ -51,12 +54,19 @@ class Tail:
         n = _SLOPE_SAMPLES
         if len(self.time) <= 2 * n:
             return float("nan")
-        step = self.time[2 * n :] - self.time[: -2 * n]
-        acceleration = (self.velocity[2 * n :] - self.velocity[: -2 * n]) / step
         # Height and depth count in opposite directions: u = F + m d'' = F - m z''.
-        residual = (self.force - self.model_force)[n:-n] + tip_mass * acceleration
+        residual = (self.force - self.model_force + tip_mass * acceleration(self.time, self.velocity))[n:-n]
         residual = residual[np.isfinite(residual)]
         return float(np.sqrt(np.mean(residual**2))) if len(residual) else float("nan")
+
+
+def acceleration(time: Floats, velocity: Floats) -> Floats:
+    """Acceleration (n,) [m/s^2] from a velocity (n,) [m/s], differenced over a few samples; NaN at both ends."""
+    n = _SLOPE_SAMPLES
+    slope = np.full(len(time), np.nan)
+    if len(time) > 2 * n:
+        slope[n:-n] = (velocity[2 * n :] - velocity[: -2 * n]) / (time[2 * n :] - time[: -2 * n])
+    return slope
 
 
 @dataclass
@@ -68,11 +78,15 @@ class TrackRecord:
     nanoseconds: int = 0  # tracked [ns]; whole numbers add up to the same sum in any order
     seconds: float = 0.0  # of computing
     marks: dict[Status, int] = field(default_factory=lambda: dict.fromkeys(Status, 0))
+    details: Mapping[str, Any] = field(default_factory=dict)  # of the latest block that had any
+    flags: tuple[str, ...] = ()  # that the estimator itself raised
     _blocks: list[Tail] = field(default_factory=list)
 
     def add(self, samples: Samples, estimates: Estimates, seconds: float) -> None:
         """Take in a block."""
         self.seconds += seconds
+        self.details = estimates.details or self.details
+        self.flags += tuple(text for text in estimates.flags if text not in self.flags)
         for mark in Status:
             self.marks[mark] += int(np.count_nonzero(estimates.status & mark))
         rows = (estimates.status & Status.IDLE) == 0
@@ -81,7 +95,10 @@ class TrackRecord:
         self.samples += int(np.count_nonzero(rows))
         self.nanoseconds += int(np.rint(samples.interval[rows] * 1e9).astype(np.int64).sum())
         columns = (estimates.values, estimates.std, estimates.surface, estimates.surface_std, estimates.force)
-        kept = [column[rows] for column in (samples.time, samples.force, samples.velocity, *columns, estimates.nis)]
+        kept = [
+            column[rows]
+            for column in (samples.time, samples.force, samples.position, samples.velocity, *columns, estimates.nis)
+        ]
         self._blocks.append(Tail(*kept))
         self._forget(float(samples.time[rows][-1]) - self.keep)
 

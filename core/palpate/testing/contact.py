@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import ContactModel, Indenter, contact_force
+from palpate.contact import ContactModel, Indenter, contact_force, force_over_time
 from palpate.testing.demand import demand, demand_close
+from palpate.units import Quantity
 
 _DEPTHS = np.geomspace(1e-6, 6e-3, 60)  # [m], a palpation's range
 
@@ -18,7 +19,8 @@ def check_indenter(indenter: Indenter, depths: NDArray[np.float64] = _DEPTHS) ->
     """A tip obeys the method of dimensionality reduction, and its one expression runs on every kind of number.
 
     Checked: contact radius finite, not negative, never shrinking; area 0 at touch, growing, with derivative A' = a;
-    the same values from floats, arrays, complex numbers and CasADi symbols.
+    the same values from floats, arrays, complex numbers and CasADi symbols; for a tip whose numbers are all lengths, a
+    tip twice as large has twice the contact radius at twice the depth.
     """
     name = type(indenter).__name__
     radius = _values(indenter.contact_radius, depths, f"{name}.contact_radius")
@@ -27,12 +29,33 @@ def check_indenter(indenter: Indenter, depths: NDArray[np.float64] = _DEPTHS) ->
     _never_falls(area, depths, f"{name}.profile_area")
     demand(np.all(radius >= 0), f"{name}.contact_radius is negative")
     demand(abs(complex(indenter.profile_area(1e-15))) < 1e-12, f"{name}.profile_area is not 0 at touch")
-    slope = np.array([complex(indenter.profile_area(d + 1e-30j)).imag / 1e-30 for d in depths])
-    demand_close(
-        slope / radius, np.ones_like(radius), 1e-6, f"{name}: the derivative of profile_area is not contact_radius"
-    )
     for method in ("contact_radius", "profile_area"):
         _same_everywhere(getattr(indenter, method), depths, f"{name}.{method}")
+    steps = [_called(indenter.profile_area, d + 1e-30j, f"{name}.profile_area on a complex number") for d in depths]
+    slope = np.array([complex(step).imag / 1e-30 for step in steps])
+    own = type(indenter).profile_area is not Indenter.profile_area
+    hint = "" if own else "; the default integral is for smooth contact radii: define profile_area"
+    complaint = f"{name}: the derivative of profile_area is not contact_radius{hint}"
+    demand_close(slope / radius, np.ones_like(radius), 1e-6, complaint)
+    _scales(indenter, depths, radius, name)
+
+
+def _scales(indenter: Indenter, depths: NDArray[np.float64], radius: NDArray[np.float64], name: str) -> None:
+    """A tip of twice the size, where that is known by its settings."""
+    sizes = {}
+    for key, field in type(indenter).model_fields.items():
+        units = [item.unit for item in field.metadata if isinstance(item, Quantity)]
+        value = getattr(indenter, key)
+        if units not in (["m"], ["rad"]) or not isinstance(value, float):
+            return
+        sizes[key] = 2.0 * value if units == ["m"] else value
+    twice = type(indenter)(**sizes)
+    demand_close(
+        twice.contact_radius(2.0 * depths) / (2.0 * radius),
+        np.ones_like(radius),
+        1e-9,
+        f"{name}.contact_radius: a tip of twice the size does not have twice the radius at twice the depth",
+    )
 
 
 def check_model(model: ContactModel, theta: Sequence[float], depths: NDArray[np.float64] = _DEPTHS) -> None:
@@ -48,15 +71,34 @@ def check_model(model: ContactModel, theta: Sequence[float], depths: NDArray[np.
     demand(len(set(names)) == len(names), f"{name} has two parameters of one name")
     for parameter, value in zip(model.parameters, theta, strict=True):
         demand(parameter.lower <= value <= parameter.upper, f"{name}: {parameter.name} is out of its own bounds")
-    demand(float(contact_force(model, -1e-3, -0.01, theta)) == 0.0, f"{name} pushes out of contact")
-    at_rest = _values(lambda d: contact_force(model, d, 0.0, theta), depths, f"{name}.force")
+    empty = [0.0] * len(model.memory)
+    demand(float(contact_force(model, -1e-3, -0.01, theta, empty)) == 0.0, f"{name} pushes out of contact")
+    at_rest = _values(lambda d: contact_force(model, d, 0.0, theta, empty), depths, f"{name}.force")
     _never_falls(at_rest, depths, f"{name}.force at rest")
-    faster = contact_force(model, depths, 0.01, theta) - at_rest
+    faster = contact_force(model, depths, 0.01, theta, empty) - at_rest
     demand(np.all(faster >= 0), f"{name}.force is smaller when pressed faster")
-    _same_everywhere(lambda d: contact_force(model, d, 0.01, theta), depths, f"{name}.force")
+    _same_everywhere(lambda d: contact_force(model, d, 0.01, theta, empty), depths, f"{name}.force")
+    if model.memory:
+        _remembers(model, theta, name)
     shift = model.delay_shift(list(theta))
     demand(len(shift) == len(theta), f"{name}.delay_shift gives {len(shift)} numbers for {len(theta)} parameters")
     _finite_jacobian(model, theta, np.concatenate([[-1e-3, 0.0], depths]))
+
+
+def _remembers(model: ContactModel, theta: Sequence[float], name: str) -> None:
+    """Internal states: one rate each, at any depth; the force on a ramp grows, and faster on a faster ramp."""
+    empty = [0.0] * len(model.memory)
+    for depth in (-1e-3, 0.0, 1e-3):
+        rates = model.memory_rate(depth, 0.01, theta, empty)
+        demand(len(rates) == len(empty), f"{name}.memory_rate gives {len(rates)} numbers for {len(empty)} states")
+        demand(np.isfinite(np.array(rates, float)).all(), f"{name}.memory_rate is not finite at depth {depth:.3g} m")
+    forces = []
+    for duration in (0.1, 0.05):
+        time = np.linspace(0.0, duration, 200)
+        ramp = 1e-3 * time / duration
+        forces.append(force_over_time(model, time, ramp, np.full(200, 1e-3 / duration), theta))
+        _never_falls(forces[-1], ramp, f"{name}: the force on a ramp")
+    demand(forces[1][-1] >= forces[0][-1], f"{name}: the force is smaller on a faster ramp")
 
 
 def _values(function: Callable[[Any], Any], depths: NDArray[np.float64], name: str) -> NDArray[np.float64]:
@@ -82,21 +124,31 @@ def _same_everywhere(function: Callable[[Any], Any], depths: NDArray[np.float64]
     import casadi
 
     floats = np.array([float(function(float(depth))) for depth in depths])
-    demand_close(function(depths), floats, 1e-12, f"{name} on an array")
+    demand_close(_called(function, depths, f"{name} on an array"), floats, 1e-12, f"{name} on an array")
     symbol = casadi.SX.sym("d")
-    compiled = casadi.Function("f", [symbol], [function(symbol)])
+    compiled = casadi.Function("f", [symbol], [_called(function, symbol, f"{name} on a CasADi symbol")])
     demand_close([float(compiled(float(d))) for d in depths], floats, 1e-9, f"{name} on a CasADi symbol")
+
+
+def _called(function: Callable[[Any], Any], argument: Any, name: str) -> Any:
+    try:
+        return function(argument)
+    except Exception as error:
+        how = "use plain operators, or log, sqrt, tanh, arctan, select of palpate"
+        raise AssertionError(f"{name} raises {type(error).__name__}: {error}; {how}") from error
 
 
 def _finite_jacobian(model: ContactModel, theta: Sequence[float], depths: NDArray[np.float64]) -> None:
     import casadi
 
-    state = casadi.SX.sym("s", 2 + len(theta))
-    force = contact_force(model, state[0], state[1], casadi.vertsplit(state[2:]))
+    memory = len(model.memory)
+    state = casadi.SX.sym("s", 2 + memory + len(theta))
+    numbers = casadi.vertsplit(state)
+    force = contact_force(model, numbers[0], numbers[1], numbers[2 + memory :], numbers[2 : 2 + memory])
     # The slope of a root has a pole at 0, which filters step around: finite is asked of what is beyond a micrometre.
     jacobian = casadi.Function("j", [state], [casadi.jacobian(force, state)])
     for depth in depths[(depths <= 0) | (depths >= 1e-6)]:
-        numbers = np.array(jacobian([depth, 0.0, *theta])).ravel()
+        slopes = np.array(jacobian([depth, 0.0, *([0.0] * memory), *theta])).ravel()
         demand(
-            np.all(np.isfinite(numbers)), f"{type(model).__name__}: the Jacobian is not finite at depth {depth:.3g} m"
+            np.all(np.isfinite(slopes)), f"{type(model).__name__}: the Jacobian is not finite at depth {depth:.3g} m"
         )

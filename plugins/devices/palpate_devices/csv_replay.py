@@ -4,42 +4,48 @@ from __future__ import annotations
 
 import csv
 import gzip
-import hashlib
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from itertools import islice
 from pathlib import Path
-from typing import IO, Self
+from typing import IO, Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Batch, Channel, Device, File, Frequency, Link, LogError, Settings, Stream, to_si
 from pydantic import Field, model_validator
 
+from palpate_devices.logs.readings import nanoseconds, si_unit
+from palpate_devices.logs.replay import file_facts
+
 _SECOND = 1_000_000_000  # [ns]
 _BLOCK = 4096  # rows in one batch
-_SI = {"length": "m", "speed": "m/s", "force": "N", "time": "s"}
 
 
 class Column(Settings):
     """One column of the file."""
 
-    column: int = Field(ge=0, description="which column, counted from 0")
+    column: Annotated[int, Field(ge=0)] | Annotated[str, Field(min_length=1)] = Field(
+        description="which column: counted from 0, or its name in the header line"
+    )
     unit: str = Field(min_length=1, description='unit of its numbers, such as "mm" or "N"')
 
 
 class CsvReplay(Device):
     """A CSV file of numbers, plain or gzipped, as a device: its columns are channels of one stream.
 
-    Time comes from a column, or from a rate. A header line is skipped. A cell that is empty or not finite counts as an
-    invalid reading; text in a column that is used is a mistake of the file and refused.
+    Time comes from a column, or from a rate. Columns are counted, or named by the header line. A cell that is empty or
+    not finite counts as an invalid reading; text in a column that is used is a mistake of the file and refused, decimal
+    commas among it.
     """
 
     file: File = Field(description="the log, .csv or .csv.gz, relative to the pipeline file")
     columns: dict[str, Column] = Field(min_length=1, description="channels by name: { column = 0, unit = 'mm' }")
     rate: Frequency | None = Field(default=None, gt=0, description="sampling rate, where no column holds the time")
     time: Column | None = Field(default=None, description="the column that holds the time: { column = 0, unit = 's' }")
-    delimiter: str = Field(default=",", min_length=1, max_length=1, description="what separates the columns")
+    delimiter: str = Field(
+        default=",", min_length=1, max_length=1, description='what separates the columns: ",", ";", "\\t"'
+    )
 
     @model_validator(mode="after")
     def _one_source_of_time(self) -> Self:
@@ -48,7 +54,7 @@ class CsvReplay(Device):
         if self.time is not None:
             to_si(f"1 {self.time.unit}", "s")
         for column in self.columns.values():
-            _si_unit(column.unit)
+            si_unit(column.unit)
         return self
 
     @property
@@ -56,14 +62,13 @@ class CsvReplay(Device):
         """One stream without a name: channels are addressed as ``device.channel``."""
         if not self.file.is_file():
             raise LogError(f"{self.file}: there is no such file")
-        channels = tuple(Channel(name, _si_unit(column.unit)[0]) for name, column in self.columns.items())
+        channels = tuple(Channel(name, si_unit(column.unit)[0]) for name, column in self.columns.items())
         return (Stream("", channels, self.rate, clock="file"),)
 
     @property
     def provenance(self) -> Mapping[str, str]:
         """The file and its SHA-256."""
-        with self.file.open("rb") as file:
-            return {"file": str(self.file), "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
+        return file_facts(self.file, [self.file])
 
     def connect(self, seed: int) -> AbstractContextManager[Link]:
         """The open file."""
@@ -74,26 +79,15 @@ class CsvReplay(Device):
         yield _CsvLink(self)
 
 
-def _si_unit(unit: str) -> tuple[str, float]:
-    """The SI unit of what a column holds, and how much of it one of its units is."""
-    for si in ("m", "m/s", "N", "s", "rad", "m/s^2", "Pa"):
-        try:
-            return si, to_si(f"1 {unit}", si)
-        except ValueError:
-            continue
-    if unit == "1":
-        return "1", 1.0
-    raise ValueError(f"unit {unit!r} is none of a length, speed, force, time or angle")
-
-
 class _CsvLink:
     def __init__(self, log: CsvReplay) -> None:
         self._log = log
-        scales = [(column.column, _si_unit(column.unit)[1]) for column in log.columns.values()]
+        wanted = [(column.column, si_unit(column.unit)[1]) for column in log.columns.values()]
         if log.time is not None:
-            scales.append((log.time.column, to_si(f"1 {log.time.unit}", "s")))
-        self._columns = [column for column, _ in scales]
-        self._scales = np.array([scale for _, scale in scales])
+            wanted.append((log.time.column, to_si(f"1 {log.time.unit}", "s")))
+        self._wanted = [column for column, _ in wanted]
+        self._scales = np.array([scale for _, scale in wanted])
+        self._header: list[str] | None = None
 
     def batches(self) -> Iterator[Batch]:
         """The rows of the file in order, some thousand at a time."""
@@ -106,7 +100,7 @@ class _CsvLink:
             else:
                 seconds, values = values[:, -1], values[:, :-1]
                 known = np.isfinite(seconds)
-                values, stamps = values[known], np.rint(seconds[known] * _SECOND).astype(np.int64)
+                values, stamps = values[known], nanoseconds(seconds[known])
             row += len(numbers)
             yield Batch("", stamps, stamps, values)
         if row == 0:
@@ -117,17 +111,17 @@ class _CsvLink:
         try:
             with _open_text(path) as file:
                 rows = enumerate(csv.reader(file, delimiter=self._log.delimiter), start=1)
-                header = True
+                places: list[int] | None = None
                 while lines := list(islice(rows, _BLOCK)):
                     block = []
                     for number, cells in lines:
                         if not cells:
                             continue
-                        if header and not any(_is_number(cell) for cell in cells):
-                            header = False
-                            continue
-                        header = False
-                        block.append([self._number(cells, column, number) for column in self._columns])
+                        if places is None:
+                            places = self._places(cells)
+                            if self._header is not None:
+                                continue
+                        block.append(self._row(cells, places, number))
                     if block:
                         yield np.array(block)
         except (OSError, EOFError) as error:
@@ -135,15 +129,39 @@ class _CsvLink:
         except (UnicodeDecodeError, csv.Error) as error:
             raise LogError(f"{path}: is not a CSV text: {error}") from error
 
-    def _number(self, cells: list[str], column: int, line: int) -> float:
-        if column >= len(cells):
+    def _places(self, cells: list[str]) -> list[int]:
+        """Where the wanted columns are, by the first line, which is a header where none of it is a number."""
+        if not any(_is_number(cell) for cell in cells):
+            self._header = [cell.strip().lstrip("\ufeff") for cell in cells]
+        names = self._header or []
+        places = []
+        for column in self._wanted:
+            if isinstance(column, str) and names.count(column) != 1:
+                known = ", ".join(names) if names else "its first line holds numbers"
+                many = "two columns" if column in names else "no column"
+                raise LogError(f"{self._log.file}: {many} of the name {column!r} ({known})")
+            places.append(names.index(column) if isinstance(column, str) else column)
+        return places
+
+    def _row(self, cells: list[str], places: list[int], line: int) -> list[float]:
+        if self._header is not None and len(cells) == 2 * len(self._header) and self._log.delimiter == ",":
+            raise LogError(
+                f"{self._log.file}:{line}: {len(cells)} cells under a header of {len(self._header)}: these look like "
+                'decimal commas; write the numbers with points, or the columns with delimiter = ";"'
+            )
+        return [self._number(cells, place, line) for place in places]
+
+    def _number(self, cells: list[str], place: int, line: int) -> float:
+        if place >= len(cells):
             there = f"the line has {len(cells)}, 0 to {len(cells) - 1}"
-            raise LogError(f"{self._log.file}:{line}: there is no column {column}; {there}")
-        text = cells[column].strip()
+            raise LogError(f"{self._log.file}:{line}: there is no column {place}; {there}")
+        text = cells[place].strip()
         try:
             return float(text) if text else np.nan
         except ValueError as error:
-            raise LogError(f"{self._log.file}:{line}: column {column} holds {text!r}, which is no number") from error
+            advice = "; a decimal comma? write the numbers with points" if _is_number(text.replace(",", ".", 1)) else ""
+            problem = f"column {place} holds {text!r}, which is no number{advice}"
+            raise LogError(f"{self._log.file}:{line}: {problem}") from error
 
 
 def _open_text(path: Path) -> IO[str]:

@@ -2,81 +2,95 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import Any, Self
 
-import numpy as np
-from palpate import Batch, Channel, Device, File, Link, LogError, Stream
-from pydantic import Field
+from palpate import Batch, Channel, File, Link, LogError, Recording, Stream, Suggestion, Survey, Time
+from pydantic import Field, model_validator
 
-from palpate_devices.messages import UNITS, MessageType, known_type, unpack
-
-_MAGIC = b"\x89MCAP0\r\n"
-_BLOCK = 4000  # messages read before batches go out
-_RECORD_LIMIT = 1 << 30  # [bytes]; a length beyond this is damage, not data
+from palpate_devices.logs.mapping import Clock, Feed, MappedSignal, mapped_feeds, raw_feed
+from palpate_devices.logs.mcap_file import McapFile
+from palpate_devices.logs.recovery import counted, recover_mcap
+from palpate_devices.logs.replay import LogLink, file_facts, tables_of, window
+from palpate_devices.logs.suggestion import suggestion_for
+from palpate_devices.logs.survey import survey_of
+from palpate_devices.logs.topics import Topic
+from palpate_devices.messages import UNITS, MessageType, known_type
 
 
 @dataclass(frozen=True)
-class _Topic:
-    stream: Stream
-    kind: MessageType
+class _Usable:
+    """A topic that needs no mapping."""
+
+    feed: Feed
     device: str | None  # the device that recorded it, where palpate did
 
 
-class McapReplay(Device):
+class McapReplay(Recording):
     """An MCAP log as a device: its topics are streams, with their time from the message headers.
 
-    Of a log that palpate recorded, the raw streams come back under their names, to the last bit. Of other logs, topics
-    with WrenchStamped, PoseStamped, TwistStamped, or a header followed by float64 numbers (all CDR) can be used;
-    `topics` names them. CRCs are checked. A log without its end, as a crash leaves it, is refused unless `accept_cut`
-    is set.
+    Of a log that palpate recorded, the raw streams come back under their names, to the last bit. Of other logs,
+    `signals` says which numbers of which topics are the channels (ROS 2 messages in CDR, JSON, protobuf); signals of
+    one topic share a stream, named by the topic's last word: ``log.wrench.force``. Topics with WrenchStamped,
+    PoseStamped, TwistStamped, or a header followed by float64 numbers can also be named whole, in `topics`. Checksums
+    are checked. A log without its end, as a crash leaves it, is refused unless `accept_cut` is set.
     """
 
     file: File = Field(description="the log, relative to the pipeline file")
+    signals: dict[str, MappedSignal] = Field(
+        default={},
+        description='channels by name: { force = { topic = "/wrench", field = "wrench.force.z", unit = "N" } }',
+    )
     topics: dict[str, str] = Field(
-        default={}, description='streams by name: { wrench = "/ft_sensor/wrench" }; left out: all'
+        default={}, description='whole topics as streams: { wrench = "/ft_sensor/wrench" }; neither: all that can be'
     )
     recorded: str | None = Field(
         default=None, description="only the streams of the device that had this name in the recording"
     )
+    time: Clock = Field(
+        default="stamp",
+        description='of signals: "stamp" (of the header, else log), "log", "publish", or { field = "data", index = 0 }',
+    )
+    begin: Time | None = Field(
+        default=None, ge=0, description="leave out what was logged before, from the first message"
+    )
+    end: Time | None = Field(default=None, gt=0, description="leave out what was logged later")
     accept_cut: bool = Field(
         default=False, description="read what is whole of a log that is cut or damaged, and say so"
     )
 
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if self.signals and (self.topics or self.recorded):
+            raise ValueError("give either signals, or topics and recorded")
+        return self
+
     @property
     def streams(self) -> tuple[Stream, ...]:
-        """The log's usable topics."""
-        return tuple(topic.stream for topic in self._topics.values())
+        """The log's usable topics, or those that are mapped."""
+        return tuple(feed.stream for feed in self._feeds)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Whether the log is cut."""
-        return () if self._is_whole else (f"{self.file.name} is cut or damaged: only what is whole was read",)
+        """Whether the log is cut, or carries no checksums."""
+        return (self._log.trouble,) if self._log.trouble else ()
 
     @property
     def provenance(self) -> Mapping[str, str]:
         """The file and its SHA-256."""
-        with self.file.open("rb") as file:
-            return {"file": str(self.file), "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
+        return file_facts(self.file, [self.file])
 
     @property
     def duration(self) -> float | None:
-        """From the first message to the last [s], where the log's own statistics say it."""
-        from mcap.reader import make_reader
-
-        if not self._is_whole:
-            return None
-        with self.file.open("rb") as file:
-            summary = make_reader(file).get_summary()
-        statistics = summary.statistics if summary is not None else None
-        return (statistics.message_end_time - statistics.message_start_time) / 1e9 if statistics is not None else None
+        """From the first message to the last [s], where the log is whole."""
+        span = self._log.span if self._log.complete else None
+        return (span[1] - span[0]) / 1e9 if span else None
 
     def connect(self, seed: int) -> AbstractContextManager[Link]:
         """The open log."""
@@ -84,159 +98,110 @@ class McapReplay(Device):
 
     @contextmanager
     def _connected(self) -> Iterator[Link]:
-        yield _McapLink(self, self._topics)
+        yield LogLink(self._log, self._feeds, window(self._log, self.begin, self.end), str(self.file))
 
     @cached_property
-    def _is_whole(self) -> bool:
-        """Whether the file ends as a finished log does."""
-        with self.file.open("rb") as file:
-            file.seek(0, 2)
-            size = file.tell()
-            file.seek(max(size - len(_MAGIC), 0))
-            return size > 2 * len(_MAGIC) and file.read() == _MAGIC
+    def _log(self) -> McapFile:
+        return McapFile(self.file, self.accept_cut)
 
     @cached_property
-    def _topics(self) -> dict[str, _Topic]:
-        """By topic, the usable streams that are wanted."""
-        if not self.file.is_file():
-            raise LogError(f"{self.file}: there is no such file")
-        found: dict[str, _Topic] = {}
-        seen: list[str] = []
-        schemas: dict[int, Any] = {}
-        for record in self.records(channels_only=True):
-            if type(record).__name__ == "Schema":
-                schemas[record.id] = record
-            elif type(record).__name__ == "Channel" and record.topic not in seen:
-                seen.append(record.topic)
-                topic = _topic(record, schemas.get(record.schema_id))
-                if topic is not None:
-                    found[record.topic] = topic
-        if not self._is_whole and not self.accept_cut:
+    def _feeds(self) -> list[Feed]:
+        topics = self._log.topics
+        if not self._log.complete and not self.accept_cut:
             raise LogError(self._cut_message())
-        return self._chosen(found, seen)
+        if self.signals:
+            return mapped_feeds(self._log, self.signals, self.time, str(self.file))
+        found = {name: usable for name, topic in topics.items() if (usable := _usable(topic)) is not None}
+        return self._named(found) if self.topics else self._all(found)
 
     def _cut_message(self) -> str:
-        count, first, last = 0, None, None
-        for record in self.records():
-            if type(record).__name__ == "Message":
-                first, last, count = record.log_time if first is None else first, record.log_time, count + 1
-        if first is None or last is None:
+        count, duration = counted(self._log)
+        if not count:
             return f"{self.file}: the log is cut: it has no end, and nothing in it is whole"
         return (
-            f"{self.file}: the log is cut: it has no end, but {count} messages over {(last - first) / 1e9:.3f} s are "
+            f"{self.file}: the log is cut: it has no end, but {count} messages over {duration:.3f} s are "
             "whole; set accept_cut = true to use them"
         )
 
-    def _chosen(self, found: Mapping[str, _Topic], seen: list[str]) -> dict[str, _Topic]:
-        if self.topics:
-            for name, topic in self.topics.items():
-                if topic not in found:
-                    known = "has no numbers that can be used" if topic in seen else "is not in the log"
-                    raise LogError(f"{self.file}: topic {topic!r} of {name!r} {known} (there are: {', '.join(found)})")
-            return {topic: _renamed(found[topic], name) for name, topic in self.topics.items()}
+    def _named(self, found: Mapping[str, _Usable]) -> list[Feed]:
+        feeds = []
+        for name, topic in self.topics.items():
+            if topic not in found:
+                known = "needs signals that map it" if topic in self._log.topics else "is not in the log"
+                raise LogError(f"{self.file}: topic {topic!r} of {name!r} {known} (there are: {', '.join(found)})")
+            feed = found[topic].feed
+            feeds.append(replace(feed, stream=replace(feed.stream, name=name)))
+        return feeds
+
+    def _all(self, found: Mapping[str, _Usable]) -> list[Feed]:
         raw = {topic: entry for topic, entry in found.items() if not topic.startswith("/palpate/")}
         if self.recorded is not None:
             raw = {topic: entry for topic, entry in raw.items() if entry.device == self.recorded}
         if not raw:
-            raise LogError(f"{self.file}: no topic can be used (there are: {', '.join(seen) or 'none'})")
-        repeated = [name for name, count in Counter(e.stream.name for e in raw.values()).items() if count > 1]
+            there = ", ".join(self._log.topics) or "none"
+            raise LogError(f"{self.file}: no topic can be used without signals that map it (there are: {there})")
+        names = [entry.feed.stream.name for entry in raw.values()]
+        repeated = [name for name, count in Counter(names).items() if count > 1]
         if repeated:
-            rivals = ", ".join(topic for topic, entry in raw.items() if entry.stream.name == repeated[0])
+            rivals = ", ".join(topic for topic, entry in raw.items() if entry.feed.stream.name == repeated[0])
             raise LogError(f"{self.file}: several topics could be {repeated[0]!r}: {rivals}; name them in topics")
-        return raw
+        return [entry.feed for entry in raw.values()]
 
-    def records(self, channels_only: bool = False) -> Iterator[Any]:
-        """The log's records in file order, up to its end or, where it is cut, to the last whole one.
+    @classmethod
+    def recognises(cls, path: Path) -> bool:
+        """A file that is named like an MCAP log."""
+        return path.is_file() and path.suffix == ".mcap"
 
-        Raises LogError where the file is no MCAP log, or damaged and `accept_cut` is not set.
-        """
-        from mcap.exceptions import McapError
-        from mcap.reader import make_reader
-        from mcap.stream_reader import StreamReader
+    @classmethod
+    def survey(cls, path: Path) -> Survey:
+        """See `Recording`."""
+        return survey_of(McapFile(path, accept_cut=True), path, "MCAP")
 
-        with self.file.open("rb") as file:
-            head = file.read(len(_MAGIC))
-            if not head:
-                raise LogError(f"{self.file}: the file is empty")
-            if head != _MAGIC:
-                raise LogError(f"{self.file}: is no MCAP log")
-            file.seek(0)
-            if channels_only and self._is_whole:
-                try:
-                    summary = make_reader(file).get_summary()
-                except (McapError, ValueError, struct.error, EOFError) as error:
-                    raise LogError(f"{self.file}: the log's summary is damaged: {error}") from error
-                if summary is not None and summary.channels:
-                    yield from summary.schemas.values()
-                    yield from summary.channels.values()
-                    return
-            file.seek(0)
-            try:
-                yield from StreamReader(file, validate_crcs=True, record_size_limit=_RECORD_LIMIT).records
-            except GeneratorExit:
-                raise
-            except (
-                Exception
-            ) as error:  # zstd, struct, CRC and mcap errors: all say that the bytes are not what they were
-                if self._is_whole and not self.accept_cut:
-                    reason = str(error) or type(error).__name__
-                    raise LogError(
-                        f"{self.file}: the log is damaged: {reason}; accept_cut = true reads up to there"
-                    ) from error
+    @classmethod
+    def suggest(cls, path: Path, choices: Mapping[str, str]) -> Suggestion:
+        """See `Recording`."""
+        return suggestion_for(McapFile(path, accept_cut=True), path, "mcap-replay", choices)
+
+    @classmethod
+    def tables(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
+        """See `Recording`."""
+        return tables_of(McapFile(path, accept_cut=True))
+
+    @classmethod
+    def recover(cls, path: Path, out: Path) -> str:
+        """See `Recording`."""
+        return recover_mcap(path, out)
 
 
-def _topic(channel: Any, schema: Any) -> _Topic | None:
-    if channel.message_encoding != "cdr" or schema is None or schema.encoding != "ros2msg":
+def _usable(topic: Topic) -> _Usable | None:
+    """A topic as a stream if it is a header, or nothing, followed by float64 numbers."""
+    if (topic.encoding, topic.schema_encoding) != ("cdr", "ros2msg"):
         return None
-    kind = known_type(schema.name, schema.data.decode(errors="replace"))
+    kind = known_type(topic.type, topic.schema.decode(errors="replace"))
     if kind is None:
         return None
-    facts = json.loads(channel.metadata.get("palpate", "{}"))
+    facts = _facts(topic)
+    stream = _stream(topic, kind, facts)
+    try:
+        return _Usable(raw_feed(topic, stream, kind.paths or kind.fields), facts.get("device"))
+    except LogError:
+        return None
+
+
+def _facts(topic: Topic) -> dict[str, Any]:
+    try:
+        facts = json.loads(topic.metadata.get("palpate", "{}"))
+    except ValueError:
+        return {}
+    return facts if isinstance(facts, dict) else {}
+
+
+def _stream(topic: Topic, kind: MessageType, facts: Mapping[str, Any]) -> Stream:
     units = facts.get("units") or UNITS.get(kind.name, ("1",) * len(kind.fields))
     limits = facts.get("limits") or [None] * len(kind.fields)
     channels = tuple(
         Channel(name, unit, tuple(limit) if limit else None)
         for name, unit, limit in zip(kind.fields, units, limits, strict=True)
     )
-    name = facts.get("stream", channel.topic.rsplit("/", 1)[-1])
-    stream = Stream(name, channels, facts.get("rate"), facts.get("layout", "columns"), "log", facts.get("frame", ""))
-    return _Topic(stream, kind, facts.get("device"))
-
-
-def _renamed(topic: _Topic, name: str) -> _Topic:
-    stream = topic.stream
-    renamed = Stream(name, stream.channels, stream.rate, stream.layout, stream.clock, stream.frame)
-    return _Topic(renamed, topic.kind, topic.device)
-
-
-class _McapLink:
-    def __init__(self, log: McapReplay, topics: Mapping[str, _Topic]) -> None:
-        self._log = log
-        self._topics = topics
-
-    def batches(self) -> Iterator[Batch]:
-        """The messages of the wanted topics, some thousand at a time."""
-        channels: dict[int, _Topic] = {}
-        waiting: dict[int, list[Any]] = {}
-        count = 0
-        for record in self._log.records():
-            match type(record).__name__:
-                case "Channel" if record.topic in self._topics:
-                    channels[record.id] = self._topics[record.topic]
-                case "Message" if record.channel_id in channels:
-                    waiting.setdefault(record.channel_id, []).append(record)
-                    count += 1
-            if count >= _BLOCK:
-                yield from self._unpacked(channels, waiting)
-                waiting, count = {}, 0
-        yield from self._unpacked(channels, waiting)
-
-    def _unpacked(self, channels: Mapping[int, _Topic], waiting: Mapping[int, list[Any]]) -> Iterator[Batch]:
-        for identity, messages in waiting.items():
-            topic = channels[identity]
-            try:
-                stamps, values = unpack([message.data for message in messages], len(topic.kind.fields))
-            except ValueError as error:
-                raise LogError(f"{self._log.file}: a message of {topic.kind.name} is damaged: {error}") from error
-            received = np.array([message.log_time for message in messages], np.int64)
-            yield Batch(topic.stream.name, stamps, received, values)
+    name = facts.get("stream", topic.name.rsplit("/", 1)[-1])
+    return Stream(name, channels, facts.get("rate"), facts.get("layout", "columns"), "log", facts.get("frame", ""))

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import queue
+import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from typing import IO, Any
 
@@ -16,8 +18,9 @@ from pydantic import Field
 
 from palpate_devices.messages import STANDARD, MessageType, numbers_type, pack
 
-_FLUSH_EVERY = 0.25  # [s]; what a kill can cost
+_FLUSH_EVERY = 0.2  # [s]; with what is on its way, a kill costs up to a tenth more
 _SYNC_EVERY = 1.0  # [s]; what a power cut can cost
+_WAITING = 256  # pieces of work; a replay that is faster than the disk waits for it here
 
 _SAMPLE_FIELDS = ("time", "interval", "force", "position", "velocity", "contact", "active")
 
@@ -26,8 +29,8 @@ class McapSink(Sink):
     """Records everything: raw streams, samples, estimates of every track, the pipeline, versions and seed.
 
     Topics: ``/DEVICE/STREAM`` (WrenchStamped, PoseStamped, TwistStamped, or ``palpate_msgs`` types: a header and
-    float64 numbers), ``/palpate/samples``, ``/palpate/estimates/MODEL/ESTIMATOR``. The file is flushed four times and
-    synced once a second, so that it opens up to the last moment after a crash.
+    float64 numbers), ``/palpate/samples``, ``/palpate/estimates/MODEL/ESTIMATOR``. A thread of its own writes the file,
+    flushes it five times and syncs it once a second, so that it opens up to the last moment after a crash.
     """
 
     file: str = Field(default="log.mcap", pattern=r"^[^/]+$", description="name of the file within the run folder")
@@ -41,7 +44,7 @@ class McapSink(Sink):
         path = run.folder / self.file
         try:
             with path.open("xb") as file:
-                recorder = _Recorder(file, run)
+                recorder = _Recorder(_Log(file, run))
                 try:
                     yield recorder
                 finally:
@@ -51,6 +54,67 @@ class McapSink(Sink):
 
 
 class _Recorder:
+    """Hands everything to a thread that writes: the end of a chunk, or the disk, never holds up a control loop."""
+
+    def __init__(self, log: _Log) -> None:
+        self._log = log
+        self._stamps: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._waiting: queue.Queue[Callable[[], None] | None] = queue.Queue(_WAITING)
+        self._failure: Exception | None = None
+        self._thread = threading.Thread(target=self._work, name="mcap sink", daemon=True)
+        self._thread.start()
+
+    def batch(self, device: str, batch: Batch) -> None:
+        """Raw readings."""
+        self._put(lambda: self._log.batch(device, batch))
+
+    def samples(self, samples: Samples) -> None:
+        """Aligned samples."""
+        self._stamps = samples.stamp
+        self._put(lambda: self._log.samples(samples))
+
+    def estimates(self, track: str, estimates: Estimates) -> None:
+        """Estimates of the latest samples, or of all of them."""
+        stamps = self._stamps
+        self._put(lambda: self._log.estimates(track, estimates, stamps))
+
+    def _put(self, work: Callable[[], None] | None) -> None:
+        if self._failure is not None:
+            raise self._failure
+        self._waiting.put(work)
+
+    def finish(self) -> None:
+        """Write what waits, and close the log; raises what the thread has met."""
+        self._waiting.put(None)
+        self._thread.join()
+        if self._failure is not None:
+            raise self._failure
+        self._log.finish()
+
+    def _work(self) -> None:
+        while True:
+            try:
+                work = self._waiting.get(timeout=_FLUSH_EVERY)
+            except queue.Empty:
+                work = _nothing
+            if work is None:
+                return
+            if self._failure is not None:  # nobody shall wait for a log that cannot be written
+                continue
+            try:
+                work()
+                self._log.save()
+            except Exception as error:  # it is raised where somebody hears it
+                self._failure = error
+
+
+def _nothing() -> None:
+    """No work: only the clock moves on."""
+
+
+class _Log:
+    """The file; used by one thread at a time."""
+
     def __init__(self, file: IO[bytes], run: Run) -> None:
         from mcap.writer import CompressionType, Writer
 
@@ -74,7 +138,6 @@ class _Recorder:
         self._log.add_metadata("palpate", dict(run.facts))
         for name, text in run.documents.items():
             self._log.add_attachment(0, 0, name, "application/toml", text.encode())
-        self._stamps = np.zeros(0, np.int64)
         self._flushed = self._synced = time.monotonic()
 
     def _channel(self, topic: str, kind: MessageType, facts: dict[str, str] | None = None) -> int:
@@ -87,11 +150,10 @@ class _Recorder:
         self._write(channel, batch.time, batch.received, stream.frame or device, batch.values)
 
     def samples(self, samples: Samples) -> None:
-        self._stamps = samples.stamp
         numbers = np.column_stack([np.asarray(getattr(samples, name), float) for name in _SAMPLE_FIELDS])
         self._write(self._samples, samples.stamp, samples.stamp, "surface", numbers)
 
-    def estimates(self, track: str, estimates: Estimates) -> None:
+    def estimates(self, track: str, estimates: Estimates, stamps: NDArray[np.int64]) -> None:
         columns = (
             estimates.surface,
             estimates.surface_std,
@@ -100,7 +162,8 @@ class _Recorder:
             estimates.status.astype(float),
         )
         numbers = np.column_stack([estimates.time, estimates.values, estimates.std, *columns])
-        stamps = self._stamps if len(self._stamps) == len(estimates) else np.rint(estimates.time * 1e9).astype(np.int64)
+        if len(stamps) != len(estimates):  # an offline estimator: all samples at once
+            stamps = np.rint(estimates.time * 1e9).astype(np.int64)
         self._write(self._tracks[track], stamps, stamps, "surface", numbers)
 
     def _write(
@@ -115,21 +178,23 @@ class _Recorder:
             logged.tolist(), stamps.tolist(), pack(stamps, frame, numbers), strict=True
         ):
             self._log.add_message(channel, log_time=log_time, data=message, publish_time=stamp)
-        now = time.monotonic()
-        if now - self._flushed > _FLUSH_EVERY:
-            self._flush(now)
 
-    def _flush(self, now: float) -> None:
+    def save(self) -> None:
+        """Flush, and sync, where it is time to."""
+        now = time.monotonic()
+        if now - self._flushed < _FLUSH_EVERY:
+            return
         self._log.flush()  # type: ignore[no-untyped-call]
         self._file.flush()
         self._flushed = now
-        if now - self._synced > _SYNC_EVERY:
+        if now - self._synced >= _SYNC_EVERY:
             os.fsync(self._file.fileno())
             self._synced = now
 
     def finish(self) -> None:
         self._log.finish()  # type: ignore[no-untyped-call]
         self._file.flush()
+        os.fsync(self._file.fileno())
 
 
 def _facts(device: str, stream: Stream) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""ROS 2 messages that are a header followed by numbers, packed and unpacked in whole arrays.
+"""ROS 2 messages that are a header followed by numbers, packed in whole arrays.
 
 CDR, little-endian: 4 bytes of encapsulation, then int32 sec, uint32 nanosec, the frame as a counted string with its
 closing zero, padding to a multiple of 8 counted from byte 4, and float64 numbers. Every message of a stream has one
@@ -28,6 +28,7 @@ class MessageType:
     name: str
     definition: str
     fields: tuple[str, ...]
+    paths: tuple[str, ...] = ()  # where they are in a message; empty: the fields themselves
 
 
 def _composed(*parts: str) -> str:
@@ -42,6 +43,7 @@ WRENCH = MessageType(
         _VECTOR,
     ),
     ("x", "y", "z", "tx", "ty", "tz"),
+    tuple(f"wrench.{part}.{axis}" for part in ("force", "torque") for axis in "xyz"),
 )
 POSE = MessageType(
     "geometry_msgs/msg/PoseStamped",
@@ -52,6 +54,7 @@ POSE = MessageType(
         "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w",
     ),
     ("x", "y", "z", "qx", "qy", "qz", "qw"),
+    (*(f"pose.position.{axis}" for axis in "xyz"), *(f"pose.orientation.{axis}" for axis in "xyzw")),
 )
 TWIST = MessageType(
     "geometry_msgs/msg/TwistStamped",
@@ -61,6 +64,7 @@ TWIST = MessageType(
         _VECTOR,
     ),
     ("x", "y", "z", "wx", "wy", "wz"),
+    tuple(f"twist.{part}.{axis}" for part in ("linear", "angular") for axis in "xyz"),
 )
 STANDARD = {"wrench": WRENCH, "pose": POSE, "twist": TWIST}
 UNITS = {
@@ -121,20 +125,3 @@ def pack(stamps: NDArray[np.int64], frame: str, numbers: NDArray[np.float64]) ->
     for start in range(0, len(raw), layout.itemsize):
         raw[start : start + 4] = _LITTLE_ENDIAN
     return [bytes(raw[start : start + layout.itemsize]) for start in range(0, len(raw), layout.itemsize)]
-
-
-def unpack(messages: Sequence[bytes], numbers: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Stamps [ns] (n,) and numbers (n, k) of CDR messages; raises ValueError where one is not of that shape."""
-    if len({len(message) for message in messages}) > 1 or len({message[12:16] for message in messages}) > 1:
-        pairs = [unpack([message], numbers) for message in messages]
-        return np.concatenate([stamps for stamps, _ in pairs]), np.concatenate([rows for _, rows in pairs])
-    first = messages[0]
-    frame_length = int.from_bytes(first[12:16], "little") if len(first) >= 16 else 0
-    if not 0 < frame_length <= len(first) or first[:2] != _LITTLE_ENDIAN[:2]:
-        raise ValueError("not a little-endian CDR message with a header")
-    layout = _layout(frame_length, numbers)
-    if layout.itemsize != len(first):
-        raise ValueError(f"a message has {len(first)} bytes where {layout.itemsize} are expected")
-    table = np.frombuffer(b"".join(messages), layout)
-    stamps = table["sec"].astype(np.int64) * _SECOND + table["nanosec"].astype(np.int64)
-    return stamps, np.ascontiguousarray(table["numbers"], np.float64)

@@ -26,6 +26,14 @@ class Motion:
         elapsed = np.maximum(instants - tick * self.period, 0.0)[:, None]
         return _advance(self.position[tick], self.velocity[tick], self.command[tick], elapsed, self.lag)
 
+    def mean_acceleration(self, instants: Floats, width: float) -> Floats:
+        """Acceleration (m, 3) averaged over a time of `width` [s] around each instant, as a sensor's filter does.
+
+        It jumps where the command does; sampled at points, those jumps would fold onto the motion's own frequency.
+        """
+        after, before = (self.at(instants + shift)[1] for shift in (width / 2, -width / 2))
+        return (after - before) / width
+
 
 def _advance(
     position: Floats, velocity: Floats, command: Floats, elapsed: Floats, lag: float

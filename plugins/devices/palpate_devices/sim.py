@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,19 +25,17 @@ from palpate import (
     Stream,
     Time,
     Trajectory,
-    contact_force,
 )
 from pydantic import Field
 
-from palpate_devices.motion import PositionLoop
+from palpate_devices.motion import Motion, PositionLoop
+from palpate_devices.sensing import sensed_wrench
 from palpate_devices.specimen import Specimen
 
 Floats = NDArray[np.float64]
 
-_GRAVITY = 9.80665  # [m/s^2]
 _SECOND = 1_000_000_000  # [ns]
 _BLOCK = 0.05  # [s] of simulated time in one round of batches
-_SLIP = 1e-4  # [m/s] of sliding over which friction comes up
 
 
 class SimulatedRig(Device):
@@ -69,6 +67,9 @@ class SimulatedRig(Device):
     motion_delay: Time = Field(
         default=0.0, description="how late pose and twist are stamped; an estimator has to be told"
     )
+    serial_number: str = Field(
+        default="SIM-0001", min_length=1, description="serial number of the sensor, as a real one has"
+    )
     seed: int | None = Field(default=None, ge=0, description="seed of the noise; left out: that of the run")
     pace: Literal["fast", "real-time"] = Field(
         default="fast", description="as fast as the machine can, or by the clock"
@@ -94,6 +95,11 @@ class SimulatedRig(Device):
     def truth(self) -> Mapping[str, float]:
         """The specimen's parameters and the height of its surface."""
         return {**self.specimen.parameters, "surface": self.specimen.surface}
+
+    @property
+    def provenance(self) -> Mapping[str, str]:
+        """The sensor's serial number."""
+        return {"serial_number": self.serial_number}
 
     @property
     def outlines(self) -> tuple[Floats, ...]:
@@ -147,6 +153,7 @@ class _Rig:
         loop = PositionLoop(settings.gain, settings.damping, settings.lag, 1.0 / settings.rate)
         motion = loop.track(setpoint.position, setpoint.velocity)
         readings = np.arange(int(np.floor(ticks[-1] * settings.sensor_rate)) + 1) / settings.sensor_rate
+        contact = self._contact(readings, motion)
         origin = time.time_ns() if settings.pace == "real-time" else 0
         began = time.monotonic()
         done_ticks = done_readings = 0
@@ -155,8 +162,9 @@ class _Rig:
                 self._stopped.wait(max(edge - (time.monotonic() - began), 0.0))
             if self._stopped.is_set():
                 return
-            now = readings[done_readings : (done_readings := int(np.searchsorted(readings, edge)))]
-            yield self._batch("wrench", now, settings.force_delay, self._wrench(now, motion), origin)
+            felt = slice(done_readings, done_readings := int(np.searchsorted(readings, edge)))
+            now = readings[felt]
+            yield self._batch("wrench", now, settings.force_delay, self._wrench(now, motion, contact[felt]), origin)
             rows = slice(done_ticks, done_ticks := int(np.searchsorted(ticks, edge)))
             pose, twist = self._kinematics(motion.position[rows], motion.velocity[rows])
             yield self._batch("tip", ticks[rows], settings.motion_delay, pose, origin)
@@ -164,21 +172,22 @@ class _Rig:
             commanded = [setpoint.position[rows], setpoint.velocity[rows], setpoint.measuring[rows][:, None]]
             yield self._batch("setpoint", ticks[rows], settings.motion_delay, np.hstack(commanded), origin)
 
-    def _wrench(self, instants: Floats, motion: Any) -> Floats:
+    def _contact(self, instants: Floats, motion: Motion) -> Floats:
+        """Contact force (n,) [N] over the whole motion, which a material that remembers has to be asked for."""
+        position, velocity, _ = motion.at(instants)
+        return self._settings.specimen.push(instants, position, velocity)
+
+    def _wrench(self, instants: Floats, motion: Motion, contact: Floats) -> Floats:
         """What the sensor reads (n, 6) at true times (n,) [s]."""
-        settings, specimen = self._settings, self._settings.specimen
-        position, velocity, acceleration = motion.at(instants)
-        depth, rate = specimen.depth(position, velocity)
-        theta = specimen.theta(position[:, 0], position[:, 1])
-        contact = contact_force(specimen.model, depth, rate, theta, pulls=False)
-        inertia = -settings.tip_mass * acceleration
-        wrench = np.zeros((len(instants), 6))
-        wrench[:, :3] = inertia
-        wrench[:, :2] -= friction(specimen.friction * contact, velocity[:, :2])
-        wrench[:, 2] += contact - settings.tip_mass * _GRAVITY + settings.bias + settings.drift * instants
-        noise = self._force_noise.standard_normal((len(instants), 6)) * settings.force_std
-        noise[:, 3:] *= 0.02  # torque noise in N*m for one newton of force noise, of the order of the real sensor's
-        return np.clip(wrench + noise, -settings.force_limit, settings.force_limit)
+        settings = self._settings
+        _, velocity, _ = motion.at(instants)
+        acceleration = motion.mean_acceleration(instants, 1.0 / settings.sensor_rate)
+        push = settings.specimen.with_friction(contact, velocity)
+        offset = settings.bias + settings.drift * instants
+        noise = self._force_noise.standard_normal((len(instants), 6))
+        return sensed_wrench(
+            push, acceleration, settings.tip_mass, offset, noise, settings.force_std, settings.force_limit
+        )
 
     def _kinematics(self, position: Floats, velocity: Floats) -> tuple[Floats, Floats]:
         """Measured pose (n, 7) and twist (n, 6); the tool keeps its orientation."""
@@ -192,9 +201,3 @@ class _Rig:
     def _batch(self, stream: str, instants: Floats, delay: float, values: Floats, origin: int) -> Batch:
         stamps = origin + np.rint((instants + delay) * _SECOND).astype(np.int64)
         return Batch(stream, stamps, stamps, values)
-
-
-def friction(limit: Floats, sliding: Floats) -> Floats:
-    """Friction (n, 2) [N] along the sliding (n, 2) [m/s], up to a limit (n,) [N]: limit tanh(|v|/0.1 mm/s) v/|v|."""
-    speed = np.linalg.norm(sliding, axis=1)
-    return np.asarray((limit * np.tanh(speed / _SLIP) / np.maximum(speed, 1e-12))[:, None] * sliding)

@@ -6,13 +6,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import ConfigurationError, ContactModel, Length, Setpoint, Settings, to_si
+from palpate import ConfigurationError, ContactModel, Length, Setpoint, Settings, contact_force, force_over_time, to_si
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from palpate_devices.inclusions import Inclusion
 from palpate_devices.relief import Relief
 
 Floats = NDArray[np.float64]
+
+_SLIP = 1e-4  # [m/s] of sliding over which friction comes up
 
 
 class Specimen(Settings):
@@ -77,6 +79,34 @@ class Specimen(Settings):
         factor = np.maximum(factor, 0.01)
         roles = [parameter.role for parameter in self.model.parameters]
         return [value * factor if role else value for value, role in zip(theta, roles, strict=True)]
+
+    def push(self, instants: Floats, position: Floats, velocity: Floats) -> Floats:
+        """Contact force (n,) [N] on a tip at positions (n, 3) with velocities (n, 3), at instants (n,) [s] in order.
+
+        Raises ConfigurationError where a model with memory is asked for what it cannot: inclusions, or forgetting that
+        is too fast for the instants.
+        """
+        depth, rate = self.depth(position, velocity)
+        if not self.model.memory:
+            theta = self.theta(position[:, 0], position[:, 1])
+            return np.asarray(contact_force(self.model, depth, rate, theta, pulls=False), float)
+        if self.inclusions:
+            raise ConfigurationError("device sim: specimen: a model with memory can have no inclusions")
+        values = [self.parameters[parameter.name] for parameter in self.model.parameters]
+        try:
+            return force_over_time(self.model, instants, depth, rate, values, pulls=False)
+        except ValueError as error:
+            raise ConfigurationError(f"device sim: specimen: {error}") from error
+
+    def with_friction(self, contact: Floats, velocity: Floats) -> Floats:
+        """Force (n, 3) [N] on a tip: the contact force (n,) along z, friction against its velocity (n, 3) [m/s].
+
+        Friction is mu F tanh(|v|/(0.1 mm/s)), v the velocity along the surface.
+        """
+        sliding = velocity[:, :2]
+        speed = np.linalg.norm(sliding, axis=1)
+        friction = self.friction * contact * np.tanh(speed / _SLIP) / np.maximum(speed, 1e-12)
+        return np.column_stack([-friction[:, None] * sliding, contact])
 
     def refuse(self, setpoint: Setpoint) -> None:
         """Raise ConfigurationError where a motion goes through the material or touches beside it."""

@@ -24,7 +24,8 @@ def first_guess(
     """First values (k,) and standard deviations (k,) of a model's parameters.
 
     `forces` holds, for "elastic" [N] and "viscous" [N s/m], the first guess of the force that such a parameter makes at
-    a depth of 1 mm, and its standard deviation. A parameter of neither role starts amid its bounds.
+    a depth of 1 mm, and its standard deviation. A parameter of neither role starts at its own first guess, or amid its
+    bounds.
     Raises ConfigurationError where that is impossible and nothing is given, or where what is given is not right.
     """
     _refuse_unknown({*given, *given_std}, model)
@@ -36,6 +37,8 @@ def first_guess(
             per_unit = _force_per_unit(model, i, guess)
             if math.isfinite(per_unit) and per_unit > 0:
                 value, deviation = (number / per_unit for number in forces[parameter.role])
+        elif parameter.start is not None:
+            value, deviation = parameter.start, parameter.start_std
         elif math.isfinite(parameter.lower) and math.isfinite(parameter.upper):
             value, deviation = (parameter.lower + parameter.upper) / 2, (parameter.upper - parameter.lower) / 4
         guess[i] = _given(given, parameter.name, parameter.unit, value)

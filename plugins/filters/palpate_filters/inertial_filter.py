@@ -25,8 +25,8 @@ from palpate import (
 from pydantic import Field
 
 from palpate_filters.first_guess import first_guess
-from palpate_filters.fit import fit_start
 from palpate_filters.inertial_step import Prediction, inertial_step
+from palpate_filters.opening_fit import fit_start
 from palpate_filters.tracking import Carry, Opening, Recursion, RecursiveTracker
 
 Floats = NDArray[np.float64]

@@ -70,7 +70,7 @@ def inertial_step(process: InertialProcess, prediction: Prediction, *, fading: b
     variance = ca.diag(next_covariance)
     contact = process.force(ca.vertsplit(next_mean))
     marks = [low, restart, ca.logic_not(ca.logic_and(known, seen)), stiff]
-    marks += [broken(next_mean, variance, start_std), predicted.repaired]
+    marks += [broken(next_mean, variance, ca.fabs(start) + start_std), predicted.repaired]
     values = process.parameters
     return Step(
         state=ca.vertcat(mean, ca.vec(covariance), force_before, low_count, factor),

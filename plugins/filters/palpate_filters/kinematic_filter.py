@@ -24,9 +24,9 @@ from palpate import (
 from pydantic import Field
 
 from palpate_filters.first_guess import first_guess
-from palpate_filters.fit import fit_start
 from palpate_filters.inertial_filter import mass_of
 from palpate_filters.kinematic_step import kinematic_step
+from palpate_filters.opening_fit import fit_start
 from palpate_filters.tracking import Carry, Opening, Recursion, RecursiveTracker
 
 Floats = NDArray[np.float64]
@@ -104,6 +104,19 @@ class KinematicFilter(KinematicSettings):
     the noise of the force does not drive the state, which is what biases viscosity in the paper's filter.
     Source: Kalman filtering of kinematics with white jerk (Bar-Shalom, Li and Kirubarajan 2001, section 6.2).
     """
+
+    def start(self, problem: Problem) -> Tracker:
+        """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
+        return RecursiveTracker(kinematic_recursion(self, problem), opening(self))
+
+
+class IteratedKinematicFilter(KinematicSettings):
+    """The kinematic filter with its force linearised anew at each iterate (iterated extended Kalman filter).
+
+    For strongly curved forces and poor starts; from a fit it brings nothing. Source: Bell and Cathey 1993.
+    """
+
+    iterations: int = Field(default=3, ge=1, le=5, description="linearisations of the force in one update")
 
     def start(self, problem: Problem) -> Tracker:
         """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""

@@ -49,7 +49,8 @@ def unscented(points: Points, alpha: float, beta: float, kappa: float, redraw: b
         drawn = [mean + root @ ca.DM(direction) for direction in directions.T]
         offsets = ca.horzcat(*(ahead(point, force, interval, known) - centre for point in drawn))
         shift = ca.sum2(offsets) * weight
-        sampled = offsets @ offsets.T * weight + shift @ shift.T * correction
+        # Symmetric to the last bit, and nothing is computed twice.
+        sampled = ca.triu2symm(ca.triu(offsets @ offsets.T * weight + shift @ shift.T * correction))
         gain = _gain(process, interval)
         noisy = sampled + gain @ gain.T * force_std**2
         slope = ca.jacobian(process.force(ca.vertsplit(mean)), mean[0])

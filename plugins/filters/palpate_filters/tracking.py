@@ -107,6 +107,10 @@ class RecursiveTracker:
     def _stretches(self, samples: Samples) -> Iterator[slice]:
         """Rows of active samples without a pause between them."""
         active = samples.active
+        if self._active and active.all() and (samples.interval <= PAUSE).all():  # as it nearly always is online
+            if len(active):
+                yield slice(0, len(active))
+            return
         previous = np.concatenate([[self._active], active[:-1]])
         begins = active & (~previous | (samples.interval > PAUSE))
         cuts = np.flatnonzero(begins | (active != previous))
@@ -115,7 +119,7 @@ class RecursiveTracker:
                 yield slice(int(first), int(last))
 
     def _run_stretch(self, samples: Samples, rows: slice, estimates: Estimates) -> None:
-        part = samples[rows]
+        part = samples[rows] if rows != slice(0, len(samples)) else samples
         settings = self._numbers(samples, rows.start)
         continued = self._active if rows.start == 0 else bool(samples.active[rows.start - 1])
         begins = not continued or part.interval[0] > PAUSE

@@ -3,35 +3,59 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
-from palpate import ContactModel, Indenter, Parameter
-from pydantic import Field
+from palpate import ContactModel, Indenter, MaterialValue, Parameter
+from pydantic import BeforeValidator, Field, model_validator
+
+from palpate_models.parameters import ELASTICITY, VISCOSITY
+from palpate_models.thickness import Thickness, corrected_contact
+
+OptionalThickness = Annotated[Thickness | None, BeforeValidator(lambda value: None if value == "none" else value)]
 
 
 class DimensionalityReduction(ContactModel):
     """A soft half-space as a row of springs and dampers, pressed by any axisymmetric tip.
 
     F = 2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d', with the tip's contact radius a(d) and profile area A(d).
-    For a sphere this is (4/3) E/(1 - nu^2) sqrt(R) d^1.5 + 4 eta/(1 - nu) sqrt(R d) d'.
+    For a sphere this is (4/3) E/(1 - nu^2) sqrt(R) d^1.5 + 4 eta/(1 - nu) sqrt(R d) d'. With `thickness`, A becomes
+    A(d) c(d) and a becomes its derivative (see the `thickness` key: dimitriadis, garcia, finite-cylinder).
     Assumes a homogeneous, isotropic, flat half-space, small strain (a/R well below 1, depth below some 10 % of the
     thickness), no friction and no adhesion; material of Kelvin-Voigt type.
     Source: paper, eqs. kv_el and TotalForce; Popov and Hess 2015.
     """
 
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("elasticity", "E", "Pa", "Young's modulus of the material", role="elastic"),
-        Parameter("viscosity", "eta", "Pa*s", "shear viscosity of the material", role="viscous"),
-    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (ELASTICITY, VISCOSITY)
 
     indenter: Indenter = Field(description="the tip")
     poisson: float = Field(default=0.5, ge=0, le=0.5, description="Poisson's ratio nu; 0.5 for incompressible material")
+    thickness: OptionalThickness = Field(
+        default=None,
+        description='correction for a layer, such as { law = "dimitriadis", height = "22 mm", bonded = false }; '
+        'laws: dimitriadis, garcia, finite-cylinder; left out or "none": a half-space',
+    )
+
+    @model_validator(mode="after")
+    def _known_correction(self) -> Self:
+        if self.thickness is not None:
+            self.thickness.check(self.indenter, self.poisson)
+        return self
 
     def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
         """2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' [N]."""
         elasticity, viscosity = theta
-        elastic = 2.0 / (1.0 - self.poisson**2) * elasticity * self.indenter.profile_area(depth)
-        return elastic + 4.0 / (1.0 - self.poisson) * viscosity * self.indenter.contact_radius(depth) * rate
+        area, radius = corrected_contact(self.indenter, self.thickness, depth)
+        elastic = 2.0 / (1.0 - self.poisson**2) * elasticity * area
+        return elastic + 4.0 / (1.0 - self.poisson) * viscosity * radius * rate
+
+    def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
+        """The parameters themselves."""
+        return (MaterialValue("elasticity", theta[0], (1.0, 0.0)), MaterialValue("viscosity", theta[1], (0.0, 1.0)))
+
+    def validity(self, depth: float) -> str:
+        """What does not hold of tip or thickness correction at a depth [m]."""
+        layer = self.thickness.validity(self.indenter, depth) if self.thickness is not None else ""
+        return "; ".join(text for text in (self.indenter.validity(depth), layer) if text)
 
     def delay_shift(self, theta: Sequence[float]) -> tuple[float, ...]:
         """A late force lowers viscosity by the shear modulus G = E/(2 (1 + nu)) per second, for every tip."""

@@ -9,6 +9,7 @@ from palpate_trajectories.line_sweep import LineSweep
 from palpate_trajectories.load_unload import Compression, LoadUnload
 from palpate_trajectories.point import Point
 from palpate_trajectories.raster import Raster
+from palpate_trajectories.shake import Shake
 
 
 @plugin
@@ -24,4 +25,5 @@ def palpate_trajectories() -> dict[str, type[Trajectory]]:
         "raster": Raster,
         "grid-points": GridPoints,
         "from-file": FromFile,
+        "shake": Shake,
     }

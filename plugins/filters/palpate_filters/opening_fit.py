@@ -35,9 +35,9 @@ def fit_start(model: ContactModel, mass: float, window: Samples, guess: Floats) 
     the window's motion: out of contact the force is 0.
     """
     position, rate, force = _kinematics(mass, window)
-    if len(force) < _FEWEST:
-        return None
     fitted = [i for i, parameter in enumerate(model.parameters) if parameter.role is not None]
+    if len(force) < _FEWEST or not fitted:
+        return None
 
     def columns(surface: float) -> Floats:
         depth = surface - position

@@ -1,4 +1,4 @@
-"""Tips: rigid, axisymmetric, pressed along their axis into a flat surface."""
+"""Tips whose profile is a power of the radius: paraboloid, quartic, any power, and the flat punch as its limit."""
 
 from __future__ import annotations
 
@@ -9,11 +9,18 @@ from palpate import Indenter, Length
 from pydantic import Field
 
 
+def hess_factor(exponent: float) -> float:
+    """k_n of the reduced profile k_n c_n x^n of a tip c_n r^n: pi/2, 2 and 8/3 for n = 1, 2 and 4."""
+    n = exponent
+    return math.sqrt(math.pi) / 2 * n * math.gamma(n / 2) / math.gamma((n + 1) / 2)
+
+
 class Sphere(Indenter):
     """A sphere, approximated by the paraboloid r^2/(2 R) at its tip, as in the paper and in Hertz's theory.
 
     a(d) = sqrt(R d), A(d) = (2/3) sqrt(R) d^1.5, so that the elastic force is (4/3) E* sqrt(R) d^1.5.
-    Valid for a contact radius small against R: at d = 0.8 R the real sphere's force is about 10 % lower.
+    Valid for a contact radius small against R: the force of the real sphere (`exact-sphere`) is lower by the part
+    d/(10 R), which is 10 % at d = R.
     Source: paper, eq. TotalForce; Hertz 1882; Popov and Hess 2015, table 2.1.
     """
 
@@ -26,6 +33,25 @@ class Sphere(Indenter):
     def profile_area(self, depth: Any) -> Any:
         """(2/3) sqrt(R) d^1.5 [m^2]."""
         return 2.0 / 3.0 * depth * (self.radius * depth) ** 0.5
+
+
+class Paraboloid(Indenter):
+    """A paraboloid of revolution, z = r^2/(2 R), with the radius of curvature R at its apex.
+
+    a(d) = sqrt(R d), A(d) = (2/3) sqrt(R) d^1.5: the same forces as `sphere`, which approximates a sphere by it; here
+    the shape is meant, so that there is no error from it at any depth.
+    Source: Popov and Hess 2015, table 2.1; Hertz 1882.
+    """
+
+    curvature_radius: Length = Field(gt=0, description="radius of curvature R at the apex")
+
+    def contact_radius(self, depth: Any) -> Any:
+        """sqrt(R d) [m]."""
+        return (self.curvature_radius * depth) ** 0.5
+
+    def profile_area(self, depth: Any) -> Any:
+        """(2/3) sqrt(R) d^1.5 [m^2]."""
+        return 2.0 / 3.0 * depth * (self.curvature_radius * depth) ** 0.5
 
 
 class Flat(Indenter):
@@ -62,8 +88,7 @@ class Power(Indenter):
     @property
     def reduced_coefficient(self) -> float:
         """k_n c_n [m^(1-n)]."""
-        n = self.exponent
-        return self.coefficient * math.sqrt(math.pi) / 2 * n * math.gamma(n / 2) / math.gamma((n + 1) / 2)
+        return self.coefficient * hess_factor(self.exponent)
 
     def contact_radius(self, depth: Any) -> Any:
         """(d/(k_n c_n))^(1/n) [m]."""
@@ -72,3 +97,22 @@ class Power(Indenter):
     def profile_area(self, depth: Any) -> Any:
         """n/(n + 1) a(d) d [m^2]."""
         return self.exponent / (self.exponent + 1.0) * depth * self.contact_radius(depth)
+
+
+class Quartic(Indenter):
+    """The paper's quartic tip, z = c_4 r^4: flatter than a sphere at its apex, steeper at its rim.
+
+    a(d) = (3 d/(8 c_4))^(1/4), A(d) = (4/5) a(d) d, with Hess's factor k_4 = 8/3. The paper's printed tip has
+    c_4 = 1e7 m^-3, the default. Small strain is assumed, as for every tip.
+    Source: paper, eq. x4; Popov and Hess 2015, table 2.1.
+    """
+
+    coefficient: float = Field(default=1e7, gt=0, allow_inf_nan=False, description="c_4 of c_4 r^4, in m^-3")
+
+    def contact_radius(self, depth: Any) -> Any:
+        """(3 d/(8 c_4))^(1/4) [m]."""
+        return (0.375 / self.coefficient * depth) ** 0.25
+
+    def profile_area(self, depth: Any) -> Any:
+        """(4/5) a(d) d [m^2]."""
+        return 0.8 * depth * self.contact_radius(depth)

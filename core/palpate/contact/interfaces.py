@@ -1,4 +1,4 @@
-"""Contact: the interfaces of tips and of contact models, from depth to force."""
+"""The interfaces of tips and of contact models."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, ClassVar, Literal
 
+from palpate.contact.expressions import select
 from palpate.parts import Part
 
 
@@ -28,19 +29,23 @@ class Indenter(Part, ABC):
         """Area A(d) [m^2] between tip and surface in the reduced plane: the integral of d - g(x) over 0..a(d).
 
         Since A' = a, it is the integral of `contact_radius`; by Gauss-Legendre in t with depth d t^4, which is exact
-        for contact radii that are powers d^(k/4). Override it where a closed form exists.
+        for contact radii that are powers d^(k/4), k up to 12. Override it where a closed form exists.
         """
-        return sum(
-            weight * 4.0 * node**3 * depth * self.contact_radius(depth * node**4) for node, weight in _gauss_legendre(8)
-        )
+        return depth * sum(weight * self.contact_radius(depth * node) for node, weight in _quartic_nodes(8))
+
+    def validity(self, depth: float) -> str:
+        """What does not hold of this tip at a depth [m], as a sentence for people; empty where all is well."""
+        return ""
 
 
 @cache
-def _gauss_legendre(order: int) -> tuple[tuple[float, float], ...]:
+def _quartic_nodes(order: int) -> tuple[tuple[float, float], ...]:
+    """t^4 and 4 t^3 times the weight of t, for Gauss-Legendre on 0..1."""
     import numpy as np
 
     nodes, weights = np.polynomial.legendre.leggauss(order)
-    return tuple((float(node + 1) / 2, float(weight) / 2) for node, weight in zip(nodes, weights, strict=True))
+    pairs = zip((nodes + 1) / 2, weights / 2, strict=True)
+    return tuple((float(t**4), float(4 * t**3 * weight)) for t, weight in pairs)
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,27 @@ class Parameter:
     upper: float = math.inf
     # "elastic": the force is proportional to it at rest; "viscous": the force per speed is proportional to it.
     role: Literal["elastic", "viscous"] | None = None
+    start: float | None = None  # first guess, of the order that soft silicone and tissue have
+    start_std: float | None = None  # how far off it may be
+
+
+@dataclass(frozen=True)
+class MaterialValue:
+    """Elasticity or viscosity of the material, as a contact model's parameters imply it."""
+
+    name: Literal["elasticity", "viscosity"]  # E [Pa] or eta [Pa*s]
+    value: float
+    gradient: tuple[float, ...]  # its derivative by each of the model's parameters
+    caveat: str = ""  # what has to hold for it to be a property of the material
+
+    @property
+    def unit(self) -> str:
+        """SI unit."""
+        return {"elasticity": "Pa", "viscosity": "Pa*s"}[self.name]
+
+    def std(self, parameter_std: Sequence[float]) -> float:
+        """Standard deviation that follows from those of the parameters, taken as uncorrelated."""
+        return math.hypot(*(slope * std for slope, std in zip(self.gradient, parameter_std, strict=True)))
 
 
 class ContactModel(Part, ABC):
@@ -77,6 +103,14 @@ class ContactModel(Part, ABC):
         """Time derivative of each internal state [unit/s], at any depth; empty for a model without memory."""
         return ()
 
+    def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
+        """Elasticity and viscosity as parameter values imply them, where the model can say them; else nothing."""
+        return ()
+
+    def validity(self, depth: float) -> str:
+        """What does not hold of this model at a depth [m], as a sentence for people; empty where all is well."""
+        return ""
+
     def delay_shift(self, theta: Sequence[float]) -> tuple[float, ...]:
         """Shift of each estimated parameter per second that the force is recorded late [unit/s]; 0 where unknown.
 
@@ -93,15 +127,6 @@ def contact_force(
     With ``pulls = False`` the force is never negative: a material that does not stick cannot hold a tip back that
     leaves faster than the material recovers.
     """
-    if type(depth).__module__.startswith("casadi"):
-        import casadi
-
-        inside = depth > 0
-        # Both branches are evaluated: the guarded argument keeps a Jacobian at d = 0 finite.
-        force = casadi.if_else(inside, model.force(casadi.if_else(inside, depth, 1.0), rate, theta, memory), 0.0)
-        return force if pulls else casadi.fmax(force, 0.0)
-    import numpy as np
-
-    inside = np.asarray(depth) > 0
-    force = np.where(inside, model.force(np.where(inside, depth, 1.0), rate, theta, memory), 0.0)
-    return force if pulls else np.maximum(force, 0.0)
+    # Both branches are evaluated: the guarded argument keeps a Jacobian at d = 0 finite.
+    force = select(depth, 0.0, model.force(select(depth, 0.0, depth, 1.0), rate, theta, memory), 0.0)
+    return force if pulls else select(force, 0.0, force, 0.0)

@@ -1,0 +1,178 @@
+"""How fast the offline fits are: solvers against each other, `scipy.optimize.curve_fit`, and nanite's lmfit.
+
+Run: ``python benchmarks/fits.py [--large]``. Everything is interleaved in one process; medians and ratios are printed.
+"""
+
+from __future__ import annotations
+
+import resource
+import statistics
+import sys
+import time
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Problem, Samples
+from palpate_filters.fit import CasadiFit
+from palpate_filters.fit.first_guess import first_guess, linear_places
+from palpate_filters.fit.loss import Loss
+from palpate_filters.fit.residual import Residual
+from palpate_filters.fit.solvers import build_ipopt, solve_ipopt, solve_trf, solve_varpro
+from palpate_models import DimensionalityReduction, Sphere
+from scipy.optimize import curve_fit
+
+Floats = NDArray[np.float64]
+RADIUS, ELASTICITY, VISCOSITY, SURFACE = 5e-3, 112.5e3, 362.0, 0.3e-3
+REPEATS = 15
+
+
+def palpation(n: int) -> Samples:
+    """Samples (n,) of a 2 Hz sine of 1 mm around a depth of 3 mm, noise as in the paper, 500 Hz."""
+    random = np.random.default_rng(1)
+    time_ = np.arange(n) / 500.0
+    omega = 4 * np.pi
+    depth, rate = 3e-3 + 1e-3 * np.sin(omega * time_), 1e-3 * omega * np.cos(omega * time_)
+    force = 16 / 9 * ELASTICITY * np.sqrt(RADIUS) * depth**1.5 + 8 * VISCOSITY * np.sqrt(RADIUS * depth) * rate
+    always = np.ones(n, bool)
+    interval = np.full(n, 2e-3)
+    interval[0] = 0.0
+    return Samples(
+        np.arange(n, dtype=np.int64) * 2_000_000,
+        time_,
+        interval,
+        force + 0.05 * random.standard_normal(n),
+        SURFACE - depth,
+        -rate + 0.67e-3 * random.standard_normal(n),
+        always,
+        always.copy(),
+    )
+
+
+def interleaved(tasks: dict[str, Callable[[], object]], repeats: int = REPEATS) -> dict[str, float]:
+    """Median seconds of each task, all run in turns after one warm-up."""
+    seconds: dict[str, list[float]] = {name: [] for name in tasks}
+    for turn in range(repeats + 1):
+        for name, task in tasks.items():
+            began = time.perf_counter()
+            task()
+            if turn:
+                seconds[name].append(time.perf_counter() - began)
+    return {name: statistics.median(times) for name, times in seconds.items()}
+
+
+def show(title: str, found: dict[str, float], reference: str) -> None:
+    """Medians and ratios to one of them."""
+    print(f"\n{title}")
+    for name, median in found.items():
+        print(f"  {name:<46} {1e3 * median:9.2f} ms   {median / found[reference]:7.2f} x {reference}")
+
+
+def solvers(n: int = 20_000) -> None:
+    """The three solvers from the same start, and curve_fit on the same columns."""
+    model = DimensionalityReduction(indenter=Sphere(radius=RADIUS))
+    tracker = CasadiFit(profile=False, unknowns=()).start(Problem(model, None))
+    fit = tracker.fit(palpation(n))  # type: ignore[attr-defined]
+    record, unknowns, loss = fit.record, fit.unknowns, Loss()
+    linear = linear_places(model, unknowns)
+    residual, projected = Residual(model, unknowns.free), Residual(model, linear)
+    start = solve_trf(residual, unknowns, record.thinned(1000), first_guess(model, unknowns, record), loss).x
+    columns = np.column_stack([record.height, record.columns[:, 1]]).T
+
+    def force(at: Floats, elasticity: float, viscosity: float, surface: float) -> Floats:
+        depth = np.maximum(1e-3 * surface - at[0], 0.0)
+        return 16e5 / 9 * elasticity * np.sqrt(RADIUS) * depth**1.5 + 8e2 * viscosity * np.sqrt(RADIUS * depth) * at[1]
+
+    built = build_ipopt(residual, unknowns, record, start, loss)
+    guess = start[:3] / [1e5, 1e2, 1e-3]
+    found = interleaved(
+        {
+            "trf": lambda: solve_trf(residual, unknowns, record, start, loss),
+            "varpro": lambda: solve_varpro(projected, unknowns, record, start, linear),
+            "ipopt, built before": built,
+            "ipopt, with its build": lambda: solve_ipopt(residual, unknowns, record, start, loss),
+            "scipy curve_fit, same start": lambda: curve_fit(force, columns, record.force, guess),
+        }
+    )
+    show(f"solve only, {n} samples, 3 unknowns", found, "trf")
+    values = {
+        "trf": solve_trf(residual, unknowns, record, start, loss).x[0],
+        "varpro": solve_varpro(projected, unknowns, record, start, linear).x[0],
+        "ipopt": solve_ipopt(residual, unknowns, record, start, loss).x[0],
+        "curve_fit": 1e5 * curve_fit(force, columns, record.force, guess)[0][0],
+    }
+    print("  E [Pa]: " + ", ".join(f"{name} {value:.4f}" for name, value in values.items()))
+
+
+def whole(n: int = 20_000) -> None:
+    """A fit from samples to minimum, and to the full report."""
+    model = DimensionalityReduction(indenter=Sphere(radius=RADIUS))
+    samples = palpation(n)
+    default = CasadiFit().start(Problem(model, None))
+    plain = CasadiFit(profile=False).start(Problem(model, None))
+    exact = CasadiFit(profile=False, solver="ipopt").start(Problem(model, None))
+    found = interleaved(
+        {
+            "samples to minimum, default solver": lambda: plain.fit(samples),  # type: ignore[attr-defined]
+            "samples to minimum, ipopt": lambda: exact.fit(samples),  # type: ignore[attr-defined]
+            "samples to report, no profile": lambda: plain.run(samples),
+            "samples to report": lambda: default.run(samples),
+        }
+    )
+    show(f"whole fits, {n} samples, 3 unknowns", found, "samples to minimum, default solver")
+
+
+def against_nanite(n: int = 4_000) -> None:
+    """The paraboloid and a contact point on one atomic-force curve: nanite's lmfit and this."""
+    try:
+        import lmfit
+        from nanite.model import models_available
+    except ImportError:
+        print("\nnanite is not installed: no comparison with it")
+        return
+    model = models_available["hertz_para"]
+    random = np.random.default_rng(2)
+    tip = np.linspace(2e-6, -1e-6, n)
+    parameters = model.get_parameter_defaults()
+    parameters["E"].value, parameters["R"].value, parameters["contact_point"].value = 3e3, 5e-6, 2e-7
+    force = model.model(parameters, tip) + 2e-11 * random.standard_normal(n)
+    parameters["E"].value, parameters["contact_point"].value = 1e3, 0.0
+    parameters["E"].vary = parameters["contact_point"].vary = parameters["baseline"].vary = True
+    rate = np.full(n, 3e-6)
+    always = np.ones(n, bool)
+    at = np.arange(n) * 1e-3 / 3
+    interval = np.concatenate([[0.0], np.diff(at)])
+    stamps = np.rint(at * 1e9).astype(np.int64)
+    samples = Samples(stamps, at, interval, force, tip, -rate, tip < 2e-7, always)
+    settings = CasadiFit(segment="all", fixed={"viscosity": 0.0}, unknowns=("bias",), profile=False)
+    tracker = settings.start(Problem(DimensionalityReduction(indenter=Sphere(radius=5e-6)), None))
+    found = interleaved(
+        {
+            "casadi-fit, samples to minimum": lambda: tracker.fit(samples),  # type: ignore[attr-defined]
+            "nanite's residual through lmfit": lambda: lmfit.minimize(model.residual, parameters, args=(tip, force)),
+        },
+        repeats=7,
+    )
+    show(f"atomic-force curve, {n} samples, E, contact point, baseline", found, "casadi-fit, samples to minimum")
+
+
+def large(n: int = 10_000_000) -> None:
+    """Ten million samples: time, and memory beyond that of the samples."""
+    model = DimensionalityReduction(indenter=Sphere(radius=RADIUS))
+    samples = palpation(n)
+    tracker = CasadiFit().start(Problem(model, None))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    began = time.perf_counter()
+    estimates = tracker.run(samples)
+    seconds = time.perf_counter() - began
+    more = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024
+    print(f"\n{n} samples: {seconds:.1f} s, peak memory {more / n:.0f} bytes a sample beyond making them")
+    print(f"  E {estimates.values[-1, 0]:.2f} +- {estimates.std[-1, 0]:.2f} Pa")
+
+
+if __name__ == "__main__":
+    solvers()
+    whole()
+    against_nanite()
+    if "--large" in sys.argv:
+        large()

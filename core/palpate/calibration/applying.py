@@ -1,0 +1,139 @@
+"""A calibration in use: what a pipeline takes from it, and what speaks against taking it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from palpate.alignment import AlignmentSettings, Signal
+from palpate.calibration.file import CalibratedValue, Calibration
+from palpate.device import Device
+from palpate.parts import Part
+
+_SIGNIFICANT = 3.0  # standard uncertainties
+_LATE = 1e-4  # [s]; a velocity that is less late than this stays where it is
+_NOISES = ("force_std", "velocity_std", "position_std")
+
+
+def identity_of(devices: Mapping[str, Device], channels: Mapping[str, str]) -> dict[str, dict[str, str]]:
+    """What the devices behind some channels say of themselves: serial numbers, firmware, file and hash."""
+    names = {channel.partition(".")[0] for channel in channels.values()}
+    return {name: dict(devices[name].provenance) for name in sorted(names) if name in devices}
+
+
+@dataclass(frozen=True)
+class CalibrationUse:
+    """A calibration that a pipeline names."""
+
+    calibration: Calibration
+    path: str
+    valid_for: float  # [s]
+
+    def alignment(self, settings: AlignmentSettings) -> AlignmentSettings:
+        """The settings with mass, tare and timing of the calibration wherever the file leaves them open.
+
+        A positive delay moves the force back in time, whose stream is interpolated anyway. The velocity is moved only
+        where its delay is significant: interpolation would change its noise.
+        """
+        stated, changes = settings.model_fields_set, dict[str, Any]()
+        values = self.calibration.values
+        if "mass" in values and "tip_mass" not in stated:
+            changes |= {"tip_mass": values["mass"].value, "tip_mass_uncertainty": values["mass"].std}
+        if "offset" in values and settings.tare == "calibrated":
+            changes |= {"tare": values["offset"].value, "tare_uncertainty": values["offset"].std}
+        if "delay" in values and not self._timing_is_stated(settings):
+            changes["force"] = _late(settings.force, values["delay"])
+            lag = values.get("velocity_delay")
+            if (
+                settings.velocity is not None
+                and lag is not None
+                and abs(lag.value) > max(_SIGNIFICANT * lag.std, _LATE)
+            ):
+                changes["velocity"] = _late(settings.velocity, lag)
+        return settings.model_copy(update=changes)
+
+    def estimator(self, estimator: Any) -> Any:
+        """An estimator with the calibration's noise wherever it has such a setting and the file leaves it open."""
+        values = self.calibration.values
+        open_noises = [
+            name
+            for name in _NOISES
+            if name in values and name in type(estimator).model_fields and name not in estimator.model_fields_set
+        ]
+        return estimator.model_copy(update={name: values[name].value for name in open_noises})
+
+    @staticmethod
+    def _timing_is_stated(settings: AlignmentSettings) -> bool:
+        signals = [settings.force, settings.position, settings.velocity]
+        return any(signal is not None and {"delay", "uncertainty"} & signal.model_fields_set for signal in signals)
+
+    def flags(
+        self,
+        stated: AlignmentSettings,
+        devices: Mapping[str, Device],
+        tips: Mapping[str, Part],
+        tip_table: Any,
+        now: datetime,
+    ) -> Iterator[tuple[str, str]]:
+        """What speaks against this calibration, as code and text; `stated` as the pipeline file has it."""
+        age = (now - self.calibration.created).total_seconds()
+        if age > self.valid_for:
+            limit = self.valid_for / 86400
+            yield "calibration-old", f"{self.path} is {age / 86400:.1f} days old; {limit:.3g} are allowed"
+        if age < -86400:
+            yield "calibration-old", f"{self.path} is from the future: a clock is wrong"
+        yield from self._other_devices(stated, devices)
+        if self.calibration.tip is not None and tips:
+            mounted = [tip_table(tip) for tip in tips.values()]
+            if self.calibration.tip not in mounted:
+                yield "calibration-tip", f"{self.path} was made with another tip: {_shown(self.calibration.tip)}"
+        yield from self._conflicts(stated)
+
+    def _other_devices(self, stated: AlignmentSettings, devices: Mapping[str, Device]) -> Iterator[tuple[str, str]]:
+        channels = {"force": stated.force, "position": stated.position}
+        for role, signal in channels.items():
+            then = self.calibration.channels.get(role, "")
+            before = self.calibration.devices.get(then.partition(".")[0], {})
+            device = devices.get(signal.channel.partition(".")[0])
+            present = dict(device.provenance) if device else {}
+            for key in sorted(before.keys() & present.keys()):
+                if "serial" in key and before[key] != present[key]:
+                    yield (
+                        "calibration-sensor",
+                        f"{self.path} was made with another {role} device: {key} {before[key]}, now {present[key]}",
+                    )
+            if role == "force" and then.rpartition(".")[2] != signal.channel.rpartition(".")[2]:
+                yield "calibration-sensor", f"{self.path} is of {then}, the force here is {signal.channel}"
+
+    def _conflicts(self, stated: AlignmentSettings) -> Iterator[tuple[str, str]]:
+        """Settings of the file that stand, although the calibration says otherwise."""
+        values = self.calibration.values
+        mass, delay = values.get("mass"), values.get("delay")
+        if mass is not None and stated.tip_mass is not None and not _within(mass, stated.tip_mass):
+            yield (
+                "calibration-mass",
+                f"[alignment] tip_mass is {stated.tip_mass:.4g} kg; {self.path} says {mass.value:.4g}",
+            )
+        if delay is not None and self._timing_is_stated(stated):
+            declared = stated.force.delay - stated.position.delay
+            if not _within(delay, declared):
+                yield (
+                    "calibration-delay",
+                    f"[alignment] has the force {declared * 1e3:.3g} ms late; "
+                    f"{self.path} says {delay.value * 1e3:.3g} ms",
+                )
+
+
+def _late(signal: Signal, delay: CalibratedValue) -> Signal:
+    return signal.model_copy(update={"delay": delay.value, "uncertainty": delay.std})
+
+
+def _within(calibrated: CalibratedValue, stated: float) -> bool:
+    low, high = calibrated.interval
+    return low <= stated <= high
+
+
+def _shown(table: Mapping[str, Any]) -> str:
+    return ", ".join(f"{key} {value}" for key, value in table.items())

@@ -1,0 +1,92 @@
+"""The calibration file: small, in TOML, SI inside, read by pipelines and by people."""
+
+from __future__ import annotations
+
+import tomllib
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field, ValidationError
+
+from palpate.calibration.quantity import Measured
+from palpate.errors import ConfigurationError
+from palpate.parts import Settings
+
+_FORMAT = 1
+
+
+class CalibratedValue(Settings):
+    """One value of a calibration file."""
+
+    value: float = Field(allow_inf_nan=False, description="in its unit")
+    unit: str = Field(description="SI")
+    std: float = Field(ge=0, allow_inf_nan=False, description="combined standard uncertainty")
+    interval: tuple[float, float] = Field(description="95 %")
+    fit: float = Field(default=0.0, ge=0, description="standard uncertainty from the fits")
+    type_a: float | None = Field(default=None, ge=0, description="standard uncertainty from the scatter of the repeats")
+    type_b: float = Field(default=0.0, ge=0, description="declared standard uncertainty")
+    repeats: tuple[float, ...] = Field(default=(), description="the value of each repeat")
+
+    @classmethod
+    def of(cls, measured: Measured) -> CalibratedValue:
+        """What a file says of a measured value."""
+        return cls(
+            value=measured.value,
+            unit=measured.unit,
+            std=measured.combined,
+            interval=measured.interval,
+            fit=measured.fit,
+            type_a=measured.type_a,
+            type_b=measured.type_b,
+            repeats=measured.repeats,
+        )
+
+
+class Calibration(Settings):
+    """A calibration, as its file holds it."""
+
+    format: int = Field(default=_FORMAT, ge=1, le=_FORMAT, description="version of this format")
+    name: str = Field(default="", description="what the calibration is called")
+    created: datetime = Field(description="when it was made, with time zone")
+    values: dict[str, CalibratedValue] = Field(description="by name: mass, delay, offset, ...")
+    channels: dict[str, str] = Field(description="which channel was force, position, velocity")
+    devices: dict[str, dict[str, str]] = Field(default={}, description="type, serial number, versions, file and hash")
+    tip: dict[str, Any] | None = Field(default=None, description="the indenter that was mounted, where it was named")
+    shake: dict[str, Any] = Field(default={}, description="frequencies [Hz], amplitudes [m], residual [N]")
+    notes: tuple[str, ...] = Field(default=(), description="what a user should know")
+    versions: dict[str, str] = Field(default={}, description="of palpate and its libraries")
+
+    def text(self) -> str:
+        """The file's text."""
+        import tomli_w
+
+        return tomli_w.dumps(_plain(self.model_dump(mode="python", exclude_none=True)))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items() if item not in ((), {}, None)}
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    return value
+
+
+def read_calibration(path: Path) -> Calibration:
+    """The calibration in a file; raises ConfigurationError where it cannot be read or is none."""
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise ConfigurationError(f"{path}: cannot read the calibration file: {reason}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{path}: not TOML: {error}") from error
+    try:
+        calibration = Calibration.model_validate(tables)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(str(step) for step in first["loc"])
+        raise ConfigurationError(f"{path}: no calibration file: {where}: {first['msg']}") from error
+    if calibration.created.tzinfo is None:
+        raise ConfigurationError(f"{path}: no calibration file: created has no time zone")
+    return calibration

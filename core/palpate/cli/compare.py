@@ -1,0 +1,155 @@
+"""``palpate compare``: every model with every estimator on one log, in one table and one picture."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+
+from palpate import registry as registries
+from palpate.cli.log_info import pipeline_text, recording_of
+from palpate.cli.tables import result_view
+from palpate.config import Pipeline, Source, build_pipeline
+from palpate.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from palpate.pipeline import Result
+
+
+def compare(
+    log: Annotated[Path, typer.Argument(help="A log (.mcap, .db3, a bag folder), or a pipeline file (.toml).")],
+    models: Annotated[str | None, typer.Option(help="Contact models by type, with commas between.")] = None,
+    estimators: Annotated[str | None, typer.Option(help="Estimators by type, with commas between.")] = None,
+    reference: Annotated[str | None, typer.Option(metavar="TRACK", help="Show this track as the truth.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Run folder; must be new or empty.")] = None,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override a setting; can be repeated.")
+    ] = None,
+) -> None:
+    """Run every model with every estimator on one log, read once; print one table, draw one picture."""
+    from rich.console import Console
+
+    from palpate.pipeline import run_pipeline
+
+    pipeline = _pipeline(log, models, estimators, overrides or [])
+    names = [track.name for track in pipeline.tracks]
+    if reference is not None and reference not in names:
+        raise ConfigurationError(f"--reference: there is no track {reference!r} (there are: {', '.join(names)})")
+    result = run_pipeline(pipeline, out)
+    console = Console()
+    console = console if console.is_terminal else Console(width=120)
+    console.print(result_view(result))
+    if reference is not None:
+        console.print(_differences(result, reference))
+    picture = _draw(result, reference)
+    typer.echo(f"picture: {picture}" if picture else "no picture: it needs matplotlib (pip install matplotlib)")
+
+
+def _pipeline(log: Path, models: str | None, estimators: str | None, overrides: list[str]) -> Pipeline:
+    if log.suffix == ".toml":
+        source = Source.read(log)
+    else:
+        suggestion = recording_of(log).suggest(log, {})
+        source = Source(pipeline_text(suggestion, log), Path(f"{log.name}.toml"))
+    for kind, given in (("model", models), ("estimator", estimators)):
+        if given is not None:
+            source.tables[kind] = {name: _table(kind, name, source.tables) for name in _names(given)}
+    for assignment in overrides:
+        source.override(assignment)
+    return build_pipeline(source)
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _table(kind: str, name: str, tables: Mapping[str, Any]) -> dict[str, Any]:
+    """The table of that name, or one of that type with its defaults, on the pipeline's indenter."""
+    known = tables.get(kind, {})
+    if isinstance(known, dict) and name in known:
+        return dict(known[name])
+    entry = registries.load().parts[kind].get(name)
+    table: dict[str, Any] = {"type": name}
+    indenters = tables.get("indenter", {})
+    if entry is not None and "indenter" in entry.part.model_fields and indenters:
+        table["indenter"] = next(iter(indenters))
+    return table
+
+
+def _differences(result: Result, reference: str) -> RenderableType:
+    """Every track's parameters against those of the reference, in per cent and in their joint standard deviations."""
+    from rich.table import Table
+
+    table = Table(title=f"against {reference}", title_justify="left")
+    table.add_column("track")
+    truth = result.tracks[reference].parameters
+    for name in truth:
+        table.add_column(f"{name}\n%", justify="right")
+        table.add_column("sigma\n", justify="right")
+    for label, track in result.tracks.items():
+        if label == reference:
+            continue
+        cells = []
+        for name, true in truth.items():
+            found = track.parameters.get(name)
+            difference = math.nan if found is None else found.value - true.value
+            spread = math.nan if found is None else math.hypot(found.combined, true.combined)
+            cells += [_cell(100.0 * difference, true.value), _cell(difference, spread)]
+        table.add_row(label, *cells)
+    return table
+
+
+def _cell(value: float, scale: float) -> str:
+    return f"{value / scale:+.2f}" if scale and math.isfinite(value) and math.isfinite(scale) else "-"
+
+
+def _draw(result: Result, reference: str | None) -> Path | None:
+    """Elasticity over time with bands of two standard deviations, from ``estimates.csv``; None without matplotlib."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        return None
+    with (result.folder / "estimates.csv").open(newline="", encoding="utf-8") as file:
+        header, *rows = csv.reader(file)
+    columns = dict(zip(header, np.array([[float(cell or "nan") for cell in row] for row in rows]).T, strict=False))
+    names = [name for name in header if name.endswith("_std") and ":" in name]
+    parameters = list(dict.fromkeys(name.split(":")[1][: -len("_std")] for name in names))
+    parameters = [name for name in parameters if name != "surface"]
+    figure = Figure(figsize=(9.0, 3.0 * max(len(parameters), 1)), layout="constrained")
+    for axes, parameter in zip(np.atleast_1d(figure.subplots(len(parameters), sharex=True)), parameters, strict=True):
+        _draw_parameter(axes, columns, parameter, result, reference)
+    path = result.folder / "compare.png"
+    figure.savefig(path, dpi=120)
+    return path
+
+
+def _draw_parameter(
+    axes: Any, columns: Mapping[str, Any], parameter: str, result: Result, reference: str | None
+) -> None:
+    units = {name: found.unit for track in result.tracks.values() for name, found in track.parameters.items()}
+    for label in result.tracks:
+        value, std = columns.get(f"{label}:{parameter}"), columns.get(f"{label}:{parameter}_std")
+        if value is None or std is None:
+            continue
+        style = {"color": "black", "linewidth": 2.0} if label == reference else {"linewidth": 1.0}
+        name = f"{label} (reference)" if label == reference else label
+        (line,) = axes.plot(columns["time_s"], value, label=name, **style)
+        axes.fill_between(
+            columns["time_s"], value - 2 * std, value + 2 * std, color=line.get_color(), alpha=0.2, linewidth=0
+        )
+        settled = value[len(value) // 2 :]
+        if np.isfinite(settled).any():  # the wide bands of the first moments would hide everything else
+            low, high = np.nanmin(settled), np.nanmax(settled)
+            margin = 0.5 * max(abs(high), abs(low))
+            axes.update_datalim([(columns["time_s"][0], low - margin), (columns["time_s"][-1], high + margin)])
+    axes.set_ylabel(f"{parameter} [{units.get(parameter, '')}]")
+    axes.set_xlabel("time [s]")
+    axes.grid(alpha=0.3)
+    axes.legend()

@@ -1,0 +1,37 @@
+"""Tips of strangers are checked before anything moves: a wrong one gives plausible and wrong numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from palpate.contact import Indenter
+from palpate.errors import PluginError
+from palpate.parts import Settings
+from palpate.registry import Registry
+from palpate.testing import check_indenter
+
+
+def check_tips(parts: Iterable[Settings], registry: Registry) -> None:
+    """Raise PluginError, which names plugin, part, method and depth, where a tip breaks its interface."""
+    seen: set[int] = set()
+    for part in parts:
+        for tip in _tips(part):
+            if id(tip) in seen:
+                continue
+            seen.add(id(tip))
+            entry = next((e for e in registry.parts["indenter"].values() if e.part is type(tip)), None)
+            try:
+                check_indenter(tip)
+            except AssertionError as error:
+                where = f"plugin {entry.plugin.name}: indenter {registry.name_of(type(tip))!r}" if entry else "indenter"
+                raise PluginError(f"{where}: {error}") from error
+
+
+def _tips(value: Any) -> Iterator[Indenter]:
+    """The tips in a part's settings, itself included."""
+    if isinstance(value, Indenter):
+        yield value
+    if isinstance(value, Settings):
+        for name in type(value).model_fields:
+            yield from _tips(getattr(value, name))

@@ -1,0 +1,96 @@
+"""Design of a palpation: from a pipeline file to bounds over frequency and amplitude."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.config import Pipeline
+from palpate.contact import ContactModel
+from palpate.design import DesignSettings, Palpation, best, palpations
+from palpate.errors import ConfigurationError
+from palpate.units import to_si
+
+_NOISE = 0.05  # [N], the paper's sensor
+_DEPTH, _DURATION = 0.004, 10.0  # [m], [s]: the paper's protocol, where no trajectory says otherwise
+
+
+@dataclass(frozen=True)
+class Design:
+    """What the design of one model's palpation found."""
+
+    name: str
+    theta: Mapping[str, float]  # expected values
+    units: tuple[str, ...]
+    symbols: tuple[str, ...]
+    duration: float  # [s]
+    palpations: tuple[Palpation, ...]
+    recommended: Palpation | None
+
+
+def run_design(pipeline: Pipeline, name: str) -> Design:
+    """Bounds for one model of a pipeline; raises ConfigurationError where something is not known that must be."""
+    model, settings = pipeline.models[name], _timed(pipeline)
+    theta = _expected(model, name, settings, pipeline)
+    depth, duration = _protocol(settings, pipeline)
+    found = palpations(
+        model,
+        list(theta.values()),
+        settings,
+        pipeline.alignment.tip_mass or 0.0,
+        depth,
+        duration,
+        _noise(settings, pipeline),
+    )
+    units = tuple(parameter.unit for parameter in model.parameters)
+    symbols = tuple(parameter.symbol for parameter in model.parameters)
+    return Design(name, theta, units, symbols, duration, tuple(found), best(found, theta))
+
+
+def _timed(pipeline: Pipeline) -> DesignSettings:
+    """The settings; a pipeline with a calibration knows its timing as well as that says."""
+    values = pipeline.calibration.calibration.values if pipeline.calibration else {}
+    if pipeline.design.timing_std is None and "delay" in values and values["delay"].std > 0:
+        return pipeline.design.model_copy(update={"timing_std": values["delay"].std})
+    return pipeline.design
+
+
+def _expected(model: ContactModel, name: str, settings: DesignSettings, pipeline: Pipeline) -> dict[str, float]:
+    truth = {key: value for device in pipeline.devices.values() for key, value in device.truth.items()}
+    theta = {}
+    for parameter in model.parameters:
+        given = settings.parameters.get(parameter.name, truth.get(parameter.name))
+        if given is None:
+            raise ConfigurationError(
+                f"{pipeline.path}: the bounds depend on what is expected: set [design] parameters = "
+                f'{{ {parameter.name} = "..." }} for [model.{name}]'
+            )
+        try:
+            theta[parameter.name] = to_si(given, parameter.unit)
+        except ValueError as error:
+            raise ConfigurationError(f"{pipeline.path}: [design] parameters: {parameter.name}: {error}") from error
+    return theta
+
+
+def _protocol(settings: DesignSettings, pipeline: Pipeline) -> tuple[float, float]:
+    """Mean depth [m] and length [s] of the measured part."""
+    depth, duration = settings.depth, settings.duration
+    if len(pipeline.trajectories) == 1 and (depth is None or duration is None):
+        trajectory = next(iter(pipeline.trajectories.values()))
+        step = 1e-3
+        setpoint = trajectory.at(np.arange(0.0, trajectory.total_duration, step))
+        if setpoint.measuring.any():
+            heights = setpoint.position[setpoint.measuring, 2]
+            middle = -float(heights.max() + heights.min()) / 2
+            duration = duration or float(np.count_nonzero(setpoint.measuring)) * step
+            depth = depth or (middle if middle > 0 else None)
+    return depth or _DEPTH, duration or _DURATION
+
+
+def _noise(settings: DesignSettings, pipeline: Pipeline) -> float:
+    if settings.force_std is not None:
+        return settings.force_std
+    values = pipeline.calibration.calibration.values if pipeline.calibration else {}
+    return values["force_std"].value if "force_std" in values else _NOISE

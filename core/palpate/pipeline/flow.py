@@ -1,0 +1,238 @@
+"""How batches flow: as fast as they are read, or as time goes by."""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+import numpy as np
+
+from palpate.alignment import Aligner
+from palpate.config import Pipeline
+from palpate.device import Arm, Batch, Link, Watched
+from palpate.errors import ConfigurationError, DeviceError
+from palpate.pipeline.guard import Guard
+from palpate.pipeline.interrupt import Interrupt
+from palpate.pipeline.live import LiveLinks
+from palpate.pipeline.outputs import Outputs
+from palpate.pipeline.tracks import RunningTrack
+from palpate.result import finite
+from palpate.safety import demand_safe
+from palpate.trajectory import Trajectory
+
+Progress = Callable[[float, float | None], None]  # log time [s], total [s] where known
+
+_LOOK = 5e-3  # [s] between the setpoints that devices are asked about before anything moves
+_PATIENCE = 8.0  # [s] for a retraction
+_PRIORITY = 20  # below that of robots and sensors
+
+
+class Flow:
+    """Takes every batch to the sinks, the aligner and the tracks; keeps what a live run is to say of itself."""
+
+    def __init__(
+        self,
+        pipeline: Pipeline,
+        aligner: Aligner,
+        running: list[RunningTrack],
+        outputs: Outputs,
+        progress: Progress | None,
+        interrupt: Interrupt,
+    ) -> None:
+        self._pipeline, self._aligner, self._running, self._outputs = pipeline, aligner, running, outputs
+        self._progress, self._interrupt = progress, interrupt
+        self._total: float | None = None
+        self.facts: dict[str, Any] = {}  # of a live run
+
+    def run(self) -> None:
+        """Connect, set in motion, and pass every batch on until there are no more."""
+        if any(device.live for device in self._pipeline.devices.values()):
+            self._run_live()
+        else:
+            self._run_read()
+
+    def _pass_on(self, device: str, batch: Batch) -> None:
+        self._outputs.batch(device, batch)
+        self._aligner.feed(device, batch)
+        samples = self._aligner.samples()
+        self._outputs.samples(samples, self._running)
+        if self._progress is not None and len(samples):
+            self._progress(float(samples.time[-1]), self._total)
+
+    def _run_read(self) -> None:
+        pipeline = self._pipeline
+        with ExitStack() as stack:
+            links = {name: stack.enter_context(d.connect(pipeline.run.seed)) for name, d in pipeline.devices.items()}
+            arms = [link for link in links.values() if isinstance(link, Arm)]
+            if arms:
+                trajectory = the_trajectory(pipeline)
+                self._total = trajectory.total_duration
+                _ask_the_devices(pipeline, trajectory)
+                for arm in arms:
+                    stack.callback(arm.stop)
+                    arm.follow(trajectory)
+            else:
+                durations = [d.duration for d in pipeline.devices.values() if d.duration is not None]
+                self._total = max(durations, default=None)
+            for device, batch in merged(links):
+                self._pass_on(device, batch)
+                if self._interrupt.reason is not None:
+                    return
+
+    def _run_live(self) -> None:
+        pipeline, limits = self._pipeline, self._pipeline.safety
+        trajectory = the_trajectory(pipeline) if pipeline.trajectories else None
+        if trajectory is not None and limits is None:
+            raise ConfigurationError(
+                f"{pipeline.path}: a live robot needs a [safety] table: workspace, speed and force limits"
+            )
+        if trajectory is not None and limits is not None:
+            demand_safe(trajectory, limits, str(pipeline.path))
+            _ask_the_devices(pipeline, trajectory)
+        began, before = time.monotonic(), os.times()
+        guard = Guard(limits, pipeline.alignment, {name: d.streams for name, d in pipeline.devices.items()})
+        with ExitStack() as stack:
+            self.facts["scheduling"] = stack.enter_context(_undisturbed())
+            links = connected(pipeline, stack)
+            arms = [link for link in links.values() if isinstance(link, Arm)]
+            live = LiveLinks(links, guard)
+            stack.callback(self._account, guard, live, links)
+            for arm in arms:
+                stack.callback(arm.stop)
+            stack.callback(live.stop)
+            stack.callback(guard.close)
+            live.start()
+            self._live(live, guard, arms, trajectory)
+            guard.close()
+            live.stop()
+            for device, batch in live.rest():
+                self._pass_on(device, batch)
+        # Children that have ended count as well; what the devices did is all in here.
+        used = sum(os.times()[:4]) - sum(before[:4])
+        self.facts["cpu_cores"] = used / (time.monotonic() - began)
+        if guard.reason is not None and self._interrupt.reason is None:
+            raise DeviceError(guard.reason)
+
+    def _live(self, live: LiveLinks, guard: Guard, arms: list[Arm], trajectory: Trajectory | None) -> None:
+        """Rest, judge the rest, move, until the arms are done or somebody has tripped the guard."""
+        limits = self._pipeline.safety
+        for device, batch in live.until(time.monotonic() + (limits.rest if limits else 1.0)):
+            self._pass_on(device, batch)
+        if guard.reason is not None:
+            return
+        self.facts["rest"] = guard.judge_rest()
+        if self._interrupt.reason is not None:
+            return
+        guard.begin(arms)
+        for arm in arms:
+            if trajectory is None:
+                raise ConfigurationError(f"{self._pipeline.path}: a robot needs one [trajectory.*] table")
+            self._total = trajectory.total_duration + (limits.rest if limits else 0.0)
+            arm.follow(trajectory)
+        try:
+            for item in live.to_the_end(_PATIENCE):
+                if item is not None:
+                    self._pass_on(*item)
+                if self._interrupt.reason is not None:
+                    guard.trip(self._interrupt.reason)
+        except BaseException as error:
+            guard.trip(f"{type(error).__name__}: {error}")
+            for _ in live.to_the_end(_PATIENCE):
+                pass  # let the arms retract
+            raise
+
+    def _account(self, guard: Guard, live: LiveLinks, links: Mapping[str, Link]) -> None:
+        self.facts["devices"] = {
+            name: _finite_table(link.health) for name, link in links.items() if isinstance(link, Watched)
+        }
+        self.facts["largest_backlog"] = live.largest_backlog
+        self.facts["peak_force"] = guard.peak
+        if guard.reason is not None and guard.tripped is not None:
+            self.facts["stop"] = {"reason": guard.reason, "monotonic": guard.tripped}
+
+
+def _ask_the_devices(pipeline: Pipeline, trajectory: Trajectory) -> None:
+    """Let every device refuse the motion before anything moves; they raise ConfigurationError."""
+    setpoint = trajectory.at(np.arange(0.0, trajectory.total_duration, _LOOK))
+    for device in pipeline.devices.values():
+        device.refuse(setpoint)
+
+
+def _finite_table(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _finite_table(item) for key, item in value.items()}
+    return finite(value)
+
+
+@contextmanager
+def _undisturbed() -> Iterator[str]:
+    """What there is now is no garbage, threads change quickly, and other programs wait; says whether they do."""
+    before = sys.getswitchinterval()
+    gc.collect()
+    gc.freeze()
+    sys.setswitchinterval(0.0005)
+    said = _scheduled(_PRIORITY)
+    try:
+        yield said
+    finally:
+        _scheduled(0)
+        sys.setswitchinterval(before)
+        gc.unfreeze()
+
+
+def _scheduled(priority: int) -> str:
+    """Real-time scheduling of this thread, and of those that it starts, where that is permitted; 0 gives it back."""
+    try:
+        policy = os.SCHED_FIFO if priority else os.SCHED_OTHER
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
+    except (AttributeError, OSError):
+        return "no real-time scheduling: not permitted"
+    return f"real-time scheduling, SCHED_FIFO {priority}" if priority else ""
+
+
+def connected(pipeline: Pipeline, stack: ExitStack) -> dict[str, Link]:
+    """Links of all devices, connected side by side; those that came about are left with the stack if one fails."""
+    contexts = {name: device.connect(pipeline.run.seed) for name, device in pipeline.devices.items()}
+    links, failures = {}, []
+    with ThreadPoolExecutor(len(contexts)) as pool:
+        entering = {name: pool.submit(context.__enter__) for name, context in contexts.items()}
+    for name, future in entering.items():
+        if (error := future.exception()) is None:
+            stack.push(contexts[name])
+            links[name] = future.result()
+        else:
+            failures.append(error)
+    if failures:
+        raise failures[0]
+    return links
+
+
+def the_trajectory(pipeline: Pipeline) -> Trajectory:
+    """The one motion of a pipeline; raises ConfigurationError where there is none, or more."""
+    if len(pipeline.trajectories) != 1:
+        count = len(pipeline.trajectories)
+        raise ConfigurationError(f"{pipeline.path}: a device that moves needs one [trajectory.*] table, not {count}")
+    return next(iter(pipeline.trajectories.values()))
+
+
+def merged(links: Mapping[str, Link]) -> Iterator[tuple[str, Batch]]:
+    """Batches of all links, always from the one that is furthest behind in time."""
+    streams = {name: link.batches() for name, link in links.items()}
+    heads: dict[str, Batch] = {}
+    while True:
+        for name in [name for name in streams if name not in heads]:
+            batch = next((batch for batch in streams[name] if len(batch.time)), None)
+            if batch is None:
+                del streams[name]
+            else:
+                heads[name] = batch
+        if not heads:
+            return
+        name = min(heads, key=lambda name: int(heads[name].received[0]))
+        yield name, heads.pop(name)

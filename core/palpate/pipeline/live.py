@@ -1,0 +1,112 @@
+"""Live devices: each has a thread that takes its batches, past the guard, to the one that aligns and records."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from palpate.device import Arm, Batch, Link
+from palpate.errors import DeviceError
+from palpate.pipeline.guard import Guard
+
+_GATHER = 0.05  # [s]; what the guard has seen may go on in larger pieces
+_JOIN = 2.0  # [s]
+
+
+class LiveLinks:
+    """Batches of several live links, merged as they come."""
+
+    def __init__(self, links: Mapping[str, Link], guard: Guard) -> None:
+        self._links, self._guard = links, guard
+        self._queue: queue.SimpleQueue[tuple[str, Batch | None]] = queue.SimpleQueue()
+        self._ending = threading.Event()
+        self._moving = {name for name, link in links.items() if isinstance(link, Arm)}
+        self._running = set(links)
+        self.largest_backlog = 0
+        self._threads = [
+            threading.Thread(target=self._pump, args=item, daemon=True, name=f"{item[0]} batches")
+            for item in links.items()
+        ]
+
+    def start(self) -> None:
+        """Start the threads."""
+        for thread in self._threads:
+            thread.start()
+
+    def stop(self) -> None:
+        """Let the threads end; live links give them an opportunity every 0.1 s."""
+        self._ending.set()
+        deadline = time.monotonic() + _JOIN
+        for thread in self._threads:
+            if thread.ident is not None:
+                thread.join(max(deadline - time.monotonic(), 0.0))
+
+    def _pump(self, name: str, link: Link) -> None:
+        gathered: dict[str, list[Batch]] = {}
+        sent = time.monotonic()
+        try:
+            for batch in link.batches():
+                self._guard.check(name, batch)
+                gathered.setdefault(batch.stream, []).append(batch)
+                if (now := time.monotonic()) - sent > _GATHER:
+                    self._hand_on(name, gathered)
+                    gathered, sent = {}, now
+                if self._ending.is_set():
+                    break
+        except DeviceError as error:
+            self._guard.trip(str(error))
+        except Exception as error:  # whatever a device's code raises: the arms must stop
+            self._guard.trip(f"{name}: {type(error).__name__}: {error}")
+        finally:
+            self._hand_on(name, gathered)
+            self._queue.put((name, None))
+
+    def _hand_on(self, name: str, gathered: Mapping[str, list[Batch]]) -> None:
+        for batches in gathered.values():
+            joined = _joined(batches)
+            if len(joined.time):
+                self._queue.put((name, joined))
+
+    def until(self, deadline: float) -> Iterator[tuple[str, Batch]]:
+        """What comes up to a monotonic time [s], or until a link ends."""
+        while (rest := deadline - time.monotonic()) > 0 and len(self._running) == len(self._links):
+            yield from self._next(min(rest, 0.05))
+
+    def to_the_end(self, patience: float) -> Iterator[tuple[str, Batch] | None]:
+        """What comes until every arm, or without arms every link, is done; None where there is nothing for a while.
+
+        Once the guard has tripped, arms have `patience` [s] to come to rest.
+        """
+        while self._running & (self._moving or self._running):
+            tripped = self._guard.tripped
+            if tripped is not None and (not self._moving or time.monotonic() - tripped > patience):
+                return
+            yield from self._next(0.05)
+            yield None
+
+    def rest(self) -> Iterator[tuple[str, Batch]]:
+        """What is still in the queue after `stop`."""
+        while not self._queue.empty():
+            yield from self._next(0.0)
+
+    def _next(self, timeout: float) -> Iterator[tuple[str, Batch]]:
+        try:
+            name, batch = self._queue.get(timeout=timeout) if timeout else self._queue.get_nowait()
+        except queue.Empty:
+            return
+        self.largest_backlog = max(self.largest_backlog, self._queue.qsize())
+        if batch is None:
+            self._running.discard(name)
+        else:
+            yield name, batch
+
+
+def _joined(batches: list[Batch]) -> Batch:
+    if len(batches) == 1:
+        return batches[0]
+    columns = ([getattr(batch, name) for batch in batches] for name in ("time", "received", "values"))
+    return Batch(batches[0].stream, *(np.concatenate(column) for column in columns))

@@ -1,0 +1,78 @@
+"""The budget of an estimate: what timing, mass and tare may have shifted it by."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.alignment import GRAVITY, AlignmentReport, AlignmentSettings
+from palpate.contact import ContactModel
+from palpate.design import force_slopes
+from palpate.result.record import Tail
+
+Floats = NDArray[np.float64]
+
+_SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
+_INDISTINCT = 1e-6  # ratio of singular values below which parameters and surface cannot be told apart
+
+
+def systematic_terms(
+    model: ContactModel, last: Tail, timing: float | None, settings: AlignmentSettings, report: AlignmentReport
+) -> dict[str, dict[str, float]]:
+    """Standard uncertainty [SI] of each parameter from each cause that is known, by parameter name.
+
+    Timing: |dtheta/dtau| u(tau), by the model's `delay_shift`. Mass and tare: a small error f(t) of the force shifts
+    the least-squares estimate with unknown surface by (J^T J)^-1 J^T f, J the model's derivatives along the last
+    samples; f = -u(m) z'' (and the weight, where it was removed) and f = u(tare).
+    """
+    values = last.values.mean(axis=0)
+    shifts = model.delay_shift(list(values))
+    terms: dict[str, dict[str, float]] = {parameter.name: {} for parameter in model.parameters}
+    for parameter, shift in zip(model.parameters, shifts, strict=True):
+        if shift and timing is not None:
+            terms[parameter.name]["timing"] = abs(shift) * timing
+    mass, tare = settings.tip_mass_uncertainty, report.tare.offset_std if report.tare else None
+    if model.memory or (mass is None and tare is None) or not np.isfinite(values).all():
+        return terms
+    jacobian, acceleration = _along(model, last, values)
+    if mass is not None:
+        weight = GRAVITY if settings.weight == "removed" else 0.0
+        _note(terms, "mass", _answer(jacobian, mass * (weight - acceleration)))
+    if tare is not None:
+        _note(terms, "tare", _answer(jacobian, np.full(len(jacobian), tare)))
+    return terms
+
+
+def _note(terms: dict[str, dict[str, float]], cause: str, shares: Floats | None) -> None:
+    if shares is not None:
+        for table, share in zip(terms.values(), shares, strict=False):
+            table[cause] = abs(float(share))
+
+
+def _along(model: ContactModel, last: Tail, values: Floats) -> tuple[Floats, Floats]:
+    """Derivatives of the force by parameters and surface (n, k + 1), and acceleration z'' (n,) [m/s^2]."""
+    n = _SLOPE_SAMPLES
+    if len(last.time) <= 2 * n:
+        return np.zeros((0, len(values) + 1)), np.zeros(0)
+    acceleration = (last.velocity[2 * n :] - last.velocity[: -2 * n]) / (last.time[2 * n :] - last.time[: -2 * n])
+    depth, rate = (float(last.surface.mean()) - last.position)[n:-n], -last.velocity[n:-n]
+    usable = np.isfinite(depth) & np.isfinite(rate) & np.isfinite(acceleration) & (depth > 0)
+    if not usable.any():
+        return np.zeros((0, len(values) + 1)), np.zeros(0)
+    _, by_parameter, by_depth, _ = force_slopes(model, depth[usable], rate[usable], values.tolist())
+    return np.column_stack([by_parameter, by_depth]), acceleration[usable]
+
+
+def _answer(jacobian: Floats, error: Floats) -> Floats | None:
+    """Shift of parameters and surface (k + 1,) by an error (n,) of the force [N]; None where they are indistinct."""
+    if len(jacobian) <= jacobian.shape[1]:
+        return None
+    scale = np.linalg.norm(jacobian, axis=0)
+    if not (np.isfinite(scale).all() and (scale > 0).all()):
+        return None
+    # Sums and a small explicit inverse: the same bits on every run.
+    unit = jacobian / scale
+    normal = (unit[:, :, None] * unit[:, None, :]).sum(axis=0)
+    if np.linalg.cond(normal) > _INDISTINCT**-2:
+        return None
+    return np.asarray(np.linalg.solve(normal, (unit * error[:, None]).sum(axis=0)) / scale)

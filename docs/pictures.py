@@ -1,0 +1,144 @@
+"""Draws the pictures of docs/models.md. Run: python docs/pictures.py"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import matplotlib  # noqa: TID253  (a script that draws)
+import numpy as np
+from palpate import ContactModel, Indenter, contact_force, force_over_time, tip_profile
+from palpate_models import (
+    Compression,
+    DimensionalityReduction,
+    FreeHuntCrossley,
+    HuntCrossley,
+    KelvinVoigt,
+    Maxwell,
+    StandardLinearSolid,
+    palpate_indenters,
+    palpate_models,
+)
+from palpate_models.thickness import Thickness
+
+FOLDER = Path(__file__).parent / "pictures"
+ELASTICITY, VISCOSITY = 112.5e3, 362.0  # the paper's soft silicone
+DEPTH = 4e-3  # [m]
+
+TIPS: Mapping[str, dict[str, Any]] = {
+    "sphere": {"radius": 5e-3},
+    "exact-sphere": {"radius": 5e-3},
+    "paraboloid": {"curvature_radius": 5e-3},
+    "ellipsoid": {"radius": 3e-3, "height": 6e-3},
+    "flat": {"radius": 3e-3},
+    "cone": {"angle": math.radians(45)},
+    "blunt-cone": {"angle": math.radians(45), "tip_radius": 2e-3},
+    "truncated-cone": {"angle": math.radians(45), "face_radius": 1.5e-3},
+    "quartic": {"coefficient": 1e7},
+    "power": {"exponent": 3.0, "coefficient": 3e4},
+    "profile": {"formula": "r**2/(2*R) + h*(1 - cos(3*r/R))/2", "constants": {"R": 5e-3, "h": 5e-4}, "radius": 4.5e-3},
+}
+
+
+def tips() -> dict[str, Indenter]:
+    """Every shipped tip."""
+    return {name: part(**TIPS[name]) for name, part in palpate_indenters().items()}
+
+
+def models(tip: Indenter) -> dict[str, tuple[ContactModel, list[float]]]:
+    """Every shipped model, with numbers that make forces of the same order."""
+    settings: dict[str, tuple[ContactModel, list[float]]] = {
+        "dimensionality-reduction": (DimensionalityReduction(indenter=tip), [ELASTICITY, VISCOSITY]),
+        "standard-linear-solid": (StandardLinearSolid(indenter=tip), [ELASTICITY, 60e3, 0.1]),
+        "maxwell": (Maxwell(indenter=tip), [ELASTICITY, 30e3]),
+        "kelvin-voigt": (KelvinVoigt(), [1000.0, 15.0]),
+        "hunt-crossley": (HuntCrossley(), [0.45, 5.0]),
+        "hunt-crossley-free": (FreeHuntCrossley(), [0.5, 5.0, 1.4]),
+        "compression": (Compression(diameter=51e-3, height=22e-3), [ELASTICITY]),
+    }
+    return {name: settings[name] for name in palpate_models()}
+
+
+def draw_tips(pyplot: Any) -> None:
+    """Profile and force over depth of every tip."""
+    shapes = tips()
+    figure, axes = pyplot.subplots(len(shapes), 2, figsize=(7, 2.1 * len(shapes)))
+    depth = np.linspace(0.0, DEPTH, 200)
+    for (name, tip), (left, right) in zip(shapes.items(), axes, strict=True):
+        radii, heights = tip_profile(tip, DEPTH)
+        for side in (-1, 1):
+            left.plot(side * 1e3 * radii, 1e3 * heights, color="black")
+        left.set(title=name, xlim=(-8, 8), ylim=(-0.3, 4.3), ylabel="z [mm]", aspect="equal")
+        for poisson, style in ((0.5, "-"), (0.3, "--")):
+            model = DimensionalityReduction(indenter=tip, poisson=poisson)
+            right.plot(1e3 * depth, contact_force(model, depth, 0.0, [ELASTICITY, VISCOSITY]), style, color="C0")
+        right.set(ylabel="F [N]", xlim=(0, 4))
+        right.grid(alpha=0.3)
+    axes[-1][0].set_xlabel("r [mm]")
+    axes[-1][1].set_xlabel("d [mm]")
+    save(figure, "tips")
+
+
+def draw_models(pyplot: Any) -> None:
+    """Force over depth of every model on a sine of 2 Hz that fades in."""
+    chosen = models(tips()["exact-sphere"])
+    figure, axes = pyplot.subplots(2, 4, figsize=(11, 5))
+    time = np.linspace(0.0, 2.0, 1601)
+    omega = 2 * np.pi * 2.0
+    fade = np.sin(np.pi / 2 * np.minimum(time / 0.5, 1.0)) ** 2
+    depth = (3e-3 + 1e-3 * np.sin(omega * time)) * fade
+    rate = np.gradient(depth, time)
+    for axis, (name, (model, theta)) in zip(axes.flat, chosen.items(), strict=False):
+        axis.plot(1e3 * depth, force_over_time(model, time, depth, rate, theta, pulls=False), linewidth=0.9)
+        axis.set(title=name, xlabel="d [mm]", ylabel="F [N]")
+        axis.title.set_fontsize(9)
+        axis.grid(alpha=0.3)
+    axes.flat[-1].axis("off")
+    save(figure, "models")
+
+
+def draw_thickness(pyplot: Any) -> None:
+    """The factor of every thickness correction over depth."""
+    shapes, height = tips(), 22e-3
+    cylinder = {"law": "finite-cylinder", "height": height, "diameter": 50e-3}
+    laws = {
+        "dimitriadis, bonded (sphere)": ("sphere", {"law": "dimitriadis", "height": height}),
+        "dimitriadis, not bonded (sphere)": ("sphere", {"law": "dimitriadis", "height": height, "bonded": False}),
+        "garcia (sphere)": ("sphere", {"law": "garcia", "height": height}),
+        "garcia (flat)": ("flat", {"law": "garcia", "height": height}),
+        "garcia (cone)": ("cone", {"law": "garcia", "height": height}),
+        "finite-cylinder, bonded (sphere)": ("sphere", cylinder),
+        "finite-cylinder, free (sphere)": ("sphere", cylinder | {"bonded": False}),
+    }
+    figure, axis = pyplot.subplots(figsize=(6.5, 4))
+    depth = np.linspace(1e-6, 5e-3, 200)
+    for label, (tip, settings) in laws.items():
+        axis.plot(1e3 * depth, Thickness(**settings).factor(shapes[tip], depth)[0] + 0 * depth, label=label)
+    axis.set(xlabel="d [mm]", ylabel="c(d), layer of 22 mm")
+    axis.grid(alpha=0.3)
+    axis.legend(fontsize=8)
+    save(figure, "thickness")
+
+
+def save(figure: Any, name: str) -> None:
+    """Write a picture that is the same on every run."""
+    figure.tight_layout()
+    figure.savefig(FOLDER / f"{name}.svg", metadata={"Date": None})
+
+
+def main() -> None:
+    """Draw all."""
+    matplotlib.use("agg")
+    matplotlib.rcParams["svg.hashsalt"] = "palpate"
+    matplotlib.rcParams["path.simplify_threshold"] = 0.5
+    from matplotlib import pyplot
+
+    FOLDER.mkdir(exist_ok=True)
+    for draw in (draw_tips, draw_models, draw_thickness):
+        draw(pyplot)
+
+
+if __name__ == "__main__":
+    main()

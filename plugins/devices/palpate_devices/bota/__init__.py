@@ -1,0 +1,1 @@
+"""Bota SensONE, serial version."""

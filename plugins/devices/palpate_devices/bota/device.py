@@ -1,0 +1,137 @@
+"""The SensONE as a device."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Batch, Channel, Device, DeviceError, Force, Link, Stream, Time
+from pydantic import Field, field_validator
+
+from palpate_devices.bota import layout
+from palpate_devices.bota.commands import BAUD_RATES
+from palpate_devices.bota.frames import INVALID, OVERRANGE, RAW, THROTTLED
+from palpate_devices.process.child import Child
+from palpate_devices.process.clock import ClockMap, epoch_offset
+from palpate_devices.process.ring import integers
+
+_POLL = 0.004  # [s]
+_MOST_SILENT = 0.1  # [s]; at least so often there is a batch, if an empty one
+_BEAT_SLACK = 0.02  # [s]; its process beats at least so often
+_UNUSABLE = OVERRANGE | INVALID | RAW
+
+
+class BotaSensor(Device):
+    """A Bota SensONE with its serial interface (RS-422 or USB, 460800 baud), by pyserial.
+
+    The sensor's clock is mapped to the host's by the lower envelope of the arrival times. A reading whose status says
+    over range, invalid or raw is NaN; frames with a wrong CRC are dropped and counted. Rates come from the sensor's
+    time-stamps: nominally 51200 Hz over the sinc length, in fact less by what the line takes. The sensor is set up at
+    every start and nothing is ever written to its EEPROM. Opening the port resets it, which takes some seconds.
+    """
+
+    port: str = Field(min_length=1, description="its serial port, such as /dev/serial/by-id/...")
+    baud: int = Field(default=460800, description="its baud rate: 9600, 57600, 115200, 230400 or 460800")
+    sinc: int = Field(default=64, ge=32, le=2048, description="length of the sinc filter: 64 is 800 Hz, 512 is 100 Hz")
+    fir: bool = Field(default=False, description="low-pass filter after the sinc filter; it delays")
+    fast: bool = Field(default=False, description="faster step response of that low-pass filter")
+    temperature_compensation: bool = Field(default=False, description="the sensor's own compensation")
+    force_limit: Force = Field(default=500.0, gt=0, description="range of the force; readings beyond are saturated")
+    silence: Time = Field(default=0.1, gt=0, description="a longer silence is a fault")
+    boot: Time = Field(default=3.0, gt=0, description="how long it may take to start after its port was opened")
+    settle: Time = Field(default=0.5, ge=0, description="how long its filters need after the start")
+
+    @field_validator("baud")
+    @classmethod
+    def _known_baud(cls, value: int) -> int:
+        if value not in BAUD_RATES:
+            raise ValueError(f"{value} is none of {', '.join(map(str, BAUD_RATES))}")
+        return value
+
+    @property
+    def live(self) -> bool:
+        """It sends as time goes by."""
+        return True
+
+    @property
+    def streams(self) -> tuple[Stream, ...]:
+        """The wrench; status bits and temperature."""
+        limits = (-self.force_limit, self.force_limit)
+        wrench = [Channel(axis, "N", limits) for axis in "xyz"] + [Channel(f"t{axis}", "N*m") for axis in "xyz"]
+        rate = 51200.0 / self.sinc
+        status = (Channel("bits", "1"), Channel("temperature", "degC"))
+        return (
+            Stream("wrench", tuple(wrench), rate, "wrench", clock="host", frame="sensor"),
+            Stream("status", status, rate, clock="host"),
+        )
+
+    def connect(self, seed: int) -> AbstractContextManager[Link]:
+        """The sensor, set up and streaming."""
+        return self._connected()
+
+    @contextmanager
+    def _connected(self) -> Iterator[Link]:
+        keys = ("port", "baud", "sinc", "fir", "fast", "temperature_compensation", "silence", "boot", "settle")
+        settings = {key: getattr(self, key) for key in keys}
+        child = Child(f"bota at {self.port}", layout.MODULE, settings, layout.COLUMNS)
+        try:
+            ready = child.wait_for("ready", self.boot + self.settle + 15.0)
+            yield _BotaLink(child, ready, self.silence + _BEAT_SLACK)
+        finally:
+            child.close()
+
+
+class _BotaLink:
+    def __init__(self, child: Child, ready: Mapping[str, Any], beat_limit: float) -> None:
+        self._child, self._beat_limit = child, beat_limit
+        self._clock = ClockMap()
+        self._ready = ready
+        self._counts = {"readings": 0, "throttled": 0, "unusable": 0}
+
+    def batches(self) -> Iterator[Batch]:
+        """What has come, every 2 ms; raises DeviceError as soon as the sensor fails."""
+        quiet = time.monotonic()
+        self._child.ring.skip()  # what came while other devices were connected
+        while True:
+            rows = self._child.ring.read()
+            now = time.monotonic()
+            if len(rows) or now - quiet > _MOST_SILENT / 2:
+                yield from self._batches(rows)
+                quiet = now
+            if not len(rows):
+                self._child.messages()
+                self._child.check(self._beat_limit)
+                time.sleep(_POLL)
+            if self._child.ring.lost:
+                raise DeviceError(
+                    f"{self._child.name}: {self._child.ring.lost} readings were lost: the host is too slow"
+                )
+
+    def _batches(self, rows: NDArray[np.float64]) -> Iterator[Batch]:
+        received = integers(rows, 1) + epoch_offset()
+        stamps = self._clock.to_host(integers(rows, 0) * 1000, received)
+        status = integers(rows, 2)
+        wrench = rows[:, 3:9].copy()
+        unusable = (status & _UNUSABLE) != 0
+        wrench[unusable] = np.nan
+        self._counts["readings"] += len(rows)
+        self._counts["throttled"] += int(np.count_nonzero(status & THROTTLED))
+        self._counts["unusable"] += int(np.count_nonzero(unusable))
+        yield Batch("wrench", stamps, received, wrench)
+        yield Batch("status", stamps, received, np.column_stack([status.astype(float), rows[:, 9]]))
+
+    @property
+    def health(self) -> Mapping[str, Any]:
+        """What was seen of the sensor and its line."""
+        head = self._child.ring.head
+        return {
+            **self._ready,
+            **self._counts,
+            "damaged": int(head[layout.DAMAGED]),
+            "skipped_bytes": int(head[layout.SKIPPED]),
+            "clock_wander": self._clock.wander,
+        }

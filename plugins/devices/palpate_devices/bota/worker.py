@@ -1,0 +1,94 @@
+"""The process that reads a SensONE: so that no busy thread of the main job delays a reading."""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import select
+import sys
+import termios
+import time
+from typing import Any
+
+from palpate import DeviceError
+
+from palpate_devices.bota.commands import configure, latency_timer, open_port, stop_stream
+from palpate_devices.bota.frames import Decoder, Frame, Unwrapped
+from palpate_devices.bota.layout import COLUMNS, DAMAGED, SKIPPED
+from palpate_devices.process.child import Parent, real_time
+from palpate_devices.process.ring import Ring
+
+_REBOOT_TEXTS = (b"App Init", b"FW version")
+_IDLE = 0.02  # [s]
+
+
+def main() -> None:
+    """Read until the parent goes, the sensor goes, or it falls silent."""
+    parent, settings = Parent(int(sys.argv[1])), json.loads(sys.argv[3])
+    ring = Ring(int(sys.argv[2]), COLUMNS)
+    scheduling = real_time(40)
+    port = None
+    try:
+        port = open_port(settings["port"], settings["baud"])
+        identity = configure(port, settings["baud"], settings, settings["boot"])
+        _settle(port, settings["settle"])
+        gc.freeze()
+        gc.disable()
+        timer = latency_timer(settings["port"])
+        parent.tell("ready", identity=identity, scheduling=scheduling, latency_timer=timer)
+        _settle(port, 0.0)  # what has waited meanwhile arrived too late for the clock
+        _read(port, ring, parent, settings["silence"])
+    except DeviceError as error:
+        parent.tell("fault", text=str(error))
+    except (OSError, termios.error) as error:  # termios.error is no OSError
+        parent.tell("fault", text=f"the sensor is disconnected ({error})")
+    finally:
+        if port is not None:
+            stop_stream(port)
+
+
+def _settle(port: Any, duration: float) -> None:
+    """Drop what the sensor sends while its filters fill."""
+    deadline = time.monotonic() + duration
+    while (rest := deadline - time.monotonic()) > 0 or select.select([port.fileno()], [], [], 0.0)[0]:
+        rest = max(rest, 0.0)
+        if select.select([port.fileno()], [], [], rest)[0] and not os.read(port.fileno(), 65536):
+            raise DeviceError("the sensor is disconnected")
+
+
+def _read(port: Any, ring: Ring, parent: Parent, silence: float) -> None:
+    decoder, clock = Decoder(), Unwrapped()
+    heard = time.monotonic_ns()
+    while not parent.gone:
+        # Straight from the descriptor: `in_waiting` never says more than 4095, and needs a call more.
+        ready = select.select([port.fileno(), parent._socket], [], [], _IDLE)[0]
+        now = time.monotonic_ns()
+        ring.beat(now)
+        if port.fileno() in ready:
+            data = os.read(port.fileno(), 65536)
+            if not data:
+                raise DeviceError("the sensor is disconnected (its port was closed)")
+            frames = decoder.feed(data)
+            ring.head[DAMAGED], ring.head[SKIPPED] = decoder.damaged, decoder.skipped
+            heard = now if frames else heard
+            if not frames and any(text in data for text in _REBOOT_TEXTS):
+                raise DeviceError("the sensor rebooted: its settings and its zero are no longer those of the start")
+            for frame in frames:
+                _keep(ring, clock, frame, now)
+        if (now - heard) / 1e9 > silence:
+            raise DeviceError(f"the sensor is silent: no valid frame for {(now - heard) / 1e6:.0f} ms")
+        for message in parent.messages():
+            if message["say"] == "close":
+                return
+
+
+def _keep(ring: Ring, clock: Unwrapped, frame: Frame, now: int) -> None:
+    stamp = clock.add(frame.stamp)
+    if stamp is None:
+        raise DeviceError("the sensor rebooted: its clock began anew, and with it its settings and its zero")
+    ring.write((stamp, now, frame.status), [*frame.wrench, frame.temperature])
+
+
+if __name__ == "__main__":
+    main()

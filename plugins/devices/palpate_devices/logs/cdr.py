@@ -1,0 +1,200 @@
+"""CDR messages of any ROS 2 type, into columns.
+
+Where a field of a message lies depends on the lengths of the strings and sequences before it. One message is walked
+field by field; every other message of the same length, whose strings and sequences have the same lengths, has the same
+layout and is read with it in whole arrays. A topic whose layout varies costs one walk for each layout.
+
+Encapsulation: 4 bytes, the second of which is 1 for little-endian; alignment counts from byte 4.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import LogError
+
+from palpate_devices.logs.definitions import PRIMITIVES, Definitions, Field, short_name
+from palpate_devices.logs.topics import Bytes, Messages, column, gather
+
+_FIELD_LIMIT = 100_000  # fields of one message
+_SMALL = 512  # [bytes]
+_PADDING = 8  # bytes that a writer may leave at the end of a message
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a field lies in a message."""
+
+    offset: int
+    code: str  # numpy's, with byte order
+    count: int | None = None  # elements; None: a plain number
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where everything lies in messages of one shape."""
+
+    size: int
+    places: Mapping[str, Place]  # by path, such as "wrench.force.z"
+    texts: Mapping[str, bytes]  # as they stand there, with their closing zero
+    lengths: tuple[tuple[int, int], ...]  # offset of a length, and its value
+    order: str
+
+    def matches(self, messages: Messages, pinned: tuple[str, ...] = ()) -> tuple[NDArray[np.bool_], Excerpt]:
+        """(n,) True for messages of this layout, and those; texts in `pinned` must be the same, too."""
+        same = messages.lengths == self.size
+        excerpt = Excerpt.of(messages if same.all() else messages[same], self.size)
+        good = excerpt.column(1, "u1") == (1 if self.order == "<" else 0)
+        for offset, value in self.lengths:
+            good &= excerpt.column(offset, f"{self.order}u4") == value
+        for path in pinned:
+            raw = np.frombuffer(self.texts[path], np.uint8)
+            good &= (excerpt.bytes(self.places[path].offset, len(raw)) == raw).all(axis=1)
+        if good.all():
+            return same, excerpt
+        same[np.flatnonzero(same)[~good]] = False
+        return same, excerpt.some(good)
+
+
+@dataclass(frozen=True)
+class Excerpt:
+    """Messages of one size: copied side by side where they are small, else left where they are."""
+
+    messages: Messages
+    block: Bytes | None
+
+    @classmethod
+    def of(cls, messages: Messages, size: int) -> Excerpt:
+        """The messages, all of a size."""
+        return cls(messages, gather(messages.buffer, messages.starts, size) if size <= _SMALL else None)
+
+    def some(self, rows: NDArray[np.bool_]) -> Excerpt:
+        """Some of them."""
+        return Excerpt(self.messages[rows], None if self.block is None else self.block[rows])
+
+    def column(self, offset: int, code: str) -> NDArray[Any]:
+        """(n,) what stands at an offset of each."""
+        if self.block is not None:
+            return column(self.block, offset, code)
+        return column(self.bytes(offset, np.dtype(code).itemsize), 0, code)
+
+    def bytes(self, offset: int, width: int) -> Bytes:
+        """(n, width) what stands at an offset of each."""
+        if self.block is not None:
+            return self.block[:, offset : offset + width]
+        return gather(self.messages.buffer, self.messages.starts + offset, width)
+
+    def numbers(self, places: list[tuple[Place, int | None]]) -> NDArray[np.float64]:
+        """(n, k) one column for each place and index; NaN where a field has no such element."""
+        found = [_at(place, index) for place, index in places]
+        if (
+            self.block is not None
+            and found
+            and all(entry == (found[0][0] + 8 * k, "<f8") for k, entry in enumerate(found))
+        ):
+            begin = found[0][0]  # neighbours, as in every standard message: one copy for all of them
+            return np.ascontiguousarray(self.block[:, begin : begin + 8 * len(found)]).view("<f8")
+        values = np.full((len(self.messages), len(places)), np.nan)
+        for k, (offset, code) in enumerate(found):
+            if code:
+                values[:, k] = self.column(offset, code)
+        return values
+
+
+def _at(place: Place, index: int | None) -> tuple[int, str]:
+    """Offset and code of a number; no code where there is none."""
+    if place.code == "S" or (place.count is None) != (index is None) or (index or 0) >= (place.count or 1):
+        return 0, ""
+    return place.offset + (index or 0) * int(place.code[2]), place.code
+
+
+def walk(definitions: Definitions, type_name: str, message: bytes) -> Layout:
+    """The layout of one message; raises LogError where it is no message of its type."""
+    if len(message) < 4 or message[0] != 0 or message[1] not in (0, 1):
+        raise LogError(f"a message of {type_name} is damaged: it does not begin as CDR does")
+    walker = _Walker(definitions, message, "<" if message[1] == 1 else ">")
+    try:
+        walker.message(short_name(type_name), "", 0)
+    except (struct.error, _Beyond) as error:
+        raise LogError(f"a message of {type_name} is damaged: it ends before its fields do") from error
+    if len(message) - walker.position > _PADDING:
+        left = len(message) - walker.position
+        raise LogError(f"a message of {type_name} is damaged: {left} bytes of it belong to no field")
+    return Layout(len(message), walker.places, walker.texts, tuple(walker.lengths), walker.order)
+
+
+class _Beyond(Exception):  # noqa: N818  (a signal, never seen outside)
+    """A field would lie beyond the end of the message."""
+
+
+class _Walker:
+    """Goes through a message field by field."""
+
+    def __init__(self, definitions: Definitions, data: bytes, order: str) -> None:
+        self._definitions = definitions
+        self._data = data
+        self.order = order
+        self.position = 4
+        self.places: dict[str, Place] = {}
+        self.texts: dict[str, bytes] = {}
+        self.lengths: list[tuple[int, int]] = []
+        self._budget = _FIELD_LIMIT
+
+    def message(self, type_name: str, prefix: str, depth: int) -> None:
+        fields = self._definitions[type_name]
+        if not fields:  # a type without fields takes one byte
+            self.position += 1
+        for field in fields:
+            self._budget -= 1
+            if self._budget < 0:
+                raise LogError(f"a message has more than {_FIELD_LIMIT} fields")
+            self._field(field, prefix + field.name, depth)
+
+    def _field(self, field: Field, path: str, depth: int) -> None:
+        count = self._length() if field.count is None else field.count
+        if field.type in PRIMITIVES:
+            self._numbers(PRIMITIVES[field.type], path, count, field.many)
+            return
+        if count > len(self._data):
+            raise _Beyond
+        for i in range(count):
+            name = f"{path}[{i}]" if field.many else path
+            if field.type == "string":
+                self._text(name)
+            elif field.type == "wstring":
+                raise LogError("wide strings cannot be read")
+            else:
+                self.message(field.type, f"{name}.", depth + 1)
+
+    def _align(self, size: int) -> None:
+        self.position += -(self.position - 4) % size
+
+    def _length(self) -> int:
+        self._align(4)
+        (length,) = struct.unpack_from(f"{self.order}I", self._data, self.position)
+        self.lengths.append((self.position, length))
+        self.position += 4
+        return int(length)
+
+    def _numbers(self, code: str, path: str, count: int, many: bool) -> None:
+        size = int(code[1])
+        if count:
+            self._align(size)
+        if self.position + count * size > len(self._data):
+            raise _Beyond
+        self.places[path] = Place(self.position, self.order + code, count if many else None)
+        self.position += count * size
+
+    def _text(self, path: str) -> None:
+        length = self._length()
+        end = self.position + length
+        if end > len(self._data):
+            raise _Beyond
+        self.places[path] = Place(self.position, "S", length)
+        self.texts[path] = bytes(self._data[self.position : end])
+        self.position = end

@@ -1,0 +1,115 @@
+"""The decoder of CDR messages: layout by layout, in whole arrays."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from palpate import LogError
+
+from palpate_devices.logs.cdr import Excerpt, Layout, Place, walk
+from palpate_devices.logs.definitions import parse_definitions
+from palpate_devices.logs.readings import SECOND, Reading, Table
+from palpate_devices.logs.topics import Messages, Stamps, Topic
+
+_LAYOUTS = 64  # layouts of one topic that are kept
+_NAMES = re.compile(r"(?:^|\.)(?:name\[\d+\]|child_frame_id)$")
+
+
+class CdrDecoder:
+    """Reads CDR messages by the layouts that they turn out to have."""
+
+    def __init__(self, topic: Topic) -> None:
+        self._topic = topic
+        self._definitions = parse_definitions(topic.type, topic.schema.decode(errors="replace"))
+        self._layouts: list[Layout] = []
+
+    def fields(self, payload: bytes) -> Mapping[str, int | None]:
+        """See `Decoder`."""
+        layout = walk(self._definitions, self._topic.type, payload)
+        return {path: place.count for path, place in layout.places.items() if place.code != "S"}
+
+    def read(self, messages: Messages, readings: Sequence[Reading], select: str | None = None) -> Table:
+        """See `Decoder`."""
+        tables = []
+        for layout, rows, excerpt in self._groups(messages, select):
+            found = [_resolved(layout, reading, select) for reading in readings]
+            if select is not None and all(reading is None for reading in found):
+                continue
+            places = [_place(layout, reading) for reading in found]
+            stamp = _stamp_path(layout, [reading for reading in found if reading is not None])
+            stamps = None
+            if stamp is not None:
+                seconds, rest = (layout.places[f"{stamp}.{part}"] for part in ("sec", "nanosec"))
+                stamps = excerpt.column(seconds.offset, seconds.code).astype(np.int64) * SECOND
+                stamps += excerpt.column(rest.offset, rest.code)
+            tables.append(Table(rows, excerpt.numbers(places), stamps))
+        return _in_order(tables, len(readings))
+
+    def _groups(self, messages: Messages, select: str | None) -> Iterator[tuple[Layout, Stamps, Excerpt]]:
+        """Layouts, the rows of the messages that have each, and those messages."""
+        left = np.arange(len(messages))
+        known = list(self._layouts)
+        while len(left):
+            fresh = not known
+            layout = (
+                walk(self._definitions, self._topic.type, messages.payload(int(left[0]))) if fresh else known.pop(0)
+            )
+            pinned = tuple(path for path in layout.texts if _NAMES.search(path)) if select is not None else ()
+            same, excerpt = layout.matches(messages if len(left) == len(messages) else messages[left], pinned)
+            if fresh:
+                if not same[0]:  # it would be read for ever
+                    raise LogError(f"topic {self._topic.name}: a message does not have the layout that it has")
+                self._layouts = [layout, *self._layouts][:_LAYOUTS]
+            if same.any():
+                yield layout, left[same], excerpt
+            left = left[~same]
+
+
+_NOWHERE = Place(0, "S")
+
+
+def _place(layout: Layout, reading: Reading | None) -> tuple[Place, int | None]:
+    if reading is None:
+        return _NOWHERE, None
+    return layout.places.get(reading.path, _NOWHERE), reading.index
+
+
+def _in_order(tables: list[Table], width: int) -> Table:
+    """One table in the order of the messages."""
+    if len(tables) == 1:
+        return tables[0]
+    if not tables:
+        return Table(np.zeros(0, np.int64), np.zeros((0, width)), None)
+    rows = np.concatenate([table.rows for table in tables])
+    order = np.argsort(rows)
+    stamps = [table.stamps for table in tables if table.stamps is not None]
+    return Table(
+        rows[order],
+        np.concatenate([table.values for table in tables])[order],
+        np.concatenate(stamps)[order] if len(stamps) == len(tables) else None,
+    )
+
+
+def _resolved(layout: Layout, reading: Reading, select: str | None) -> Reading | None:
+    """Where a reading lies in a layout, with the joint or child frame found by its name; None where it is not there."""
+    if select is None:
+        return reading
+    for path, text in layout.texts.items():
+        if text.rstrip(b"\0") == select.encode() and _NAMES.search(path):
+            if path.startswith("name["):
+                return Reading(reading.path, int(path[5:-1]))
+            before, dot, _ = path.rpartition(".")
+            rest = re.sub(r"^\w+(\[\d*\])?\.", "", reading.path) if dot else reading.path
+            return Reading(f"{before}{dot}{rest}", reading.index)
+    return None
+
+
+def _stamp_path(layout: Layout, readings: Sequence[Reading]) -> str | None:
+    """The header stamp that belongs to the readings: that of the element they are in, else that of the message."""
+    inner = [reading.path.rpartition("].")[0] + "]." for reading in readings if "]." in reading.path]
+    for path in (*(f"{prefix}header.stamp" for prefix in inner), "header.stamp", "stamp"):
+        if f"{path}.sec" in layout.places and f"{path}.nanosec" in layout.places:
+            return path
+    return None

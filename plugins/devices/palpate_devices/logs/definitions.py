@@ -1,0 +1,147 @@
+"""ROS 2 message definitions: the text that a log carries, parsed into fields."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+
+from palpate import LogError
+
+from palpate_devices.logs.standard_types import STANDARD_TYPES
+
+# Name -> numpy code; what numpy cannot hold as a number is None.
+PRIMITIVES: Mapping[str, str] = {
+    "bool": "u1",
+    "byte": "u1",
+    "char": "u1",
+    "uint8": "u1",
+    "int8": "i1",
+    "uint16": "u2",
+    "int16": "i2",
+    "uint32": "u4",
+    "int32": "i4",
+    "uint64": "u8",
+    "int64": "i8",
+    "float32": "f4",
+    "float64": "f8",
+}
+_TEXT_LIMIT = 1 << 20  # characters of one definition; longer is damage
+_DEPTH_LIMIT = 32
+_FIELD = re.compile(
+    r"(?P<type>[A-Za-z][\w/]*)(?:<=\d+)?(?P<array>\[(?:<=\d+|\d*)\])?\s+(?P<name>[A-Za-z]\w*)\s*(?P<rest>.*)$"
+)
+_SEPARATOR = re.compile(r"^=+\s*$", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Field:
+    """One field of a message type."""
+
+    name: str
+    type: str  # a primitive, "string", or the full name of another type
+    count: int | None = 1  # elements; None where each message says how many
+    many: bool = False  # an array or a sequence
+
+
+Definitions = Mapping[str, tuple[Field, ...]]
+
+
+def short_name(name: str) -> str:
+    """A type's name without the ``msg`` that some writers put in.
+
+    >>> short_name("geometry_msgs/msg/Wrench")
+    'geometry_msgs/Wrench'
+    """
+    parts = name.split("/")
+    return f"{parts[0]}/{parts[-1]}" if len(parts) > 1 else name
+
+
+@cache
+def parse_definitions(name: str, text: str) -> Definitions:
+    """Every type that a message type needs, by its short name.
+
+    Types that the text leaves out are taken from the standard ones. Raises LogError where the text is no definition,
+    names a type that is nowhere, or is cyclic.
+    """
+    if len(text) > _TEXT_LIMIT:
+        raise LogError(f"the definition of {name} has {len(text)} characters; more than {_TEXT_LIMIT} is damage")
+    if not text.strip() and short_name(name) in STANDARD_TYPES:
+        text = STANDARD_TYPES[short_name(name)]
+    elif not text.strip() and short_name(name) != "std_msgs/Empty":
+        raise LogError(f"the log does not define {name or 'the type'}, and it is no standard type")
+    first, *rest = _SEPARATOR.split(text)
+    found = {short_name(name): _fields(first, name)}
+    for section in rest:
+        head, _, body = section.strip().partition("\n")
+        if not head.startswith("MSG:"):
+            raise LogError(f"the definition of {name} is damaged: a part of it has no name")
+        other = short_name(head[4:].strip())
+        found[other] = _fields(body, other)
+    _complete(short_name(name), found)
+    return found
+
+
+def _fields(text: str, owner: str) -> tuple[Field, ...]:
+    package = owner.split("/")[0]
+    fields = []
+    for line in text.splitlines():
+        words = _without_comment(line)
+        if not words:
+            continue
+        match = _FIELD.match(words)
+        if match is None:
+            raise LogError(f"the definition of {owner} is damaged: {words[:60]!r} is no field")
+        if match["rest"].startswith("="):  # a constant takes no place in a message
+            continue
+        fields.append(_field(match["type"], match["array"], match["name"], package))
+    return tuple(fields)
+
+
+def _field(kind: str, array: str | None, name: str, package: str) -> Field:
+    if kind not in PRIMITIVES and kind not in ("string", "wstring"):
+        kind = short_name({"Header": "std_msgs/Header"}.get(kind, kind))
+        kind = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}.get(kind, kind)
+        kind = kind if "/" in kind else f"{package}/{kind}"
+    if array is None:
+        return Field(name, kind)
+    inside = array[1:-1]
+    return Field(name, kind, int(inside) if inside.isdigit() else None, many=True)
+
+
+def _without_comment(line: str) -> str:
+    """The line up to a ``#`` that is not within a quoted default."""
+    quote = ""
+    for i, character in enumerate(line):
+        if quote:
+            quote = "" if character == quote else quote
+        elif character in "\"'":
+            quote = character
+        elif character == "#":
+            return line[:i].strip()
+    return line.strip()
+
+
+def _complete(root: str, found: dict[str, tuple[Field, ...]]) -> None:
+    """Add standard types that are named but not given; refuse what is nowhere, and cycles."""
+    path: list[str] = []
+    done: set[str] = set()
+
+    def visit(name: str) -> None:
+        if name in done:
+            return
+        if name in path or len(path) > _DEPTH_LIMIT:
+            raise LogError(f"the definition of {root} is damaged: {name} contains itself")
+        if name not in found:
+            if name not in STANDARD_TYPES:
+                raise LogError(f"the definition of {root} names {name}, which the log does not define")
+            found[name] = _fields(STANDARD_TYPES[name], name)
+        path.append(name)
+        for field in found[name]:
+            if field.type not in PRIMITIVES and field.type not in ("string", "wstring"):
+                visit(field.type)
+        path.pop()
+        done.add(name)
+
+    visit(root)

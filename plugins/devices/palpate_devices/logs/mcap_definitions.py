@@ -1,0 +1,65 @@
+"""What the records of an MCAP file define: schemas, channels, and what the summary says of the data."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass, field
+
+from palpate_devices.logs import mcap_records as records
+from palpate_devices.logs.mcap_records import Damage
+from palpate_devices.logs.topics import Topic
+
+
+@dataclass
+class Known:
+    """What the records read so far have defined."""
+
+    schemas: dict[int, tuple[str, str, bytes]] = field(default_factory=dict)  # name, encoding, text
+    channels: dict[int, Topic] = field(default_factory=dict)
+    counts: dict[int, int] | None = None  # messages of each channel, by the statistics
+    span: tuple[int, int] | None = None  # first and last log time [ns], by the statistics
+    chunks: list[tuple[int, int, int]] = field(default_factory=list)  # first, last log time; offset
+    data: tuple[int, int] | None = None  # where the data section ends, and its checksum
+    extras: list[tuple[int, bytes]] | None = None  # attachments and metadata, where they are wanted
+
+    def define(self, opcode: int, content: bytes) -> None:
+        """Take in a record that is no message."""
+        try:
+            match opcode:
+                case records.SCHEMA:
+                    self._schema(content)
+                case records.CHANNEL:
+                    self._channel(content)
+                case records.STATISTICS:
+                    self._statistics(content)
+                case records.CHUNK_INDEX:
+                    self.chunks.append(struct.unpack_from("<QQQ", content))
+        except struct.error as error:
+            raise Damage("a record is shorter than its fields") from error
+
+    def _schema(self, content: bytes) -> None:
+        (identity,) = struct.unpack_from("<H", content)
+        name, at = records.read_text(content, 2)
+        encoding, at = records.read_text(content, at)
+        text, _ = records.read_bytes(content, at)
+        if self.schemas.setdefault(identity, (name, encoding, text)) != (name, encoding, text):
+            raise Damage(f"schema {identity} is defined twice, differently")
+
+    def _channel(self, content: bytes) -> None:
+        identity, schema = struct.unpack_from("<HH", content)
+        topic, at = records.read_text(content, 4)
+        encoding, at = records.read_text(content, at)
+        packed, _ = records.read_bytes(content, at)
+        metadata, at = {}, 0
+        while at < len(packed):
+            key, at = records.read_text(packed, at)
+            metadata[key], at = records.read_text(packed, at)
+        name, schema_encoding, text = self.schemas.get(schema, ("", "", b""))
+        found = Topic(topic, name, encoding, schema_encoding, text, metadata)
+        if self.channels.setdefault(identity, found) != found:
+            raise Damage(f"channel {identity} is defined twice, differently")
+
+    def _statistics(self, content: bytes) -> None:
+        first, last, length = struct.unpack_from("<QQI", content, 26)
+        self.span = (first, last)
+        self.counts = dict(struct.iter_unpack("<HQ", content[46 : 46 + length]))

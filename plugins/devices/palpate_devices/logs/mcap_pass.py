@@ -1,0 +1,157 @@
+"""One way through the records of an MCAP file, with everything checked that can be."""
+
+from __future__ import annotations
+
+import zlib
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from palpate_devices.logs import mcap_records as records
+from palpate_devices.logs.mcap_definitions import Known
+from palpate_devices.logs.mcap_records import Block, Damage
+from palpate_devices.logs.topics import Stamps
+
+_BLOCK = 1 << 22  # [bytes] of messages outside chunks read at once
+
+
+class Pass:
+    """One way through the records of a file."""
+
+    def __init__(self, path: Path, known: Known, summary: Known, whole: bool) -> None:
+        self._path, self._known, self._summary, self._whole = path, known, summary, whole
+        self._counts: Counter[int] = Counter()
+        self._ended = False
+        self.unchecked = 0
+
+    def all(self) -> Iterator[Block]:
+        """Every record of the data section; at the end, what was found is held against the summary."""
+        with self._path.open("rb") as file:
+            size = file.seek(0, 2)
+            covered = self._whole and self._check_data(file)
+            file.seek(len(records.MAGIC))
+            yield from self._chunks(file, size)
+            if covered:
+                self.unchecked = 0
+        if not self._ended:
+            raise Damage("it ends before its data do")
+        if self._whole and self._summary.counts is not None and self._counts != Counter(self._summary.counts):
+            found, said = self._counts.total(), sum(self._summary.counts.values())
+            raise Damage(f"it holds {found} messages where its statistics say {said}, or not the same ones")
+
+    def _check_data(self, file: IO[bytes]) -> bool:
+        """Whether a checksum covers all data, and is right; raises Damage where it is wrong."""
+        if self._summary.data is None:
+            return False
+        left, expected = self._summary.data
+        crc = 0
+        file.seek(0)
+        while left > 0 and (block := file.read(min(left, 1 << 20))):
+            crc = zlib.crc32(block, crc)
+            left -= len(block)
+        if crc != expected:
+            raise Damage("the checksum of its data is wrong")
+        return True
+
+    def some(self, offsets: list[int]) -> Iterator[Block]:
+        """The chunks that begin at the offsets."""
+        with self._path.open("rb") as file:
+            size = file.seek(0, 2)
+            for offset in offsets:
+                if offset >= size:
+                    raise Damage(f"its summary places a chunk at {offset}, beyond its end")
+                file.seek(offset)
+                yield from self._chunks(file, size, one=True)
+
+    def _chunks(self, file: IO[bytes], size: int, one: bool = False) -> Iterator[Block]:
+        chunk: records.Chunk | None = None
+        index: list[Stamps] = []
+        while True:
+            try:
+                opcode, length = self._head(file, size)
+            except Damage:
+                if chunk is not None:  # what came before the damage is whole
+                    yield self._opened(chunk, index)
+                raise
+            if opcode == records.MESSAGE_INDEX and chunk is not None:
+                index.append(_indexed(file.read(length)))
+                continue
+            if chunk is not None:
+                yield self._opened(chunk, index)
+                chunk, index = None, []
+                if one:
+                    return
+            if opcode in (records.DATA_END, records.FOOTER):
+                self._ended = True
+                return
+            if opcode == records.MESSAGE:
+                file.seek(-9, 1)
+                yield from self._loose(file, size)
+            elif opcode == records.CHUNK:
+                if length > records.LIMIT:
+                    raise Damage(f"a chunk has {length} bytes, more than {records.LIMIT}")
+                chunk = records.open_chunk(file.read(length))
+            elif opcode in (records.SCHEMA, records.CHANNEL) and length <= records.LIMIT:
+                self._known.define(opcode, file.read(length))
+            elif opcode == 0:
+                raise Damage("a record has the kind 0, which none has")
+            elif opcode in records.EXTRAS and self._known.extras is not None and length <= records.LIMIT:
+                self._known.extras.append((opcode, file.read(length)))
+            else:
+                file.seek(length, 1)
+
+    def _head(self, file: IO[bytes], size: int) -> tuple[int, int]:
+        raw = file.read(9)
+        if len(raw) < 9:
+            raise Damage("it ends within a record")
+        opcode, length = records.RECORD.unpack(raw)
+        if length > size - file.tell():
+            raise Damage(f"a record claims {length} bytes, more than the file has")
+        return opcode, length
+
+    def _opened(self, chunk: records.Chunk, index: list[Stamps]) -> Block:
+        block, others = records.locate(chunk.data, index)
+        for opcode, at, length in others:
+            self._known.define(opcode, chunk.data[at : at + length])
+        self._count(block)
+        if not chunk.checked:
+            self.unchecked += len(block.offsets)
+        return block
+
+    def _count(self, block: Block) -> None:
+        if len(block.offsets):
+            counts = np.bincount(block.channel)
+            self._counts.update({int(i): int(counts[i]) for i in np.flatnonzero(counts)})
+
+    def _loose(self, file: IO[bytes], size: int) -> Iterator[Block]:
+        """Messages outside chunks, a block at a time, until a record of another kind comes."""
+        while True:
+            begin = file.tell()
+            data = file.read(_BLOCK)
+            if len(data) >= 9:
+                _, length = records.RECORD.unpack_from(data)
+                if length > records.LIMIT or length > size - begin - 9:
+                    raise Damage(f"a message claims {length} bytes")
+                data += file.read(max(9 + length - len(data), 0))
+            messages, others, end = records.scan(data)
+            stop = min((at - 9 for _, at, _ in others), default=end)
+            offsets = np.array([offset for offset in messages if offset < stop], np.int64)
+            block = Block.read(np.frombuffer(data, np.uint8), offsets)
+            self._count(block)
+            self.unchecked += len(offsets)
+            if len(offsets):
+                yield block
+            file.seek(begin + stop)
+            if others or not len(offsets):
+                return
+
+
+def _indexed(content: bytes) -> Stamps:
+    """Offsets in a message index; none where it is damaged, and the chunk is read record by record."""
+    if len(content) < 6 or (len(content) - 6) % 16:
+        return np.zeros(0, np.int64)
+    entries = np.frombuffer(content[6:], "<u8").reshape(-1, 2)
+    return entries[:, 1].astype(np.int64)

@@ -1,0 +1,184 @@
+"""The records of an MCAP file: chunks opened, checked and cut into messages in whole arrays.
+
+Nothing that the file claims is trusted: lengths are held against what is there, checksums are compared, and the index
+beside a chunk only speeds up what the chunk itself must confirm: that its records fill it without a gap.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate_devices.logs.topics import Bytes, Stamps, column, gather
+
+MAGIC = b"\x89MCAP0\r\n"
+LIMIT = 1 << 28  # [bytes]; no chunk, and no single record, is larger
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
+ATTACHMENT, STATISTICS, METADATA, DATA_END = 0x09, 0x0B, 0x0C, 0x0F
+EXTRAS = (ATTACHMENT, METADATA)
+RECORD = struct.Struct("<BQ")
+HEAD = 31  # bytes of a message record before its payload: record 9, channel 2, sequence 4, two times 16
+
+Other = tuple[int, int, int]  # opcode, offset and length of the content of a record that is no message
+
+
+class Damage(Exception):  # noqa: N818  (a signal: the container says it in the user's words)
+    """The file is not what it was when it was written."""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """A chunk, opened."""
+
+    data: bytes
+    checked: bool  # it has a checksum, and that is right
+
+
+def open_chunk(content: bytes) -> Chunk:
+    """A chunk record's content, decompressed and checked; raises Damage."""
+    try:
+        _, _, size, crc, name_length = struct.unpack_from("<QQQII", content)
+        name = content[32 : 32 + name_length].decode()
+        (length,) = struct.unpack_from("<Q", content, 32 + name_length)
+    except (struct.error, UnicodeDecodeError) as error:
+        raise Damage("a chunk's head is not whole") from error
+    packed = content[40 + name_length :]
+    if length != len(packed):
+        raise Damage(f"a chunk claims {length} bytes and has {len(packed)}")
+    if size > LIMIT:
+        raise Damage(f"a chunk claims {size} bytes, more than {LIMIT}")
+    data = _decompressed(name, packed, size)
+    if len(data) != size:
+        raise Damage(f"a chunk claims {size} bytes and holds {len(data)}")
+    if crc and zlib.crc32(data) != crc:
+        raise Damage("a chunk's checksum is wrong")
+    return Chunk(data, crc != 0)
+
+
+def _decompressed(name: str, packed: bytes, size: int) -> bytes:
+    """At most one byte more than `size`, whatever the packed bytes claim."""
+    if name == "":
+        return packed
+    try:
+        if name == "zstd":
+            return _zstd(packed, size)
+        if name == "lz4":
+            import lz4.frame  # type: ignore[import-untyped]
+
+            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size + 1))
+    except Exception as error:  # each library has errors of its own, and RuntimeError
+        raise Damage(f"a chunk cannot be decompressed ({name}: {error})") from error
+    raise Damage(f"a chunk's compression {name[:20]!r} is none of zstd, lz4 and none")
+
+
+def _zstd(packed: bytes, size: int) -> bytes:
+    import zstandard
+
+    if zstandard.get_frame_parameters(packed).content_size == size:
+        data = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+        if len(data) == size:
+            return data
+    reader = zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True)
+    return reader.read(size + 1)
+
+
+def scan(data: bytes, begin: int = 0, end: int | None = None) -> tuple[list[int], list[Other], int]:
+    """Offsets of the message records, the other records, and where the last whole record ends."""
+    end = len(data) if end is None else end
+    messages: list[int] = []
+    others: list[Other] = []
+    unpack, position = RECORD.unpack_from, begin
+    while position + 9 <= end:
+        opcode, length = unpack(data, position)
+        following = position + 9 + length
+        if following > end:
+            break
+        if opcode != MESSAGE:
+            others.append((opcode, position + 9, length))
+        elif length >= HEAD - 9:
+            messages.append(position)
+        else:
+            raise Damage("a message is shorter than its head")
+        position = following
+    return messages, others, position
+
+
+def locate(data: bytes, index: list[Stamps]) -> tuple[Block, list[Other]]:
+    """A chunk's messages, and its other records: from the index if it is right, else record by record."""
+    if index:
+        found = _confirmed(data, np.sort(np.concatenate(index), kind="stable"))
+        if found is not None:
+            return found
+    messages, others, end = scan(data)
+    if end != len(data):
+        raise Damage("a chunk's records do not fill it")
+    return Block.read(np.frombuffer(data, np.uint8), np.array(messages, np.int64)), others
+
+
+def _confirmed(data: bytes, offsets: Stamps) -> tuple[Block, list[Other]] | None:
+    """The messages at the offsets, if all are messages and what lies between them is whole and no message."""
+    if not len(offsets) or offsets[0] < 0 or offsets[-1] + HEAD > len(data):
+        return None
+    found = Block.read(np.frombuffer(data, np.uint8), offsets)
+    lengths = found.lengths
+    if (found.opcodes != MESSAGE).any() or lengths.max() > len(data) or lengths.min() < 0:
+        return None
+    ends = np.concatenate([[0], offsets + HEAD + lengths])
+    begins = np.concatenate([offsets, [len(data)]])
+    others: list[Other] = []
+    for gap in np.flatnonzero(ends != begins):
+        messages, between, end = scan(data, int(ends[gap]), int(begins[gap]))
+        if ends[gap] > begins[gap] or messages or end != begins[gap]:
+            return None
+        others += between
+    return found, others
+
+
+@dataclass(frozen=True)
+class Block:
+    """Message records in one buffer, with what their heads say."""
+
+    buffer: Bytes
+    offsets: Stamps
+    opcodes: Bytes
+    channel: NDArray[np.uint16]
+    logged: Stamps
+    published: Stamps
+    lengths: Stamps  # of the payloads
+
+    @classmethod
+    def read(cls, buffer: Bytes, offsets: Stamps) -> Block:
+        """From the offsets of the records."""
+        block = gather(buffer, offsets, HEAD)
+        # Views: what is not looked at is not copied. A number beyond 2^63 turns negative, and is damage.
+        lengths: Stamps = column(block, 1, "<i8") - (HEAD - 9)
+        return cls(
+            buffer,
+            offsets,
+            block[:, 0],
+            column(block, 9, "<u2"),
+            column(block, 15, "<i8"),
+            column(block, 23, "<i8"),
+            lengths,
+        )
+
+
+def read_text(content: bytes, at: int) -> tuple[str, int]:
+    """A counted text, and where it ends."""
+    raw, end = read_bytes(content, at)
+    return raw.decode(errors="replace"), end
+
+
+def read_bytes(content: bytes, at: int) -> tuple[bytes, int]:
+    """Counted bytes, and where they end; raises Damage where they are not all there."""
+    try:
+        (length,) = struct.unpack_from("<I", content, at)
+    except struct.error as error:
+        raise Damage("a record is shorter than its fields") from error
+    if at + 4 + length > len(content):
+        raise Damage("a record is shorter than its fields")
+    return content[at + 4 : at + 4 + length], at + 4 + length

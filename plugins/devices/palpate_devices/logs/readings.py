@@ -1,0 +1,78 @@
+"""What is wanted of a message: one number for each reading, and a time-stamp."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import to_si
+
+from palpate_devices.logs.topics import Messages, Stamps
+
+SECOND = 1_000_000_000  # [ns]
+_UNITS = ("m", "m/s", "N", "s", "rad", "m/s^2", "Pa", "N*m", "rad/s", "rad/s^2")
+_INDEX = re.compile(r"^(.*)\[(\d+)\]$")
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One number in a message."""
+
+    path: str  # "wrench.force.z", "data"
+    index: int | None = None  # of an element, where the field is an array
+
+    @classmethod
+    def parse(cls, text: str, index: int | None = None) -> Reading:
+        """From ``data[5]``, or from a field and an index."""
+        match = _INDEX.match(text)
+        if index is None and match:
+            return cls(match[1], int(match[2]))
+        return cls(text, index)
+
+    def __str__(self) -> str:
+        return self.path if self.index is None else f"{self.path}[{self.index}]"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Readings of a block of messages."""
+
+    rows: Stamps  # which messages (n,)
+    values: NDArray[np.float64]  # (n, k) as recorded; NaN where a message lacks a number
+    stamps: Stamps | None  # (n,) [ns] from the messages themselves; None where they carry none
+
+
+class Decoder(Protocol):
+    """Reads the messages of one topic."""
+
+    def fields(self, payload: bytes) -> Mapping[str, int | None]:
+        """Paths of the numbers in one message, with the number of elements where one is an array."""
+        ...
+
+    def read(self, messages: Messages, readings: Sequence[Reading], select: str | None = None) -> Table:
+        """The readings of a block, of the joint or child frame that `select` names; raises LogError."""
+        ...
+
+
+def nanoseconds(seconds: NDArray[np.float64]) -> Stamps:
+    """Whole nanoseconds; whole seconds apart, since the product of both would lose a few hundred of them."""
+    whole = np.floor(seconds)
+    return whole.astype(np.int64) * SECOND + np.rint((seconds - whole) * SECOND).astype(np.int64)
+
+
+def si_unit(unit: str) -> tuple[str, float]:
+    """The SI unit of a unit's dimension, and how much of it one of the unit is; raises ValueError."""
+    if unit == "1":
+        return "1", 1.0
+    for si in _UNITS:
+        try:
+            return si, to_si(f"1 {unit}", si)
+        except ValueError:
+            continue
+    raise ValueError(
+        f"{unit!r} is none of a length, a speed, an acceleration, a force, a torque, a pressure, an angle, a time, or 1"
+    )

@@ -1,0 +1,109 @@
+"""What the log devices share: the link, windows of time, and whole topics as tables."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Batch, LogError
+
+from palpate_devices.logs.decoders import decoder_of
+from palpate_devices.logs.mapping import Feed
+from palpate_devices.logs.readings import SECOND, Reading
+from palpate_devices.logs.survey import columns_of
+from palpate_devices.logs.topics import Container, Messages, Stamps
+from palpate_devices.logs.turning import Turning
+
+
+class LogLink:
+    """An open log at work."""
+
+    def __init__(self, container: Container, feeds: Sequence[Feed], window: tuple[int | None, int | None], log: str):
+        self._container, self._window, self._log = container, window, log
+        self._feeds: dict[str, list[Feed]] = {}
+        for feed in feeds:
+            self._feeds.setdefault(feed.topic, []).append(feed)
+
+    def batches(self) -> Iterator[Batch]:
+        """Every block of the log, as a batch of each stream that it feeds."""
+        turned = [(feed, Turning()) for feeds in self._feeds.values() for feed in feeds if feed.orientation is not None]
+        topics = self._feeds.keys() | {feed.orientation.topic for feed, _ in turned if feed.orientation is not None}
+        for topic, messages in self._container.blocks(topics, *self._window):
+            for feed in self._feeds.get(topic, ()):
+                stamps, received, values = self._numbers(feed, messages)
+                if feed.orientation is not None:
+                    next(turning for other, turning in turned if other is feed).add(stamps, received, values)
+                elif len(stamps):
+                    yield Batch(feed.stream.name, stamps, received, values)
+            for feed, turning in turned:
+                if feed.orientation is not None and feed.orientation.topic == topic:
+                    stamps, _, quaternions = self._numbers(feed.orientation, messages)
+                    turning.learn(stamps, quaternions)
+            yield from self._turned(turned)
+        yield from self._turned(turned, final=True)
+
+    def _turned(self, turned: Sequence[tuple[Feed, Turning]], final: bool = False) -> Iterator[Batch]:
+        for feed, turning in turned:
+            for stamps, received, values, quaternions in turning.ready(final):
+                if len(stamps):
+                    yield Batch(feed.stream.name, stamps, received, feed.along(values, quaternions))
+
+    def _numbers(self, feed: Feed, messages: Messages) -> tuple[Stamps, Stamps, NDArray[np.float64]]:
+        try:
+            return feed.numbers(messages, self._log)
+        except LogError as error:
+            raise error if str(error).startswith(self._log) else LogError(f"{self._log}: {error}") from error
+
+
+def window(container: Container, begin: float | None, end: float | None) -> tuple[int | None, int | None]:
+    """Log times [ns] of a window given in seconds since the log's first message."""
+    if begin is None and end is None:
+        return None, None
+    span = container.span
+    if span is None:
+        return None, None
+    return (
+        None if begin is None else span[0] + round(begin * SECOND),
+        None if end is None else span[0] + round(end * SECOND),
+    )
+
+
+def tables_of(container: Container) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
+    """Every topic that holds numbers, in blocks, as recorded; a topic that cannot be decoded is left out."""
+    plans: dict[str, tuple[tuple[str, ...], list[Reading]] | None] = {}
+    decoders = {}
+    for topic, messages in container.blocks(set(container.topics)):
+        try:
+            if topic not in decoders:
+                plans[topic] = None
+                decoders[topic] = decoder_of(container.topics[topic])
+                names = tuple(columns_of(decoders[topic].fields(messages.payload(0))))
+                plans[topic] = names, [Reading.parse(name) for name in names]
+            plan = plans[topic]
+            if plan is None:
+                continue
+            table = decoders[topic].read(messages, plan[1])
+        except LogError:
+            plans[topic] = None
+            continue
+        logged = messages.logged[table.rows]
+        yield topic, plan[0], Batch(topic, logged if table.stamps is None else table.stamps, logged, table.values)
+
+
+def file_facts(path: Path, files: Sequence[Path]) -> Mapping[str, str]:
+    """The log and the SHA-256 of its bytes, for a record that can be redone."""
+    digest = hashlib.sha256()
+    for file in files:
+        with file.open("rb") as opened:
+            while block := opened.read(1 << 20):
+                digest.update(block)
+    return {"file": str(path), "sha256": digest.hexdigest()}
+
+
+def joined(blocks: Sequence[Batch]) -> Batch:
+    """One batch from several of a topic."""
+    columns = (np.concatenate([getattr(block, name) for block in blocks]) for name in ("time", "received", "values"))
+    return Batch(blocks[0].stream, *columns)

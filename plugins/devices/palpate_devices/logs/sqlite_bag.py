@@ -1,0 +1,162 @@
+"""A rosbag2 ``.db3`` file as a container of topics."""
+
+from __future__ import annotations
+
+import gzip
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Iterator, Mapping, Set
+from contextlib import closing, contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+from palpate import LogError
+
+from palpate_devices.logs.topics import Messages, Topic
+
+_BLOCK = 4000  # messages read at once
+_BYTES = 1 << 25  # [bytes] of one topic's messages held at once
+_MAGIC = b"SQLite format 3\0"
+_COMPRESSED = {".gz": "gzip", ".zstd": "zstd", ".zst": "zstd"}
+
+
+class SqliteBag:
+    """One database file; a compressed one is unpacked beside the system's temporary files while it is read."""
+
+    def __init__(self, path: Path, packed_messages: bool = False) -> None:
+        self.path = path
+        self._packed = packed_messages  # each message is compressed by itself
+        if not path.is_file():
+            raise LogError(f"{path}: there is no such file")
+
+    @property
+    def trouble(self) -> str | None:
+        """A database is whole, or cannot be opened."""
+        return None
+
+    @property
+    def topics(self) -> Mapping[str, Topic]:
+        """By name."""
+        return self._topics
+
+    @cached_property
+    def _topics(self) -> Mapping[str, Topic]:
+        with self._open() as database:
+            columns = {row[1] for row in database.execute("PRAGMA table_info(topics)")}
+            if not {"name", "type", "serialization_format"} <= columns:
+                raise LogError(f"{self.path}: is no rosbag2 database: it has no table of topics")
+            texts = dict(self._definitions(database))
+            rows = database.execute("SELECT name, type, serialization_format FROM topics ORDER BY id").fetchall()
+        return {name: Topic(name, kind, encoding, "ros2msg", texts.get(kind, b"")) for name, kind, encoding in rows}
+
+    @property
+    def span(self) -> tuple[int, int] | None:
+        """First and last log time [ns]."""
+        return self._span
+
+    @cached_property
+    def _span(self) -> tuple[int, int] | None:
+        with self._open() as database:
+            first, last = database.execute("SELECT MIN(timestamp), MAX(timestamp) FROM messages").fetchone()
+        return None if first is None else (int(first), int(last))
+
+    @staticmethod
+    def _definitions(database: sqlite3.Connection) -> Iterator[tuple[str, bytes]]:
+        """Definitions by type, which rosbag2 writes since Iron."""
+        if not database.execute("PRAGMA table_info(message_definitions)").fetchall():
+            return
+        query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+        for kind, encoding, text in database.execute(query):
+            if encoding == "ros2msg":
+                yield kind, text.encode() if isinstance(text, str) else bytes(text)
+
+    def blocks(
+        self, wanted: Set[str], begin: int | None = None, end: int | None = None
+    ) -> Iterator[tuple[str, Messages]]:
+        """Messages of the wanted topics in the order of their time-stamps, within [begin, end) [ns]."""
+        with self._open() as database:
+            named = dict(database.execute("SELECT id, name FROM topics"))
+            identities = [identity for identity, name in named.items() if name in wanted]
+            query = (
+                f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({','.join('?' * len(identities))}) "
+                "AND timestamp >= ? AND timestamp < ? ORDER BY timestamp, id"
+            )
+            window = (-(1 << 63) if begin is None else begin, (1 << 63) - 1 if end is None else end)
+            rows = database.execute(query, (*identities, *window))
+            while block := _some(rows):
+                yield from self._grouped(block, named)
+
+    def _grouped(self, block: list[tuple[int, int, bytes]], named: Mapping[int, str]) -> Iterator[tuple[str, Messages]]:
+        for identity in dict.fromkeys(row[0] for row in block):
+            rows = [row for row in block if row[0] == identity]
+            payloads = [_unpacked(row[2]) if self._packed else row[2] for row in rows]
+            stamps = np.array([row[1] for row in rows], np.int64)
+            yield named[identity], Messages.joined(payloads, stamps, stamps)
+
+    @contextmanager
+    def _open(self) -> Iterator[sqlite3.Connection]:
+        with tempfile.TemporaryDirectory(prefix="palpate-") as folder:
+            try:
+                path = self._plain(Path(folder))
+                with path.open("rb") as file:
+                    if file.read(len(_MAGIC)) != _MAGIC:
+                        raise LogError(f"{self.path}: is no rosbag2 database")
+                with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
+                    yield database
+            except sqlite3.Error as error:
+                raise LogError(f"{self.path}: the database is damaged: {error}") from error
+            except (OSError, EOFError) as error:
+                raise LogError(f"{self.path}: cannot be read: {error}") from error
+
+    def _plain(self, folder: Path) -> Path:
+        kind = _COMPRESSED.get(self.path.suffix)
+        if kind is None:
+            return self.path
+        target = folder / "bag.db3"
+        with self.path.open("rb") as packed, target.open("wb") as out:
+            if kind == "gzip":
+                shutil.copyfileobj(gzip.GzipFile(fileobj=packed), out, 1 << 20)
+            else:
+                _unpack_zstd(packed, out)
+        return target
+
+
+def _unpack_zstd(packed: IO[bytes], out: IO[bytes]) -> None:
+    import zstandard
+
+    unpacker = zstandard.ZstdDecompressor().decompressobj()
+    try:
+        while block := packed.read(1 << 18):
+            out.write(unpacker.decompress(block))
+            if unpacker.eof:
+                return
+    except zstandard.ZstdError as error:
+        raise OSError(str(error)) from error
+    raise EOFError("the compressed file ends too early")
+
+
+def _some(rows: sqlite3.Cursor) -> list[tuple[int, int, bytes]]:
+    """The next messages: a few thousand, or fewer large ones."""
+    block: list[tuple[int, int, bytes]] = []
+    size = 0
+    while len(block) < _BLOCK and size < _BYTES:
+        row = rows.fetchone()
+        if row is None:
+            break
+        if not (isinstance(row[2], bytes) and isinstance(row[1], int)):
+            raise sqlite3.DatabaseError("a message has no time-stamp, or no bytes")
+        block.append(row)
+        size += len(row[2])
+    return block
+
+
+def _unpacked(data: bytes) -> bytes:
+    import zstandard
+
+    try:
+        return zstandard.ZstdDecompressor().decompress(data, max_output_size=1 << 26)
+    except zstandard.ZstdError as error:
+        raise sqlite3.DatabaseError(f"a compressed message: {error}") from error

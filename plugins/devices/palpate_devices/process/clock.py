@@ -1,0 +1,61 @@
+"""Clocks: a device's own time on the host's clock."""
+
+from __future__ import annotations
+
+import time
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+_LEAK = 200e-6  # clocks may run apart by so much
+
+
+@cache
+def epoch_offset() -> int:
+    """What makes a time since the epoch [ns] out of a monotonic one; the same for all devices of a process."""
+    while True:
+        before, epoch, after = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
+        if after - before < 20_000:  # nobody came in between
+            return epoch - (before + after) // 2
+
+
+class ClockMap:
+    """From a device's clock to the host's, by the lower envelope of (received - stamped).
+
+    Transport only ever adds delay, so the smallest difference is nearest to the truth; it may rise again by 200 ppm so
+    that a device whose clock is slow is followed. What is left is the smallest delay there is, some tenths of a
+    millisecond, of one sign: it belongs into the declared uncertainty. Depends on the rows alone, not on how they were
+    cut into batches.
+    """
+
+    def __init__(self) -> None:
+        self._offset: float | None = None  # [ns] over the first difference
+        self._first = 0
+        self._device = 0
+        self._last: int | None = None
+        self._bounds = [np.inf, -np.inf]
+        self._began = 0
+
+    def to_host(self, device: NDArray[np.int64], received: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Host time [ns] (n,) of device time-stamps [ns] (n,) received at host times [ns] (n,)."""
+        mapped = np.empty(len(device), np.int64)
+        for i, (stamp, arrival) in enumerate(zip(device.tolist(), received.tolist(), strict=True)):
+            if self._offset is None:
+                self._first, self._device, self._offset, self._began = arrival - stamp, stamp, 0.0, stamp
+            new = stamp != self._device
+            risen = self._offset + _LEAK * max(stamp - self._device, 0)
+            self._offset, self._device = min(float(arrival - stamp - self._first), risen), stamp
+            host = stamp + self._first + round(self._offset)
+            if self._last is not None and host <= self._last and new:
+                host = self._last + 1
+            mapped[i] = self._last = host
+            if stamp - self._began > 1_000_000_000:
+                self._bounds = [min(self._bounds[0], self._offset), max(self._bounds[1], self._offset)]
+        return mapped
+
+    @property
+    def wander(self) -> float:
+        """How far the map moved [s] after its first second."""
+        low, high = self._bounds
+        return float(high - low) / 1e9 if high >= low else 0.0

@@ -1,0 +1,51 @@
+"""How late a loop wakes up: a histogram in shared memory."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Upper edges [ns]; the last bin is for what is later.
+EDGES = np.array([20, 50, 100, 200, 300, 500, 700, 1000, 1500, 2000, 3000, 5000, 7000, 10000, 20000, 50000]) * 1000
+_CYCLES, _MISSED, _LATEST, _FIRST, _LAST, _BINS = 16, 17, 18, 19, 20, 24  # words of a ring's head
+
+
+class Lateness:
+    """Counts, in the words of a ring's head, how late each cycle began."""
+
+    def __init__(self, head: NDArray[np.int64], period: int) -> None:
+        self._head = head
+        self._period = period
+        self._edges = EDGES.tolist()
+
+    def add(self, now: int, late: int, counted: bool) -> None:
+        """One cycle that began at a time [ns], so late [ns]; only cycles that command are counted."""
+        if not counted:
+            return
+        head, bin_ = self._head, 0
+        for edge in self._edges:
+            if late <= edge:
+                break
+            bin_ += 1
+        head[_BINS + bin_] += 1
+        head[_FIRST], head[_LAST] = head[_FIRST] or now, now
+        head[_CYCLES] += 1
+        head[_MISSED] += late > self._period
+        head[_LATEST] = max(int(head[_LATEST]), late)
+
+
+def lateness_table(head: NDArray[np.int64]) -> dict[str, Any]:
+    """Cycles, mean rate [Hz], missed deadlines (later than a period), largest lateness and p99 [s], histogram."""
+    counts = head[_BINS : _BINS + len(EDGES) + 1]
+    total = int(counts.sum())
+    table: dict[str, Any] = {"cycles": int(head[_CYCLES]), "missed": int(head[_MISSED])}
+    if total:
+        span = int(head[_LAST] - head[_FIRST]) / 1e9
+        table["rate"] = (total - 1) / span if span > 0 else None
+        rank = int(np.searchsorted(np.cumsum(counts), 0.99 * total))
+        edges = [*(EDGES / 1e9).tolist(), float(head[_LATEST]) / 1e9]
+        table |= {"largest": float(head[_LATEST]) / 1e9, "p99_below": min(edges[rank], edges[-1])}
+        table["histogram"] = {f"{edge * 1e3:g} ms": int(n) for edge, n in zip(edges, counts, strict=True) if n}
+    return table

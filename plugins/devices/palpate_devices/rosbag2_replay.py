@@ -1,0 +1,110 @@
+"""Replay of a rosbag2 bag."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from functools import cached_property
+from pathlib import Path
+
+from palpate import Batch, File, Link, LogError, Recording, Stream, Suggestion, Survey, Time
+from pydantic import Field
+
+from palpate_devices.logs.bag_folder import SUFFIXES, Bag
+from palpate_devices.logs.mapping import Clock, Feed, MappedSignal, mapped_feeds
+from palpate_devices.logs.replay import LogLink, file_facts, tables_of, window
+from palpate_devices.logs.suggestion import suggestion_for
+from palpate_devices.logs.survey import survey_of
+from palpate_devices.logs.topics import Container
+
+
+class Rosbag2Replay(Recording):
+    """A rosbag2 bag as a device: a ``.db3`` file (plain, .gz, .zstd), or a folder with ``metadata.yaml``.
+
+    `signals` says which numbers of which topics are the channels. Signals of one topic share a stream, named by the
+    topic's last word: ``log.wrench.force``.
+    """
+
+    file: File = Field(description="the bag, a file or a folder, relative to the pipeline file")
+    signals: dict[str, MappedSignal] = Field(
+        min_length=1,
+        description='channels by name: { force = { topic = "/wrench", field = "wrench.force.z", unit = "N" } }',
+    )
+    time: Clock = Field(
+        default="stamp", description='"stamp" (of the header, else log), "log", or { field = "data", index = 0 }'
+    )
+    begin: Time | None = Field(
+        default=None, ge=0, description="leave out what was logged before, from the first message"
+    )
+    end: Time | None = Field(default=None, gt=0, description="leave out what was logged later")
+    accept_cut: bool = Field(default=False, description="read what is whole of a bag in MCAP files that are cut")
+
+    @property
+    def streams(self) -> tuple[Stream, ...]:
+        """A stream for each mapped topic."""
+        return tuple(feed.stream for feed in self._feeds)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is amiss with the files."""
+        return (self._bag.trouble,) if self._bag.trouble else ()
+
+    @property
+    def provenance(self) -> Mapping[str, str]:
+        """The bag and the SHA-256 of its files, one after another."""
+        return file_facts(self.file, self._bag.files)
+
+    @property
+    def duration(self) -> float | None:
+        """From the first message to the last [s]."""
+        span = self._bag.span
+        return (span[1] - span[0]) / 1e9 if span else None
+
+    def connect(self, seed: int) -> AbstractContextManager[Link]:
+        """The open bag."""
+        return self._connected()
+
+    @contextmanager
+    def _connected(self) -> Iterator[Link]:
+        yield LogLink(self._bag, self._feeds, window(self._bag, self.begin, self.end), str(self.file))
+
+    @cached_property
+    def _bag(self) -> Bag:
+        bag = Bag(self.file, self.accept_cut)
+        if not bag.complete and not self.accept_cut:
+            raise LogError(
+                f"{self.file}: the bag is cut: a file has no end; set accept_cut = true to use what is whole"
+            )
+        return bag
+
+    @cached_property
+    def _feeds(self) -> list[Feed]:
+        return mapped_feeds(self._bag, self.signals, self.time, str(self.file))
+
+    @classmethod
+    def recognises(cls, path: Path) -> bool:
+        """A folder, or a file that is named like a bag's database."""
+        names = tuple(suffix for suffix in SUFFIXES if suffix != ".mcap")
+        return path.name.endswith(names) or (
+            path.is_dir()
+            and ((path / "metadata.yaml").is_file() or any(f.name.endswith(SUFFIXES) for f in path.iterdir()))
+        )
+
+    @classmethod
+    def survey(cls, path: Path) -> Survey:
+        """See `Recording`."""
+        return survey_of(cls._opened(path), path, "rosbag2")
+
+    @classmethod
+    def suggest(cls, path: Path, choices: Mapping[str, str]) -> Suggestion:
+        """See `Recording`."""
+        return suggestion_for(cls._opened(path), path, "rosbag2-replay", choices)
+
+    @classmethod
+    def tables(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
+        """See `Recording`."""
+        return tables_of(cls._opened(path))
+
+    @classmethod
+    def _opened(cls, path: Path) -> Container:
+        return Bag(path, accept_cut=True)

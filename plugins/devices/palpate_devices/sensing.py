@@ -1,0 +1,29 @@
+"""What a sensor between flange and tip feels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+GRAVITY = 9.80665  # [m/s^2]
+_TORQUE_NOISE = 0.02  # N*m for one newton of force noise, of the order of the real sensor's
+
+
+def sensed_wrench(
+    contact: Floats, acceleration: Floats, tip_mass: float, offset: Any, noise: Floats, noise_std: float, limit: float
+) -> Floats:
+    """Reading (n, 6) [N, N*m] = contact + inertia - weight + offset + noise, compressive positive, within the range.
+
+    Contact force (n, 3) [N] is that on the tip, weight and offset [N] act along z, acceleration (n, 3) [m/s^2] is that
+    of the tip, `noise` (n, 6) is standard normal.
+    """
+    wrench = np.zeros((len(contact), 6))
+    wrench[:, :3] = contact - tip_mass * acceleration
+    wrench[:, 2] += offset - tip_mass * GRAVITY
+    scaled = noise * noise_std
+    scaled[:, 3:] *= _TORQUE_NOISE
+    return np.clip(wrench + scaled, -limit, limit)

@@ -1,0 +1,1 @@
+"""Software twins: robots and sensors that speak the wire protocol of the real ones."""

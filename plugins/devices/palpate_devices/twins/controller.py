@@ -1,0 +1,167 @@
+"""A UR controller in software: modes, program, dashboard, and the state that RTDE sends."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from palpate_devices.twins.arm import TICK, Arm
+from palpate_devices.twins.program import Program
+from palpate_devices.twins.rtde import OUTPUTS, Session
+from palpate_devices.ur3e.kinematics import pose_of, tip
+
+VERSION = (5, 12, 4, 1101661)
+GREETING = "Connected: Universal Robots Dashboard Server"
+_STOPPED, _PLAYING, _PAUSED = 1, 2, 4
+_NORMAL, _PROTECTIVE, _EMERGENCY = 1, 3, 7
+_SIZES = {"VECTOR6D": 6, "VECTOR3D": 3, "VECTOR6INT32": 6, "VECTOR6UINT32": 6}
+
+
+class Controller:
+    """Everything but the sockets.
+
+    In a protective stop the program is paused; in an emergency stop it ends and the arm loses its power. Whether a real
+    controller says PLAYING for some cycles of a protective stop is not known.
+    """
+
+    def __init__(self, arm: Arm, position_std: float, velocity_std: float, seed: int) -> None:
+        self.arm = arm
+        self._rng = np.random.default_rng(seed)
+        self._noise = position_std, velocity_std
+        self.inputs: dict[str, Any] = {}
+        self._owners: dict[str, Session] = {}
+        self._program: Program | None = None
+        self._runtime, self._safety = _STOPPED, _NORMAL
+        self._stopped_at = 0.0
+        self.now = 0.0
+        self.force = np.zeros(6)
+        self.complaints: list[str] = []
+        self.uploads = 0
+        self._state: dict[str, Any] = {
+            name: (0.0,) * _SIZES[kind] if kind in _SIZES else 0 for name, kind in OUTPUTS.items()
+        }
+        self._state |= {"joint_mode": (253,) * 6, "speed_scaling": 1.0, "target_speed_fraction": 1.0}
+        self._state |= {"actual_main_voltage": 48.0, "actual_robot_voltage": 48.0}
+
+    def claim(self, session: Session, name: str) -> bool:
+        """Whether an input belongs to a session; the first that asks gets it."""
+        return self._owners.setdefault(name, session) is session
+
+    def release(self, session: Session) -> None:
+        """Give the inputs of a session back."""
+        self._owners = {name: owner for name, owner in self._owners.items() if owner is not session}
+
+    def write(self, values: dict[str, Any]) -> None:
+        """Take over inputs; they are read at the next tick."""
+        self.inputs |= values
+        if self._program is not None and any(name.startswith("input_int_register") for name in values):
+            self._program.feed(self.now)
+
+    def upload(self, text: str) -> None:
+        """Start a program, in place of the running one."""
+        self.uploads += 1
+        if self._safety == _NORMAL and "def " in text:
+            self._program, self._runtime = Program(text, self.arm, self.protective_stop), _PLAYING
+            self._program.feed(self.now)
+
+    def end_program(self) -> None:
+        """End the program; the arm comes to rest."""
+        if self._program is not None and self._program.complaint:
+            self.complaints.append(self._program.complaint)
+        self._program, self._runtime = None, _STOPPED
+        self.arm.stop()
+
+    def protective_stop(self) -> None:
+        """Stop as after a collision."""
+        self.arm.stop(80.0)
+        self._safety, self._stopped_at = _PROTECTIVE, self.now
+        self._runtime = _PAUSED if self._program is not None else _STOPPED
+
+    def emergency_stop(self) -> None:
+        """Stop as by the red button."""
+        self.end_program()
+        self.arm.stop(80.0)
+        self._safety = _EMERGENCY
+
+    def restore(self, q: Any) -> None:
+        """No stop, no program, the arm at rest at joint angles (6,)."""
+        self.end_program()
+        self._safety = _NORMAL
+        self.arm.q, self.arm.qd = q, np.zeros(6)
+
+    def tick(self) -> None:
+        """Two milliseconds."""
+        self.now += TICK
+        if self._program is not None and self._runtime == _PLAYING and not self._program.step(self.inputs, self.now):
+            self.end_program()
+        self.arm.advance()
+
+    def state(self) -> dict[str, Any]:
+        """What the outputs say now: joints with their noise, and what follows from the joints."""
+        arm = self.arm
+        pose, jacobian = tip(arm.q.tolist(), arm.tcp)
+        # Noise belongs to the joints, so that pose and joints agree; it is scaled to the noise of the height.
+        lever = float(np.linalg.norm(jacobian[2])) or 1.0
+        noise = self._rng.standard_normal((2, 6))
+        q, qd = arm.q + noise[0] * (self._noise[0] / lever), arm.qd + noise[1] * (self._noise[1] / lever)
+        measured, jacobian = tip(q.tolist(), arm.tcp)
+        emergency, protective = self._safety == _EMERGENCY, self._safety == _PROTECTIVE
+        self._state |= {
+            "timestamp": self.now,
+            "actual_q": q.tolist(),
+            "actual_qd": qd.tolist(),
+            "target_q": arm.q.tolist(),
+            "target_qd": arm.qd.tolist(),
+            "actual_TCP_pose": pose_of(measured),
+            "actual_TCP_speed": (jacobian @ qd).tolist(),
+            "target_TCP_pose": pose_of(pose),
+            "actual_TCP_force": self.force.tolist(),
+            "ft_raw_wrench": self.force.tolist(),
+            "robot_mode": 3 if emergency else 7,
+            "safety_mode": self._safety,
+            "safety_status": self._safety,
+            "runtime_state": self._runtime,
+            "robot_status_bits": 0 if emergency else 1 | (2 if self._program is not None else 0),
+            "safety_status_bits": 0x4C0 if emergency else 0x404 if protective else 1,
+        }
+        if self._program is not None:
+            self._state |= self._program.outputs
+        else:
+            self._state["output_int_register_0"] = 0
+        return self._state
+
+    def dashboard(self, line: str) -> str:
+        """The dashboard's answer to a line."""
+        running = self._runtime == _PLAYING
+        answers = {
+            "PolyscopeVersion": f"URSoftware {'.'.join(map(str, VERSION))} (software)",
+            "get serial number": "20233500001",
+            "get robot model": "UR3",
+            "is in remote control": "true",
+            "robotmode": f"Robotmode: {'POWER_OFF' if self._safety == _EMERGENCY else 'RUNNING'}",
+            "safetymode": f"Safetymode: {self._safety_name()}",
+            "safetystatus": f"Safetystatus: {self._safety_name()}",
+            "running": f"Program running: {str(running).lower()}",
+            "programState": {_PLAYING: "PLAYING", _PAUSED: "PAUSED"}.get(self._runtime, "STOPPED") + " rtde_control",
+            "close safety popup": "closing safety popup",
+            "quit": "Disconnected",
+        }
+        if line == "stop":
+            self.end_program()
+            return "Stopped"
+        if line == "play":
+            self._runtime = _PLAYING if self._program is not None and self._safety == _NORMAL else self._runtime
+            return "Starting program" if self._runtime == _PLAYING else "Failed to execute: play"
+        if line == "unlock protective stop":
+            if self.now - self._stopped_at < 5.0:
+                return (
+                    "Cannot unlock protective stop until 5s after occurrence. "
+                    "Always inspect cause of protective stop before unlocking"
+                )
+            self._safety = _NORMAL
+            return "Protective stop releasing"
+        return answers.get(line, f"could not understand: '{line}'")
+
+    def _safety_name(self) -> str:
+        return {_PROTECTIVE: "PROTECTIVE_STOP", _EMERGENCY: "ROBOT_EMERGENCY_STOP"}.get(self._safety, "NORMAL")

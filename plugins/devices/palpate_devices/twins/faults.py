@@ -1,0 +1,109 @@
+"""Faults that the twins can be told to have, by name."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from palpate_devices.twins.bench import World
+
+FAULTS = {
+    "protective-stop": "the robot stops as after a collision; the program is paused",
+    "emergency-stop": "the red button",
+    "stop-program": "the program is stopped on the pendant",
+    "freeze": "the controller keeps its connections and sends nothing more",
+    "thaw": "it sends again",
+    "stall SECONDS": "the whole world stands still for so long",
+    "close": "the controller ends its connections and takes new ones",
+    "reset": "the same by a TCP reset",
+    "gone": "the controller closes its ports as well",
+    "mute": "the controller takes connections and answers nothing",
+    "unplug": "the sensor's cable is pulled",
+    "plug-in": "and put back",
+    "reboot": "the sensor starts anew",
+    "silent": "the sensor sends nothing more",
+    "overrange": "the sensor says over range",
+    "saturated": "the sensor says invalid",
+    "sound": "the sensor is all right again",
+    "corrupt FRACTION": "so large a part of the frames is damaged on the line",
+    "refuse LETTER": "the sensor refuses a command",
+    "sign": "the sensor counts the other way round",
+    "restore": "everything is sound again, and the arm where it was at the start",
+    "state": "print what the twins did so far",
+    "quit": "end",
+}
+
+
+def apply_fault(world: World, words: list[str]) -> str:
+    """Do what a line says; answer with the host's monotonic time, or with what is wrong with it."""
+    name, argument = words[0], words[1] if len(words) > 1 else ""
+    controller, ports, sensor = world.controller, world.ports, world.sensor
+    try:
+        match name:
+            case "protective-stop":
+                controller.protective_stop()
+            case "emergency-stop":
+                controller.emergency_stop()
+            case "stop-program":
+                controller.end_program()
+            case "freeze" | "thaw":
+                ports.frozen = name == "freeze"
+            case "mute":
+                ports.mute = True
+            case "stall":
+                world.stalled_until = time.monotonic() + float(argument)
+            case "close" | "reset":
+                ports.disconnect(reset=name == "reset")
+            case "gone":
+                ports.close()
+            case "unplug":
+                sensor.unplug()
+            case "plug-in":
+                sensor.plug_in()
+            case "reboot":
+                sensor.reboot(controller.now)
+            case "silent" | "overrange" | "saturated":
+                sensor.fault = name
+            case "sound":
+                sensor.fault, sensor.corruption = None, 0.0
+            case "corrupt":
+                sensor.corruption = float(argument)
+            case "refuse":
+                sensor.refuse(argument)
+            case "sign":
+                sensor.sign = -sensor.sign
+            case "restore":
+                world.restore()
+            case "state":
+                return _state(world)
+            case "quit":
+                pass
+            case _:
+                return f"unknown: {name}; help lists what there is"
+    except ValueError:
+        return f"{name} wants a number, not {argument!r}"
+    return f"done {time.monotonic():.6f} {name}"
+
+
+def _state(world: World) -> str:
+    import json
+
+    import numpy as np
+
+    controller, sensor = world.controller, world.sensor
+    facts = {
+        "time": time.monotonic(),
+        "now": controller.now,
+        "pose": controller.arm.pose,
+        "joint_speed": float(np.abs(controller.arm.qd).max()),
+        "tip_speed": float(np.linalg.norm(world.velocity)),
+        "height": float(world.position[2]),
+        "peak_force": world.peak,
+        "frames": sensor.sent,
+        "frames_dropped": sensor.dropped,
+        "eeprom_writes": sensor.eeprom_writes,
+        "uploads": controller.uploads,
+        "complaints": controller.complaints,
+    }
+    return "state " + json.dumps(facts)

@@ -1,0 +1,204 @@
+"""A SensONE in software, on a pseudo-terminal."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import math
+import os
+import pty
+import re
+import select
+import termios
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate_devices.bota.frames import packed
+from palpate_devices.twins.corruption import KINDS, corrupted
+
+_BOOT = 0.3  # [s]; a choice, the real sensor takes less than 3 s
+_REPLY = 0.01  # [s]; a choice
+_QUIET = 0.03  # [s] of silence end a command that has no line end; a choice
+_TEXT = b"App Init\r\nname: BFT-SENS-SER-M8 (software)\r\nS/N: 000000\r\nFW version: 2.3 software\r\n"
+_FACTORY_SINC = 512
+
+
+class VirtualSensor:
+    """State machine of a SensONE: boot, RUN, CONFIG; commands, acknowledgements, frames.
+
+    The port is a symbolic link to a pseudo-terminal. It resets when the port is opened, as the real one does by DTR,
+    comes up at its stored settings and streams by itself. Which wrench it reads is not its business: `instants` says
+    when it samples, `send` is told what it read.
+    """
+
+    def __init__(self, port: Path, overhead: float, ppm: float, clock_start: int, seed: int) -> None:
+        self._port = port
+        self._overhead = overhead
+        self._rate = 1.0 + ppm * 1e-6
+        self._clock_start = clock_start
+        self._rng = np.random.default_rng(seed)
+        self._stored = {"sinc": _FACTORY_SINC}
+        self.eeprom_writes = 0
+        self.sent = self.dropped = 0
+        self.fault: str | None = None  # "silent", "overrange", "saturated"
+        self.corruption = 0.0
+        self.sign = 1.0
+        self._mode = "closed"
+        self._sinc = _FACTORY_SINC
+        self._command = b""
+        self._replies: list[tuple[float, bytes]] = []
+        self._heard = self._boot_at = self._booted = self._next = 0.0
+        self._refuse = ""
+        self._master = -1
+        self.plug_in()
+
+    def plug_in(self) -> None:
+        """Make the port; also after it was unplugged."""
+        self._master, slave = pty.openpty()
+        os.set_blocking(self._master, False)
+        link = self._port.with_name(self._port.name + ".new")
+        link.unlink(missing_ok=True)
+        link.symlink_to(os.ttyname(slave))
+        link.replace(self._port)
+        os.close(slave)  # from now on the terminal says whether somebody has it open
+        self._mode = "closed"
+
+    def unplug(self) -> None:
+        """Take the cable out."""
+        if self._master >= 0:
+            os.close(self._master)
+            self._master = -1
+            with contextlib.suppress(OSError):
+                self._port.unlink()
+        self._mode = "unplugged"
+
+    @property
+    def descriptor(self) -> int | None:
+        """What to wait for, where somebody has the port open."""
+        return self._master if self._mode not in ("closed", "unplugged") else None
+
+    @property
+    def period(self) -> float:
+        """Time between readings [s]: sinc length over 51200 Hz, and what the line takes."""
+        return self._sinc / 51200.0 + self._overhead
+
+    @property
+    def noise_factor(self) -> float:
+        """How much noisier than at a sinc length of 64 (from the maker's tolerances: sigma goes with N^-0.72)."""
+        return math.pow(self._sinc / 64.0, -0.72)
+
+    def reboot(self, now: float) -> None:
+        """Start anew, with the stored settings."""
+        self._mode, self._boot_at, self._command, self._replies = "boot", now + _BOOT, b"", []
+        self._sinc = self._stored["sinc"]
+
+    def restore(self) -> None:
+        """Plugged in, and without a fault."""
+        self.fault, self.corruption, self.sign, self._refuse = None, 0.0, 1.0, ""
+        if self._mode == "unplugged":
+            self.plug_in()
+
+    def refuse(self, letter: str) -> None:
+        """Answer a command with code 1 from now on."""
+        self._refuse = letter
+
+    def poll(self, now: float) -> None:
+        """Opening and closing, commands and answers; `now` [s] is the world's time."""
+        if self._mode == "unplugged":
+            return
+        poller = select.poll()
+        poller.register(self._master, select.POLLIN)
+        events = dict(poller.poll(0)).get(self._master, 0)
+        if events & select.POLLHUP:
+            self._mode = "closed"
+        elif self._mode == "closed" and not termios.tcgetattr(self._master)[3] & termios.ICANON:
+            self.reboot(now)  # an opened port that still echoes is not ready
+        if self._mode == "closed":
+            return
+        if events & select.POLLIN:
+            with contextlib.suppress(OSError):
+                self._take(os.read(self._master, 64), now)
+        if self._command and now - self._heard > _QUIET:
+            self._take(b"\n", now)
+        if self._mode == "boot" and now >= self._boot_at:
+            self._write(_TEXT)
+            self._mode, self._booted, self._next = "run", now, now
+        while self._replies and self._replies[0][0] <= now:
+            self._write(self._replies.pop(0)[1])
+
+    def _take(self, data: bytes, now: float) -> None:
+        self._heard = now
+        if self._mode == "boot":
+            return
+        self._command += data
+        *lines, self._command = re.split(rb"[\r\n]", self._command)
+        for line in lines:
+            if line:
+                self._obey(line.decode(errors="replace"), now)
+
+    def _obey(self, line: str, now: float) -> None:
+        letter, code = line[0], 0
+        if letter == "#":
+            self.reboot(now)
+            return
+        if letter in ("C", "I"):
+            self._mode = "config" if letter == "C" else "init"
+        elif self._mode == "run":
+            return  # only C, I and # are heard in RUN
+        elif letter == "R":
+            self._mode, self._next = "run", now
+        elif letter == "f":
+            code = self._filter(line)
+        elif letter == "s":
+            self._stored["sinc"] = self._sinc
+            self.eeprom_writes += 1
+        elif letter not in "cbmlw":
+            code = 1
+        if letter == self._refuse:
+            code = 1
+        self._replies.append((now + _REPLY, f"r,0,{letter},{code}\r\n".encode()))
+
+    def _filter(self, line: str) -> int:
+        numbers = line.split(",")[1:]
+        if len(numbers) != 4 or not all(text.isdigit() for text in numbers) or not 51 <= int(numbers[0]) <= 2048:
+            return 2
+        self._sinc = int(numbers[0])
+        return 0
+
+    def instants(self, until: float) -> NDArray[np.float64]:
+        """The times [s] up to `until` at which it reads, since the last call."""
+        if self._mode != "run":
+            return np.zeros(0)
+        count = max(math.floor((until - self._next) / self.period + 1e-9) + 1, 0)
+        instants = np.asarray(self._next + self.period * np.arange(count), np.float64)
+        self._next += self.period * count
+        return instants
+
+    def send(self, instants: NDArray[np.float64], wrench: NDArray[np.float64]) -> None:
+        """Write the readings (n, 6) taken at instants (n,)."""
+        if self.fault == "silent" or self._mode != "run":
+            return
+        status = {"overrange": 2, "saturated": 4}.get(self.fault or "", 0)
+        for instant, reading in zip(instants.tolist(), (self.sign * wrench).tolist(), strict=True):
+            stamp = self._clock_start + round((instant - self._booted) * self._rate * 1e6)
+            frame = packed(status, tuple(reading), stamp, 30.0)
+            if self.corruption and self._rng.random() < self.corruption:
+                frame = corrupted(frame, str(self._rng.choice(KINDS)), self._rng)
+            self._write(frame)
+
+    def _write(self, data: bytes) -> None:
+        try:
+            if data and os.write(self._master, data) == len(data):
+                self.sent += 1
+            else:
+                self.dropped += 1
+        except BlockingIOError:  # the reader does not read
+            self.dropped += 1
+        except OSError:
+            self._mode = "closed"
+
+    def waiting(self) -> int:
+        """Bytes that nobody has read yet."""
+        return int.from_bytes(fcntl.ioctl(self._master, termios.TIOCOUTQ, bytes(4)), "little")

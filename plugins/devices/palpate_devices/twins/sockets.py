@@ -1,0 +1,155 @@
+"""The three ports of the software controller, served without ever waiting."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import struct
+import sys
+
+from palpate import DeviceError
+
+from palpate_devices.twins.controller import GREETING, VERSION, Controller
+from palpate_devices.twins.rtde import Session, packets
+
+RTDE, SCRIPT, DASHBOARD = 30004, 30003, 29999
+_NO_LINGER = struct.pack("ii", 1, 0)
+
+
+class Client:
+    """One connection."""
+
+    def __init__(self, connection: socket.socket, port: int, controller: Controller) -> None:
+        connection.setblocking(False)
+        with contextlib.suppress(OSError):
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.socket, self.port = connection, port
+        self.received = bytearray()
+        self.unsent = b""
+        self.skipped = 0
+        self.session = Session(VERSION, controller.claim, controller.write)
+
+    def send(self, data: bytes) -> bool:
+        """Send, or keep what did not fit; a peer that does not read is skipped, not queued. False where it has gone."""
+        if self.unsent and data:
+            self.skipped += 1
+            data = b""
+        data = self.unsent + data
+        try:
+            sent = self.socket.send(data) if data else 0
+        except BlockingIOError:
+            sent = 0
+        except OSError:
+            return False
+        self.unsent = data[sent:]
+        return True
+
+
+class Ports:
+    """RTDE, script and dashboard ports of one address."""
+
+    def __init__(self, host: str, controller: Controller) -> None:
+        self._controller = controller
+        self._host = host
+        self._listening: dict[socket.socket, int] = {}
+        self.clients: list[Client] = []
+        self.frozen = self.mute = False
+        self.open()
+
+    def open(self) -> None:
+        """Listen."""
+        for port in (RTDE, SCRIPT, DASHBOARD):
+            listener = socket.socket()
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                listener.bind((self._host, port))
+            except OSError as error:
+                listener.close()
+                self.close()
+                raise DeviceError(f"{self._host}:{port} cannot be had: {error.strerror}; is a twin running?") from error
+            listener.listen()
+            listener.setblocking(False)
+            self._listening[listener] = port
+
+    def close(self, reset: bool = False) -> None:
+        """Stop listening and end every connection, politely or by a reset."""
+        for listener in self._listening:
+            listener.close()
+        self._listening = {}
+        self.disconnect(reset)
+
+    def disconnect(self, reset: bool = False) -> None:
+        """End every connection; new ones are welcome."""
+        for client in self.clients:
+            if reset:
+                client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _NO_LINGER)
+            self._controller.release(client.session)
+            client.socket.close()
+        self.clients = []
+
+    def restore(self) -> None:
+        """Listen and answer again."""
+        self.frozen = self.mute = False
+        if not self._listening:
+            self.open()
+
+    @property
+    def sockets(self) -> list[socket.socket]:
+        """What to wait for."""
+        return [*self._listening, *(client.socket for client in self.clients)]
+
+    def serve(self, ready: list[socket.socket]) -> None:
+        """Take what has come."""
+        for listener, port in self._listening.items():
+            if listener in ready:
+                with contextlib.suppress(OSError):
+                    client = Client(listener.accept()[0], port, self._controller)
+                    self.clients.append(client)
+                    if port == DASHBOARD:
+                        client.send(GREETING.encode() + b"\n")
+        for client in [client for client in self.clients if client.socket in ready]:
+            if not self._read(client):
+                self._drop(client)
+
+    def broadcast(self) -> None:
+        """Send this tick's state to whoever wants it."""
+        wanting = [client for client in self.clients if client.session.started]
+        if not wanting or self.frozen:
+            return
+        state = self._controller.state()
+        for client in wanting:
+            if not client.send(client.session.data(state)):
+                self._drop(client)
+
+    def _drop(self, client: Client) -> None:
+        self._controller.release(client.session)
+        client.socket.close()
+        self.clients.remove(client)
+
+    def _read(self, client: Client) -> bool:
+        try:
+            data = client.socket.recv(65536)
+        except BlockingIOError:
+            return True
+        except OSError:
+            return False
+        client.received += data
+        if self.mute:
+            return bool(data)
+        if client.port == RTDE:
+            try:
+                for kind, payload in packets(client.received):
+                    client.send(client.session.answer(kind, payload))
+            except (ValueError, struct.error) as error:
+                print(f"RTDE: {error}", file=sys.stderr)
+                return False
+        elif client.port == DASHBOARD:
+            *lines, rest = bytes(client.received).split(b"\n")
+            client.received[:] = rest
+            for line in lines:
+                client.send(self._controller.dashboard(line.decode(errors="replace").strip()).encode() + b"\n")
+        elif b"\nend\n" in client.received:
+            text, _, rest = bytes(client.received).partition(b"\nend\n")
+            client.received[:] = rest
+            self._controller.upload(text.decode(errors="replace"))
+        return bool(data)

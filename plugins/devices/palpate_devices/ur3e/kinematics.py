@@ -1,0 +1,128 @@
+"""Kinematics of the UR3e, and rotation vectors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+# Standard Denavit-Hartenberg parameters, nominal (Universal Robots, "DH parameters for calculations of kinematics and
+# dynamics"); every arm has small deltas of its own in its calibration file.
+A = (0.0, -0.24355, -0.2132, 0.0, 0.0, 0.0)  # [m]
+D = (0.15185, 0.0, 0.0, 0.13105, 0.08535, 0.0921)  # [m]
+ALPHA = (math.pi / 2, 0.0, 0.0, math.pi / 2, -math.pi / 2, 0.0)  # [rad]
+_TWIST = tuple((round(math.cos(alpha), 15), round(math.sin(alpha), 15)) for alpha in ALPHA)
+SPEED_LIMITS = np.array([math.pi] * 3 + [2 * math.pi] * 3)  # [rad/s]
+
+
+def flange(q: Sequence[float]) -> tuple[Floats, Floats]:
+    """Pose of the flange (4, 4) in the base, and the axes: origin and direction of each joint (6, 2, 3).
+
+    T = prod Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i).
+    """
+    # Plain floats: six 4 x 4 products in numpy take three times as long.
+    r = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    x = y = z = 0.0
+    axes = []
+    for angle, a, d, (ca, sa) in zip(q, A, D, _TWIST, strict=True):
+        axes.append(((x, y, z), (r[0][2], r[1][2], r[2][2])))
+        c, s = math.cos(angle), math.sin(angle)
+        columns = []
+        for u, v, w in r:
+            along, across = u * c + v * s, v * c - u * s
+            columns.append((along, across * ca + w * sa, w * ca - across * sa, along * a + w * d))
+        x, y, z = x + columns[0][3], y + columns[1][3], z + columns[2][3]
+        r = tuple(row[:3] for row in columns)  # type: ignore[assignment]
+    pose = np.array([(*r[0], x), (*r[1], y), (*r[2], z), (0.0, 0.0, 0.0, 1.0)])
+    return pose, np.array(axes)
+
+
+def tip(q: Sequence[float], tcp: Floats) -> tuple[Floats, Floats]:
+    """Pose (4, 4) of the tool centre point in the base, and its Jacobian (6, 6): (v, w) = J q'.
+
+    `tcp` is the pose (4, 4) of the tool centre point on the flange.
+    """
+    pose, axes = flange(q)
+    pose = pose @ tcp
+    arm, axis = pose[:3, 3] - axes[:, 0], axes[:, 1]
+    jacobian = np.empty((6, 6))
+    jacobian[0] = axis[:, 1] * arm[:, 2] - axis[:, 2] * arm[:, 1]
+    jacobian[1] = axis[:, 2] * arm[:, 0] - axis[:, 0] * arm[:, 2]
+    jacobian[2] = axis[:, 0] * arm[:, 1] - axis[:, 1] * arm[:, 0]
+    jacobian[3:] = axis.T
+    return pose, jacobian
+
+
+def joints_at(pose: Floats, tcp: Floats, near: Floats, steps: int = 30, tolerance: float = 1e-10) -> Floats | None:
+    """Joint angles (6,) that put the tool centre point at a pose (4, 4), by Newton's method; None where it fails."""
+    q = np.array(near, float)
+    for _ in range(steps):
+        found, jacobian = tip(q.tolist(), tcp)
+        error = np.concatenate([pose[:3, 3] - found[:3, 3], rotation_vector(pose[:3, :3] @ found[:3, :3].T)])
+        if np.abs(error).max() < tolerance:
+            turned = (q + np.pi) % (2 * np.pi) - np.pi if np.abs(q).max() > 2 * np.pi else q
+            return np.asarray(turned, np.float64)
+        try:
+            step = np.linalg.solve(jacobian, error)
+        except np.linalg.LinAlgError:
+            return None
+        largest = float(np.abs(step).max())
+        if not math.isfinite(largest):
+            return None
+        q = q + step * min(1.0, 0.5 / max(largest, 1e-12))
+    return None
+
+
+def rotation_matrix(vector: Sequence[float]) -> Floats:
+    """Rotation (3, 3) of a rotation vector [rad] (Rodrigues)."""
+    x, y, z = vector
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle < 1e-12:
+        return np.eye(3)
+    x, y, z = x / angle, y / angle, z / angle
+    c, s = math.cos(angle), math.sin(angle)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    outer = np.outer((x, y, z), (x, y, z))
+    return np.asarray(c * np.eye(3) + s * cross + (1.0 - c) * outer)
+
+
+def rotation_vector(matrix: Floats) -> Floats:
+    """Rotation vector (3,) [rad] of a rotation (3, 3), up to and including half turns."""
+    (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
+    axis = np.array([h - f, c - g, d - b])
+    sine, cosine = 0.5 * float(np.linalg.norm(axis)), 0.5 * (a + e + i - 1.0)
+    angle = math.atan2(sine, cosine)
+    if sine > 1e-6:
+        return np.asarray(axis * (angle / (2.0 * sine)))
+    if cosine > 0:
+        return 0.5 * axis
+    # Near a half turn the antisymmetric part vanishes: take the largest column of R + 1.
+    columns = matrix + np.eye(3)
+    column = columns[:, int(np.argmax(np.diag(columns)))]
+    direction = column / np.linalg.norm(column)
+    return np.asarray(direction * (angle if float(direction @ axis) >= 0 else -angle))
+
+
+def matrix_of(pose: Sequence[float]) -> Floats:
+    """Pose (4, 4) of UR's six numbers: position [m] and rotation vector [rad]."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation_matrix(pose[3:])
+    matrix[:3, 3] = pose[:3]
+    return matrix
+
+
+def pose_of(matrix: Floats) -> list[float]:
+    """UR's six numbers of a pose (4, 4)."""
+    return [*matrix[:3, 3].tolist(), *rotation_vector(matrix[:3, :3]).tolist()]
+
+
+def quaternion(matrix: Floats) -> Floats:
+    """Quaternion (x, y, z, w) of a rotation (3, 3), w not negative."""
+    vector = rotation_vector(matrix)
+    angle = float(np.linalg.norm(vector))
+    half = 0.5 * math.sin(0.5 * angle) / (0.5 * angle) if angle > 1e-12 else 0.5
+    return np.array([*(vector * half), math.cos(0.5 * angle)])

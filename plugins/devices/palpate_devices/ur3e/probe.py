@@ -1,0 +1,76 @@
+"""Asking a controller's ports before the client library is let near them: it hangs where they do not answer."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+
+from palpate import DeviceError
+
+RTDE, SCRIPT, DASHBOARD = 30004, 30003, 29999
+_TIMEOUT = 1.0  # [s]
+_VERSION_2 = b"\x00\x05\x56\x00\x02"
+
+
+def probe(host: str) -> dict[str, str]:
+    """What the controller says of itself; raises DeviceError where one of its ports does not answer as it should."""
+    _asked(host, RTDE, "RTDE", lambda link: _rtde(link, host))
+    facts = _asked(host, DASHBOARD, "dashboard", lambda link: _dashboard(link, host))
+    _asked(host, SCRIPT, "script", lambda link: {})
+    return facts
+
+
+def _asked(host: str, port: int, name: str, talk: Callable[[socket.socket], dict[str, str]]) -> dict[str, str]:
+    try:
+        with socket.create_connection((host, port), timeout=_TIMEOUT) as link:
+            return talk(link)
+    except TimeoutError as error:
+        raise DeviceError(f"{host}: the {name} port {port} does not answer within {_TIMEOUT:g} s") from error
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise DeviceError(
+            f"{host}: the {name} port {port} cannot be reached ({reason}); is the robot on, and is the address right?"
+        ) from error
+
+
+def _rtde(link: socket.socket, host: str) -> dict[str, str]:
+    link.sendall(_VERSION_2)
+    if _read(link, 4)[2:] != b"V\x01":
+        raise DeviceError(f"{host}: the controller does not speak RTDE version 2")
+    return {}
+
+
+def _dashboard(link: socket.socket, host: str) -> dict[str, str]:
+    lines = link.makefile("rw", encoding="utf-8", newline="\n")
+    lines.readline()
+    facts = {}
+    questions = {
+        "software": "PolyscopeVersion",
+        "serial": "get serial number",
+        "remote": "is in remote control",
+        "robot_mode": "robotmode",
+        "safety": "safetystatus",
+    }
+    for fact, question in questions.items():
+        lines.write(question + "\n")
+        lines.flush()
+        facts[fact] = lines.readline().strip().partition(": ")[2 if fact in ("robot_mode", "safety") else 0]
+    if facts["remote"] == "false":
+        raise DeviceError(f"{host}: the robot is not in remote control; switch it on the pendant")
+    if facts["robot_mode"] and facts["robot_mode"] != "RUNNING":
+        raise DeviceError(
+            f"{host}: the robot is {facts['robot_mode']}, not RUNNING; power it on and release its brakes"
+        )
+    if facts["safety"] and facts["safety"] not in ("NORMAL", "REDUCED"):
+        raise DeviceError(f"{host}: the robot's safety status is {facts['safety']}; clear it on the pendant")
+    return facts
+
+
+def _read(link: socket.socket, count: int) -> bytes:
+    data = b""
+    while len(data) < count:
+        chunk = link.recv(count - len(data))
+        if not chunk:
+            raise ConnectionResetError("connection closed")
+        data += chunk
+    return data

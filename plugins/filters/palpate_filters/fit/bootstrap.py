@@ -1,0 +1,54 @@
+"""Block bootstrap: fits to data made of the fit and its own residuals, drawn in blocks that keep their correlation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate_filters.fit.loss import Loss
+from palpate_filters.fit.record import Record
+from palpate_filters.fit.residual import Residual
+from palpate_filters.fit.solvers import solve_trf
+from palpate_filters.fit.uncertainty import Scatter
+from palpate_filters.fit.unknowns import Unknowns
+
+Floats = NDArray[np.float64]
+
+
+def block_bootstrap(
+    residual: Residual,
+    unknowns: Unknowns,
+    record: Record,
+    x: Floats,
+    loss: Loss,
+    found: Scatter,
+    repeats: int,
+    seed: int,
+    confidence: float,
+) -> dict[str, Any]:
+    """Standard deviation and percentile interval of each free unknown over refits (circular blocks; Politis 1992)."""
+    random = np.random.default_rng(seed)
+    error = residual.whole(record, x)[0]
+    used = np.flatnonzero(record.used)
+    left = error[used] / record.weight[used]
+    left = left - left.mean()
+    length = int(np.clip(np.ceil(max(len(left) ** (1 / 3), 10.0 * found.correlation_time)), 1, max(len(left) // 4, 1)))
+    expected = record.force.copy()
+    expected[used] += error[used] / record.weight[used]
+    values = np.empty((repeats, len(residual.free)))
+    for repeat in range(repeats):
+        starts = random.integers(0, len(left), -(-len(left) // length))
+        drawn = left[(starts[:, None] + np.arange(length)).ravel()[: len(left)] % len(left)]
+        force = expected.copy()
+        force[used] -= drawn
+        solution = solve_trf(residual, unknowns, record.with_force(force), x, loss)
+        values[repeat] = solution.x[list(residual.free)]
+    tail = 50.0 * (1.0 - confidence)
+    table = {}
+    for column, place in enumerate(residual.free):
+        low, high = np.percentile(values[:, column], [tail, 100.0 - tail])
+        name = unknowns.names[place]
+        table[name] = {"std": float(values[:, column].std(ddof=1)), "interval": [float(low), float(high)]}
+    return {"repeats": repeats, "block": length, "seed": seed, "unknowns": table}

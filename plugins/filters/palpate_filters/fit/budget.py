@@ -1,0 +1,158 @@
+"""An uncertainty budget after the GUM: source, standard uncertainty, sensitivity, contribution."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import ConfigurationError, ContactModel, Part, to_si
+
+from palpate_filters.fit.record import Record
+from palpate_filters.fit.residual import Residual, reading
+
+Floats = NDArray[np.float64]
+
+_READINGS = {"tip_mass": "kg", "force_scale": "1", "position_scale": "1", "bias": "N"}
+_SAMPLES = 20_000
+_PROBE = 1e-4  # [s], at which the sensitivity to a delay is taken
+
+
+@dataclass(frozen=True)
+class Source:
+    """Something that is known with a standard uncertainty only."""
+
+    name: str  # "radius", "tip_mass", "force_scale"
+    path: tuple[str, ...]  # of the model's key; empty for what concerns the readings
+    std: float
+    unit: str
+
+
+def sources_of(model: ContactModel, declared: Mapping[str, Any]) -> tuple[Source, ...]:
+    """The declared sources; raises ConfigurationError where one does not exist or has the wrong unit."""
+    keys = {".".join(path): (path, unit) for path, unit in _keys(model)}
+    found = []
+    for name, value in declared.items():
+        if name in ("delay", "timing"):
+            raise ConfigurationError(
+                "estimator casadi-fit: systematic: the uncertainty of timing belongs to the signal: set "
+                'uncertainty = "0.5 ms" beside its channel in [alignment]'
+            )
+        full = [key for key in keys if key == name or key.split(".")[-1] == name]
+        if name not in _READINGS and not full:
+            allowed = ", ".join([*_READINGS, *keys])
+            kind = type(model).__name__
+            raise ConfigurationError(
+                f"estimator casadi-fit: systematic: {name!r} is no number of {kind} or its tip; there are: {allowed}"
+            )
+        path, unit = ((), _READINGS[name]) if name in _READINGS else keys[full[0]]
+        try:
+            std = float(value) if unit == "1" and not isinstance(value, str) else to_si(value, unit)
+        except ValueError as error:
+            raise ConfigurationError(f"estimator casadi-fit: systematic: {name}: {error}") from error
+        if std < 0:
+            raise ConfigurationError(f"estimator casadi-fit: systematic: {name}: {std:g} is negative")
+        found.append(Source(name, tuple(path), std, unit))
+    return tuple(found)
+
+
+def _keys(part: Part, above: tuple[str, ...] = ()) -> list[tuple[tuple[str, ...], str]]:
+    """Every number among a part's keys, and its unit."""
+    found: list[tuple[tuple[str, ...], str]] = []
+    for name, field in type(part).model_fields.items():
+        value = getattr(part, name)
+        if isinstance(value, Part):
+            found += _keys(value, (*above, name))
+        elif isinstance(value, float):
+            unit = next((item.unit for item in field.metadata if isinstance(getattr(item, "unit", None), str)), "1")
+            found.append(((*above, name), unit))
+    return found
+
+
+def with_key(part: Any, path: tuple[str, ...], change: float) -> Any:
+    """A part with a number among its keys changed."""
+    name, *rest = path
+    inner = getattr(part, name)
+    changed = with_key(inner, tuple(rest), change) if rest else inner + change
+    return part.model_copy(update={name: changed})
+
+
+class Sensitivities:
+    """How a change of anything moves the minimum: -(J^T J)^-1 J^T of the change of the residual (first order)."""
+
+    def __init__(self, residual: Residual, record: Record, x: Floats, held: NDArray[np.bool_]) -> None:
+        self._residual = residual
+        self._record = record if residual.model.memory else record.thinned(_SAMPLES)
+        self._x = x
+        self.jacobian = residual.whole(self._record, x)[1]
+        moving = np.where(held, 0.0, self.jacobian)
+        lengths = np.sqrt(np.sum(moving**2, axis=0))
+        lengths[lengths == 0] = 1.0
+        self._solve = np.linalg.pinv(moving / lengths) / lengths[:, None]
+
+    def of_model(self, path: tuple[str, ...], std: float) -> Floats:
+        """Shift (p,) of the free unknowns for one standard uncertainty of a key of the model."""
+        up, down = (self._errors(with_key(self._residual.model, path, side * std), self._x) for side in (1, -1))
+        return self._shift(0.5 * (up - down))
+
+    def of_parameter(self, place: int, step: float) -> Floats:
+        """Shift for a step of a parameter that is not free."""
+        return self._shift(self.column(place, step) * step)
+
+    def column(self, place: int, step: float) -> Floats:
+        """Derivative (n,) of the residual by a parameter that is not free."""
+        up, down = self._x.copy(), self._x.copy()
+        up[place] += step
+        down[place] -= step
+        model = self._residual.model
+        return (self._errors(model, up) - self._errors(model, down)) / (2 * step)
+
+    def of_force(self, share: float) -> Floats:
+        """Shift for a force that reads too much by a share of itself."""
+        return self._shift(-share * self._record.weight * self._record.force)
+
+    def of_position(self, share: float) -> Floats:
+        """Shift for a position, rate and acceleration that read too much by a share."""
+        columns = self._record.columns.copy()
+        fixed = float(self._record.height.max())
+        columns[:, 0] = fixed + (columns[:, 0] - fixed) * (1 + share)
+        columns[:, 7] = fixed + (columns[:, 7] - fixed) * (1 + share)
+        columns[:, [1, 2, 8]] *= 1 + share
+        changed = self._errors(self._residual.model, self._x, Record(columns, self._record.transition))
+        return self._shift(changed - self._errors(self._residual.model, self._x))
+
+    def _shift(self, change: Floats) -> Floats:
+        return np.asarray(-self._solve @ change)
+
+    def _errors(self, model: ContactModel, x: Floats, record: Record | None = None) -> Floats:
+        record = record or self._record
+        if model.memory:
+            return Residual(model, ()).whole(record, x)[0].copy()
+        expected = reading(model, x.tolist(), list(record.columns.T), record.transition)
+        return np.asarray(record.weight * (expected - record.force))
+
+
+def shift_of(source: Source, found: Sensitivities, places: Mapping[str, int]) -> Floats:
+    """Shift (p,) of the free unknowns for one standard uncertainty of a source."""
+    if source.path:
+        return found.of_model(source.path, source.std)
+    if source.name == "force_scale":
+        return found.of_force(source.std)
+    if source.name == "position_scale":
+        return found.of_position(source.std)
+    return found.of_parameter(places[source.name], source.std)
+
+
+def row(
+    source: str, std: float | None, unit: str, shift: Floats, step: float, names: list[str], x: Floats
+) -> dict[str, Any]:
+    """One row of the budget; `shift` is what a change of `step` does to the unknowns of these names and values."""
+    effects = {}
+    for name, moved, value in zip(names, shift.tolist(), x.tolist(), strict=True):
+        sensitivity = moved / step if step else 0.0
+        contribution = None if std is None else abs(sensitivity) * std
+        percent = 100.0 * contribution / abs(value) if contribution is not None and value else None
+        effects[name] = {"sensitivity": sensitivity, "contribution": contribution, "percent": percent}
+    return {"source": source, "u": std, "unit": unit, "effects": effects}

@@ -1,0 +1,132 @@
+"""First guess: the surface on a grid, everything that enters linearly solved for, on a few hundred samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import ContactModel
+
+from palpate_filters.fit.record import Record
+from palpate_filters.fit.refusal import NotFitted
+from palpate_filters.fit.residual import reading
+from palpate_filters.fit.unknowns import EXTRAS, Unknown, Unknowns
+
+Floats = NDArray[np.float64]
+
+_SAMPLES = 500
+_LINEAR_EXTRAS = ("bias", "slope", "tip_mass")
+_INSIDE = np.linspace(0.0, 1.0, 41)[1:]  # heights within the record, as shares of its range from the bottom
+_ABOVE = np.geomspace(0.01, 12.0, 36)  # heights above it
+_GRIDS = {"1": (1.0, 1.5, 2.0, 3.0), "s": (0.03, 0.1, 0.3, 1.0)}  # of what is not linear, by unit
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A start for the solvers."""
+
+    x: Floats  # (P,)
+    cost: float
+
+
+def linear_places(model: ContactModel, unknowns: Unknowns) -> list[int]:
+    """Places of the free unknowns in which, taken together, the residual is linear; found from the expression."""
+    import casadi as ca
+
+    depth, rate = ca.SX.sym("d"), ca.SX.sym("v")
+    theta: Any = ca.SX.sym("t", len(model.parameters))
+    memory = ca.SX.sym("m", len(model.memory))
+    force = model.force(depth, rate, ca.vertsplit(theta), ca.vertsplit(memory) if model.memory else ())
+    found: list[int] = []
+    for place in range(len(model.parameters)):
+        together = ca.vertcat(*(theta[i] for i in [*found, place]))
+        if ca.is_linear(force, together):
+            found.append(place)
+    if model.memory:
+        rates = ca.vertcat(*model.memory_rate(depth, rate, ca.vertsplit(theta), ca.vertsplit(memory)))
+        found = [place for place in found if not ca.depends_on(rates, theta[place])]
+    found += [unknowns.index(name) for name in _LINEAR_EXTRAS]
+    return [place for place in found if unknowns.items[place].free]
+
+
+def first_guess(model: ContactModel, unknowns: Unknowns, record: Record) -> Floats:
+    """Values (P,) of all parameters to start from; raises NotFitted where nothing fits."""
+    thin = record.thinned(_SAMPLES)
+    thin = Record(thin.columns[thin.used], thin.transition)
+    linear = linear_places(model, unknowns)
+    grids = [_grid(item, place, linear, thin) for place, item in enumerate(unknowns.items)]
+    surfaces = grids.pop(unknowns.index("surface"))
+    best = Guess(np.zeros(len(unknowns.items)), np.inf)
+    names = [i for i in range(len(unknowns.items)) if i != unknowns.index("surface")]
+    for others in product(*grids):
+        x = np.zeros(len(unknowns.items))
+        x[names] = others
+        for surface in surfaces:
+            x[unknowns.index("surface")] = surface
+            guess = solve_linear(model, unknowns, thin, x, linear)
+            if guess.cost < best.cost:
+                best = guess
+    if not np.isfinite(best.cost):
+        raise NotFitted("not-fitted", "no start was found at which the model gives a finite force")
+    return best.x
+
+
+def _grid(item: Unknown, place: int, linear: Sequence[int], record: Record) -> tuple[float, ...]:
+    if item.value is not None and not (item.free and place in linear):
+        return (item.value,)
+    if not item.free or place in linear:
+        return (0.0,)
+    if item.name == "surface":
+        low, reach = float(record.height.min()), float(np.ptp(record.height))
+        heights = np.concatenate([low + reach * _INSIDE, low + reach * (1 + _ABOVE)])
+        inside = heights[(heights >= item.lower) & (heights <= item.upper)]
+        return tuple(inside.tolist()) or (item.inside(float(record.height.max())),)
+    if item.name == "delay":
+        return (item.inside(0.0),)
+    if np.isfinite(item.upper) and item.upper > item.lower and item.name not in EXTRAS:
+        return tuple((item.lower + (item.upper - item.lower) * np.array([0.2, 0.5, 0.8])).tolist())
+    allowed = tuple(value for value in _GRIDS.get(item.unit, (1.0,)) if item.lower <= value <= item.upper)
+    return allowed or (item.inside(1.0),)
+
+
+def solve_linear(model: ContactModel, unknowns: Unknowns, record: Record, x: Floats, linear: Sequence[int]) -> Guess:
+    """The best values of the linear unknowns beside given others, within bounds, and their cost."""
+    from scipy.optimize import lsq_linear
+
+    rows, memory = list(record.columns.T), (0.0,) * len(model.memory)
+    base = x.copy()
+    base[list(linear)] = 0.0
+    with np.errstate(all="ignore"):
+        error = record.weight * (reading(model, base.tolist(), rows, record.transition, memory) - record.force)
+        columns = list(_columns(model, record, base, linear, error, memory))
+    if not columns:
+        return Guess(base, float(error @ error) if np.isfinite(error).all() else np.inf)
+    matrix = np.column_stack(columns)
+    scale = np.sqrt(np.sum(matrix**2, axis=0))
+    if not (np.isfinite(matrix).all() and np.isfinite(error).all()):
+        return Guess(base, np.inf)
+    scale[scale == 0] = 1.0
+    low, high = unknowns.bounds(linear)
+    found = np.linalg.lstsq(matrix / scale, -error, rcond=None)[0] / scale
+    if np.any(found < low) or np.any(found > high):
+        square: Any = np.linalg.qr(np.column_stack([matrix / scale, -error]), mode="r")
+        solved = lsq_linear(square[:, :-1], square[:, -1], (low * scale, high * scale), method="bvls")
+        found = np.clip(solved.x / scale, low, high)
+    base[list(linear)] = found
+    left = error + matrix @ found
+    return Guess(base, float(left @ left))
+
+
+def _columns(
+    model: ContactModel, record: Record, base: Floats, linear: Sequence[int], error: Floats, memory: Sequence[float]
+) -> Iterator[Floats]:
+    rows = list(record.columns.T)
+    for place in linear:
+        unit = base.copy()
+        unit[place] = 1.0
+        one = reading(model, unit.tolist(), rows, record.transition, memory)
+        yield record.weight * (one - record.force) - error

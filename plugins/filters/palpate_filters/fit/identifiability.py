@@ -1,0 +1,51 @@
+"""What a record can tell apart, and what it cannot."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+_WORTH_SAYING = 0.9
+INDISTINCT = 0.998  # beyond it, one of the two could be 15 times better known if the other were
+
+
+def identifiability(jacobian: Floats, names: list[str], free: int) -> dict[str, Any]:
+    """Singular values of the Jacobian (n, k) with columns of length 1, and pairs of unknowns by their correlation.
+
+    The first `free` columns are those of the fit; the others are causes that were not fitted, each of which is set
+    against every fitted one as if it had been. A pair's correlation is that of the estimates, all free unknowns open.
+    """
+    lengths = np.sqrt(np.sum(jacobian**2, axis=0))
+    blind = [name for name, length in zip(names, lengths, strict=True) if length == 0]
+    scaled = jacobian / np.where(lengths > 0, lengths, 1.0)
+    values = np.linalg.svd(scaled[:, :free], compute_uv=False) if free else np.zeros(0)
+    pairs = []
+    correlation = correlations(scaled[:, :free])
+    for i, j in combinations(range(free), 2):
+        pairs.append((names[i], names[j], float(correlation[i, j]), True))
+    for other in range(free, len(names)):
+        extended = correlations(scaled[:, [*range(free), other]])
+        pairs += [(names[i], names[other], float(extended[i, -1]), False) for i in range(free)]
+    pairs = [pair for pair in pairs if abs(pair[2]) >= _WORTH_SAYING]
+    pairs.sort(key=lambda pair: -abs(pair[2]))
+    return {
+        "singular_values": [float(value) for value in values],
+        "condition": float(values[0] / values[-1]) if len(values) and values[-1] > 0 else None,
+        "pairs": [{"first": a, "second": b, "correlation": rho, "both_fitted": fitted} for a, b, rho, fitted in pairs],
+        "without_effect": [name for name in blind if name in names[:free]],
+    }
+
+
+def correlations(jacobian: Floats) -> Floats:
+    """Correlation (k, k) of the estimates that belong to the columns of a Jacobian (n, k)."""
+    if jacobian.shape[1] == 0:
+        return np.zeros((0, 0))
+    inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-15, hermitian=True)
+    variance = np.diag(inverse)
+    std = np.sqrt(np.where(variance > 0, variance, 1.0))
+    return np.asarray(np.clip(inverse / np.outer(std, std), -1.0, 1.0))

@@ -1,0 +1,52 @@
+"""Losses: how much a residual counts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Loss:
+    """rho(r): r^2 ("linear"), Huber's, or soft-L1 2 s^2 (sqrt(1 + (r/s)^2) - 1), with a scale s [N]."""
+
+    kind: Literal["linear", "huber", "soft-l1"] = "linear"
+    scale: float = 1.0
+
+    def scaled(self, values: Floats) -> Floats:
+        """[r, J] (n, 1 + p) such that the plain sum of squares of the first column is the loss, with its Jacobian."""
+        if self.kind == "linear":
+            return values
+        r = values[:, 0]
+        size = np.maximum(np.abs(r) / self.scale, 1e-9)
+        root = self.scale * np.sqrt(self._of(size))
+        slope = self._slope(size) * size * self.scale / root
+        return np.column_stack([np.sign(r) * root, slope[:, None] * values[:, 1:]])
+
+    def _of(self, size: Floats) -> Floats:
+        """rho/s^2 at |r|/s."""
+        if self.kind == "huber":
+            return np.asarray(np.where(size <= 1, size**2, 2 * size - 1))
+        return np.asarray(2.0 * size**2 / (np.sqrt(1 + size**2) + 1))  # 2 (sqrt(1 + z^2) - 1) without cancellation
+
+    def _slope(self, size: Floats) -> Floats:
+        """rho'(r)/(2 r)."""
+        if self.kind == "huber":
+            return np.asarray(np.where(size <= 1, 1.0, 1.0 / size))
+        if self.kind == "soft-l1":
+            return 1.0 / np.sqrt(1 + size**2)
+        return np.ones_like(size)
+
+    def influence(self, residual: Floats) -> tuple[Floats, Floats]:
+        """psi = rho'/2 (n,) and its derivative (n,) at residuals (n,): what robust standard deviations are made of."""
+        size = np.abs(residual) / self.scale
+        if self.kind == "huber":
+            return residual * self._slope(size), np.where(size <= 1, 1.0, 0.0)
+        if self.kind == "soft-l1":
+            return residual * self._slope(size), (1 + size**2) ** -1.5
+        return residual, np.ones_like(residual)

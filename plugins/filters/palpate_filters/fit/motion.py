@@ -1,0 +1,108 @@
+"""Depth rate and acceleration of a recorded motion, without delay."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Samples
+
+Floats = NDArray[np.float64]
+
+_ORDER = 3  # of the local polynomial
+_SHORTEST = 5  # samples
+_LONGEST = 0.2  # [s] that the window is widened to by itself
+_NOISE_SHARE = 0.02  # of the RMS rate, below which noise of the rate no longer bends an estimate
+_GAP = 5.0  # median intervals
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How the tip moved, in the direction of depth."""
+
+    rate: Floats  # (n,) d' [m/s]
+    acceleration: Floats  # (n,) d'' [m/s^2]
+    window: float  # [s] of the local polynomial
+
+
+def zero_phase_motion(samples: Samples, window: float | None) -> Motion:
+    """Rate and acceleration by local cubics over a symmetric window [s] (Savitzky and Golay 1964).
+
+    The rate joins the slope of the position and the smoothed velocity, each weighted by the inverse variance of its
+    noise, which third differences tell. Noise of the rate lowers a viscosity (errors in variables) by its share of the
+    rate's mean square, so without a given window the shortest one is taken that keeps this share below 0.04 %.
+    """
+    interval = float(np.median(samples.interval[1:])) if len(samples) > 1 else 1.0
+    interval = interval if interval > 0 else 1.0
+    if window is not None:
+        return _motion(samples, interval, _odd(window / interval))
+    width = _SHORTEST
+    noise = _noise_of(samples.position), _noise_of(samples.velocity)
+    speed = float(np.sqrt(np.nanmean(samples.velocity**2))) if np.isfinite(samples.velocity).any() else 0.0
+    while width * interval < _LONGEST and _rate_noise(noise, width, interval) > _NOISE_SHARE * speed:
+        width = _odd(1.2 * width + 2)
+    return _motion(samples, interval, width)
+
+
+def _odd(width: float) -> int:
+    return max(int(width) // 2 * 2 + 1, _SHORTEST)
+
+
+def _noise_of(values: Floats) -> float:
+    """Standard deviation [as values] of white noise that would give the third differences of a record."""
+    differences = np.diff(values, 3)
+    differences = differences[np.isfinite(differences)]
+    return float(np.sqrt(np.mean(differences**2) / 20.0)) if len(differences) else np.inf
+
+
+def _variances(noise: tuple[float, float], width: int, interval: float) -> tuple[float, float]:
+    """Variance of the rate [(m/s)^2] from the slope of the position, and from the smoothed velocity."""
+    from scipy.signal import savgol_coeffs
+
+    slope = noise[0] / interval * np.linalg.norm(savgol_coeffs(width, _ORDER, deriv=1))
+    value = noise[1] * np.linalg.norm(savgol_coeffs(width, _ORDER))
+    return float(slope) ** 2, float(value) ** 2
+
+
+def _rate_noise(noise: tuple[float, float], width: int, interval: float) -> float:
+    slope, value = _variances(noise, width, interval)
+    return float(np.sqrt(slope * value / (slope + value))) if slope + value > 0 else 0.0
+
+
+def _motion(samples: Samples, interval: float, width: int) -> Motion:
+    n = len(samples)
+    slope, smooth, acceleration = np.zeros(n), np.zeros(n), np.zeros(n)
+    noise = _noise_of(samples.position), _noise_of(samples.velocity)
+    variances = _variances(noise, width, interval)
+    total = sum(variances)
+    share = variances[0] / total if np.isfinite(total) and total > 0 else 0.0  # of the velocity
+    for rows in _stretches(samples.interval, interval):
+        length = rows.stop - rows.start
+        fitting = min(width, (length - 1) // 2 * 2 + 1)
+        if fitting < _SHORTEST:
+            slope[rows] = smooth[rows] = np.nan_to_num(samples.velocity[rows])
+            continue
+        step = _smoothed(samples.time[rows], fitting, 1)
+        slope[rows] = _smoothed(samples.position[rows], fitting, 1) / step
+        velocity = samples.velocity[rows]
+        smooth[rows] = _smoothed(np.where(np.isfinite(velocity), velocity, slope[rows]), fitting, 0)
+        acceleration[rows] = _smoothed((1 - share) * slope[rows] + share * smooth[rows], fitting, 1) / step
+    rate = (1 - share) * slope + share * smooth
+    return Motion(-rate, -acceleration, width * interval)
+
+
+def _smoothed(values: Floats, width: int, derivative: int) -> Floats:
+    from scipy.signal import savgol_filter
+
+    return np.asarray(savgol_filter(values, width, _ORDER, deriv=derivative))
+
+
+def _stretches(intervals: Floats, usual: float) -> Iterator[slice]:
+    """Rows between gaps."""
+    cuts = np.flatnonzero(intervals > _GAP * usual)
+    cuts = cuts[cuts > 0]
+    for first, last in zip([0, *cuts], [*cuts, len(intervals)], strict=True):
+        if last > first:
+            yield slice(int(first), int(last))

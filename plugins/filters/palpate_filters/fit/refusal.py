@@ -1,0 +1,11 @@
+"""How a fit says that it cannot be done."""
+
+from __future__ import annotations
+
+
+class NotFitted(Exception):  # noqa: N818 - it is an outcome, not a mistake
+    """The samples do not allow the fit; becomes a flag ``code: text`` of the track, never a number."""
+
+    def __init__(self, code: str, text: str) -> None:
+        super().__init__(text)
+        self.flag = f"{code}: {text}"

@@ -1,0 +1,250 @@
+"""What a fit reports: estimates, and the details that go into result.json."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Estimates
+
+from palpate_filters.fit.bootstrap import block_bootstrap
+from palpate_filters.fit.budget import Sensitivities, row, shift_of
+from palpate_filters.fit.identifiability import INDISTINCT, identifiability
+from palpate_filters.fit.profile import Profile
+from palpate_filters.fit.residual import touching
+from palpate_filters.fit.tracker import Fit
+from palpate_filters.fit.uncertainty import Scatter, mean_uncertainty, scatter
+from palpate_filters.fit.unknowns import EXTRAS
+
+Floats = NDArray[np.float64]
+
+_MISFIT = 2.0  # RMS of the residual against its white noise
+_LONG_CORRELATION = 50.0  # samples
+_AT_EDGE = 1e-3  # standard deviations
+_USELESS = 0.5  # relative standard deviation of an elastic parameter
+_PROBE = 1e-4  # [s]
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """A fit with its uncertainty."""
+
+    fit: Fit
+    scatter: Scatter
+    random: Floats  # (p,) standard uncertainty of the free unknowns from the residuals
+    systematic: Floats  # (p,) from everything declared, without timing
+    held: NDArray[np.bool_]  # (p,) at a bound
+    budget: list[dict[str, Any]]
+    identifiability: dict[str, Any]
+    quantile: float
+
+
+def estimates_of(fit: Fit) -> Estimates:
+    """Estimates (n,) of a fit, with details and flags."""
+    judged = _judge(fit)
+    samples, rows, x = fit.samples, fit.rows, fit.solution.x
+    k = len(fit.problem.model.parameters)
+    total = _total(judged)
+    empty = Estimates.idle(samples, k)
+    values, std = empty.values, empty.std
+    values[rows], std[rows] = x[:k], total[:k]
+    empty.surface[rows], empty.surface_std[rows] = x[k], total[k]
+    error, force = _reconstruction(fit)
+    empty.force[rows] = force
+    noise = judged.scatter.rss / max(judged.scatter.samples - len(fit.residual.free), 1)
+    empty.nis[rows] = error**2 / noise if noise > 0 else np.nan
+    empty.status[rows] = 0
+    return Estimates(
+        samples.time, values, std, empty.surface, empty.surface_std, empty.force, empty.nis, empty.status,
+        _details(judged, total), (*fit.notes, *_flags(judged, total)),
+    )  # fmt: skip
+
+
+def _reconstruction(fit: Fit) -> tuple[Floats, Floats]:
+    """Weighted residual and contact force of the model (m,) at the fitted samples."""
+    record, x, k = fit.record, fit.solution.x, len(fit.problem.model.parameters)
+    error = np.concatenate([values[:, 0].copy() for _, values in fit.residual.blocks(record, x)])
+    weight = np.where(record.used, record.weight, 1.0)
+    bias, slope, mass = (x[k + EXTRAS.index(name)] for name in ("bias", "slope", "tip_mass"))
+    columns = record.columns
+    force = error / weight + columns[:, 3] - mass * columns[:, 2] - bias - slope * columns[:, 4]
+    if not fit.problem.model.memory:
+        # What the transition leaves of a force above the surface is no force.
+        delay = x[k + EXTRAS.index("delay")]
+        depth = x[k] - columns[:, 0] - delay * columns[:, 1] + 0.5 * delay**2 * columns[:, 2]
+        force = np.where(touching(depth, 0.0, record.transition)[0] > record.transition, force, 0.0)
+    return error[record.used], force[record.used]
+
+
+def _judge(fit: Fit) -> _Judged:
+    from scipy.stats import t
+
+    found = scatter(fit.residual, fit.record, fit.solution.x, fit.loss)
+    free = list(fit.residual.free)
+    random = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    low, high = fit.unknowns.bounds(free)
+    x = fit.solution.x[free]
+    held = (x - low < _AT_EDGE * random) | (high - x < _AT_EDGE * random)
+    sensitivities = Sensitivities(fit.residual, fit.record, fit.solution.x, held)
+    table, systematic = _budget(fit, sensitivities, random)
+    names = [fit.unknowns.names[place] for place in free]
+    jacobian = sensitivities.jacobian
+    if "delay" not in names:
+        jacobian = np.column_stack([jacobian, sensitivities.column(fit.unknowns.index("delay"), _PROBE)])
+    apart = identifiability(jacobian, names if "delay" in names else [*names, "delay"], len(free))
+    quantile = float(t.ppf(0.5 + fit.settings.confidence / 2, max(found.effective_samples - len(free), 1.0)))
+    return _Judged(fit, found, random, systematic, held, table, apart, quantile)
+
+
+def _budget(fit: Fit, found: Sensitivities, random: Floats) -> tuple[list[dict[str, Any]], Floats]:
+    """Rows of the budget, and the standard uncertainty (p,) that all but the random and the timing row add up to."""
+    free, names = list(fit.residual.free), fit.unknowns.names
+    labels, values = [names[place] for place in free], fit.solution.x[free]
+    places = {name: place for place, name in enumerate(names)}
+    effects = {
+        name: {"sensitivity": None, "contribution": u, "percent": 100 * u / abs(value) if value else None}
+        for name, u, value in zip(labels, random.tolist(), values.tolist(), strict=True)
+    }
+    table: list[dict[str, Any]] = [{"source": "scatter of the residuals", "u": None, "unit": "", "effects": effects}]
+    variance = np.zeros(len(free))
+    for source in fit.sources:
+        shift = shift_of(source, found, places)
+        table.append(row(source.name, source.std, source.unit, shift, source.std, labels, values))
+        variance += shift**2
+    for label, name, std, unit in _implied(fit):
+        shift = found.of_parameter(places[name], std)
+        table.append(row(label, std, unit, shift, std, labels, values))
+        variance += shift**2
+    if places["delay"] not in free:
+        shift = found.of_parameter(places["delay"], _PROBE)
+        label = "timing of force against motion" + (
+            "" if fit.problem.timing_uncertainty is not None else " (not declared)"
+        )
+        table.append(row(label, fit.problem.timing_uncertainty, "s", shift, _PROBE, labels, values))
+    return table, np.sqrt(variance)
+
+
+def _implied(fit: Fit) -> Iterator[tuple[str, str, float, str]]:
+    """Sources that the record itself declares: the tare, and a contact point that is not fitted."""
+    names = {fit.unknowns.names[place] for place in fit.residual.free}
+    declared = {source.name for source in fit.sources}
+    if not {"bias"} & (names | declared | set(fit.settings.fixed)) and fit.approach is not None:
+        yield "tare", "bias", mean_uncertainty(fit.approach.force[: fit.approach.air]), "N"
+    if fit.settings.contact_point != "free":
+        yield "contact point", "surface", fit.points[fit.settings.contact_point].std, "m"
+
+
+def _total(judged: _Judged) -> Floats:
+    """Standard uncertainty (P,) of all parameters, timing left out; 0 for those that are fixed."""
+    fit = judged.fit
+    total = np.zeros(len(fit.solution.x))
+    total[list(fit.residual.free)] = np.hypot(judged.random, judged.systematic)
+    if fit.settings.contact_point != "free":
+        total[fit.unknowns.index("surface")] = fit.points[fit.settings.contact_point].std
+    return total
+
+
+def _details(judged: _Judged, total: Floats) -> dict[str, Any]:
+    fit, found = judged.fit, judged.scatter
+    free, names = list(fit.residual.free), fit.unknowns.names
+    count, n = len(free) + 1, found.samples  # the noise is a parameter, too
+    likelihood = n * float(np.log(max(found.rss / n, 1e-300)))
+    depth = fit.solution.x[fit.unknowns.index("surface")] - fit.record.height[fit.record.used]
+    details = {
+        "fit": True,
+        "solver": fit.solver,
+        "evaluations": fit.solution.evaluations,
+        "segment": fit.settings.segment,
+        "samples": n,
+        "cycles": fit.course.cycles,
+        "depth": float(depth.max()),
+        "rate_rms": float(np.sqrt(np.mean(fit.record.columns[fit.record.used, 1] ** 2))),
+        "smoothing": fit.motion.window,
+        "unknowns": _table(judged, total),
+        "covariance": {"names": [names[i] for i in free], "matrix": found.covariance.tolist()},
+        "rss": found.rss,
+        "rms": float(np.sqrt(found.rss / n)),
+        "noise": found.noise,
+        "aic": likelihood + 2 * count,
+        "bic": likelihood + count * float(np.log(n)),
+        "autocorrelation": {
+            "first": found.first_correlation,
+            "time": found.correlation_time,
+            "effective_samples": found.effective_samples,
+        },
+        "confidence": fit.settings.confidence,
+        "budget": judged.budget,
+        "identifiability": judged.identifiability,
+        "contact_points": {name: {"surface": p.surface, "std": p.std} for name, p in fit.points.items()},
+        "timing_included": fit.unknowns.index("delay") in free,
+        "notes": ["AIC and BIC count every sample as independent; use their order, not their size"],
+    }
+    if fit.settings.bootstrap:
+        details["bootstrap"] = block_bootstrap(
+            fit.residual, fit.unknowns, fit.record, fit.solution.x, fit.loss, found, fit.settings.bootstrap,
+            fit.settings.seed, fit.settings.confidence,
+        )  # fmt: skip
+    return details
+
+
+def _table(judged: _Judged, total: Floats) -> dict[str, Any]:
+    """By name: value, bounds, and for what is free its uncertainties and interval."""
+    fit, free = judged.fit, list(judged.fit.residual.free)
+    profile = None
+    if fit.settings.profile and free:
+        profile = Profile(fit.residual, fit.unknowns, fit.record, fit.solution.x, fit.loss)
+    table: dict[str, Any] = {}
+    for place, item in enumerate(fit.unknowns.items):
+        value = float(fit.solution.x[place])
+        known: dict[str, Any] = {"value": value, "unit": item.unit, "free": place in free}
+        if place in free:
+            j = free.index(place)
+            random = float(judged.random[j])
+            known |= {"std": float(total[place]), "random": random, "systematic": float(judged.systematic[j])}
+            known |= {"lower": item.lower, "upper": item.upper, "at_bound": bool(judged.held[j])}
+            profiled = profile is not None and (item.name not in EXTRAS or item.name == "surface")
+            ends = profile.interval(place, random, judged.quantile) if profile is not None and profiled else None
+            known["interval_by"] = "profile" if ends else "normal"
+            known["interval"] = list(ends or (value - judged.quantile * random, value + judged.quantile * random))
+        table[item.name] = known
+    return table
+
+
+def _misfit(fit: Fit, found: Scatter) -> Iterator[str]:
+    """Whether the residual is more than the noise in the air, or than its own white noise where there was no air."""
+    rms = float(np.sqrt(found.rss / max(found.samples, 1)))
+    noise = fit.approach.noise if fit.approach is not None else found.noise
+    if noise > 0 and rms > _MISFIT * noise:
+        yield f"misfit: the residual of {rms:.3g} N is more than noise, {noise:.3g} N: something is not in the model"
+    if found.correlation_time > _LONG_CORRELATION:
+        yield (
+            f"correlated-residuals: they hang together over {found.correlation_time:.3g} samples, so {found.samples} "
+            f"count as {found.effective_samples:.3g}; the std says so, but something is not in the model"
+        )
+
+
+def _flags(judged: _Judged, total: Floats) -> Iterator[str]:
+    fit, found = judged.fit, judged.scatter
+    free, names, x = list(fit.residual.free), fit.unknowns.names, fit.solution.x
+    if not fit.solution.converged:
+        yield f"not-converged: the solver {fit.solver} stopped after {fit.solution.evaluations} evaluations"
+    for j, place in enumerate(free):
+        if judged.held[j]:
+            by_force = names[place] == "surface" and fit.settings.force_uncertainty is not None
+            what = "where the measured force leaves force_uncertainty" if by_force else "a bound"
+            yield f"at-bound: {names[place]} is at {what}, {x[place]:.5g} {fit.unknowns.items[place].unit}"
+    yield from _misfit(fit, found)
+    for name in judged.identifiability["without_effect"]:
+        yield f"not-identifiable: {name} has no effect on the force in this record"
+    for pair in judged.identifiability["pairs"]:
+        if pair["both_fitted"] and abs(pair["correlation"]) > INDISTINCT:
+            yield f"hard-to-tell-apart: {pair['first']} and {pair['second']} (correlation {pair['correlation']:+.5f})"
+    for parameter, value, std in zip(fit.problem.model.parameters, x.tolist(), total.tolist(), strict=False):
+        if parameter.role == "elastic" and std > _USELESS * abs(value):
+            yield f"not-identifiable: {parameter.name} of {value:.3g} {parameter.unit} has a std of {std:.2g}"
+        elif std > _USELESS * abs(value):
+            found_so = f"{value:.3g} with a std of {std:.2g} {parameter.unit}"
+            yield f"undetermined: this record does not tell {parameter.name}: {found_so}"

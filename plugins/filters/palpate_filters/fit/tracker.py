@@ -1,0 +1,235 @@
+"""A fit at work: from the record to estimates, once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Estimates, Problem, Samples
+
+from palpate_filters.fit.budget import Source
+from palpate_filters.fit.contact_point import (
+    METHODS,
+    Approach,
+    ContactPoint,
+    constrained_surface,
+    contact_point,
+    first_approach,
+)
+from palpate_filters.fit.first_guess import first_guess, linear_places
+from palpate_filters.fit.loss import Loss
+from palpate_filters.fit.motion import Motion, zero_phase_motion
+from palpate_filters.fit.record import Record, make_record
+from palpate_filters.fit.refusal import NotFitted
+from palpate_filters.fit.residual import Residual
+from palpate_filters.fit.segments import Passage, Rows, Window, passage, segment_rows
+from palpate_filters.fit.solvers import Solution, solve_ipopt, solve_trf, solve_varpro
+from palpate_filters.fit.unknowns import Unknowns
+
+if TYPE_CHECKING:
+    from palpate_filters.fit.estimator import CasadiFit
+
+Floats = NDArray[np.float64]
+
+_AIR_SHARE = 0.1  # of the samples, from which on they tell the bias
+_FEWEST = 5  # samples for each unknown
+_STANDS = 10  # equal readings at the end of the range, in contact: the sensor is saturated
+_THIN = 1000
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A finished fit and all that its report needs."""
+
+    settings: CasadiFit
+    problem: Problem
+    samples: Samples
+    rows: Rows  # (n,) fitted samples
+    course: Passage
+    motion: Motion
+    approach: Approach | None
+    points: dict[str, ContactPoint]
+    sources: tuple[Source, ...]
+    unknowns: Unknowns
+    linear: tuple[int, ...]
+    record: Record
+    residual: Residual
+    solution: Solution
+    solver: str
+    loss: Loss
+    notes: tuple[str, ...]  # flags met on the way
+
+
+class FitTracker:
+    """Fits the whole record that `run` is given; every run starts from nothing."""
+
+    def __init__(
+        self,
+        settings: CasadiFit,
+        problem: Problem,
+        windows: tuple[Window, ...],
+        unknowns: Unknowns,
+        sources: tuple[Source, ...],
+    ) -> None:
+        self._settings, self._problem, self._windows = settings, problem, windows
+        self._unknowns, self._sources = unknowns, sources
+        self._residuals: dict[tuple[int, ...], Residual] = {}
+
+    def run(self, samples: Samples) -> Estimates:
+        """Estimates for the whole record; constant over the fitted samples, and idle beside them."""
+        from palpate_filters.fit.report import estimates_of
+
+        if not len(samples):
+            return Estimates.idle(samples, len(self._problem.model.parameters))
+        known = np.isfinite(samples.position)
+        if not known.all():
+            return _spread(self.run(samples[known]), samples, known)
+        try:
+            return estimates_of(self.fit(samples))
+        except NotFitted as refusal:
+            idle = Estimates.idle(samples, len(self._problem.model.parameters))
+            return Estimates(**{**vars(idle), "flags": (refusal.flag,)})
+
+    def fit(self, samples: Samples) -> Fit:
+        """The fit of a record; raises NotFitted where it cannot be done."""
+        settings, notes = self._settings, list[str]()
+        course = passage(samples)
+        motion = zero_phase_motion(samples, settings.smoothing)
+        rows = segment_rows(self._windows, samples, motion.rate, course)
+        rows = _without_saturation(samples, rows, notes)
+        approach = first_approach(samples, course)
+        points = _contact_points(settings, approach)
+        unknowns = self._prepared(samples, rows, approach, points, notes)
+        enough = max(_FEWEST * len(unknowns.free), 10)
+        if np.count_nonzero(rows) < enough:
+            raise NotFitted("too-few-samples", f"{np.count_nonzero(rows)} samples to fit; {enough} are needed")
+        record = self._record(samples, rows, motion)
+        model = self._problem.model
+        linear = tuple(linear_places(model, unknowns))
+        loss = Loss(settings.loss, settings.loss_scale)
+        residual = self._residual(tuple(unknowns.free))
+        x = first_guess(model, unknowns, record)
+        if len(record) > 2 * _THIN and not model.memory:
+            x = solve_trf(residual, unknowns, record.thinned(_THIN), x, loss).x
+        solver, solution = self._solve(unknowns, record, residual, x, linear, loss)
+        if not np.isfinite(solution.x).all() or not np.isfinite(solution.cost):
+            raise NotFitted("diverged", "the fit ended in numbers that are not finite")
+        return Fit(
+            settings, self._problem, samples, rows, course, motion, approach, points, self._sources, unknowns, linear,
+            record, residual, solution, solver, loss, tuple(notes),
+        )  # fmt: skip
+
+    def _prepared(
+        self,
+        samples: Samples,
+        rows: Rows,
+        approach: Approach | None,
+        points: dict[str, ContactPoint],
+        notes: list[str],
+    ) -> Unknowns:
+        """The unknowns with what only the record can say: whether it tells the bias, where the surface may be."""
+        settings, unknowns = self._settings, self._unknowns
+        air = int(np.count_nonzero(rows & ~samples.contact))
+        if settings.unknowns is None and "bias" not in settings.fixed and air > _AIR_SHARE * np.count_nonzero(rows):
+            unknowns = unknowns.changed("bias", free=True)
+        if settings.contact_point != "free":
+            if settings.contact_point not in points:
+                raise NotFitted(
+                    "not-fitted", f'contact_point "{settings.contact_point}" finds no surface in this record'
+                )
+            unknowns = unknowns.changed("surface", free=False, value=points[settings.contact_point].surface)
+        elif settings.force_uncertainty is not None:
+            unknowns = self._constrained(unknowns, approach, settings.force_uncertainty, notes)
+        return unknowns
+
+    @staticmethod
+    def _constrained(unknowns: Unknowns, approach: Approach | None, limit: float, notes: list[str]) -> Unknowns:
+        if approach is None:
+            notes.append(
+                "force-constraint-unused: the record has no approach through air that force_uncertainty could use"
+            )
+            return unknowns
+        mean, std = float(approach.force[: approach.air].mean()), approach.noise / np.sqrt(approach.air)
+        if limit < abs(mean) + 3.0 * std:
+            notes.append(
+                f"force-constraint-tight: force_uncertainty of {limit:.3g} N is less than the force is off in air, "
+                f"{mean:+.3g} N, and 3 sigma of its mean, {3 * std:.2g} N"
+            )
+        lowest = constrained_surface(approach, limit)
+        item = unknowns.items[unknowns.index("surface")]
+        if lowest >= item.upper:
+            raise NotFitted(
+                "not-fitted", "bounds of the surface and force_uncertainty contradict each other in this record"
+            )
+        return unknowns.changed("surface", lower=max(item.lower, lowest))
+
+    def _record(self, samples: Samples, rows: Rows, motion: Motion) -> Record:
+        weight = rows.astype(float)
+        if self._settings.weights == "depth":
+            weight[rows] = _by_depth(samples.position[rows])
+        keep = rows.copy()
+        if self._problem.model.memory:
+            keep[: int(np.flatnonzero(rows)[-1]) + 1] = True
+        force = np.where(np.isfinite(samples.force), samples.force, 0.0)
+        columns = (samples.position, motion.rate, motion.acceleration, force, samples.time, weight)
+        return make_record(*(column[keep] for column in columns))
+
+    def _residual(self, free: tuple[int, ...]) -> Residual:
+        if free not in self._residuals:
+            self._residuals[free] = Residual(self._problem.model, free)
+        return self._residuals[free]
+
+    def _solve(
+        self, unknowns: Unknowns, record: Record, residual: Residual, x: Floats, linear: tuple[int, ...], loss: Loss
+    ) -> tuple[str, Solution]:
+        wanted = self._settings.solver
+        others = [unknowns.names[place] for place in unknowns.free if place not in linear]
+        projects = (
+            loss.kind == "linear" and set(others) <= {"surface"} and bool(linear) and not self._problem.model.memory
+        )
+        if wanted == "varpro":
+            if not projects:
+                names = " and ".join(name for name in others if name != "surface") or "nothing"
+                raise NotFitted(
+                    "not-fitted", f'solver "varpro" needs a linear model, but {names} does not enter linearly'
+                )
+            return wanted, solve_varpro(self._residual(linear), unknowns, record, x, linear)
+        if wanted == "ipopt":
+            return wanted, solve_ipopt(residual, unknowns, record, x, loss)
+        return "trf", solve_trf(residual, unknowns, record, x, loss)
+
+
+def _spread(found: Estimates, samples: Samples, known: Rows) -> Estimates:
+    """Estimates for the known among the samples, as estimates for all of them."""
+    whole = Estimates.idle(samples, found.values.shape[1])
+    for name in ("values", "std", "surface", "surface_std", "force", "nis", "status"):
+        getattr(whole, name)[known] = getattr(found, name)
+    return Estimates(**{**vars(whole), "details": found.details, "flags": found.flags})
+
+
+def _contact_points(settings: CasadiFit, approach: Approach | None) -> dict[str, ContactPoint]:
+    if approach is None:
+        return {}
+    found = {method: contact_point(method, approach, settings.threshold) for method in METHODS}
+    return {method: point for method, point in found.items() if point is not None}
+
+
+def _without_saturation(samples: Samples, rows: Rows, notes: list[str]) -> Rows:
+    """Drop readings that stand at the largest value of the record, and say so."""
+    top = np.nanmax(samples.force)
+    standing = rows & (samples.force == top)
+    if np.count_nonzero(standing) < _STANDS:
+        return rows
+    notes.append(
+        f"saturated: the force stands at {top:.5g} N in {np.count_nonzero(standing)} samples, which are left out"
+    )
+    return np.asarray(rows & ~standing)
+
+
+def _by_depth(height: Floats) -> Floats:
+    """Weights (n,) that make every stretch of height count the same, 1 on average."""
+    place = np.clip((height - height.min()) / max(float(np.ptp(height)), 1e-300) * 50, 0, 49).astype(int)
+    weight = 1.0 / np.sqrt(np.bincount(place, minlength=50)[place])
+    return np.asarray(weight / np.sqrt(np.mean(weight**2)))

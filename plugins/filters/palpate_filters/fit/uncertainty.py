@@ -1,0 +1,159 @@
+"""Standard uncertainty of a fit from its residuals as they are: correlated from sample to sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate_filters.fit.loss import Loss
+from palpate_filters.fit.record import Record
+from palpate_filters.fit.residual import Residual
+
+Floats = NDArray[np.float64]
+
+_MOST = 200_000  # rows that the correlation sums run over; longer records are added up in pieces before
+_MOST_TAKEN = 0.6  # of the sum of the autocorrelation; more cannot be made good
+_SPAN = 5.0  # the correlation is summed up to so many of its own times (Sokal 1997)
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """What the residuals at the minimum say."""
+
+    covariance: Floats  # (p, p) of the free unknowns
+    inverse_normal: Floats  # (p, p) (J^T J)^-1
+    samples: int
+    effective_samples: float  # independent samples that the correlated ones are worth
+    correlation_time: float  # [samples] sum of the autocorrelation from -inf to inf
+    first_correlation: float  # autocorrelation of neighbours
+    rss: float  # [N^2] plain sum of squares
+    noise: float  # [N] standard deviation of white noise that would give the residual's third differences
+
+
+def scatter(residual: Residual, record: Record, x: Floats, loss: Loss) -> Scatter:
+    """Sandwich covariance A^-1 S A^-1, A = sum psi' J J^T, S = sum over pairs of gamma(i - j) J_i J_j^T.
+
+    gamma is the autocovariance of the residuals, summed as far as it reaches; the white-noise formula is the case that
+    gamma vanishes between samples.
+    """
+    pieces = _collect(residual, record, x, loss)
+    p = len(residual.free)
+    gamma, reach = _autocovariance(pieces.errors, p)
+    inverse = scaled_inverse(pieces.normal)
+    middle = _pair_sum(pieces.slopes, gamma, reach)
+    if np.any(np.diag(middle) < 0) or np.any(np.diag(inverse @ middle @ inverse) < 0):
+        middle = _pair_sum(pieces.slopes, gamma, reach, tapered=True)
+    time = max(_long_run(gamma, reach) / gamma[0], 0.05) * pieces.size if gamma[0] > 0 else 1.0
+    effective = min(pieces.samples / time, float(pieces.samples))
+    covariance = inverse @ middle @ inverse
+    return Scatter(
+        covariance, inverse, pieces.samples, effective, time, pieces.first_correlation, pieces.rss, pieces.noise
+    )
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """Residuals and slopes of a record, added up over `size` samples each."""
+
+    errors: Floats  # (m,) sums of psi
+    slopes: Floats  # (m, p) means
+    normal: Floats  # (p, p)
+    size: int
+    samples: int
+    rss: float
+    first_correlation: float
+    noise: float
+
+
+def _collect(residual: Residual, record: Record, x: Floats, loss: Loss) -> _Pieces:
+    p = len(residual.free)
+    size = -(-len(record) // _MOST)
+    normal, errors, slopes = np.zeros((p, p)), [], []
+    rss = neighbours = third = 0.0
+    thirds = samples = 0
+    kept = np.zeros((0, 1 + p))
+    for rows, values in residual.blocks(record, x):
+        values = values[record.used[rows]]
+        samples += len(values)
+        r, jacobian = values[:, 0], values[:, 1:]
+        influence, curvature = loss.influence(r)
+        normal += jacobian.T @ (jacobian * curvature[:, None])
+        rss += float(r @ r)
+        neighbours += float(r[1:] @ r[:-1])
+        differences = np.diff(r, 3)
+        third, thirds = third + float(differences @ differences), thirds + len(differences)
+        kept = np.concatenate([kept, np.column_stack([influence, jacobian])])
+        whole = len(kept) // size * size
+        cut = kept[:whole].reshape(-1, size, 1 + p)
+        errors.append(cut[:, :, 0].sum(axis=1))
+        slopes.append(cut[:, :, 1:].mean(axis=1))
+        kept = kept[whole:]
+    first = neighbours / rss if rss > 0 else 0.0
+    noise = float(np.sqrt(third / (20.0 * max(thirds, 1))))
+    return _Pieces(np.concatenate(errors), np.concatenate(slopes), normal, size, samples, rss, first, noise)
+
+
+def _autocovariance(errors: Floats, fitted: int) -> tuple[Floats, int]:
+    """Autocovariance (m // 4 + 1,), and the lag up to which it is more than noise (Sokal's window).
+
+    A fit takes from its residuals what it can follow: with p parameters each lag is too small by p/m of the sum over
+    all lags. That sum over the window is then too small by a factor 1 - p K/m, K the window's area, which is made good.
+    """
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    m = len(errors)
+    length = next_fast_len(2 * m)
+    spectrum = np.asarray(rfft(errors, length))
+    gamma: Floats = np.asarray(irfft(np.abs(spectrum) ** 2, length))[: max(m // 4, 1) + 1] / m
+    if gamma[0] <= 0:
+        return gamma, 0
+    time = 1.0 + 2.0 * np.cumsum(gamma[1:]) / gamma[0]
+    enough = np.flatnonzero(np.arange(1, len(gamma)) >= _SPAN * time)
+    reach = int(enough[0]) + 1 if len(enough) else len(gamma) - 1
+    area = 2.0 * float(_weights(reach, len(gamma)).sum()) - 1.0
+    taken = fitted / m * max(_long_run(gamma, reach), 0.0) / (1.0 - min(fitted * area / m, _MOST_TAKEN))
+    return gamma + taken, reach
+
+
+def _weights(reach: int, most: int, tapered: bool = False) -> Floats:
+    """Flat up to the reach, then falling to 0 at twice of it (Politis and Romano 1995); or falling from the start."""
+    lags = np.arange(min(2 * reach + 1, most))
+    if tapered:
+        return 1.0 - lags / (2 * reach + 1.0)
+    return np.clip(2.0 - lags / max(reach, 1), 0.0, 1.0)
+
+
+def _long_run(gamma: Floats, reach: int) -> float:
+    """Sum of the autocovariance from -inf to inf."""
+    weights = _weights(reach, len(gamma))
+    return float(gamma[0] + 2 * weights[1:] @ gamma[1 : len(weights)])
+
+
+def _pair_sum(slopes: Floats, gamma: Floats, reach: int, tapered: bool = False) -> Floats:
+    from scipy.signal import oaconvolve
+
+    weights = _weights(reach, len(gamma), tapered)
+    kernel = weights * gamma[: len(weights)]
+    both = np.concatenate([kernel[:0:-1], kernel])
+    if len(both) == 1:
+        return np.asarray(both[0] * slopes.T @ slopes)
+    spread = oaconvolve(slopes, both[:, None], mode="full", axes=0)[len(kernel) - 1 : len(kernel) - 1 + len(slopes)]
+    middle = slopes.T @ spread
+    return np.asarray((middle + middle.T) / 2)
+
+
+def scaled_inverse(normal: Floats) -> Floats:
+    """Inverse of a normal matrix (p, p) whose unknowns differ by many powers of ten."""
+    lengths = np.sqrt(np.diag(normal))
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    across = np.outer(lengths, lengths)
+    return np.asarray(np.linalg.pinv(normal / across, rcond=1e-14, hermitian=True) / across)
+
+
+def mean_uncertainty(values: Floats) -> float:
+    """Standard uncertainty of the mean of correlated values (n,), as values."""
+    centred = values - values.mean()
+    gamma, reach = _autocovariance(centred, 1)
+    return float(np.sqrt(max(_long_run(gamma, reach), gamma[0] * 0.05) / len(values)))

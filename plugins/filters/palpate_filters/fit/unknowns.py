@@ -1,0 +1,121 @@
+"""What a fit looks for: the model's parameters, the surface, and what may be wrong with force and timing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import ConfigurationError, ContactModel, to_si
+
+Floats = NDArray[np.float64]
+
+EXTRAS = ("surface", "bias", "slope", "tip_mass", "delay")
+_EXTRA_UNITS = ("m", "N", "N/s", "kg", "s")
+_LONGEST_DELAY = 0.05  # [s]; the motion at another time is a Taylor expansion, good to 1 % of itself there at 2 Hz
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One number that a fit finds, or is told."""
+
+    name: str
+    unit: str  # SI
+    lower: float
+    upper: float
+    free: bool
+    value: float | None = None  # fixed value, or a first guess
+
+    def inside(self, value: float) -> float:
+        """The nearest value within the bounds."""
+        return float(min(max(value, self.lower), self.upper))
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """All of them in the order of the residual's parameters: the model's, then EXTRAS."""
+
+    items: tuple[Unknown, ...]
+
+    @property
+    def names(self) -> list[str]:
+        """Every name."""
+        return [item.name for item in self.items]
+
+    @property
+    def free(self) -> list[int]:
+        """Places of those that are looked for."""
+        return [i for i, item in enumerate(self.items) if item.free]
+
+    def index(self, name: str) -> int:
+        """Place of a name."""
+        return self.names.index(name)
+
+    def bounds(self, places: Sequence[int]) -> tuple[Floats, Floats]:
+        """Lower and upper bounds of some."""
+        return np.array([self.items[i].lower for i in places]), np.array([self.items[i].upper for i in places])
+
+    def changed(self, name: str, **changes: Any) -> Unknowns:
+        """The same with another setting of one."""
+        place = self.index(name)
+        item = replace(self.items[place], **changes)
+        return Unknowns((*self.items[:place], item, *self.items[place + 1 :]))
+
+
+def unknowns_of(
+    model: ContactModel,
+    extras: Sequence[str],
+    fixed: Mapping[str, Any],
+    guesses: Mapping[str, Any],
+    bounds: Mapping[str, tuple[Any, Any]],
+) -> Unknowns:
+    """The unknowns of a model under the settings; raises ConfigurationError where they contradict each other."""
+    units = {p.name: p.unit for p in model.parameters} | dict(zip(EXTRAS, _EXTRA_UNITS, strict=True))
+    limits = {p.name: (p.lower, p.upper) for p in model.parameters}
+    limits |= dict.fromkeys(EXTRAS, (-np.inf, np.inf)) | {"tip_mass": (0.0, np.inf)}
+    limits["delay"] = (-_LONGEST_DELAY, _LONGEST_DELAY)
+    for table, given in (("fixed", fixed), ("start_at", guesses), ("bounds", bounds)):
+        for name in given:
+            if name not in units:
+                _refuse(f"{table}: there is no unknown {name!r}; there are: {', '.join(units)}")
+    found = []
+    for name, unit in units.items():
+        low, high = _limits(name, unit, limits[name], bounds)
+        value = None
+        if name in fixed:
+            value = _number("fixed", name, fixed[name], unit)
+        elif name in guesses:
+            value = _number("start_at", name, guesses[name], unit)
+            if not low <= value <= high:
+                _refuse(f"start_at: {name} = {value:g} {unit} is outside its bounds {low:g} to {high:g}")
+        looked_for = name not in EXTRAS or name == "surface" or name in extras
+        if name in fixed and name in extras:
+            _refuse(f"{name} is fixed and among the unknowns: take it out of one of them")
+        found.append(Unknown(name, unit, low, high, looked_for and name not in fixed, value))
+    return Unknowns(tuple(found))
+
+
+def _limits(name: str, unit: str, usual: tuple[float, float], bounds: Mapping[str, Any]) -> tuple[float, float]:
+    if name not in bounds:
+        return usual
+    low, high = (_number("bounds", name, edge, unit) for edge in bounds[name])
+    if low >= high:
+        _refuse(f"bounds: {name} from {low:g} to {high:g} {unit} leaves nothing: the first must be the smaller")
+    if high < usual[0] or low > usual[1]:
+        _refuse(
+            f"bounds: {name} from {low:g} to {high:g} {unit} is outside what is possible, {usual[0]:g} to {usual[1]:g}"
+        )
+    return max(low, usual[0]), min(high, usual[1])
+
+
+def _number(table: str, name: str, value: Any, unit: str) -> float:
+    try:
+        return to_si(value, unit)
+    except ValueError as error:
+        raise ConfigurationError(f"estimator casadi-fit: {table}: {name}: {error}") from error
+
+
+def _refuse(problem: str) -> None:
+    raise ConfigurationError(f"estimator casadi-fit: {problem}")

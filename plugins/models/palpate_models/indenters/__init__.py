@@ -1,0 +1,20 @@
+"""Tips: rigid, axisymmetric, pressed along their axis into a flat surface."""
+
+from palpate_models.indenters.cones import BluntCone, Cone, TruncatedCone
+from palpate_models.indenters.powers import Flat, Paraboloid, Power, Quartic, Sphere
+from palpate_models.indenters.profile import Profile
+from palpate_models.indenters.spheres import Ellipsoid, ExactSphere
+
+__all__ = [
+    "BluntCone",
+    "Cone",
+    "Ellipsoid",
+    "ExactSphere",
+    "Flat",
+    "Paraboloid",
+    "Power",
+    "Profile",
+    "Quartic",
+    "Sphere",
+    "TruncatedCone",
+]

@@ -1,0 +1,118 @@
+"""Cones: sharp, rounded by a sphere, and cut off."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from palpate import Angle, Indenter, Length, arctan, log, select, tanh
+from pydantic import Field
+
+from palpate_models.indenters.spheres import sphere_angle, sphere_area
+
+_ANGLE = "angle t between the cone and the untouched surface: 90 degrees less half of the opening angle"
+_STEEPEST = math.radians(88.0)  # beyond, the fixed number of Newton steps does not reach rounding
+
+
+class Cone(Indenter):
+    """A cone of angle t to the surface, z = r tan(t).
+
+    a(d) = 2 d/(pi tan t), A(d) = d^2/(pi tan t), so that the elastic force is (2/pi) E* d^2/tan t. The theory is of
+    small slopes: beyond t of some 30 degrees, friction and large strain matter.
+    Source: Sneddon 1965; Love 1939; Popov and Hess 2015, table 2.1.
+    """
+
+    angle: Angle = Field(gt=0, lt=math.pi / 2, description=_ANGLE)
+
+    def contact_radius(self, depth: Any) -> Any:
+        """2 d/(pi tan t) [m]."""
+        return 2.0 / (math.pi * math.tan(self.angle)) * depth
+
+    def profile_area(self, depth: Any) -> Any:
+        """d^2/(pi tan t) [m^2]."""
+        return depth * depth / (math.pi * math.tan(self.angle))
+
+
+class TruncatedCone(Indenter):
+    """A cone of angle t to the surface that ends in a flat face of radius b: z = max(r - b, 0) tan(t).
+
+    d = a tan(t) acos(b/a) gives the contact radius a(d) >= b, by Newton's method with a fixed number of steps;
+    A = tan(t)/2 [a^2 acos(b/a) + b sqrt(a^2 - b^2)]. As d goes to 0 the tip is `flat`, for large d a `cone`.
+    Source: Ejike 1981; Popov, Hess and Willert 2019, chapter 2.
+    """
+
+    angle: Angle = Field(gt=0, lt=math.pi / 2, description=_ANGLE)
+    face_radius: Length = Field(gt=0, description="radius b of the flat face")
+
+    def _rise(self, depth: Any) -> Any:
+        """s = sqrt(a^2/b^2 - 1), from sqrt(1 + s^2) atan(s) = d/(b tan t) = q."""
+        q = depth / (self.face_radius * math.tan(self.angle))
+        s = q * (1.0 + 2.0 / math.pi * q) / (1.0 + q)
+        for _ in range(4):
+            root, angle = (1.0 + s * s) ** 0.5, arctan(s)
+            s = s - (root * angle - q) * root / (1.0 + s * angle)
+        return s
+
+    def contact_radius(self, depth: Any) -> Any:
+        """The root a of a tan(t) acos(b/a) = d [m]."""
+        return self.face_radius * (1.0 + self._rise(depth) ** 2) ** 0.5
+
+    def profile_area(self, depth: Any) -> Any:
+        """tan(t)/2 [a^2 acos(b/a) + b sqrt(a^2 - b^2)] [m^2]."""
+        s = self._rise(depth)
+        return math.tan(self.angle) / 2.0 * self.face_radius**2 * ((1.0 + s * s) * arctan(s) + s)
+
+
+class BluntCone(Indenter):
+    """A cone of angle t to the surface, rounded at its tip by a sphere of radius R.
+
+    The sphere ends without a kink at b = R sin t. Up to a = b the tip is `exact-sphere`. Beyond, with
+    s = sqrt(a^2/b^2 - 1) and L = ln((R + a)/(R cos t + b s)), the contact radius is the root of
+    d = a [L + tan(t) atan(s)], by Newton's method with a fixed number of steps, and
+    A = 1/2 [(R^2 + a^2) L + b s R cos t - a R + tan(t) (a^2 atan(s) + b^2 s)].
+    Source: the MDR integral of the profile; for a parabolic cap Briscoe, Sebastian and Adams 1994.
+    """
+
+    angle: Angle = Field(gt=0, le=_STEEPEST, description=_ANGLE + "; 88 degrees at most")
+    tip_radius: Length = Field(gt=0, description="radius R of the sphere at the tip")
+
+    @property
+    def sphere_depth(self) -> float:
+        """Depth [m] from which on the cone is in contact, too."""
+        return self.tip_radius * math.sin(self.angle) * math.atanh(math.sin(self.angle))
+
+    def _cone_radius(self, depth: Any) -> Any:
+        """Contact radius in units of R, at a depth in units of R that is not less than that of the sphere."""
+        sine, cosine, tangent = math.sin(self.angle), math.cos(self.angle), math.tan(self.angle)
+        # Far out the tip is a cone whose apex lies a little below: a guess from below, where it exceeds b.
+        guess = 2.0 / (math.pi * tangent) * (depth + sine * tangent - 1.0 + cosine)
+        a = select(guess, sine, guess, sine)
+        for _ in range(5):
+            s = _root_of((a / sine) ** 2 - 1.0)
+            per_radius = log((1.0 + a) / (cosine + sine * s)) + tangent * arctan(s)
+            slope = per_radius + a / (1.0 + a) + sine * (tangent - s) / (cosine + sine * s)
+            a = a - (a * per_radius - depth) / slope
+        return a
+
+    def contact_radius(self, depth: Any) -> Any:
+        """The sphere's, then the root a of a [L + tan(t) atan(s)] = d [m]."""
+        scaled, edge = depth / self.tip_radius, self.sphere_depth / self.tip_radius
+        cone = self._cone_radius(select(scaled, edge, scaled, 1.5 * edge))
+        sphere = tanh(sphere_angle(select(scaled, edge, edge, scaled)))
+        return self.tip_radius * select(scaled, edge, cone, sphere)
+
+    def profile_area(self, depth: Any) -> Any:
+        """The sphere's, then 1/2 [(R^2 + a^2) L + b s R cos t - a R + tan(t) (a^2 atan(s) + b^2 s)] [m^2]."""
+        sine, cosine, tangent = math.sin(self.angle), math.cos(self.angle), math.tan(self.angle)
+        scaled, edge = depth / self.tip_radius, self.sphere_depth / self.tip_radius
+        a = self._cone_radius(select(scaled, edge, scaled, 1.5 * edge))
+        s = _root_of((a / sine) ** 2 - 1.0)
+        capped = (1.0 + a * a) * log((1.0 + a) / (cosine + sine * s)) + sine * s * cosine - a
+        cone = (capped + tangent * (a * a * arctan(s) + sine * sine * s)) / 2.0
+        sphere = sphere_area(select(scaled, edge, edge, scaled))
+        return self.tip_radius**2 * select(scaled, edge, cone, sphere)
+
+
+def _root_of(square: Any) -> Any:
+    """Square root that is 0, with a finite derivative, where rounding makes its argument negative."""
+    return select(square, 0.0, select(square, 0.0, square, 1.0) ** 0.5, 0.0)

@@ -1,0 +1,121 @@
+"""A tip of any profile: from a drawing, a scan or a formula."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import File, Indenter, Length
+from pydantic import Field, PrivateAttr, model_validator
+
+from palpate_models.indenters.profile.formula import parse_formula
+from palpate_models.indenters.profile.inverse import ContactRadius
+from palpate_models.indenters.profile.points import curve_through, read_points
+from palpate_models.indenters.profile.series import RadiusSeries, radius_series
+from palpate_models.indenters.profile.smooth import SmoothRadius, smooth_radius
+from palpate_models.indenters.profile.transform import reduced_of_curve, reduced_of_function
+
+__all__ = ["Profile"]
+
+_UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
+_FORMULA, _POINTS = (1e-9, 1e-6), (1e-6, 1e-2)  # tolerance of a(d), and the part of the edge it is relative to below
+_STEEPEST = 1e6  # slope of a formula
+_WORST = 1e-3  # of a(d): a tip that the series cannot follow this well is refused
+
+
+class Profile(Indenter):
+    """A tip of any axisymmetric profile z = f(r), from a CSV file of points or from a formula.
+
+    The MDR integral g(x) = x * integral of f'(r)/sqrt(x^2 - r^2) over r from 0 to x is computed once, exactly for the
+    piecewise cubic through points, by quadrature for a formula; its inverse a(d) is kept as a power times a polynomial
+    of depth, to 1e-9 of a(d) for a smooth formula, or as several polynomials in d^(1/4) where the tip has kinks. Beyond
+    its edge the tip counts as a straight shaft.
+    Assumes a profile that begins at the apex, never falls, and is the same all around; small strain as for every tip.
+    Source: Popov and Hess 2015, eq. of the reduced profile; paper, section on the method of dimensionality reduction.
+    """
+
+    points: File | None = Field(
+        default=None, description="CSV file of two columns, radius r and height z over the apex, from the apex outwards"
+    )
+    unit: Literal["m", "mm", "um"] = Field(default="mm", description="unit of both columns of the file")
+    formula: str | None = Field(
+        default=None, description='height over the apex in m by r in m, such as "R - sqrt(R**2 - r**2)"; needs radius'
+    )
+    constants: dict[str, Length] = Field(
+        default={}, description='constants of the formula, lengths such as { R = "5 mm" } or plain numbers'
+    )
+    radius: Length | None = Field(
+        default=None, gt=0, description="radius at the edge of the tip; left out with points: the last one"
+    )
+    _series: RadiusSeries | SmoothRadius = PrivateAttr()
+
+    @model_validator(mode="after")
+    def _transform(self) -> Self:
+        if (self.points is None) == (self.formula is None):
+            raise ValueError("give either points or a formula")
+        if self.points is not None:
+            reduced, edge, tolerance = *self._of_points(), _POINTS
+        else:
+            reduced, edge, tolerance = *self._of_formula(), _FORMULA
+        source = self.points or repr(self.formula)
+        try:
+            exact = ContactRadius(reduced, edge)
+            self._series = smooth_radius(exact, *tolerance) or radius_series(exact, *tolerance)
+        except ValueError as error:
+            raise ValueError(f"{source}: {error}") from error
+        if self._series.error > _WORST:
+            raise ValueError(
+                f"{source}: too rough a profile: its contact radius is kept to {self._series.error:.1%} only"
+            )
+        return self
+
+    def _of_points(self) -> tuple[Callable[[NDArray[np.float64]], NDArray[np.float64]], float]:
+        assert self.points is not None
+        if self.constants:
+            raise ValueError("constants belong to a formula")
+        radii, heights = read_points(self.points, _UNITS[self.unit])
+        edge = self.radius if self.radius is not None else float(radii[-1])
+        if edge > radii[-1] * (1 + 1e-9):
+            raise ValueError(f"{self.points}: the points end at {radii[-1]:.4g} m, before the radius {edge:.4g} m")
+        return reduced_of_curve(curve_through(radii, heights)), edge
+
+    def _of_formula(self) -> tuple[Callable[[NDArray[np.float64]], NDArray[np.float64]], float]:
+        assert self.formula is not None
+        if self.radius is None:
+            raise ValueError("a formula needs the radius at the edge of the tip")
+        profile = parse_formula(self.formula, self.constants)
+        radii = np.linspace(0.0, self.radius, 1001)
+        with np.errstate(all="ignore"):
+            heights = np.broadcast_to(np.asarray(profile(radii), float), radii.shape)
+        broken = np.flatnonzero(~np.isfinite(heights))
+        if len(broken):
+            raise ValueError(f"{self.formula!r} is {heights[broken[0]]} at r = {radii[broken[0]]:.4g} m")
+        if abs(heights[0]) > 1e-12 * float(np.max(np.abs(heights))):
+            raise ValueError(
+                f"{self.formula!r} is {heights[0]:.4g} m at r = 0; the profile must begin at the apex with 0"
+            )
+        falls = np.flatnonzero(np.diff(heights) < -1e-12 * np.max(np.abs(heights)))
+        if len(falls):
+            raise ValueError(f"{self.formula!r} falls at r = {radii[falls[0]]:.4g} m; the tip would be hollow")
+        with np.errstate(all="ignore"):
+            slopes = np.broadcast_to(np.imag(profile(radii + 1e-40j)) / 1e-40, radii.shape)
+        steep = np.flatnonzero(~(np.abs(slopes) < _STEEPEST))
+        if len(steep):
+            raise ValueError(f"{self.formula!r} is vertical at r = {radii[steep[0]]:.4g} m; end the tip before it")
+        return reduced_of_function(profile, self.radius), self.radius
+
+    def contact_radius(self, depth: Any) -> Any:
+        """The root a of g(a) = d [m], as the series has it."""
+        return self._series.contact_radius(depth)
+
+    def profile_area(self, depth: Any) -> Any:
+        """The integral of the series [m^2]."""
+        return self._series.profile_area(depth)
+
+    def validity(self, depth: float) -> str:
+        """Beyond the depth at which the edge touches, the tip is a shaft that nobody described."""
+        if depth <= self._series.depth:
+            return ""
+        return f"the tip's profile ends at a depth of {1e3 * self._series.depth:.3g} mm; beyond, a shaft is assumed"

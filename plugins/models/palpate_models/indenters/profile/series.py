@@ -1,0 +1,105 @@
+"""A contact radius as a few polynomials in depth^(1/4), which run on every kind of number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import select
+
+from palpate_models.indenters.profile.inverse import ContactRadius
+
+Floats = NDArray[np.float64]
+
+_DEGREE = 8
+_NARROWEST = 1 / 64  # piece, in units of the whole range of depth^(1/4)
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Polynomials in t = (w - start)/width, clamped to 0..1, without their constants; lowest power first."""
+
+    start: float
+    width: float
+    radius: tuple[float, ...]
+    area: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class RadiusSeries:
+    """a(d) as a sum of clamped polynomials in w = (d/D)^(1/4), and A(d) as the integral of that very sum.
+
+    The fourth root makes contact radii that begin as d^(1/n), n = 1, 2, 4, smooth in w. Deeper than D the tip is taken
+    to go on as a straight shaft: a stays, A grows linearly.
+    """
+
+    depth: float  # D [m]
+    face: float  # a(0+) [m]
+    edge: float  # a(D) [m]
+    pieces: tuple[Piece, ...]
+    error: float  # largest deviation of a(d) from the exact root, relative
+
+    def contact_radius(self, depth: Any) -> Any:
+        """a(d) [m]."""
+        w = (depth / self.depth) ** 0.25
+        return self.face + sum(_polynomial(piece.radius, _clamped(w, piece)) for piece in self.pieces)
+
+    def profile_area(self, depth: Any) -> Any:
+        """A(d) [m^2]."""
+        w = (depth / self.depth) ** 0.25
+        within = sum(_polynomial(piece.area, _clamped(w, piece)) for piece in self.pieces)
+        return within + self.edge * select(depth, self.depth, depth - self.depth, 0.0 * depth)
+
+
+def _clamped(w: Any, piece: Piece) -> Any:
+    t = (w - piece.start) / piece.width
+    t = select(t, 0.0, t, 0.0 * t)
+    return select(t, 1.0, 1.0 + 0.0 * t, t)
+
+
+def _polynomial(coefficients: tuple[float, ...], t: Any) -> Any:
+    value: Any = 0.0
+    for coefficient in reversed(coefficients):
+        value = (value + coefficient) * t
+    return value
+
+
+def radius_series(exact: ContactRadius, tolerance: float, floor: float) -> RadiusSeries:
+    """Polynomials that follow a contact radius to a tolerance relative to a(d).
+
+    Where a(d) is below `floor` times the edge, the tolerance is relative to that. Pieces are halved until they meet the
+    tolerance or are as narrow as they may be.
+    """
+    pieces, error, waiting = [], 0.0, [(0.0, 1.0)]
+    while waiting:
+        start, width = waiting.pop()
+        radius, worst = _fitted(exact, start, width, floor * exact.edge)
+        if worst > tolerance and width > _NARROWEST:
+            waiting += [(start + width / 2, width / 2), (start, width / 2)]
+            continue
+        pieces.append(_piece(start, width, radius, exact.depth))
+        error = max(error, worst)
+    edge = exact.face + sum(sum(piece.radius) for piece in pieces)
+    return RadiusSeries(exact.depth, exact.face, edge, tuple(pieces), error)
+
+
+def _fitted(exact: ContactRadius, start: float, width: float, floor: float) -> tuple[Floats, float]:
+    """Coefficients in t of a over one piece, and the largest error relative to a between the nodes."""
+    nodes = (1.0 - np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)) / 2.0
+    values = exact(start + width * nodes)
+    coefficients: Floats = np.linalg.solve(np.vander(nodes, increasing=True), values).astype(float)
+    between = (nodes[1:] + nodes[:-1]) / 2.0
+    wanted = exact(start + width * between)
+    fitted = np.polynomial.polynomial.polyval(between, coefficients)
+    return coefficients, float(np.max(np.abs(fitted - wanted) / np.maximum(wanted, floor)))
+
+
+def _piece(start: float, width: float, radius: Floats, depth: float) -> Piece:
+    """The area's polynomial is the integral of a over d, with d = D w^4 and w = start + width t."""
+    polynomial = np.polynomial.polynomial
+    w = np.array([start, width])
+    slope = 4.0 * depth * width * polynomial.polymul(polynomial.polypow(w, 3), radius)
+    area = polynomial.polyint(slope)
+    return Piece(start, width, tuple(radius[1:].tolist()), tuple(area[1:].tolist()))

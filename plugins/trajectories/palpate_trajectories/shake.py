@@ -1,0 +1,68 @@
+"""A shake in free air, for calibration."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Frequency, Length, Setpoint, Time, Trajectory
+from pydantic import Field, model_validator
+
+Floats = NDArray[np.float64]
+
+
+class Shake(Trajectory):
+    """A sine or several at once, along the tip's axis and in free air: rest, shake, rest.
+
+    z(t) = height + w(t) sum_k A sin(2 pi f_k t + phi_k), w a fifth-order ramp from 0 to 1 and back, so that position,
+    velocity and acceleration are continuous; phases phi_k = pi k (k + 1)/n keep the peaks of a multi-sine low
+    (Schroeder 1970). The measured part begins `settle` after the full amplitude is reached. From such a motion follow
+    the tip's mass, u = m d'' (paper, mass identification), and the time between force and motion.
+    """
+
+    frequencies: tuple[Frequency, ...] = Field(
+        default=(5.0,), min_length=1, max_length=6, description="frequency of each sine"
+    )
+    amplitude: Length = Field(default=0.003, gt=0, description="amplitude of each sine, as commanded")
+    height: Length = Field(default=0.05, gt=0, description="height above the nominal surface around which it goes")
+    duration: Time = Field(default=10.0, gt=0, description="length of the measured part")
+    settle: Time = Field(default=0.5, ge=0, description="full amplitude before the measured part, for the robot")
+    ramp: Time = Field(default=1.0, gt=0, description="length of the rise to the full amplitude, and of the fall")
+    rest: Time = Field(default=1.5, ge=0, description="rest in free air before and after, for offset and noise")
+
+    @model_validator(mode="after")
+    def _stays_in_air(self) -> Any:
+        if any(frequency <= 0 for frequency in self.frequencies):
+            raise ValueError("frequencies must be positive")
+        lowest = self.height - len(self.frequencies) * self.amplitude
+        if lowest <= 0:
+            raise ValueError(f"height {self.height:g} m lets the tip come down to {lowest:g} m: it must stay in air")
+        return self
+
+    @property
+    def total_duration(self) -> float:
+        """From rest to rest [s]."""
+        return 2 * self.rest + 2 * self.ramp + self.settle + self.duration
+
+    def at(self, time: Floats) -> Setpoint:
+        """Setpoints (n, 3); only z moves."""
+        t = np.asarray(time, float) - self.rest
+        full = self.ramp + self.settle + self.duration
+        rise, fall = _smooth(t / self.ramp), _smooth((full + self.ramp - t) / self.ramp)
+        window, slope = rise[0] * fall[0], (rise[1] * fall[0] - rise[0] * fall[1]) / self.ramp
+        wave, rate = np.zeros_like(t), np.zeros_like(t)
+        for k, frequency in enumerate(self.frequencies):
+            omega, phase = 2 * np.pi * frequency, np.pi * k * (k + 1) / len(self.frequencies)
+            wave += self.amplitude * np.sin(omega * t + phase)
+            rate += self.amplitude * omega * np.cos(omega * t + phase)
+        position, velocity = np.zeros((len(t), 3)), np.zeros((len(t), 3))
+        position[:, 2] = self.height + window * wave
+        velocity[:, 2] = window * rate + slope * wave
+        return Setpoint(position, velocity, (t >= self.ramp + self.settle) & (t < full))
+
+
+def _smooth(x: Floats) -> tuple[Floats, Floats]:
+    """The fifth-order step from 0 at x = 0 to 1 at x = 1, at rest at both ends, and its slope."""
+    x = np.clip(x, 0.0, 1.0)
+    return x**3 * (10 - 15 * x + 6 * x**2), 30 * x**2 * (1 - x) ** 2

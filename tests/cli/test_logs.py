@@ -1,0 +1,149 @@
+"""`palpate recover`, `export` and `compare`."""
+
+import csv
+
+import numpy as np
+import pytest
+from palpate_devices.mcap_replay import McapReplay
+
+from tests.devices.bags import array_message, write_bag
+
+
+@pytest.fixture
+def recording(run_point):
+    """The log of a short run."""
+    short = ("trajectory.press.duration=1 s", "trajectory.press.speed=20 mm/s")
+    return run_point(*short, name="recording").folder / "log.mcap"
+
+
+def numbers(path, **keys):
+    with McapReplay(file=path, **keys).connect(0) as link:
+        batches = list(link.batches())
+    names = {batch.stream for batch in batches}
+    return {name: np.concatenate([b.values for b in batches if b.stream == name]) for name in names}
+
+
+def test_what_is_recovered_is_whole_and_the_same(palpate, recording, tmp_path):
+    raw = recording.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(raw[: len(raw) * 3 // 4])
+    done = palpate("recover", cut, "-o", "good.mcap")
+    assert done.returncode == 0, done.stderr
+    assert "messages over" in done.stdout
+    assert "what came after that is lost" in done.stdout
+    found, true = numbers(tmp_path / "good.mcap"), numbers(recording)
+    for name, values in found.items():
+        np.testing.assert_array_equal(values, true[name][: len(values)])
+    assert len(found["wrench"]) > 500
+    from mcap.reader import make_reader
+
+    with (tmp_path / "good.mcap").open("rb") as file:
+        reader = make_reader(file)
+        assert {a.name for a in reader.iter_attachments()} >= {"pipeline.toml", "resolved.toml"}
+        assert "seed" in next(m for m in reader.iter_metadata() if m.name == "palpate").metadata
+
+
+def test_recovery_of_a_whole_log_of_nothing_and_onto_something(palpate, recording, tmp_path):
+    done = palpate("recover", recording, "-o", "again.mcap")
+    assert done.stdout.startswith("the log was whole: ")
+    assert numbers(tmp_path / "again.mcap").keys() == numbers(recording).keys()
+    for source, out, words in (
+        (recording, "again.mcap", "is there already"),
+        ("none.mcap", "x.mcap", "there is no such file"),
+        ("head.mcap", "x.mcap", "nothing in it is whole"),
+    ):
+        (tmp_path / "head.mcap").write_bytes(recording.read_bytes()[:60])
+        refused = palpate("recover", source, "-o", out)
+        assert refused.returncode == 2
+        assert words in refused.stderr
+        assert not (tmp_path / "x.mcap").exists()
+
+
+def test_a_bag_cannot_be_recovered(palpate, tmp_path):
+    write_bag(tmp_path / "bag.db3", [])
+    refused = palpate("recover", "bag.db3", "-o", "x.db3")
+    assert (refused.returncode, "nothing that recovers" in refused.stderr) == (2, True)
+
+
+@pytest.fixture
+def bag(tmp_path):
+    """Two topics, one of them at half the rate; two messages of one instant."""
+    kind = "std_msgs/msg/Float64MultiArray"
+    fast = [(10 * i, array_message([i, i * i])) for i in range(6)]
+    slow = [(0, array_message([-1.0])), (20, array_message([-2.0])), (20, array_message([-3.0]))]
+    return write_bag(tmp_path / "bag.db3", [("/fast", kind, fast), ("/slow", kind, slow)])
+
+
+def test_export_to_a_table(palpate, bag, tmp_path):
+    done = palpate("export", bag.name, "-o", "x.csv")
+    assert done.returncode == 0, done.stderr
+    with (tmp_path / "x.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["stamp_ns"] for row in rows] == ["0", "10", "20", "20", "30", "40", "50"]
+    assert [row["/fast:data[1]"] for row in rows] == ["0.0", "1.0", "4.0", "", "9.0", "16.0", "25.0"]
+    assert [row["/slow:data[0]"] for row in rows] == ["-1.0", "", "-2.0", "-3.0", "", "", ""]
+
+
+def test_export_to_arrays(palpate, bag, tmp_path):
+    from scipy.io import loadmat
+
+    assert palpate("export", bag.name, "-o", "x.npz", "--topic", "/fast").returncode == 0
+    with np.load(tmp_path / "x.npz") as arrays:
+        assert arrays["fast:data[1]"].tolist() == [0, 1, 4, 9, 16, 25]
+        assert arrays["fast:stamp_ns"].tolist() == [0, 10, 20, 30, 40, 50]
+        assert not [name for name in arrays if name.startswith("slow")]
+    assert palpate("export", bag.name, "-o", "x.mat").returncode == 0
+    assert loadmat(tmp_path / "x.mat")["slow"]["data_0"][0, 0].ravel().tolist() == [-1, -2, -3]
+
+
+def test_export_to_parquet(palpate, bag, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet", reason="parquet needs pyarrow")
+    assert palpate("export", bag.name, "-o", "x.parquet").returncode == 0
+    assert parquet.read_table(tmp_path / "x.parquet")["stamp_ns"].to_pylist() == [0, 10, 20, 20, 30, 40, 50]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("-o", "x.doc"), "the name must end in one of .csv, .npz, .mat, .parquet"),
+        (("-o", "bag.csv"), "is there already"),
+        (("-o", "x.csv", "--topic", "/none"), "--topic /none: holds no numbers (there are: /fast, /slow)"),
+        (("-o", "no/where.csv"), "cannot write"),
+    ],
+)
+def test_exports_that_cannot_be(palpate, bag, tmp_path, arguments, words):
+    (tmp_path / "bag.csv").write_text("")
+    refused = palpate("export", bag.name, *arguments)
+    assert refused.returncode == 2
+    assert words in refused.stderr
+
+
+def test_an_exported_recording_replays_from_csv(palpate, recording, tmp_path):
+    assert palpate("export", recording, "-o", "x.csv", "--topic", "/rig/wrench").returncode == 0
+    with (tmp_path / "x.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    found = [float(row["/rig/wrench:wrench.force.z"]) for row in rows]
+    np.testing.assert_array_equal(found, numbers(recording)["wrench"][:, 2])
+
+
+def test_compare_runs_every_pair_and_draws_them(palpate, point_pipeline, tmp_path):
+    pytest.importorskip("matplotlib", reason="pictures need matplotlib")
+    short = ("--set", "trajectory.press.duration=1 s", "--set", 'estimator.soft={type = "ekf", force_std = "0.1 N"}')
+    done = palpate("compare", point_pipeline, *short, "--reference", "dr/ekf", "--out", "out")
+    assert done.returncode == 0, done.stderr
+    for text in ("dr/ekf", "dr/soft", "against dr/ekf", "picture: out"):
+        assert text in done.stdout
+    assert (tmp_path / "out" / "compare.png").read_bytes()[:4] == b"\x89PNG"
+    refused = palpate("compare", point_pipeline, "--reference", "none/ekf")
+    assert refused.returncode == 2
+    assert "there is no track 'none/ekf' (there are: dr/ekf)" in refused.stderr
+
+
+def test_compare_on_a_log_by_the_names_of_models(palpate, shared):
+    log = shared / "rosbag2" / "ur3e_load_unload_soft_1.db3.gz"
+    done = palpate("compare", log, "--models", "dimensionality-reduction", "--estimators", "ekf", "--out", "out")
+    assert done.returncode == 0, done.stderr
+    assert "dimensionality-reduction" in done.stdout
+    refused = palpate("compare", log, "--estimators", "ekff")
+    assert refused.returncode == 2
+    assert "there is no estimator 'ekff'; did you mean 'ekf'?" in refused.stderr

@@ -1,0 +1,78 @@
+"""``palpate run --dry-run``, ``doctor`` and ``twin``."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from palpate import ConfigurationError
+from palpate.cli import app
+
+HOST = f"127.7.{os.getpid() % 250}.2"
+
+
+@pytest.fixture
+def live(root):
+    return root / "pipelines" / "point_ur3e.toml"
+
+
+def called(*words):
+    """The command line within this process: quicker than one of its own."""
+    return app([*map(str, words)], standalone_mode=False)
+
+
+def test_a_dry_run_shows_the_motion_and_connects_to_nothing(capsys, live, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    called("run", live, "--dry-run")
+    text = capsys.readouterr().out
+    assert "#" in text
+    assert "z: -5.00 to 5.00 mm (limits -7 to 20)" in text
+    assert "at most 15.0 N by computation" in text
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize("option", [["--dry-run"], []])
+def test_a_motion_beyond_its_limits_never_starts(live, tmp_path, option):
+    with pytest.raises(ConfigurationError, match=r"below the limit of -7.00 mm"):
+        called("run", live, *option, "--out", tmp_path / "out", "--set", "trajectory.press.bias=8 mm")
+
+
+def test_a_robot_without_limits_does_not_move(live, tmp_path):
+    text = live.read_text()
+    begin, end = text.index("[safety]"), text.index("[trajectory.press]")
+    bare = tmp_path / "bare.toml"
+    bare.write_text(text[:begin] + text[end:])
+    with pytest.raises(ConfigurationError, match=r"needs a \[safety\] table"):
+        called("run", bare, "--out", tmp_path / "out")
+
+
+def test_a_pipeline_without_a_twin(root):
+    with pytest.raises(ConfigurationError, match=r"one \[twin\.\*\] table is wanted"):
+        called("twin", root / "pipelines" / "point.toml")
+
+
+def test_the_doctor(palpate, live, tmp_path):
+    pytest.importorskip("rtde_control")
+    pytest.importorskip("serial")
+    sets = ["--set", f"device.arm.host={HOST}", "--set", f"device.sensor.port={tmp_path / 'sensor'}"]
+    twin_sets = ["--set", f"twin.bench.host={HOST}", "--set", f"twin.bench.port={tmp_path / 'sensor'}"]
+    sick = palpate("doctor", live, *sets)
+    assert sick.returncode == 1
+    assert "the RTDE port 30004 cannot be reached" in sick.stdout
+    command = [sys.executable, "-c", "from palpate.cli import main; main()", "twin", str(live), *twin_sets]
+    twin = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    try:
+        assert twin.stdout.readline().startswith("ready")
+        patient = ("device.sensor.silence=0.6 s", "device.arm.stale=0.6 s", "device.arm.watchdog=2 Hz")
+        slack = [word for item in patient for word in ("--set", item)]
+        done = palpate("doctor", live, *sets, *slack, "--set", "alignment.gap=0.6 s", "--duration", "0.6")
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert "ok   rest: force" in done.stdout
+        assert "SCHED_FIFO" in done.stdout or "no real-time scheduling" in done.stdout
+        twin.stdin.write("state\n")
+        twin.stdin.flush()
+        assert '"joint_speed": 0.0' in twin.stdout.readline()
+    finally:
+        twin.stdin.close()
+        assert twin.wait(10) == 0
+        twin.stdout.close()

@@ -1,0 +1,158 @@
+"""A calibration file: written, read, taken by a pipeline, and flagged where it does not fit."""
+
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from palpate import ConfigurationError
+from palpate.calibration import CalibratedValue, Calibration, Measured, Scatter, read_calibration
+from palpate.config import load_pipeline
+from palpate.pipeline import run_pipeline
+from palpate.pipeline.calibration_flags import calibration_flags
+
+
+def value(number, std, unit):
+    return CalibratedValue.of(Measured.of([Scatter(number, std)], unit))
+
+
+def calibration(**changes):
+    values = {
+        "mass": value(0.15, 2e-4, "kg"),
+        "delay": value(0.0031, 4e-5, "s"),
+        "velocity_delay": value(2e-5, 4e-6, "s"),
+        "offset": value(-0.77, 1e-3, "N"),
+        "force_std": value(0.041, 4e-4, "N"),
+        "velocity_std": value(0.5e-3, 9e-6, "m/s"),
+    }
+    table = {
+        "created": datetime.now(UTC).replace(microsecond=0),
+        "values": values,
+        "channels": {"force": "rig.wrench.z", "position": "rig.tip.z", "velocity": "rig.twist.z"},
+        "devices": {"rig": {"type": "sim", "serial_number": "SIM-0001"}},
+        "tip": {"type": "sphere", "radius": 0.005},
+    }
+    return Calibration(**(table | changes))
+
+
+@pytest.fixture
+def pipeline(point_pipeline, tmp_path):
+    """The example pipeline with its timing and mass left open, and a calibration beside it."""
+    text = point_pipeline.read_text().replace('tip_mass = "140 g"\n\n[indenter', "\n[indenter")
+    for device in ("rig.wrench.z", "rig.twist.z"):
+        text = text.replace(f'{{ channel = "{device}", uncertainty = "0.1 ms" }}', f'"{device}"')
+    point_pipeline.write_text(text)
+
+    def build(*overrides, **changes):
+        (tmp_path / "c.toml").write_text(calibration(**changes).text())
+        return load_pipeline(point_pipeline, ['run.calibration="c.toml"', *overrides])
+
+    return build
+
+
+def codes(pipeline):
+    return [text.partition(":")[0] for text in calibration_flags(pipeline)]
+
+
+def test_a_file_reads_back_as_it_was_written(tmp_path):
+    path = tmp_path / "c.toml"
+    path.write_text(calibration().text())
+    assert read_calibration(path) == calibration(created=read_calibration(path).created)
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("x = [", "not TOML"),
+        ("name = 'x'", "no calibration file: created"),
+        ("created = 2026-01-01T00:00:00\nvalues = {}\nchannels = {}", "no time zone"),
+        ("format = 99\ncreated = 2026-01-01T00:00:00Z\nvalues = {}\nchannels = {}", "format"),
+    ],
+)
+def test_what_is_no_calibration_is_refused(tmp_path, text, problem):
+    path = tmp_path / "c.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigurationError, match=problem):
+        read_calibration(path)
+    with pytest.raises(ConfigurationError, match="cannot read"):
+        read_calibration(tmp_path / "none.toml")
+
+
+def test_a_pipeline_takes_mass_timing_and_noise(pipeline):
+    found = pipeline()
+    assert found.alignment.tip_mass == 0.15
+    assert found.alignment.tip_mass_uncertainty == pytest.approx(2e-4)
+    assert found.alignment.force.delay == 0.0031
+    assert found.alignment.force.uncertainty == pytest.approx(4e-5)
+    assert found.alignment.velocity.delay == 0.0, "a velocity that is hardly late stays where it is"
+    assert found.alignment.tare == "free-air"
+    assert found.estimators["ekf"].force_std == 0.041
+    assert found.estimators["ekf"].velocity_std == 0.5e-3
+    assert codes(found) == []
+
+
+def test_a_late_velocity_is_moved(pipeline):
+    values = calibration().values | {"velocity_delay": value(0.02, 1e-5, "s")}
+    assert pipeline(values=values).alignment.velocity.delay == 0.02
+
+
+def test_the_tare_is_taken_where_it_is_asked_for(pipeline):
+    found = pipeline('alignment.tare="calibrated"')
+    assert found.alignment.tare == -0.77
+    assert found.alignment.tare_uncertainty == pytest.approx(1e-3)
+
+
+def test_what_the_file_states_stands_and_is_flagged(pipeline):
+    found = pipeline('alignment.tip_mass="140 g"', 'alignment.force.delay="1 ms"', 'estimator.ekf.force_std="0.1 N"')
+    assert found.alignment.tip_mass == 0.14
+    assert found.alignment.force.delay == 0.001
+    assert found.estimators["ekf"].force_std == 0.1
+    assert codes(found) == ["calibration-mass", "calibration-delay"]
+    agreed = pipeline('alignment.tip_mass="150.1 g"', 'alignment.force.delay="3.13 ms"')
+    assert codes(agreed) == []
+
+
+def test_an_old_one_another_sensor_and_another_tip_are_flagged(pipeline):
+    assert codes(pipeline(created=datetime.now(UTC) - timedelta(days=31))) == ["calibration-old"]
+    assert codes(pipeline('run.calibration_valid="1 h"', created=datetime.now(UTC) - timedelta(hours=2))) == [
+        "calibration-old"
+    ]
+    assert codes(pipeline(created=datetime.now(UTC) + timedelta(days=3))) == ["calibration-old"]
+    other = {"rig": {"type": "sim", "serial_number": "SIM-0002"}}
+    assert "calibration-sensor" in codes(pipeline(devices=other))
+    assert codes(pipeline(channels={"force": "rig.wrench.x", "position": "rig.tip.z"})) == ["calibration-sensor"]
+    assert codes(pipeline(tip={"type": "sphere", "radius": 0.0025})) == ["calibration-tip"]
+    assert codes(pipeline(tip=None)) == []
+
+
+def test_a_calibration_that_is_not_there_is_a_mistake(point_pipeline):
+    with pytest.raises(ConfigurationError, match=r"\[run\] calibration: .*none.toml: cannot read"):
+        load_pipeline(point_pipeline, ['run.calibration="none.toml"'])
+    with pytest.raises(ConfigurationError, match="names no calibration"):
+        load_pipeline(point_pipeline, ['alignment.tare="calibrated"'])
+
+
+def test_its_uncertainties_reach_the_result(pipeline, tmp_path):
+    values = calibration().values | {"delay": value(0.0, 2e-4, "s"), "mass": value(0.14, 5e-3, "kg")}
+    result = run_pipeline(pipeline('trajectory.press.duration="3 s"', values=values), tmp_path / "out")
+    assert result.run["inputs"]["calibration.file"].endswith("c.toml")
+    assert len(result.run["inputs"]["calibration.sha256"]) == 64
+    found = result.tracks["dr/ekf"].parameters
+    eta, elasticity = found["viscosity"], found["elasticity"]
+    assert eta.budget["timing"] == pytest.approx(elasticity.value / 3 * 2e-4, rel=1e-6)
+    assert set(elasticity.budget) == {"mass", "tare"}
+    assert eta.systematic == pytest.approx(sum(share**2 for share in eta.budget.values()) ** 0.5)
+    assert eta.combined >= eta.systematic
+    table = eta.table()
+    assert table["systematic_timing"] == eta.budget["timing"]
+    # A mass wrong by 2x moves E of S2 under a small sphere by some percent; 5 g of 140 g by a 28th of that.
+    assert 2e-5 < elasticity.budget["mass"] / elasticity.value < 5e-3
+
+
+def test_the_shares_of_tare_and_mass_are_those_of_a_fit(pipeline, tmp_path):
+    """An offset of 0.05 N moves E of S2 under R 5 mm by about 1 %, and eta hardly."""
+    found = pipeline(
+        'alignment.tare="-0.7729 N"', 'alignment.tare_uncertainty="0.05 N"', 'trajectory.press.duration="3 s"'
+    )
+    parameters = run_pipeline(found, tmp_path / "out").tracks["dr/ekf"].parameters
+    shares = {name: p.budget["tare"] / p.value for name, p in parameters.items()}
+    assert 0.003 < shares["elasticity"] < 0.12
+    assert shares["viscosity"] < shares["elasticity"] * 1.5

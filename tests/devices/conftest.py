@@ -1,0 +1,174 @@
+"""Software twins for tests: each on a loopback address and a port of its own, gone when the test is over."""
+
+import itertools
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from palpate.config import load_pipeline
+from palpate.errors import DeviceError
+from palpate.pipeline import run_pipeline
+
+PIPELINE = Path(__file__).parents[2] / "pipelines" / "point_ur3e.toml"
+_ADDRESSES = itertools.count(2)
+# A short motion with the same limits: rest, approach, a second of sine, retraction.
+SHORT = (
+    "device.sensor.settle=0.1 s",
+    "safety.rest=0.3 s",
+    "alignment.tare_duration=0.2 s",
+    "trajectory.press.rest=0 s",
+    "trajectory.press.clearance=3 mm",
+    "trajectory.press.duration=1 s",
+    "twin.bench.height=4 mm",
+)
+# Kernel threads that serve a pseudo-terminal can wait 0.2 s on a machine with more work than cores: only tests of
+# silence itself keep the limits of 0.1 s.
+PATIENT = (
+    "device.sensor.silence=0.6 s",
+    "device.arm.stale=0.6 s",
+    "device.arm.watchdog=2 Hz",
+    "device.arm.host_limit=1 s",
+    "safety.stale=0.6 s",
+)
+
+
+class Bench:
+    """A running twin."""
+
+    def __init__(self, folder, overrides=()):
+        self.host = f"127.6.{os.getpid() % 250}.{next(_ADDRESSES)}"
+        self.port = folder / f"sensor-{self.host}"
+        self.folder = folder
+        self._overrides = [f"twin.bench.host={self.host}", f"twin.bench.port={self.port}", *overrides]
+        command = [sys.executable, "-c", "from palpate.cli import main; main()", "twin", str(PIPELINE)]
+        for override in self._overrides:
+            command += ["--set", override]
+        self._errors = (folder / "twin.log").open("w")
+        self.process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, text=True, bufsize=1
+        )
+        self._lock = threading.Lock()
+        line = self.process.stdout.readline()
+        assert line.startswith("ready"), (folder / "twin.log").read_text()
+
+    def say(self, words):
+        """Tell the twin something; its answer."""
+        with self._lock:
+            self.process.stdin.write(words + "\n")
+            self.process.stdin.flush()
+            return self.process.stdout.readline().strip()
+
+    def fault(self, words):
+        """Make a fault; the monotonic time at which it was there."""
+        answer = self.say(words)
+        assert answer.startswith("done"), answer
+        return float(answer.split()[1])
+
+    def state(self):
+        return json.loads(self.say("state").removeprefix("state "))
+
+    def wait(self, condition, timeout=20.0):
+        deadline = time.monotonic() + timeout
+        while time.monotonic() < deadline:
+            if condition(state := self.state()):
+                return state
+            time.sleep(0.01)
+        raise AssertionError(f"never came: {state}")
+
+    def pipeline(self, *overrides):
+        sets = [f"device.arm.host={self.host}", f"device.sensor.port={self.port}", *self._overrides, *overrides]
+        return load_pipeline(PIPELINE, sets)
+
+    def run(self, *overrides, out="out", patient=True):
+        return run_pipeline(self.pipeline(*(PATIENT if patient else ()), *overrides), self.folder / out)
+
+    def run_into(self, fault, when, *overrides, patient=True, attempts=6):
+        """Run with a fault as soon as a condition holds: the error, the fault's time, the run folder.
+
+        A machine with more work than cores can stop a run before that; then the fault has not been seen, and it is
+        made in another run.
+        """
+        for attempt in range(attempts):
+            out, times, over = f"out{attempt}", [], threading.Event()
+
+            def make(times=times, over=over):
+                while not over.is_set():
+                    state = self.state()
+                    if when(state):
+                        self.fault_height = state["height"]
+                        times.append(self.fault(fault))
+                        return
+                    time.sleep(0.01)
+
+            thread = threading.Thread(target=make)
+            thread.start()
+            try:
+                with pytest.raises(DeviceError) as caught:
+                    self.run(*overrides, out=out, patient=patient)
+            finally:
+                over.set()
+                thread.join()
+            table = json.loads((self.folder / out / "result.json").read_text())
+            stop = table["run"].get("live", {}).get("stop")
+            if times and stop and stop["monotonic"] > times[0]:
+                return str(caught.value), times[0], table, self.folder / out
+            self.fault("restore")
+        raise AssertionError(f"the machine never let a run come to {fault!r}: {caught.value}")
+
+    def close(self):
+        self.process.stdin.close()
+        try:
+            self.process.wait(5)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        self.process.stdout.close()
+        self._errors.close()
+        assert not self.port.exists()
+
+
+def _need_clients():
+    pytest.importorskip("rtde_control", reason="ur-rtde is not installed")
+    pytest.importorskip("serial", reason="pyserial is not installed")
+
+
+@pytest.fixture
+def bench(tmp_path):
+    """Start twins with overrides; they end with the test."""
+    _need_clients()
+    running = []
+
+    def start(*overrides):
+        running.append(Bench(tmp_path, overrides))
+        return running[-1]
+
+    yield start
+    for twin in running:
+        twin.close()
+
+
+@pytest.fixture(scope="module")
+def shared_bench(tmp_path_factory):
+    """One twin for a module's tests; `restore` it before each use."""
+    _need_clients()
+    twin = Bench(tmp_path_factory.mktemp("bench"), SHORT)
+    yield twin
+    twin.close()
+
+
+@pytest.fixture
+def restored(shared_bench, tmp_path):
+    """The module's twin, as new."""
+    shared_bench.folder = tmp_path
+    shared_bench.fault("restore")
+    return shared_bench
+
+
+@pytest.fixture
+def short():
+    return SHORT

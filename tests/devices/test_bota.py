@@ -1,0 +1,143 @@
+"""The SensONE: frames, decoder, clock, and the device against its twin."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from palpate import DeviceError
+from palpate_devices.bota.device import BotaSensor
+from palpate_devices.bota.frames import LENGTH, Decoder, Unwrapped, crc_x25, packed
+from palpate_devices.process.clock import ClockMap
+from palpate_devices.twins.corruption import KINDS, corrupted, is_intact
+
+FIRST = bytes.fromhex(
+    "aa 00 00 00 00 80 3f 00 00 00 40 00 00 40 40 cd cc cc 3d cd cc 4c 3e 9a 99 99 3e 15 cd 5b 07 00 00 cc 41 5e bf"
+)
+SECOND = bytes.fromhex(
+    "aa 02 00 00 00 00 00 00 00 00 00 00 00 a8 c0 00 00 00 00 00 00 00 00 00 00 00 00 ff ff ff ff 66 66 12 42 69 d4"
+)
+
+
+def test_known_frames():
+    assert crc_x25(b"123456789") == 0x906E
+    assert packed(0, (1, 2, 3, 0.1, 0.2, 0.3), 123456789, 25.5) == FIRST
+    (frame,) = Decoder().feed(FIRST + FIRST)[:1]
+    assert frame.wrench == pytest.approx((1, 2, 3, 0.1, 0.2, 0.3))
+    assert (frame.status, frame.stamp, frame.temperature) == (0, 123456789, 25.5)
+    frame = Decoder().feed(SECOND + SECOND)[0]
+    assert (frame.status, frame.wrench[2], frame.stamp) == (2, -5.25, 0xFFFFFFFF)
+
+
+def stream(kind, frames, rng, part=0.05):
+    """Bytes of many frames, some damaged; the time-stamps of those that are intact, and of those that are not."""
+    data, intact, damaged = bytearray(), [], set()
+    wrench = rng.normal(0, 5, (frames, 6))
+    for i in range(frames):
+        stamp = (4294000000 + 1250 * i) % (1 << 32)  # wraps on the way
+        frame = packed(0, tuple(wrench[i]), stamp, 30.0)
+        if 10 < i < frames - 10 and rng.random() < part:
+            frame = corrupted(frame, kind, rng)
+            (intact.append if is_intact(kind) else damaged.add)(stamp)
+        else:
+            intact.append(stamp)
+        data += frame
+    return bytes(data), intact, damaged
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_intact_frame_is_lost_and_no_damaged_one_taken(kind):
+    rng = np.random.default_rng(KINDS.index(kind))
+    data, intact, damaged = stream(kind, 4000, rng)
+    decoder, found, at = Decoder(), [], 0
+    while at < len(data):
+        size = int(rng.integers(1, 200))
+        found += [frame.stamp for frame in decoder.feed(data[at : at + size])]
+        at += size
+    # A frame that got bytes inserted behind its CRC, or was cut by nothing, may have survived after all.
+    assert [stamp for stamp in found if stamp not in damaged] == intact
+    assert sum(stamp in damaged for stamp in found) == 0
+    assert len(damaged) > 100 or is_intact(kind)
+
+
+def test_it_begins_in_the_middle():
+    frames = [packed(0, (1.0,) * 6, 1250 * i, 30.0) for i in range(1, 20)]
+    data = b"".join(frames)
+    for cut in range(1, LENGTH):
+        found = [frame.stamp for frame in Decoder().feed(data[cut:])]
+        assert found == [1250 * i for i in range(2, 20)]
+
+
+def test_the_counter_wraps_and_restarts():
+    clock = Unwrapped()
+    assert [clock.add(s) for s in (4294967000, 954, 2204)] == [0, 1250, 2500]
+    assert clock.add(100) is None
+
+
+def test_the_clock_map_finds_the_smallest_delay():
+    rng = np.random.default_rng(1)
+    device = np.arange(40_000, dtype=np.int64) * 1_250_000
+    true = 1_700_000_000_000_000_000 + np.rint(device * (1 + 80e-6)).astype(np.int64)
+    received = true + np.rint(rng.exponential(1e6, len(device)) + 1e5).astype(np.int64)
+    received = np.maximum.accumulate(received)
+    whole, parts = ClockMap(), ClockMap()
+    mapped = whole.to_host(device, received)
+    pieces = [parts.to_host(device[i : i + 7], received[i : i + 7]) for i in range(0, len(device), 7)]
+    np.testing.assert_array_equal(np.concatenate(pieces), mapped)
+    assert (np.diff(mapped) > 0).all()
+    error = (mapped - true)[800:] / 1e9
+    assert error.min() > 0
+    assert error.max() < 0.25e-3  # 0.1 ms of it is the smallest delay, which nobody can know
+
+
+def gathered(device, count):
+    with device.connect(0) as link:
+        found = []
+        for batch in link.batches():
+            if batch.stream == "wrench":
+                found.append(batch)
+            if sum(len(batch.time) for batch in found) > count:
+                return np.concatenate([b.time for b in found]), np.concatenate([b.values for b in found]), link.health
+    return None
+
+
+def test_rate_noise_and_identity_come_from_the_sensor(restored):
+    device = BotaSensor(port=str(restored.port), sinc=128, settle=0.1)
+    stamps, wrench, health = gathered(device, 200)
+    assert np.median(np.diff(stamps)) == pytest.approx(128 / 51200 * 1e9, rel=1e-3)
+    assert wrench[:, 2].std() == pytest.approx(0.05 * 2**-0.72, rel=0.25)
+    assert "software" in health["identity"]
+
+
+def test_corruption_on_the_line_is_counted_and_nothing_else_is_lost(restored):
+    restored.fault("corrupt 0.02")
+    before = restored.state()["frames"]
+    stamps, wrench, health = gathered(BotaSensor(port=str(restored.port), settle=0.1), 800)
+    assert health["damaged"] > 2
+    assert np.isfinite(wrench).all()
+    steps = np.rint(np.diff(stamps) / 1.25e6)
+    assert (steps - 1).sum() < 0.02 * 800 * 2  # only the damaged ones are missing
+    assert restored.state()["frames"] > before
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"port": "/tmp/palpate-no-such-port"}, "cannot be opened"),
+        ({"refuse": "f"}, "refuses the command 'f,64,0,0,1' with code 1"),
+        ({"sinc": 40}, "refuses the command 'f,40,0,0,1' with code 2"),
+    ],
+)
+def test_start_faults_are_told_in_words(restored, changes, words):
+    if "refuse" in changes:
+        restored.fault(f"refuse {changes.pop('refuse')}")
+    device = BotaSensor(**{"port": str(restored.port), "settle": 0.1, **changes})
+    with pytest.raises(DeviceError, match=re.escape(words)):
+        gathered(device, 10)
+
+
+def test_settings_are_json(restored):
+    device = BotaSensor(port="x")
+    json.dumps(device.model_dump())
+    with pytest.raises(ValueError, match="is none of 9600"):
+        BotaSensor(port="x", baud=1200)

@@ -1,0 +1,178 @@
+"""The UR3e: kinematics, servo law, and the device against its twin."""
+
+import time
+
+import numpy as np
+import pytest
+from palpate import DeviceError
+from palpate.testing import check_trajectory
+from palpate_devices.ur3e.device import UR3e
+from palpate_devices.ur3e.kinematics import (
+    flange,
+    joints_at,
+    matrix_of,
+    rotation_matrix,
+    rotation_vector,
+    tip,
+)
+from palpate_devices.ur3e.servo import PERIOD, Commander, Law
+from palpate_trajectories.point import Point
+
+WORK = {"origin": (-0.3, -0.13, 0.1)}
+TCP = matrix_of([0.0, 0.0, 0.12, 0.0, 0.0, 0.0])
+PRESS = Point(bias=0.002, amplitude=0.0005, clearance=0.003, rest=0.0, duration=0.5)
+
+
+def test_the_posture_of_the_paper():
+    np.testing.assert_allclose(flange([0.0] * 6)[0][:3, 3], (-0.45675, -0.22315, 0.0665), atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_jacobian_is_the_derivative(seed):
+    q = np.random.default_rng(seed).uniform(-2, 2, 6)
+    _, jacobian = tip(q, TCP)
+    for joint in range(6):
+        step = np.zeros(6)
+        step[joint] = 1e-6
+        ahead, behind = tip(q + step, TCP)[0], tip(q - step, TCP)[0]
+        np.testing.assert_allclose((ahead - behind)[:3, 3] / 2e-6, jacobian[:3, joint], atol=1e-8)
+        turn = rotation_vector(ahead[:3, :3] @ behind[:3, :3].T) / 2e-6
+        np.testing.assert_allclose(turn, jacobian[3:, joint], atol=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_inverse_kinematics(seed):
+    rng = np.random.default_rng(seed)
+    q = np.array([0.3, -1.3, -1.9, -1.5, 1.57, 0.2]) + rng.normal(0, 0.1, 6)
+    found = joints_at(tip(q, TCP)[0], TCP, q + rng.normal(0, 0.05, 6))
+    np.testing.assert_allclose(found, q, atol=1e-8)
+    assert joints_at(matrix_of([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]), TCP, q) is None
+
+
+@pytest.mark.parametrize("vector", [(0, 0, 0), (1e-9, 0, 0), (0.3, -0.2, 0.1), (np.pi, 0, 0), (2.2214, 2.2214, 1e-4)])
+def test_rotation_vectors_come_back(vector):
+    matrix = rotation_matrix(vector)
+    np.testing.assert_allclose(rotation_matrix(rotation_vector(matrix)), matrix, atol=1e-7)
+
+
+LAW = Law("pd", 20.0, 0.5, 0.05, 1.0)
+
+
+def followed(commander, position, steps, until="done"):
+    """An ideal arm, one period behind its command."""
+    track, before = [position], position
+    for _ in range(steps):
+        command = commander.next(position, (position - before) / PERIOD)
+        before, position = position, command.copy()
+        track.append(position)
+        if commander.mode == until:
+            break
+    return np.array(track)
+
+
+def test_it_goes_to_the_start_and_follows():
+    setpoint = PRESS.at(np.arange(0, PRESS.total_duration, PERIOD))
+    table = np.column_stack([setpoint.position, setpoint.velocity, setpoint.measuring])
+    commander = Commander(LAW, np.array([0.001, 0.0, 0.01]))
+    commander.follow(table)
+    track = followed(commander, np.array([0.001, 0.0, 0.01]), 5000)
+    assert commander.mode == "done"
+    # 20/s of gain lag the sine by less than 0.6 of its amplitude; the depth is reached.
+    assert track[:, 2].min() == pytest.approx(-0.0024, abs=3e-4)
+    assert np.abs(np.diff(track[:, 2])).max() / PERIOD < 0.06
+
+
+def test_it_retracts_along_the_normal_from_any_motion():
+    setpoint = PRESS.at(np.arange(0, PRESS.total_duration, PERIOD))
+    table = np.column_stack([setpoint.position, setpoint.velocity, setpoint.measuring])
+    for steps in (100, 200, 300, 500):
+        commander = Commander(LAW, np.array([0.0, 0.0, 0.003]))
+        commander.follow(table)
+        before = followed(commander, np.array([0.0, 0.0, 0.003]), steps)
+        commander.retract()
+        track = followed(commander, before[-1], 3000)
+        assert commander.mode == "done"
+        assert track[-1, 2] == pytest.approx(0.003, abs=1e-4)
+        acceleration = np.abs(np.diff(track[1:, 2], 2)).max() / PERIOD**2
+        assert acceleration < 1.6
+        speed = before[-1, 2] - before[-2, 2]
+        assert track[:, 2].min() > before[-1, 2] - 0.5 * (speed / PERIOD) ** 2 - 1e-4
+
+
+def states(device, trajectory=None, count=150):
+    with device.connect(0) as link:
+        found = {}
+        for batch in link.batches():
+            found.setdefault(batch.stream, []).append(batch)
+            if trajectory is not None and sum(len(b.time) for b in found.get("tip", [])) > 5:
+                link.follow(trajectory)
+                trajectory, count = None, 1 << 30
+            if sum(len(b.time) for b in found.get("status", [])) > count:
+                break
+        return {n: (np.concatenate([b.time for b in bs]), np.concatenate([b.values for b in bs])) for n, bs in
+                found.items()}, link.health  # fmt: skip
+
+
+def device(twin, **changes):
+    return UR3e.model_validate({"host": twin.host, "work": WORK, **changes})
+
+
+def test_controller_and_own_kinematics_agree(restored):
+    found, health = states(device(restored))
+    _, dh_health = states(device(restored, kinematics="dh"))
+    assert health["kinematics_mismatch"] < 1e-6
+    assert dh_health["kinematics_mismatch"] < 1e-6
+    joints, pose = found["joints"][1], found["tip"][1]
+    own = tip(joints[-1, :6].tolist(), TCP)[0]
+    np.testing.assert_allclose(own[:3, 3] - np.array(WORK["origin"]), pose[-1, :3], atol=1e-6)
+    np.testing.assert_allclose(pose[-1, 3:], [1, 0, 0, 0], atol=1e-3)  # half a turn about x: it looks down
+
+
+@pytest.mark.parametrize("control", ["pd", "servo"])
+def test_it_follows_a_motion(restored, control):
+    check_trajectory(PRESS)
+    found, health = states(device(restored, control=control), PRESS)
+    position, wanted = found["tip"][1][:, 2], found["setpoint"][1][:, 2]
+    measuring = found["setpoint"][1][:, 6] > 0.5
+    assert 0.3 < measuring.sum() * PERIOD < 0.6
+    assert position[measuring].mean() == pytest.approx(-0.002, abs=2e-4)
+    assert np.abs(position - wanted).max() < 0.003
+    assert health["commands"]["cycles"] > 0.9 * PRESS.total_duration / PERIOD
+    velocity = found["twist"][1][:, 2]
+    assert np.corrcoef(velocity[:-1], np.diff(position) / np.diff(found["tip"][0]))[0, 1] > 0.9
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [("gone", "cannot be reached"), ("mute", "does not answer within 1 s"), ("emergency-stop", "not RUNNING")],
+)
+def test_it_asks_before_it_connects(restored, fault, words):
+    restored.fault(fault)
+    began = time.monotonic()
+    with pytest.raises(DeviceError, match=words):
+        states(device(restored))
+    assert time.monotonic() - began < 3
+
+
+def test_a_controller_that_falls_silent_while_connecting(restored):
+    """The library's constructor then hangs for ever: its process is killed."""
+    restored.fault("freeze")
+    with pytest.raises(DeviceError, match="does not get ready within 2 s"):
+        states(device(restored, start="2 s"))
+
+
+def test_a_second_master_is_refused(restored):
+    with device(restored).connect(0), pytest.raises(DeviceError, match="already in use"):
+        states(device(restored))
+
+
+def test_a_motion_out_of_reach_ends_in_words(restored):
+    far = Point(bias=0.001, amplitude=0.0005, clearance=0.6, rest=0.0, duration=0.5, speed=1.0)
+    with pytest.raises(DeviceError, match=r"out of reach|does not follow|refuses"):
+        states(device(restored, start_tolerance=1.0, retract_speed=0.25), far)
+    assert restored.wait(lambda state: state["joint_speed"] < 1e-3, 3.0)
+
+
+def test_a_far_start_is_refused(restored):
+    with pytest.raises(DeviceError, match="bring it within 30 mm by hand"):
+        states(device(restored), Point(bias=0.002, clearance=0.06, duration=0.5))
