@@ -63,9 +63,9 @@ def test_the_doctor(palpate, live, tmp_path):
     twin = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     try:
         assert twin.stdout.readline().startswith("ready")
-        patient = ("device.sensor.silence=0.6 s", "device.arm.stale=0.6 s", "device.arm.watchdog=2 Hz")
+        patient = ("device.sensor.silence=1.5 s", "device.arm.stale=1.5 s", "device.arm.watchdog=1 Hz")
         slack = [word for item in patient for word in ("--set", item)]
-        done = palpate("doctor", live, *sets, *slack, "--set", "alignment.gap=0.6 s", "--duration", "0.6")
+        done = palpate("doctor", live, *sets, *slack, "--set", "alignment.gap=1.5 s", "--duration", "0.6")
         assert done.returncode == 0, done.stdout + done.stderr
         assert "ok   rest: force" in done.stdout
         assert "SCHED_FIFO" in done.stdout or "no real-time scheduling" in done.stdout

@@ -29,11 +29,11 @@ SHORT = (
 # Kernel threads that serve a pseudo-terminal can wait 0.2 s on a machine with more work than cores: only tests of
 # silence itself keep the limits of 0.1 s.
 PATIENT = (
-    "device.sensor.silence=0.6 s",
-    "device.arm.stale=0.6 s",
-    "device.arm.watchdog=2 Hz",
-    "device.arm.host_limit=1 s",
-    "safety.stale=0.6 s",
+    "device.sensor.silence=1.5 s",
+    "device.arm.stale=1.5 s",
+    "device.arm.watchdog=1 Hz",
+    "device.arm.host_limit=3 s",
+    "safety.stale=1.5 s",
 )
 
 
@@ -120,6 +120,22 @@ class Bench:
             self.fault("restore")
         raise AssertionError(f"the machine never let a run come to {fault!r}: {caught.value}")
 
+    def start_job(self, when, overrides, out, attempts=5, **options):
+        """`palpate run` in a process of its own, at the moment when a condition holds."""
+        for attempt in range(attempts):
+            folder = out.with_name(f"{out.name}{attempt}")
+            sets = [f"device.arm.host={self.host}", f"device.sensor.port={self.port}", *overrides]
+            words = [sys.executable, "-c", "from palpate.cli import main; main()", "run", str(PIPELINE)]
+            words += ["--out", str(folder), *(word for override in sets for word in ("--set", override))]
+            job = subprocess.Popen(words, stdin=subprocess.DEVNULL, **options)
+            while job.poll() is None:
+                if when(self.state()):
+                    return job, folder
+                time.sleep(0.005)
+            job.communicate()
+            self.fault("restore")
+        raise AssertionError("the machine never let a run come into contact")
+
     def close(self):
         self.process.stdin.close()
         try:
@@ -172,3 +188,8 @@ def restored(shared_bench, tmp_path):
 @pytest.fixture
 def short():
     return SHORT
+
+
+@pytest.fixture
+def patient():
+    return PATIENT

@@ -66,7 +66,7 @@ class UR3e(Device):
     damping: float = Field(default=0.5, ge=0, lt=1, description="derivative gain of the PD law")
     lookahead: Time = Field(default=0.03, ge=0.03, le=0.2, description="servoL's lookahead time")
     servo_gain: float = Field(default=1000.0, ge=100, le=2000, description="servoL's gain")
-    watchdog: Frequency = Field(default=10.0, ge=2, le=50, description="the arm stops where commands come more rarely")
+    watchdog: Frequency = Field(default=10.0, ge=1, le=50, description="the arm stops where commands come more rarely")
     stale: Time = Field(default=0.1, gt=0, description="an older state of the controller is a lost link")
     host_limit: Time = Field(default=0.25, gt=0, description="the arm retracts where the main job is silent for longer")
     start: Time = Field(default=20.0, gt=0, description="how long the client library may take to connect")
