@@ -216,3 +216,9 @@ def test_the_recorded_sweep_holds_a_sphere_and_a_horseshoe_and_nothing_else(shar
     assert 1e3 * sphere.place[1] - 450 == pytest.approx(20.0, abs=3.0)
     assert 42.0 - 3.0 < 1e3 * horseshoe.place[1] - 450 < 48.0 + 3.0
     assert find_lumps(sites_along(read_path(tmp_path / "out", "dr/ekf"))).lumps == ()
+
+
+def test_too_few_baseline_sites_are_refused(palpate, sweep_run):
+    done = palpate("compare-sites", "--baseline", sweep_run, "--suspect", sweep_run)
+    assert done.returncode == 2
+    assert "too few for prediction; 4 are needed" in done.stderr

@@ -1,4 +1,4 @@
-"""``palpate lumps`` and ``palpate compare``: what is stiffer than its surroundings."""
+"""``palpate lumps`` and ``palpate compare-sites``: what is stiffer than its surroundings."""
 
 from __future__ import annotations
 
