@@ -136,7 +136,7 @@ def test_compare_runs_every_pair_and_draws_them(palpate, point_pipeline, tmp_pat
     assert (tmp_path / "out" / "compare.png").read_bytes()[:4] == b"\x89PNG"
     refused = palpate("compare", point_pipeline, "--reference", "none/ekf")
     assert refused.returncode == 2
-    assert "there is no track 'none/ekf' (there are: dr/ekf)" in refused.stderr
+    assert "there is no track 'none/ekf' (there are: dr/ekf, dr/kinematic)" in refused.stderr
 
 
 def test_compare_on_a_log_by_the_names_of_models(palpate, shared):

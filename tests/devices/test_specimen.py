@@ -5,7 +5,7 @@ import pytest
 from palpate import ConfigurationError, contact_force
 from palpate_devices.inclusions import Inclusion
 from palpate_devices.relief import Relief
-from palpate_devices.sim import SimulatedRig, friction
+from palpate_devices.sim import SimulatedRig
 from palpate_devices.specimen import Specimen
 from palpate_models import DimensionalityReduction, Sphere
 from palpate_trajectories.line_sweep import LineSweep
@@ -116,8 +116,9 @@ def test_the_rig_feels_the_inclusion_under_the_tip():
 
 
 def test_friction_opposes_sliding():
-    force = friction(np.array([2.0, 2.0, 0.0]), np.array([[0.01, 0.0], [0.0, 0.0], [0.01, 0.0]]))
-    assert force == pytest.approx(np.array([[2.0, 0.0], [0.0, 0.0], [0.0, 0.0]]))
+    sliding = np.array([[0.01, 0.0, 0.0], [0.0, 0.0, 0.0], [0.01, 0.0, 0.0]])
+    force = Specimen.model_validate(specimen(friction=0.5)).with_friction(np.array([4.0, 4.0, 0.0]), sliding)
+    assert force == pytest.approx(np.array([[-2.0, 0.0, 4.0], [0.0, 0.0, 4.0], [0.0, 0.0, 0.0]]))
 
 
 @pytest.mark.parametrize(
