@@ -30,7 +30,7 @@ def replay_of(log, pipeline, **device):
     """The pipeline with the log in the place of the rig."""
     table = {"type": "mcap-replay", "file": str(log), **device}
     text = ", ".join(f"{key} = {json.dumps(value)}" for key, value in table.items())
-    return load_pipeline(pipeline, [f"device.rig={{{text}}}"])
+    return load_pipeline(pipeline, [f"device.rig={{{text}}}", 'run.tracks=["*/ekf"]'])
 
 
 def test_a_replay_gives_the_same_estimates_bit_for_bit(recording, point_pipeline, tmp_path):
