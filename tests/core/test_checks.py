@@ -157,7 +157,7 @@ class Line(Trajectory):
         inside = (time > 0) & (time < 1)
         late, early = self.height(time[inside] + 1e-6), self.height(time[inside] - 1e-6)
         velocity[inside, 2] = (late - early) / 2e-6
-        return Setpoint(position, velocity, np.full(len(time), self.measuring))
+        return Setpoint(position, velocity, (time >= 0) & (time <= 1) & self.measuring)
 
 
 @pytest.mark.parametrize(
