@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 from palpate.alignment import GRAVITY, AlignmentReport, AlignmentSettings
 from palpate.contact import ContactModel
 from palpate.design import force_slopes
-from palpate.result.record import Tail
+from palpate.result.record import Tail, acceleration
 
 Floats = NDArray[np.float64]
 
-_SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
 _INDISTINCT = 1e-6  # ratio of singular values below which parameters and surface cannot be told apart
 
 
@@ -34,10 +33,10 @@ def systematic_terms(
     mass, tare = settings.tip_mass_uncertainty, report.tare.offset_std if report.tare else None
     if model.memory or (mass is None and tare is None) or not np.isfinite(values).all():
         return terms
-    jacobian, acceleration = _along(model, last, values)
+    jacobian, slope = _along(model, last, values)
     if mass is not None:
         weight = GRAVITY if settings.weight == "removed" else 0.0
-        _note(terms, "mass", _answer(jacobian, mass * (weight - acceleration)))
+        _note(terms, "mass", _answer(jacobian, mass * (weight - slope)))
     if tare is not None:
         _note(terms, "tare", _answer(jacobian, np.full(len(jacobian), tare)))
     return terms
@@ -51,16 +50,13 @@ def _note(terms: dict[str, dict[str, float]], cause: str, shares: Floats | None)
 
 def _along(model: ContactModel, last: Tail, values: Floats) -> tuple[Floats, Floats]:
     """Derivatives of the force by parameters and surface (n, k + 1), and acceleration z'' (n,) [m/s^2]."""
-    n = _SLOPE_SAMPLES
-    if len(last.time) <= 2 * n:
-        return np.zeros((0, len(values) + 1)), np.zeros(0)
-    acceleration = (last.velocity[2 * n :] - last.velocity[: -2 * n]) / (last.time[2 * n :] - last.time[: -2 * n])
-    depth, rate = (float(last.surface.mean()) - last.position)[n:-n], -last.velocity[n:-n]
-    usable = np.isfinite(depth) & np.isfinite(rate) & np.isfinite(acceleration) & (depth > 0)
+    slope = acceleration(last.time, last.velocity)
+    depth, rate = float(last.surface.mean()) - last.position, -last.velocity
+    usable = np.isfinite(depth) & np.isfinite(rate) & np.isfinite(slope) & (depth > 0)
     if not usable.any():
         return np.zeros((0, len(values) + 1)), np.zeros(0)
     _, by_parameter, by_depth, _ = force_slopes(model, depth[usable], rate[usable], values.tolist())
-    return np.column_stack([by_parameter, by_depth]), acceleration[usable]
+    return np.column_stack([by_parameter, by_depth]), slope[usable]
 
 
 def _answer(jacobian: Floats, error: Floats) -> Floats | None:

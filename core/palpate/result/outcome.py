@@ -7,12 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.contact import ContactModel
 from palpate.estimation import Status
 from palpate.result.budget import systematic_terms
 from palpate.result.flags import alignment_flags, flag, timing_flags, track_flags, validity_flags
-from palpate.result.record import TrackRecord
+from palpate.result.record import Tail, TrackRecord
 
 
 @dataclass(frozen=True)
@@ -122,6 +124,16 @@ class TrackResult:
         }
 
 
+@dataclass(frozen=True)
+class _Numbers:
+    """What the latest estimates of a track come to."""
+
+    parameters: Mapping[str, Found]
+    surface: Found
+    force_rms: float
+    nis: float
+
+
 def track_result(
     name: str,
     model: ContactModel,
@@ -139,63 +151,71 @@ def track_result(
     model_name, _, estimator_name = name.partition("/")
     flags = list(track_flags(record, model, report, average, online))
     tail = record.tail
-    nothing = float("nan")
-    usable = tail is not None and not record.marks[Status.DIVERGED]
-    if tail is None or not usable:
-        empty = {p.name: Found(nothing, nothing, p.unit) for p in model.parameters}
-        surface, rms, nis = Found(nothing, nothing, "m"), nothing, nothing
-        parameters = empty
+    if tail is None or record.marks[Status.DIVERGED]:
+        numbers = _no_numbers(model)
     else:
         last = tail.since(float(tail.time[-1]) - average)
-        values, std = last.values.mean(axis=0), last.std[-1]
-        # What is left of the way lies between nothing and this: a rectangular distribution.
-        tracked = record.tracked if online else 0.0
-        rest = tail.unsettled(tail.values, tracked)
-        timing = timing_uncertainty(settings)
-        # A fit that looks for the delay itself has the declared timing in its std already.
-        added = None if record.details.get("timing_included") else timing
-        flags += timing_flags(model, values, timing)
-        shifts = model.delay_shift(list(values))
-        terms = systematic_terms(model, last, added, settings, report)
-        parameters = {
-            p.name: Found(
-                float(value),
-                float(deviation),
-                p.unit,
-                float(settling),
-                math.hypot(*terms[p.name].values()) if terms[p.name] else None,
-                terms[p.name],
-                float(value / abs(shift)) if shift else None,
-            )
-            for p, value, deviation, settling, shift in zip(
-                model.parameters, values, std, rest / math.sqrt(3), shifts, strict=True
-            )
-        }
-        way = float(tail.unsettled(tail.surface[:, None], tracked)[0]) / math.sqrt(3)
-        surface = Found(float(last.surface.mean()), float(last.surface_std[-1]), "m", way)
+        flags += timing_flags(model, last.values.mean(axis=0), timing_uncertainty(settings))
         flags += validity_flags(model, last)
-        rms = last.force_rms(settings.tip_mass or 0.0)
-        seen = last.nis[last.nis == last.nis]
-        nis = float(seen.mean()) if len(seen) else nothing
-    per_sample = record.seconds / record.samples if record.samples else 0.0
-    derived = derived_values(model, parameters)
+        numbers = _numbers(model, record, tail, last, report, settings, online)
     return TrackResult(
         model_name,
         estimator_name,
         record.samples,
-        parameters,
-        surface,
-        rms,
-        nis,
+        numbers.parameters,
+        numbers.surface,
+        numbers.force_rms,
+        numbers.nis,
         tuple(flags),
-        per_sample,
-        derived,
+        record.seconds / record.samples if record.samples else 0.0,
+        derived_values(model, numbers.parameters),
         record.details,
     )
 
 
+def _no_numbers(model: ContactModel) -> _Numbers:
+    nothing = float("nan")
+    parameters = {parameter.name: Found(nothing, nothing, parameter.unit) for parameter in model.parameters}
+    return _Numbers(parameters, Found(nothing, nothing, "m"), nothing, nothing)
+
+
+def _numbers(
+    model: ContactModel,
+    record: TrackRecord,
+    tail: Tail,
+    last: Tail,
+    report: AlignmentReport,
+    settings: AlignmentSettings,
+    online: bool,
+) -> _Numbers:
+    values, std = last.values.mean(axis=0), last.std[-1]
+    # What is left of the way to rest lies between nothing and this: a rectangular distribution.
+    tracked = record.tracked if online else 0.0
+    settling = tail.unsettled(tail.values, tracked) / math.sqrt(3)
+    way = float(tail.unsettled(tail.surface[:, None], tracked)[0]) / math.sqrt(3)
+    # A fit that looks for the delay itself has the declared timing in its std already.
+    timing = None if record.details.get("timing_included") else timing_uncertainty(settings)
+    terms = systematic_terms(model, last, timing, settings, report)
+    parameters = {}
+    for i, (parameter, shift) in enumerate(zip(model.parameters, model.delay_shift(list(values)), strict=True)):
+        budget = terms[parameter.name]
+        parameters[parameter.name] = Found(
+            float(values[i]),
+            float(std[i]),
+            parameter.unit,
+            float(settling[i]),
+            math.hypot(*budget.values()) if budget else None,
+            budget,
+            float(values[i] / abs(shift)) if shift else None,
+        )
+    surface = Found(float(last.surface.mean()), float(last.surface_std[-1]), "m", way)
+    seen = last.nis[np.isfinite(last.nis)]
+    nis = float(seen.mean()) if len(seen) else float("nan")
+    return _Numbers(parameters, surface, last.force_rms(settings.tip_mass or 0.0), nis)
+
+
 def timing_uncertainty(settings: AlignmentSettings) -> float | None:
-    """Standard uncertainty [s] of the time between force and motion; None where it is not declared for both sides."""
+    """Standard uncertainty [s] of the time between force and motion; None where neither side declares any."""
     motion = settings.velocity or settings.position
     if settings.force.uncertainty is None and motion.uncertainty is None:
         return None

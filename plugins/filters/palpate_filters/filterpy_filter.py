@@ -52,9 +52,7 @@ class FilterpyFilter(PaperStart):
         try:
             import filterpy.kalman
         except ImportError as error:
-            raise ConfigurationError(
-                f'filterpy cannot be imported ({error}); pip install "palpate[filterpy]"'
-            ) from error
+            raise ConfigurationError(f"filterpy cannot be imported ({error}); pip install filterpy") from error
         process = InertialProcess(problem.model, mass_of(problem))
         start = first_state(self, process)
         rig = _Rig(process, start, self.force_std, self.velocity_std)
