@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,5 +102,5 @@ def _search(misfit: Callable[[float], float], position: Floats) -> float:
     costs = [misfit(float(height)) for height in heights]
     best = int(np.argmin(costs))
     low, high = heights[max(best - 1, 0)], heights[min(best + 1, len(heights) - 1)]
-    found = minimize_scalar(misfit, bounds=(float(low), float(high)), method="bounded", options={"xatol": 1e-8})
+    found: Any = minimize_scalar(misfit, bounds=(float(low), float(high)), method="bounded", options={"xatol": 1e-8})
     return float(found.x) if found.fun <= costs[best] else float(heights[best])
