@@ -49,6 +49,7 @@ from palpate.units import (
     Stiffness,
     Time,
     Viscosity,
+    is_number,
     to_si,
 )
 
@@ -114,6 +115,7 @@ __all__ = [
     "compile_step",
     "contact_force",
     "force_over_time",
+    "is_number",
     "log",
     "plugin",
     "select",

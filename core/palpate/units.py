@@ -72,6 +72,19 @@ def example(unit: str) -> str:
     return _EXAMPLES.get(unit, f"1 {unit}")
 
 
+def is_number(text: str) -> bool:
+    """Whether a text is a number as it stands, without a unit.
+
+    >>> is_number("-1e3"), is_number("5 mm")
+    (True, False)
+    """
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def to_si(value: object, unit: str) -> float:
     """A number in SI from what a person wrote: a number (SI already) or a text with a unit.
 

@@ -21,7 +21,7 @@ from palpate.config.mistakes import raise_mistakes
 from palpate.contact import ContactModel, force_over_time, tip_profile
 from palpate.errors import ConfigurationError, OutputError
 from palpate.registry import Registry, suggest
-from palpate.units import to_si
+from palpate.units import is_number, to_si
 
 Floats = NDArray[np.float64]
 
@@ -158,17 +158,9 @@ def _theta(model: ContactModel, assignments: list[str]) -> list[float]:
 
 def _si(option: str, text: str, unit: str) -> float:
     try:
-        return to_si(float(text) if _is_number(text) else text, unit)
+        return to_si(float(text) if is_number(text) else text, unit)
     except ValueError as error:
         raise ConfigurationError(f"{option}: {error}") from error
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _positive(option: str, text: str, unit: str) -> float:

@@ -12,7 +12,7 @@ from typing import IO, Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Batch, Channel, Device, File, Frequency, Link, LogError, Settings, Stream, to_si
+from palpate import Batch, Channel, Device, File, Frequency, Link, LogError, Settings, Stream, is_number, to_si
 from pydantic import Field, model_validator
 
 from palpate_devices.logs.readings import nanoseconds, si_unit
@@ -131,7 +131,7 @@ class _CsvLink:
 
     def _places(self, cells: list[str]) -> list[int]:
         """Where the wanted columns are, by the first line, which is a header where none of it is a number."""
-        if not any(_is_number(cell) for cell in cells):
+        if not any(is_number(cell) for cell in cells):
             self._header = [cell.strip().lstrip("\ufeff") for cell in cells]
         names = self._header or []
         places = []
@@ -159,7 +159,7 @@ class _CsvLink:
         try:
             return float(text) if text else np.nan
         except ValueError as error:
-            advice = "; a decimal comma? write the numbers with points" if _is_number(text.replace(",", ".", 1)) else ""
+            advice = "; a decimal comma? write the numbers with points" if is_number(text.replace(",", ".", 1)) else ""
             problem = f"column {place} holds {text!r}, which is no number{advice}"
             raise LogError(f"{self._log.file}:{line}: {problem}") from error
 
@@ -168,11 +168,3 @@ def _open_text(path: Path) -> IO[str]:
     if path.suffix == ".gz":
         return gzip.open(path, "rt", encoding="utf-8", newline="")
     return path.open(newline="", encoding="utf-8")
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True

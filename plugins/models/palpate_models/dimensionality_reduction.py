@@ -9,7 +9,7 @@ from palpate import ContactModel, Indenter, MaterialValue, Parameter
 from pydantic import BeforeValidator, Field, model_validator
 
 from palpate_models.parameters import ELASTICITY, VISCOSITY
-from palpate_models.thickness import Thickness, corrected_contact
+from palpate_models.thickness import Thickness, contact_validity, corrected_contact
 
 OptionalThickness = Annotated[Thickness | None, BeforeValidator(lambda value: None if value == "none" else value)]
 
@@ -54,8 +54,7 @@ class DimensionalityReduction(ContactModel):
 
     def validity(self, depth: float) -> str:
         """What does not hold of tip or thickness correction at a depth [m]."""
-        layer = self.thickness.validity(self.indenter, depth) if self.thickness is not None else ""
-        return "; ".join(text for text in (self.indenter.validity(depth), layer) if text)
+        return contact_validity(self.indenter, self.thickness, depth)
 
     def delay_shift(self, theta: Sequence[float]) -> tuple[float, ...]:
         """A late force lowers viscosity by the shear modulus G = E/(2 (1 + nu)) per second, for every tip."""

@@ -16,7 +16,7 @@ from palpate_models.parameters import (
     RELAXATION_TIME,
     RELAXING_ELASTICITY,
 )
-from palpate_models.thickness import Thickness, corrected_contact
+from palpate_models.thickness import Thickness, contact_validity, corrected_contact
 
 _THICKNESS = 'correction for a layer, as for dimensionality-reduction; left out or "none": a half-space'
 
@@ -73,8 +73,7 @@ class StandardLinearSolid(ContactModel):
 
     def validity(self, depth: float) -> str:
         """What does not hold of tip or thickness correction at a depth [m]."""
-        layer = self.thickness.validity(self.indenter, depth) if self.thickness is not None else ""
-        return "; ".join(text for text in (self.indenter.validity(depth), layer) if text)
+        return contact_validity(self.indenter, self.thickness, depth)
 
 
 class Maxwell(ContactModel):
@@ -115,5 +114,4 @@ class Maxwell(ContactModel):
 
     def validity(self, depth: float) -> str:
         """What does not hold of tip or thickness correction at a depth [m]."""
-        layer = self.thickness.validity(self.indenter, depth) if self.thickness is not None else ""
-        return "; ".join(text for text in (self.indenter.validity(depth), layer) if text)
+        return contact_validity(self.indenter, self.thickness, depth)

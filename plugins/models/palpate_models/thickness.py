@@ -156,3 +156,9 @@ def corrected_contact(indenter: Indenter, thickness: Thickness | None, depth: An
         return area, radius
     factor, slope = thickness.factor(indenter, depth)
     return area * factor, radius * factor + area * slope / depth
+
+
+def contact_validity(indenter: Indenter, thickness: Thickness | None, depth: float) -> str:
+    """What does not hold of a tip or of a thickness correction at a depth [m]; empty where all is well."""
+    layer = thickness.validity(indenter, depth) if thickness is not None else ""
+    return "; ".join(text for text in (indenter.validity(depth), layer) if text)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import ConfigurationError, Samples, to_si
+from palpate import ConfigurationError, Samples, is_number, to_si
 
 from palpate_filters.fit.refusal import NotFitted
 
@@ -49,20 +49,12 @@ def _parse_one(part: str, text: str) -> Window:
             low, high = float(int(match[2])), float(int(match[3]))
         else:
             unit = "m" if what == "depth" else "s"
-            low, high = (to_si(float(m) if _is_number(m) else m, unit) for m in (match[2], match[3]))
+            low, high = (to_si(float(m) if is_number(m) else m, unit) for m in (match[2], match[3]))
     except ValueError as error:
         raise ConfigurationError(f"estimator casadi-fit: segment {text!r}: {error}") from error
     if low >= high and not (what == "cycles" and low == high):
         raise ConfigurationError(f"estimator casadi-fit: segment {text!r}: {part!r} is empty, it ends before it begins")
     return Window(what, low, high)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 @dataclass(frozen=True)

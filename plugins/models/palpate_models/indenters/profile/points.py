@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from palpate import is_number
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +37,7 @@ def read_points(path: Path, unit: float) -> tuple[Floats, Floats]:
         try:
             r, z = (float(cell) for cell in row)
         except ValueError as error:
-            if not radii and not any(_is_number(cell) for cell in row):
+            if not radii and not any(is_number(cell) for cell in row):
                 continue  # the heading
             raise ValueError(f"{where}: {','.join(row)!r} is not a radius and a height") from error
         _refuse_point(r, z, radii, heights, where)
@@ -47,14 +48,6 @@ def read_points(path: Path, unit: float) -> tuple[Floats, Floats]:
     if heights[-1] == 0:
         raise ValueError(f"{path}: every height is 0: that is the tip 'flat'")
     return np.array(radii) * unit, np.array(heights) * unit
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
 
 
 def _refuse_point(r: float, z: float, radii: list[float], heights: list[float], where: str) -> None:
