@@ -241,4 +241,4 @@ if __name__ == "__main__":
     number = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
     replay(number)
     online()
-    memory(20_000_000)
+    memory(int(sys.argv[2]) if len(sys.argv) > 2 else 20_000_000)

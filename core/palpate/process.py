@@ -69,8 +69,14 @@ class InertialProcess:
 
     def predict(self, state: Sequence[Any], force: Any, interval: Any) -> list[Any]:
         """The state one interval [s] later under a measured force [N]."""
+        return self.advance(state, force - self.force(state), interval)
+
+    def advance(self, state: Sequence[Any], excess: Any, interval: Any) -> list[Any]:
+        """The state one interval [s] later, by how much the measured force exceeds that of the contact [N].
+
+        Linear in state and excess for a model without memory: all that bends is the contact force.
+        """
         to_depth, to_rate = self.gain(interval)
-        excess = force - self.force(state)
         depth = state[0] + interval * state[1] + to_depth * excess
         rate = state[1] + to_rate * excess
         first = self.parameters.start

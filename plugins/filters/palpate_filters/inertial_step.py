@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from palpate import InertialProcess, Step
+
+from palpate_filters.symmetric import entry_update, mirrored
 
 _LOW_LIMIT = 25  # samples in a row at depth <= 0, in contact, before the filter begins anew
 _BLIND_STD = 1.0  # [N], how little is known of a force that is missing
@@ -21,7 +23,7 @@ class Predicted:
 
     mean: Any  # (n,)
     covariance: Any  # (n, n)
-    spread: Any  # (n,) column of the covariance that belongs to the rate; without process noise where not redrawn
+    spread: Any  # (n,) column that belongs to the rate without process noise; None: it is the covariance's
     stiffness: Any  # dF/dd [N/m]
     repaired: Any  # 1 where the covariance before was not positive definite
 
@@ -41,7 +43,8 @@ def inertial_step(process: InertialProcess, prediction: Prediction, *, fading: b
     import casadi as ca
 
     states = process.states
-    mean, covariance = ca.SX.sym("x", states), ca.SX.sym("P", states, states)
+    mean, square = ca.SX.sym("x", states), ca.SX.sym("P", states, states)
+    covariance = mirrored(square)
     force_before, low_count, factor = ca.SX.sym("u"), ca.SX.sym("low"), ca.SX.sym("alpha")
     sample, noise = ca.SX.sym("w", 3), ca.SX.sym("sigma", 2)
     force, rate, interval = sample[0], sample[1], sample[2]
@@ -73,7 +76,7 @@ def inertial_step(process: InertialProcess, prediction: Prediction, *, fading: b
     marks += [broken(next_mean, variance, ca.fabs(start) + start_std), predicted.repaired]
     values = process.parameters
     return Step(
-        state=ca.vertcat(mean, ca.vec(covariance), force_before, low_count, factor),
+        state=ca.vertcat(mean, ca.vec(square), force_before, low_count, factor),
         sample=sample,
         settings=ca.vertcat(noise, fade, cap, start, start_std),
         next_state=ca.vertcat(
@@ -112,21 +115,23 @@ def inflated(predicted: Predicted, factor: Any, cap: Any) -> Predicted:
 
     variance = ca.fmax(ca.diag(predicted.covariance), 1e-300)
     scale = ca.sqrt(ca.fmin(factor, ca.fmax(cap / variance, 1.0)))
-    covariance = predicted.covariance * (scale @ scale.T)
-    return Predicted(
-        predicted.mean, covariance, predicted.spread * scale * scale[1], predicted.stiffness, predicted.repaired
-    )
+    covariance = mirrored(predicted.covariance * (scale @ scale.T))
+    spread = None if predicted.spread is None else predicted.spread * scale * scale[1]
+    return replace(predicted, covariance=covariance, spread=spread)
 
 
 def rate_update(predicted: Predicted, rate: Any, variance: Any, seen: Any) -> tuple[Any, Any, Any]:
-    """Mean and covariance after a measured rate (Joseph form), and the normalised innovation squared."""
+    """Mean and covariance after a measured rate, and the normalised innovation squared."""
     import casadi as ca
 
-    mean, covariance, column = predicted.mean, predicted.covariance, predicted.spread
-    innovation = ca.if_else(seen, rate - mean[1], 0.0)
-    spread = column[1] + variance
-    gain = ca.if_else(seen, column / spread, 0.0)
-    kept = ca.SX.eye(mean.shape[0])
-    kept[:, 1] -= gain
-    updated = kept @ covariance @ kept.T + gain @ gain.T * variance
-    return mean + gain * innovation, (updated + updated.T) / 2, ca.if_else(seen, innovation**2 / spread, -1.0)
+    mean, column = predicted.mean, predicted.spread
+    innovation = ca.if_else(seen, rate, mean[1]) - mean[1]
+    if column is None:
+        gain, updated, spread = entry_update(predicted.covariance, 1, variance, seen)
+    else:  # the gain is not the one that the covariance asks for: Joseph's form
+        spread = column[1] + variance
+        gain = column * (seen / spread)
+        kept = ca.SX.eye(mean.shape[0])
+        kept[:, 1] -= gain
+        updated = mirrored(kept @ predicted.covariance @ kept.T + gain @ gain.T * variance)
+    return mean + gain * innovation, updated, ca.if_else(seen, innovation**2 / spread, -1.0)

@@ -7,7 +7,7 @@ from typing import Any
 
 from palpate import KinematicProcess, Step
 
-from palpate_filters.predictions import cholesky
+from palpate_filters.symmetric import cholesky, congruence, entry_update, mirrored, vector_update
 
 _DEPTH_FLOOR = 1e-5  # [m]; the slope of sqrt(d) has a pole at 0, so Jacobians are taken no nearer
 _LOW_LIMIT = 25  # samples in a row at depth <= 0, in contact, before the filter begins anew
@@ -48,7 +48,8 @@ def kinematic_step(
 
     n, chart = process.states, process.chart
     count = len(process.model.parameters)
-    mean, covariance, low_count = ca.SX.sym("x", n), ca.SX.sym("P", n, n), ca.SX.sym("low")
+    mean, square, low_count = ca.SX.sym("x", n), ca.SX.sym("P", n, n), ca.SX.sym("low")
+    covariance = mirrored(square)
     sample, numbers = ca.SX.sym("w", 4), ca.SX.sym("p", NOISES)
     fresh, fresh_std = ca.SX.sym("x0", 1 + count), ca.SX.sym("s0", 1 + count)
     force, height, velocity, interval = ca.vertsplit(sample)
@@ -56,11 +57,11 @@ def kinematic_step(
 
     x, P, _ = predicted(process, mean, covariance, interval, noise)
     total, seen_count = ca.SX(0), ca.SX(0)
-    unit = ca.SX.eye(n)
     for axis, measured, std in ((0, height, noise.position), (1, velocity, noise.velocity)):
         seen = ca.fabs(measured) <= _LARGEST
-        x, P, surprise = _update(x, P, unit[:, axis], measured - x[axis], std**2, seen)
-        total, seen_count = total + surprise, seen_count + seen
+        gain, P, spread = entry_update(P, axis, std**2, seen)
+        innovation = ca.if_else(seen, measured, x[axis]) - x[axis]
+        x, total, seen_count = x + gain * innovation, total + innovation**2 / spread, seen_count + seen
     seen = ca.fabs(force) <= _LARGEST
     x, P, surprise = _force_update(process, x, P, force, noise.force**2, seen, iterations, student)
     total, seen_count = total + surprise, seen_count + seen
@@ -69,13 +70,12 @@ def kinematic_step(
     low = process.depth(ca.vertsplit(x)) <= 0
     count_low = ca.if_else(low, low_count + 1, 0)
     restart = count_low >= _LOW_LIMIT
-    anew, anew_covariance = _anew(process, x, P, fresh, fresh_std)
-    x, P = ca.if_else(restart, anew, x), ca.if_else(restart, anew_covariance, P)
+    x, P = _restarted(process, x, P, restart, fresh, fresh_std)
     marks = [low, restart, seen_count < 3, ca.SX(0), _broken(process, x, P), ca.SX(0)]
     output = [report(process, x, P, height), nis, *marks, *([x, ca.vec(P)] if with_state else [])]
     assert chart.stop <= n
     return Step(
-        state=ca.vertcat(mean, ca.vec(covariance), low_count),
+        state=ca.vertcat(mean, ca.vec(square), low_count),
         sample=sample,
         settings=ca.vertcat(numbers, fresh, fresh_std),
         next_state=ca.vertcat(x, ca.vec(P), ca.if_else(restart, 0, count_low)),
@@ -94,18 +94,19 @@ def backward_step(process: KinematicProcess) -> Step:
 
     n = process.states
     after, after_covariance = ca.SX.sym("xs", n), ca.SX.sym("Ps", n, n)
-    mean, covariance = ca.SX.sym("x", n), ca.SX.sym("P", n, n)
+    mean, square = ca.SX.sym("x", n), ca.SX.sym("P", n, n)
+    covariance, later_covariance = mirrored(square), mirrored(after_covariance)
     interval, height, numbers = ca.SX.sym("T"), ca.SX.sym("z"), ca.SX.sym("p", NOISES)
     noise = _Noise(*ca.vertsplit(numbers))
     ahead, ahead_covariance, jacobian = predicted(process, mean, covariance, interval, noise)
     gain = _solve_symmetric(ahead_covariance, jacobian @ covariance).T
     x = mean + gain @ (after - ahead)
     kept = ca.SX.eye(n) - gain @ jacobian
-    P = kept @ covariance @ kept.T + gain @ (_process_noise(process, interval, noise) + after_covariance) @ gain.T
-    P = (P + P.T) / 2
+    added = mirrored(_process_noise(process, interval, noise) + later_covariance)
+    P = mirrored(congruence(kept, covariance) + congruence(gain, added))
     return Step(
         state=ca.vertcat(after, ca.vec(after_covariance)),
-        sample=ca.vertcat(mean, ca.vec(covariance), interval, height),
+        sample=ca.vertcat(mean, ca.vec(square), interval, height),
         settings=numbers,
         next_state=ca.vertcat(x, ca.vec(P)),
         output=report(process, x, P, height),
@@ -118,7 +119,8 @@ def predicted(process: KinematicProcess, mean: Any, covariance: Any, interval: A
 
     ahead = ca.vertcat(*process.predict(ca.vertsplit(mean), interval, ca.exp))
     jacobian = ca.jacobian(ahead, mean)
-    return ahead, jacobian @ covariance @ jacobian.T + _process_noise(process, interval, noise), jacobian
+    noisy = congruence(jacobian, covariance) + _process_noise(process, interval, noise)
+    return ahead, noisy, jacobian
 
 
 def _process_noise(process: KinematicProcess, interval: Any, noise: _Noise) -> Any:
@@ -143,19 +145,6 @@ def _process_noise(process: KinematicProcess, interval: Any, noise: _Noise) -> A
     return Q
 
 
-def _update(mean: Any, covariance: Any, row: Any, innovation: Any, variance: Any, seen: Any) -> tuple[Any, Any, Any]:
-    """Mean and covariance after one measured number (Joseph form), and its normalised innovation squared."""
-    import casadi as ca
-
-    column = covariance @ row
-    spread = ca.dot(row, column) + variance
-    gain = ca.if_else(seen, column / spread, 0.0)
-    innovation = ca.if_else(seen, innovation, 0.0)
-    kept = ca.SX.eye(mean.shape[0]) - gain @ row.T
-    updated = kept @ covariance @ kept.T + gain @ gain.T * variance
-    return mean + gain * innovation, (updated + updated.T) / 2, ca.if_else(seen, innovation**2 / spread, 0.0)
-
-
 def _force_update(
     process: KinematicProcess,
     mean: Any,
@@ -175,13 +164,15 @@ def _force_update(
     at, x, P, surprise = mean, mean, covariance, ca.SX(0)
     for _ in range(iterations):
         expected, row = _linearised_reading(process, at)
-        innovation = force - expected - ca.dot(row, mean - at)
+        expected += ca.dot(row, mean - at)
+        innovation = ca.if_else(seen, force, expected) - expected
         used = variance
         if student is not None:
             plain = innovation**2 / (ca.dot(row, covariance @ row) + variance)
             used = variance * ca.fmax((student + plain) / (student + 1.0), 1.0)
-        x, P, surprise = _update(mean, covariance, row, innovation, used, seen)
-        at = x
+        gain, P, spread = vector_update(covariance, row, used, seen)
+        at = x = mean + gain * innovation
+        surprise = innovation**2 / spread
     return x, P, surprise
 
 
@@ -191,24 +182,33 @@ def _linearised_reading(process: KinematicProcess, at: Any) -> tuple[Any, Any]:
 
     state = ca.SX.sym("x", process.states)
     parts = ca.vertsplit(state)
-    reading = process.reading(parts, ca.exp)
-    slope = ca.jacobian(reading, state).T
+    theta = process.parameters(parts[process.chart], ca.exp)
+    force = process.model.force(process.depth(parts), process.rate(parts), theta, parts[process.memory])
     depth = process.depth(ca.vertsplit(at))
-    away = ca.vertcat(at[:3], at[0] + ca.if_else(depth > 0, ca.fmax(depth, _DEPTH_FLOOR), depth), at[4:])
-    return ca.substitute(reading, state, at), ca.substitute(slope, state, away)
+    away = ca.vertcat(at[:3], at[0] + ca.fmax(depth, _DEPTH_FLOOR), at[4:])
+    slope = ca.substitute(ca.jacobian(force, state).T, state, away) * (depth > 0)
+    slope[2] -= process.mass
+    if process.biased:
+        slope[process.bias] += 1
+    return process.reading(ca.vertsplit(at), ca.exp), slope
 
 
-def _anew(process: KinematicProcess, x: Any, P: Any, fresh: Any, fresh_std: Any) -> tuple[Any, Any]:
-    """Mean and covariance that keep the motion and begin surface and parameters anew."""
+def _restarted(
+    process: KinematicProcess, x: Any, P: Any, restart: Any, fresh: Any, fresh_std: Any
+) -> tuple[Any, Any]:
+    """Mean and covariance that, on a restart, keep the motion and begin surface and parameters anew."""
     import casadi as ca
 
-    mean, covariance = ca.SX.zeros(process.states), ca.SX.zeros(process.states, process.states)
-    mean[:3], covariance[:3, :3] = x[:3], P[:3, :3]
-    for i in range(3, process.states):
-        covariance[i, i] = ca.fmax(P[i, i], 0.0)
-    mean[3], covariance[3, 3] = x[0] + fresh[0], fresh_std[0] ** 2
+    n, mean, covariance = process.states, ca.SX(x), ca.SX(P)
+    begin = [x[0] + fresh[0], *[0.0] * (n - 4)]
+    variance = [fresh_std[0] ** 2, *(ca.fmax(P[i, i], 0.0) for i in range(4, n))]
     for i, j in enumerate(range(process.chart.start, process.chart.stop), start=1):
-        mean[j], covariance[j, j] = fresh[i], fresh_std[i] ** 2
+        begin[j - 3], variance[j - 3] = fresh[i], fresh_std[i] ** 2
+    for i in range(3, n):
+        mean[i] = ca.if_else(restart, begin[i - 3], x[i])
+        for j in range(i):
+            covariance[i, j] = covariance[j, i] = ca.if_else(restart, 0.0, P[j, i])
+        covariance[i, i] = ca.if_else(restart, variance[i - 3], P[i, i])
     return mean, covariance
 
 

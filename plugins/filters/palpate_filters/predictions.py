@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
@@ -9,10 +10,12 @@ from numpy.typing import NDArray
 from palpate import InertialProcess
 
 from palpate_filters.inertial_step import Predicted, Prediction
+from palpate_filters.symmetric import cholesky, congruence, mirrored
 
 _DEPTH_FLOOR = 1e-5  # [m]; the slope of sqrt(d) has a pole at 0, so Jacobians are taken no nearer
 
 Points = Literal["merwe", "julier", "simplex"]
+Directions = tuple[NDArray[np.float64], float, float]
 
 
 def linearised(
@@ -21,16 +24,17 @@ def linearised(
     """The extended Kalman filter's prediction: F P F^T + B sigma_u^2 B^T with the derived Jacobian F."""
     import casadi as ca
 
-    state = ca.vertsplit(mean)
-    # A missing force is taken to be the model's: the tip goes on at its rate, with the noise that this deserves.
-    driven = ca.if_else(known, force, process.force(state))
-    predicted = ca.vertcat(*process.predict(state, driven, interval))
-    slope = ca.jacobian(process.force(state), mean)
-    jacobian = ca.jacobian(predicted, mean)
-    jacobian, slope = ca.substitute([jacobian, slope], [mean], [ca.vertcat(away(mean[0]), mean[1:])])
+    slope = _force_slope(process, mean)
     gain = _gain(process, interval)
-    covariance_predicted = jacobian @ covariance @ jacobian.T + gain @ gain.T * force_std**2
-    return Predicted(predicted, covariance_predicted, covariance_predicted[:, 1], slope[0], ca.SX(0))
+    ahead = _stepper(process)(mean, force, interval, known)
+    if process.model.memory:
+        symbols = ca.SX.sym("x", process.states)
+        jacobian = ca.jacobian(_stepper(process)(symbols, force, interval, known), symbols)
+        jacobian = ca.substitute(jacobian, symbols, ca.vertcat(away(mean[0]), mean[1:]))
+    else:
+        jacobian = _transition(process, interval) - (gain * known) @ slope.T
+    noisy = congruence(jacobian, covariance) + gain @ gain.T * force_std**2
+    return Predicted(ahead, noisy, None, slope[0], ca.SX(0))
 
 
 def unscented(points: Points, alpha: float, beta: float, kappa: float, redraw: bool) -> Prediction:
@@ -39,31 +43,69 @@ def unscented(points: Points, alpha: float, beta: float, kappa: float, redraw: b
     def predict(
         process: InertialProcess, mean: Any, covariance: Any, force: Any, interval: Any, known: Any, force_std: Any
     ) -> Predicted:
-        import casadi as ca
-
-        directions, weight, correction = sigma_directions(points, process.states, alpha, beta, kappa)
+        directions = sigma_directions(points, process.states, alpha, beta, kappa)
         root, repaired = cholesky(covariance)
         ahead = _stepper(process)
-        centre = ahead(mean, force, interval, known)
-        # Weighting differences to the centre, not the points, loses nothing to the huge weights of a small alpha.
-        drawn = [mean + root @ ca.DM(direction) for direction in directions.T]
-        offsets = ca.horzcat(*(ahead(point, force, interval, known) - centre for point in drawn))
-        shift = ca.sum2(offsets) * weight
-        # Symmetric to the last bit, and nothing is computed twice.
-        sampled = ca.triu2symm(ca.triu(offsets @ offsets.T * weight + shift @ shift.T * correction))
+        if process.model.memory:
+            moments = _moments(lambda point: ahead(point, force, interval, known), mean, root, directions)
+        else:
+            moments = _excess_moments(process, mean, covariance, root, directions, (force, interval, known))
         gain = _gain(process, interval)
-        noisy = sampled + gain @ gain.T * force_std**2
-        slope = ca.jacobian(process.force(ca.vertsplit(mean)), mean[0])
-        slope = ca.substitute(slope, mean, ca.vertcat(away(mean[0]), mean[1:]))
-        column = noisy[:, 1] if redraw else sampled[:, 1]
-        return Predicted(centre + shift, noisy, column, slope, repaired)
+        noisy = moments[1] + gain @ gain.T * force_std**2
+        column = None if redraw else moments[1][:, 1]
+        return Predicted(moments[0], noisy, column, _force_slope(process, mean)[0], repaired)
 
     return predict
 
 
+def _moments(ahead: Callable[[Any], Any], mean: Any, root: Any, directions: Directions) -> tuple[Any, Any]:
+    """Mean and covariance of what a function makes of sigma points."""
+    import casadi as ca
+
+    drawn, weight, correction = directions
+    centre = ahead(mean)
+    # Weighting differences to the centre, not the points, loses nothing to the huge weights of a small alpha.
+    offsets = ca.horzcat(*(ahead(mean + root @ ca.DM(direction)) - centre for direction in drawn.T))
+    shift = ca.sum2(offsets) * weight
+    return centre + shift, mirrored(offsets @ offsets.T * weight + shift @ shift.T * correction)
+
+
+def _excess_moments(
+    process: InertialProcess, mean: Any, covariance: Any, root: Any, directions: Directions, sample: tuple[Any, ...]
+) -> tuple[Any, Any]:
+    """The same for the process without memory, where sigma points are only needed for the excess of force e.
+
+    x' = A x + b e(x) is linear but for e, so that the points' covariance of x' is A P A^T + b (A c)^T + (A c) b^T +
+    b b^T v with c = cov(x, e) and v = var(e) over the points, and their sum over A x needs no points at all.
+    """
+    import casadi as ca
+
+    drawn, weight, correction = directions
+    force, interval, known = sample
+    reached = process.parameters.stop  # the contact force depends on no later state
+
+    def contact(point: Any) -> Any:
+        return process.force(ca.vertsplit(point))
+
+    centre = contact(mean)
+    offsets = []
+    for direction in drawn.T:
+        moved = root @ ca.DM(direction)
+        offsets.append(ca.SX(0) if moved[:reached].is_zero() else centre - contact(mean + moved))
+    differences = ca.horzcat(*offsets)
+    shift = ca.sum2(differences) * weight
+    transition, gain = _transition(process, interval), _gain(process, interval) * known
+    cross = transition @ (root @ (ca.DM(drawn) @ differences.T)) * weight
+    variance = ca.sumsqr(differences) * weight + shift**2 * correction
+    excess = ca.if_else(known, force, 0.0) - centre + shift
+    ahead = ca.vertcat(*process.advance(ca.vertsplit(mean), 0.0, interval)) + gain * excess
+    mixed = gain @ cross.T
+    return ahead, mirrored(congruence(transition, covariance) + mixed + mixed.T + gain @ gain.T * variance)
+
+
 def sigma_directions(
     points: Points, states: int, alpha: float, beta: float, kappa: float
-) -> tuple[NDArray[np.float64], float, float]:
+) -> Directions:
     """Sigma points in units of the root of the covariance (n, m), their weight, and that of the mean's shift.
 
     With x_i = x + L c_i, D_i = f(x_i) - f(x) and s = w sum D_i, the mean is f(x) + s and the covariance
@@ -85,33 +127,36 @@ def sigma_directions(
     return np.hstack([unit, -unit]), 0.5 / reach, beta - alpha**2
 
 
-def cholesky(matrix: Any) -> tuple[Any, Any]:
-    """Lower root of a symmetric matrix, and whether a pivot was negative; such pivots become 0, not NaN."""
-    import casadi as ca
-
-    n = matrix.shape[0]
-    root, negative = ca.SX.zeros(n, n), ca.SX(0)
-    for j in range(n):
-        pivot = matrix[j, j] - ca.sumsqr(root[j, :j]) if j else matrix[j, j]
-        negative = ca.logic_or(negative, pivot < 0)
-        diagonal = ca.sqrt(ca.fmax(pivot, 0.0))
-        inverse = ca.if_else(pivot > 0, 1.0 / ca.if_else(pivot > 0, diagonal, 1.0), 0.0)
-        root[j, j] = diagonal
-        for i in range(j + 1, n):
-            below = matrix[i, j] - ca.dot(root[i, :j], root[j, :j]) if j else matrix[i, j]
-            root[i, j] = below * inverse
-    return root, negative
-
-
 def _stepper(process: InertialProcess) -> Any:
     def ahead(mean: Any, force: Any, interval: Any, known: Any) -> Any:
         import casadi as ca
 
         state = ca.vertsplit(mean)
-        driven = ca.if_else(known, force, process.force(state))
-        return ca.vertcat(*process.predict(state, driven, interval))
+        # A missing force is taken to be the model's: the tip goes on at its rate, with the noise that this deserves.
+        excess = (ca.if_else(known, force, 0.0) - process.force(state)) * known
+        return ca.vertcat(*process.advance(state, excess, interval))
 
     return ahead
+
+
+def _transition(process: InertialProcess, interval: Any) -> Any:
+    """A: the process without excess force, which is linear."""
+    import casadi as ca
+
+    symbols = ca.SX.sym("x", process.states)
+    return ca.jacobian(ca.vertcat(*process.advance(ca.vertsplit(symbols), 0.0, interval)), symbols)
+
+
+def _force_slope(process: InertialProcess, mean: Any) -> Any:
+    """Slope (n,) of the contact force in a state; 0 out of contact."""
+    import casadi as ca
+
+    symbols = ca.SX.sym("x", process.states)
+    parts = ca.vertsplit(symbols)
+    force = process.model.force(parts[0], parts[1], parts[process.parameters], parts[2 : process.parameters.start])
+    slope = ca.jacobian(force, symbols).T
+    inside = ca.vertcat(ca.fmax(mean[0], _DEPTH_FLOOR), mean[1:])
+    return ca.substitute(slope, symbols, inside) * (mean[0] > 0)
 
 
 def away(depth: Any) -> Any:
