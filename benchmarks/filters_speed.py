@@ -24,6 +24,7 @@ from palpate.kernel.virtual_machine import VirtualMachine
 from palpate.testing import synthetic_samples
 from palpate_filters.ekf import ExtendedKalmanFilter
 from palpate_filters.inertial_filter import first_state
+from palpate_filters.predictions import sigma_directions
 from palpate_filters.kinematic_filter import KinematicFilter
 from palpate_filters.tracking import Carry
 from palpate_filters.ukf import AdaptiveFadingUkf
@@ -138,25 +139,23 @@ def _process(order: int = 0) -> Any:
     return InertialProcess(MODEL, MASS, order)
 
 
-def by_hand(samples: Any, folder: Path) -> Callable[[], np.ndarray] | None:
-    """The hand-written C, where there is a compiler."""
-    library = folder / "ekf.so"
-    source = Path(__file__).parent / "ekf_by_hand.c"
+def by_hand(
+    name: str, constants: list[float], state: np.ndarray, inputs: np.ndarray, settings: np.ndarray, folder: Path
+) -> Callable[[], np.ndarray] | None:
+    """The hand-written C of a filter, where there is a compiler."""
+    library = folder / f"{name}.so"
+    source = Path(__file__).parent / f"{name}_by_hand.c"
     try:
         subprocess.run(["cc", "-O3", "-march=native", "-shared", "-fPIC", str(source), "-o", str(library)], check=True)
     except (OSError, subprocess.CalledProcessError):
         return None
     call = ctypes.CDLL(str(library)).run
-    start = first_state(ExtendedKalmanFilter(), _process())
-    mean = start.mean.copy()
-    mean[1] = -samples.velocity[0]
-    first = np.concatenate([mean, np.diag(start.std**2).ravel(), [0.0]])
-    inputs = np.column_stack([samples.force, -samples.velocity, samples.interval])
-    settings = np.array([0.05, 0.67e-3, MASS, 16.0 / 9.0 * np.sqrt(5e-3), 8.0 * np.sqrt(5e-3)])
+    fade = settings[2:14] if name == "afukf" else []
+    numbers = np.array([*settings[:2], MASS, 16.0 / 9.0 * np.sqrt(5e-3), 8.0 * np.sqrt(5e-3), *fade, *constants])
 
     def run() -> np.ndarray:
-        state, outputs = first.copy(), np.empty((len(inputs), 4))
-        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (state, inputs, settings, outputs)]
+        after, outputs = state.copy(), np.empty((len(inputs), 4))
+        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (after, inputs, numbers, outputs)]
         call(ctypes.c_long(len(inputs)), *pointers)
         return outputs
 
@@ -176,7 +175,7 @@ def replay(count: int) -> None:
     with tempfile.TemporaryDirectory() as folder:
         for name, estimator, oracle in (
             ("ekf", ExtendedKalmanFilter(), python_ekf(samples, few)),
-            ("afukf, 8 states", AdaptiveFadingUkf(), python_afukf(samples, few)),
+            ("afukf", AdaptiveFadingUkf(), python_afukf(samples, few)),
             ("kinematic-ekf", KinematicFilter(), None),
         ):
             vm, llvm, state, inputs, settings = prepared(estimator, samples)
@@ -185,10 +184,15 @@ def replay(count: int) -> None:
                 runs["filterpy"] = (few, oracle)
             runs["virtual machine"] = (count, lambda vm=vm, a=(state, inputs, settings): vm.run(*a))
             runs["LLVM"] = (count, lambda k=llvm, a=(state, inputs, settings): k.run(*a))
-            if name == "ekf" and (c := by_hand(samples, Path(folder))) is not None:
+            points = AdaptiveFadingUkf()
+            _, weight, correction = sigma_directions("merwe", 8, points.spread, points.beta, points.kappa)
+            constants = [np.sqrt(0.5 / weight), weight, correction] if name == "afukf" else []
+            c = by_hand(name, constants, state, inputs, settings, Path(folder)) if oracle is not None else None
+            if c is not None:
                 runs["C by hand"] = (count, c)
-                ours = llvm.run(state, inputs, settings)[1][:, 0]
-                print(f"C by hand agrees within {np.max(np.abs(c()[:, 0] / ours - 1)):.1g}")
+                ours = llvm.run(state, inputs, settings)[1][:, :2]
+                scale = np.max(np.abs(ours[-1000:]), axis=0)
+                print(f"{name}: C by hand agrees within {np.max(np.abs(c()[:, :2] - ours)[-1000:] / scale):.1g}")
             tile = np.tile(settings, (256, 1))
             tile[:, 0] *= np.linspace(0.5, 2.0, 256)
             states = np.tile(state, (256, 1))
@@ -213,12 +217,12 @@ def online(count: int = 5000) -> None:
         states = {"virtual machine": state, "LLVM": state}
         for i in range(count):
             for label, kernel in (("virtual machine", vm), ("LLVM", llvm)):
-                before = time.process_time()
+                before = time.perf_counter()
                 states[label], _ = kernel.run(states[label], rows[i], settings)
-                seconds[label].append(time.process_time() - before)
-            before = time.process_time()
+                seconds[label].append(time.perf_counter() - before)
+            before = time.perf_counter()
             tracker.run(blocks[i])
-            seconds["tracker"].append(time.process_time() - before)
+            seconds["tracker"].append(time.perf_counter() - before)
         told = ", ".join(f"{k} {1e6 * np.median(v):.1f}/{1e6 * np.quantile(v, 0.99):.1f}" for k, v in seconds.items())
         print(f"{name} online, us, p50/p99: {told}")
 

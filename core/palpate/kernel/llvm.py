@@ -66,18 +66,21 @@ class CompiledStep:
         self.outputs = int(function.numel_out(1))
         self._text: str = function.serialize()
         with _COMPILING:
-            self._scalar = _compiled(self._text, 1)
+            self._scalar, self._single = _compiled(self._text, 1)
         # One sample at a time, what takes longest is telling where the arrays are: these stay where they are.
-        self._held = [np.zeros(function.numel_in(i)) for i in range(3)] + [np.zeros(self.outputs)]
-        self._places = [array.ctypes.data for array in self._held]
+        widths = [function.numel_in(i) for i in range(3)]
+        shapes = [widths[0], (1, widths[1]), widths[2], (1, self.outputs)]
+        self._held = [np.zeros(shape) for shape in shapes]
+        self._places = np.array([array.ctypes.data for array in self._held], np.uint64)
+        self._where: int = self._places.ctypes.data
 
     def run(self, state: Floats, samples: Floats, settings: Floats) -> tuple[Floats, Floats]:
         """State (ns,) after, and outputs (n, ny) of, the samples (n, nw)."""
         if len(samples) == 1:
-            held = self._held
-            held[0][:], held[1][:], held[2][:] = state, samples[0], settings
-            self._scalar(1, 1, *self._places)
-            return held[0].copy(), held[3].copy().reshape(1, -1)
+            held_state, held_sample, held_settings, output = self._held
+            held_state[...], held_sample[...], held_settings[...] = state, samples, settings
+            self._single(self._where)
+            return held_state.copy(), output.copy()
         arrays = [np.array(state, float), *(np.ascontiguousarray(array, float) for array in (samples, settings))]
         arrays.append(np.empty((len(samples), self.outputs)))
         self._scalar(len(samples), 1, *(array.ctypes.data for array in arrays))
@@ -86,7 +89,7 @@ class CompiledStep:
     def run_lanes(self, states: Floats, samples: Floats, settings: Floats, every: int) -> tuple[Floats, Floats]:
         """States (8, ns) after, and outputs (m, 8, ny) of every so-many-th sample, for eight settings (8, np)."""
         with _COMPILING:
-            call = _compiled(self._text, LANES)
+            call, _ = _compiled(self._text, LANES)
         after = np.ascontiguousarray(states.T, float)
         samples = np.ascontiguousarray(samples, float)
         columns = np.ascontiguousarray(settings.T, float)
@@ -96,8 +99,8 @@ class CompiledStep:
 
 
 @cache
-def _compiled(text: str, lanes: int) -> Callable[..., None]:
-    """Machine code of a serialised step; one for each step and width in a process."""
+def _compiled(text: str, lanes: int) -> tuple[Callable[..., None], Callable[[int], None]]:
+    """Machine code of a serialised step, over a block and of one sample; one for each step and width in a process."""
     import casadi
     import llvmlite.binding as binding
 
@@ -112,12 +115,11 @@ def _compiled(text: str, lanes: int) -> Callable[..., None]:
     builder.getModulePassManager().run(module, builder)
     engine.add_module(module)
     engine.finalize_object()
-    address = engine.get_function_address("run")
     pointer = ctypes.c_void_p
-    entry = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64, *([pointer] * 4))(address)
-
+    block = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64, *([pointer] * 4))
+    single = ctypes.PYFUNCTYPE(None, pointer)  # over before another thread could make use of the interpreter
     _ENGINES.append(engine)  # the code lives as long as its engine
-    return entry
+    return block(engine.get_function_address("run")), single(engine.get_function_address("single"))
 
 
 def _machine() -> Any:
@@ -196,7 +198,19 @@ class _Translation:
         self._b.cbranch(self._b.icmp_signed("<", index_next, count), body, done)
         self._b.position_at_end(done)
         self._b.ret_void()
+        self._single(run)
         return self._module
+
+    def _single(self, run: Any) -> None:
+        """One sample, with all addresses in one array: an argument less to convert is a tenth of a microsecond."""
+        ir = self._ir
+        place, one = self._double.as_pointer(), ir.IntType(64)(1)
+        kind = ir.FunctionType(ir.VoidType(), [place.as_pointer()])
+        single = ir.Function(self._module, kind, name="single")
+        b = ir.IRBuilder(single.append_basic_block("entry"))
+        places = [b.load(b.gep(single.args[0], [ir.IntType(64)(i)])) for i in range(4)]
+        b.call(run, [one, one, *places])
+        b.ret_void()
 
     def _instructions(self) -> tuple[dict[int, Any], dict[int, Any]]:
         """Values of next state and output, by their place; every input is read before anything is written."""

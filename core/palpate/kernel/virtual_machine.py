@@ -63,7 +63,7 @@ class _Call:
         settings: NDArray[np.float64],
         outputs: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        self._state[:], self._samples[:], self._settings[:] = state, samples, settings
+        self._state[...], self._samples[...], self._settings[...] = state, samples, settings
         self._trigger()
-        outputs[:] = self._outputs
+        outputs[...] = self._outputs
         return np.array(self._states[-1])
