@@ -24,8 +24,8 @@ from palpate.kernel.virtual_machine import VirtualMachine
 from palpate.testing import synthetic_samples
 from palpate_filters.ekf import ExtendedKalmanFilter
 from palpate_filters.inertial_filter import first_state
-from palpate_filters.predictions import sigma_directions
 from palpate_filters.kinematic_filter import KinematicFilter
+from palpate_filters.predictions import sigma_directions
 from palpate_filters.tracking import Carry
 from palpate_filters.ukf import AdaptiveFadingUkf
 from palpate_models import DimensionalityReduction, Sphere

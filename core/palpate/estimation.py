@@ -80,6 +80,12 @@ class Estimates:
     # What an estimator has to say beyond its numbers, in plain data that JSON can hold; it goes into result.json.
     details: Mapping[str, Any] = field(default_factory=dict)
     flags: tuple[str, ...] = ()  # "code: sentence", of the block as a whole; they join those of the track
+    # (n,) innovation over its own standard deviation, with its sign; white where model and noise are right
+    innovation: Floats = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        if len(self.innovation) != len(self.time):
+            object.__setattr__(self, "innovation", np.full(len(self.time), np.nan))
 
     def __len__(self) -> int:
         return len(self.time)
@@ -143,6 +149,7 @@ class Belief:
     force: float  # [N]
     nis: float = np.nan
     status: int = 0
+    innovation: float = np.nan  # over its own standard deviation, with its sign
 
 
 def track_by_step(parameters: int, step: Callable[[Moment], Belief]) -> Tracker:
@@ -182,3 +189,4 @@ def _write(estimates: Estimates, row: int, moment: Moment, belief: Belief) -> No
     estimates.values[row], estimates.std[row] = belief.values, belief.std
     estimates.surface[row], estimates.surface_std[row] = moment.position + belief.depth, belief.depth_std
     estimates.force[row], estimates.nis[row], estimates.status[row] = belief.force, belief.nis, belief.status
+    estimates.innovation[row] = belief.innovation

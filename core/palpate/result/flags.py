@@ -14,6 +14,7 @@ from palpate.result.record import Tail, TrackRecord
 
 _STILL_MOVING = 0.02  # of a value: slope times time tracked
 _NIS_RANGE = (0.5, 1.6)  # of the mean over the last second; 0.9 to 1.1 would be one by chance alone
+_COLOURED = 0.3  # autocorrelation of innovations; 0.1 comes by chance alone
 _PAPER_NOISE = 0.05  # [N]
 _WEAK = 5.0  # the force must swing by more than so many standard deviations of its noise
 _SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the one that the first touch says
@@ -138,6 +139,10 @@ def _convergence_flags(tail: Tail, last: Tail, model: ContactModel, average: flo
         yield flag(
             "inconsistent", f"NIS of {nis:.2g} in the last {average:g} s where 1 is expected: noise or model is wrong"
         )
+    lag, share = tail.correlation()
+    if abs(share) > _COLOURED:
+        found = f"innovations {lag} samples apart correlate by {share:+.2f}"
+        yield flag("coloured-innovations", f"{found}: the model misses something, or the data are filtered")
 
 
 def _force_flags(last: Tail, report: AlignmentReport) -> Iterator[Flag]:

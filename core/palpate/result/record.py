@@ -13,6 +13,7 @@ from palpate.estimation import Estimates, Samples, Status
 
 Floats = NDArray[np.float64]
 
+_ENOUGH = 100  # innovations to tell their autocorrelation
 _SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
 
 
@@ -30,6 +31,7 @@ class Tail:
     surface_std: Floats  # (n,) [m]
     model_force: Floats  # (n,) [N]
     nis: Floats  # (n,)
+    innovation: Floats  # (n,) normalised, with its sign; NaN where the estimator tells none
 
     def since(self, begin: float) -> Tail:
         """The part from a time [s] on."""
@@ -48,6 +50,19 @@ class Tail:
         since = (self.time - self.time.mean())[:, None]
         slopes = (since * (values - values.mean(axis=0))).sum(axis=0) / (since**2).sum()
         return np.asarray(np.abs(slopes) * tracked)
+
+    def correlation(self) -> tuple[int, float]:
+        """Lag [samples] and value of the largest autocorrelation of the innovations to lag 10; (0, 0): too few.
+
+        White innovations have none beyond 1/sqrt(n): what one sample could not be told by the one before (Mehra 1970).
+        """
+        known = self.innovation[np.isfinite(self.innovation)]
+        if len(known) < _ENOUGH:
+            return 0, 0.0
+        power = float((known**2).sum())
+        shares = [float((known[lag:] * known[:-lag]).sum()) / power for lag in range(1, 11)] if power > 0 else [0.0]
+        lag = int(np.argmax(np.abs(shares)))
+        return lag + 1, shares[lag]
 
     def force_rms(self, tip_mass: float) -> float:
         """RMS [N] of measured force less inertia of the tip less the model's force; NaN where it cannot be told."""
@@ -94,11 +109,10 @@ class TrackRecord:
             return
         self.samples += int(np.count_nonzero(rows))
         self.nanoseconds += int(np.rint(samples.interval[rows] * 1e9).astype(np.int64).sum())
-        columns = (estimates.values, estimates.std, estimates.surface, estimates.surface_std, estimates.force)
-        kept = [
-            column[rows]
-            for column in (samples.time, samples.force, samples.position, samples.velocity, *columns, estimates.nis)
-        ]
+        found = estimates
+        columns = (found.values, found.std, found.surface, found.surface_std, found.force, found.nis, found.innovation)
+        measured = (samples.time, samples.force, samples.position, samples.velocity)
+        kept = [column[rows] for column in (*measured, *columns)]
         self._blocks.append(Tail(*kept))
         self._forget(float(samples.time[rows][-1]) - self.keep)
 

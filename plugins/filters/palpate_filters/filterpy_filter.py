@@ -167,10 +167,10 @@ class _Stepper:
             self._filter.predict(moment.interval, self._force)
             status |= Status(0) if np.isfinite(self._force) else Status.BLIND
         rig, (mean, covariance) = self._rig, self._filter.get()
-        nis = np.nan
+        innovation = np.nan
         if np.isfinite(moment.velocity):
             rate = -moment.velocity / rig.scale[1]
-            nis = float((rate - mean[1]) ** 2 / (covariance[1, 1] + rig.variance))
+            innovation = float((rate - mean[1]) / np.sqrt(covariance[1, 1] + rig.variance))
             self._filter.update(rate)
         else:
             status |= Status.BLIND
@@ -183,7 +183,8 @@ class _Stepper:
         self._surface = moment.position + values[0]
         where = rig.process.parameters
         status |= Status.LIFTED if values[0] <= 0 else Status(0)
-        return Belief(values[where], std[where], float(values[0]), float(std[0]), rig.force(mean), nis, int(status))
+        depth, force = (float(values[0]), float(std[0])), rig.force(mean)
+        return Belief(values[where], std[where], *depth, force, innovation**2, int(status), innovation)
 
     def _begin(self, moment: Moment) -> Status:
         rig, depth = self._rig, self._surface - moment.position

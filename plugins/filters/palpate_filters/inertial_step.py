@@ -60,7 +60,8 @@ def inertial_step(process: InertialProcess, prediction: Prediction, *, fading: b
         surprise = ca.if_else(seen, rate - predicted.mean[1], 0.0)
         next_factor = faded(factor, surprise if signed else ca.fabs(surprise), fade)
         predicted = inflated(predicted, next_factor, cap)
-    updated, covariance_updated, nis = rate_update(predicted, rate, noise[1] ** 2, seen)
+    updated, covariance_updated, innovation = rate_update(predicted, rate, noise[1] ** 2, seen)
+    nis = ca.if_else(seen, innovation**2, -1.0)
 
     low = updated[0] <= 0
     count = ca.if_else(low, low_count + 1, 0)
@@ -86,7 +87,9 @@ def inertial_step(process: InertialProcess, prediction: Prediction, *, fading: b
             ca.if_else(restart, 0, count),
             ca.if_else(restart, 1, next_factor),
         ),
-        output=ca.vertcat(next_mean[values], variance[values], next_mean[0], variance[0], contact, nis, *marks),
+        output=ca.vertcat(
+            next_mean[values], variance[values], next_mean[0], variance[0], contact, nis, innovation, *marks
+        ),
     )
 
 
@@ -121,7 +124,7 @@ def inflated(predicted: Predicted, factor: Any, cap: Any) -> Predicted:
 
 
 def rate_update(predicted: Predicted, rate: Any, variance: Any, seen: Any) -> tuple[Any, Any, Any]:
-    """Mean and covariance after a measured rate, and the normalised innovation squared."""
+    """Mean and covariance after a measured rate, and the normalised innovation; 0 where none was measured."""
     import casadi as ca
 
     mean, column = predicted.mean, predicted.spread
@@ -134,4 +137,4 @@ def rate_update(predicted: Predicted, rate: Any, variance: Any, seen: Any) -> tu
         kept = ca.SX.eye(mean.shape[0])
         kept[:, 1] -= gain
         updated = mirrored(kept @ predicted.covariance @ kept.T + gain @ gain.T * variance)
-    return mean + gain * innovation, updated, ca.if_else(seen, innovation**2 / spread, -1.0)
+    return mean + gain * innovation, updated, innovation / ca.sqrt(spread)

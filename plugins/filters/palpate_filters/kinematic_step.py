@@ -64,7 +64,7 @@ def kinematic_step(
         x, total, seen_count = x + gain * innovation, total + innovation**2 / spread, seen_count + seen
     seen = ca.fabs(force) <= _LARGEST
     x, P, surprise = _force_update(process, x, P, force, noise.force**2, seen, iterations, student)
-    total, seen_count = total + surprise, seen_count + seen
+    total, seen_count = total + surprise**2, seen_count + seen
     nis = ca.if_else(seen_count > 0, total / ca.fmax(seen_count, 1), -1.0)
 
     low = process.depth(ca.vertsplit(x)) <= 0
@@ -72,7 +72,7 @@ def kinematic_step(
     restart = count_low >= _LOW_LIMIT
     x, P = _restarted(process, x, P, restart, fresh, fresh_std)
     marks = [low, restart, seen_count < 3, ca.SX(0), _broken(process, x, P), ca.SX(0)]
-    output = [report(process, x, P, height), nis, *marks, *([x, ca.vec(P)] if with_state else [])]
+    output = [report(process, x, P, height), nis, surprise, *marks, *([x, ca.vec(P)] if with_state else [])]
     assert chart.stop <= n
     return Step(
         state=ca.vertcat(mean, ca.vec(square), low_count),
@@ -172,7 +172,7 @@ def _force_update(
             used = variance * ca.fmax((student + plain) / (student + 1.0), 1.0)
         gain, P, spread = vector_update(covariance, row, used, seen)
         at = x = mean + gain * innovation
-        surprise = innovation**2 / spread
+        surprise = innovation / ca.sqrt(spread)
     return x, P, surprise
 
 
@@ -193,9 +193,7 @@ def _linearised_reading(process: KinematicProcess, at: Any) -> tuple[Any, Any]:
     return process.reading(ca.vertsplit(at), ca.exp), slope
 
 
-def _restarted(
-    process: KinematicProcess, x: Any, P: Any, restart: Any, fresh: Any, fresh_std: Any
-) -> tuple[Any, Any]:
+def _restarted(process: KinematicProcess, x: Any, P: Any, restart: Any, fresh: Any, fresh_std: Any) -> tuple[Any, Any]:
     """Mean and covariance that, on a restart, keep the motion and begin surface and parameters anew."""
     import casadi as ca
 

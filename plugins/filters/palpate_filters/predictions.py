@@ -103,9 +103,7 @@ def _excess_moments(
     return ahead, mirrored(congruence(transition, covariance) + mixed + mixed.T + gain @ gain.T * variance)
 
 
-def sigma_directions(
-    points: Points, states: int, alpha: float, beta: float, kappa: float
-) -> Directions:
+def sigma_directions(points: Points, states: int, alpha: float, beta: float, kappa: float) -> Directions:
     """Sigma points in units of the root of the covariance (n, m), their weight, and that of the mean's shift.
 
     With x_i = x + L c_i, D_i = f(x_i) - f(x) and s = w sum D_i, the mean is f(x) + s and the covariance

@@ -36,7 +36,7 @@ class KinematicSmoother(KinematicSettings):
     online: ClassVar[bool] = False
 
     stiffness_trend: float = Field(
-        default=1e-3, ge=0, allow_inf_nan=False, description="density of the first logarithm's trend, in 1/s^3"
+        default=3e-3, ge=0, allow_inf_nan=False, description="density of the first logarithm's trend, in 1/s^3"
     )
     lag: Time | None = Field(default=None, gt=0, description="how far ahead it looks; left out: to the end")
 
@@ -91,7 +91,7 @@ class _SmoothingTracker:
         estimates.surface[rows] = samples.position + found[:, 2 * k]
         estimates.surface_std[rows] = np.sqrt(np.maximum(found[:, 2 * k + 1], 0.0))
         estimates.force[rows] = found[:, 2 * k + 2]
-        estimates.nis[rows] = outputs[:, 2 * k + 3]
+        estimates.nis[rows], estimates.innovation[rows] = outputs[:, 2 * k + 3], outputs[:, 2 * k + 4]
         estimates.status[rows] &= ~np.uint32(Status.WAITING | Status.IDLE)
 
     def _backwards(self, filtered: Floats, inputs: Floats, time: Floats) -> Floats:

@@ -29,8 +29,9 @@ class Recursion:
     """A filter as its tracker needs it.
 
     The step's output: parameters (k), their variances (k), depth below the surface by the measured position [m], its
-    variance, contact force [N], NIS (negative where nothing was measured), and 0/1 for depth not positive, restarted,
-    a measurement missing, too stiff, broken numbers, covariance repaired.
+    variance, contact force [N], NIS (negative where nothing was measured), the normalised innovation of one measurement
+    (0 where it is missing), and 0/1 for depth not positive, restarted, a measurement missing, too stiff, broken
+    numbers, covariance repaired.
     """
 
     step: Step
@@ -174,12 +175,12 @@ class RecursiveTracker:
         self, outputs: Floats, part: Samples, estimates: Estimates, rows: slice, before: Floats | None = None
     ) -> None:
         k = self._recursion.parameters
-        marks = outputs[:, 2 * k + 4 : 2 * k + 4 + len(_MARKS)] > 0.5
+        marks = outputs[:, 2 * k + 5 : 2 * k + 5 + len(_MARKS)] > 0.5
         status = np.zeros(len(outputs), np.uint32)
         for column, mark in enumerate(_MARKS):
             status[marks[:, column]] |= np.uint32(mark)
         if before is not None:  # what went wrong while nobody was told
-            self._diverged |= bool((before[:, 2 * k + 4 + _DIVERGED] > 0.5).any())
+            self._diverged |= bool((before[:, 2 * k + 5 + _DIVERGED] > 0.5).any())
         broken = np.logical_or.accumulate(marks[:, _DIVERGED] | self._diverged)
         self._diverged = bool(broken[-1])
         status[broken] |= np.uint32(Status.DIVERGED)
@@ -191,6 +192,7 @@ class RecursiveTracker:
             "surface_std": np.sqrt(np.maximum(outputs[:, 2 * k + 1], 0.0)),
             "force": outputs[:, 2 * k + 2],
             "nis": np.where(nis < 0, np.nan, nis),
+            "innovation": np.where(outputs[:, 2 * k + 4] == 0, np.nan, outputs[:, 2 * k + 4]),
         }
         for name, found in columns.items():
             found = np.array(found)
