@@ -120,9 +120,9 @@ def settled(estimates: Estimates, samples: Samples, elasticity: float) -> float:
 def felt(along: np.ndarray) -> np.ndarray:
     """Contrast (n,) along a sweep over a sphere at 20 mm and the bow of a horseshoe from 40 to 50 mm.
 
-    The sphere's is a bell of 32.5 %, as finite elements have it for a sphere of 5 mm whose top lies 4 mm deep; the bow's
-    of 15 % a step up and down as felt by a tip that rests on a circle of radius a = sqrt(R d), 4.5 mm: averaged with the
-    weight of a Hertzian pressure, sqrt(1 - (x/a)^2).
+    The sphere's is a bell of 32.5 %, as finite elements have it for a sphere of 5 mm whose top lies 4 mm deep; the
+    bow's of 15 % a step up and down as felt by a tip that rests on a circle of radius a = sqrt(R d), 4.5 mm: averaged
+    with the weight of a Hertzian pressure, sqrt(1 - (x/a)^2).
     """
     reach = np.sqrt(5e-3 * 4e-3)
     offset = np.linspace(-reach, reach, 201)

@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from palpate import Estimates, Problem, Samples
+from palpate import Estimates, Problem, Samples, Status
 from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
+from palpate_filters.kinematic_filter import KinematicFilter
 from palpate_filters.ukf import AdaptiveFadingUkf
 from palpate_models.dimensionality_reduction import DimensionalityReduction
 from palpate_models.indenters import Sphere
@@ -49,3 +50,17 @@ def test_fading_filters_find_what_lies_under_the_sweep(recording: Recording) -> 
     assert 0.0 < late < 4.0
     end = (along > 58.0) & (along < 61.0)
     assert afukf[end].mean() < 108.0 < found["ekf"][end].mean()  # the EKF never returns
+
+
+@pytest.mark.parametrize(
+    ("name", "lateness", "radius", "elasticity"),
+    [("d10mm_soft", 11, 5e-3, 125.0e3), ("d10mm_sphere", 11, 5e-3, 170.9e3), ("d5mm_soft", -6, 2.5e-3, 102.7e3)],
+)
+def test_kinematic_filter_starts_on_recordings_that_begin_in_contact(
+    recording: Recording, name: str, lateness: int, radius: float, elasticity: float
+) -> None:
+    """Half a second of the second one does not tell its viscosity: a filter that starts from a guess there diverges."""
+    samples, _ = recording(name, lateness)
+    found = KinematicFilter().start(sphere(radius)).run(samples)
+    assert not (found.status & Status.DIVERGED).any()
+    assert found.values[-500:, 0].mean() == pytest.approx(elasticity, rel=0.06)  # least squares on the same samples

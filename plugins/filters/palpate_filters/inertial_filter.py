@@ -137,9 +137,12 @@ def inertial_tracker(settings: InertialFilter, problem: Problem, prediction: Pre
         noise = (force_std or settings.force_std, velocity_std or settings.velocity_std)
         return np.array([*noise, *fade, *cap, *start.mean, *start.std])
 
-    def begin(carry: Carry, first: Samples) -> tuple[Floats, bool]:
+    def begin(carry: Carry, first: Samples, patient: bool) -> tuple[Floats, bool] | None:
         fit = settings.start_from == "fit" and carry.state is None
-        return _begin(process, _fitted(settings, process, start, first) if fit else start, carry, first)
+        fitted = _fitted(process, start, first) if fit else start
+        if fitted is None and patient:
+            return None
+        return _begin(process, fitted or start, carry, first)
 
     step = inertial_step(process, prediction, fading=fading is not None, signed=fading is not None and fading.signed)
     window = settings.start_duration if settings.start_from == "fit" else 0.0
@@ -166,12 +169,12 @@ def first_state(settings: PaperStart, process: InertialProcess, evolution_time: 
     return Start(mean, std)
 
 
-def _fitted(settings: InertialFilter, process: InertialProcess, start: Start, window: Samples) -> Start:
-    """A start from the window's fit, where this finds the parameters; else the first guess."""
+def _fitted(process: InertialProcess, start: Start, window: Samples) -> Start | None:
+    """A start from the window's fit; None where this does not find the parameters."""
     values = process.parameters
     found = fit_start(process.model, process.mass, window, start.mean[values])
     if found is None:
-        return start
+        return None
     mean, std = start.mean.copy(), start.std.copy()
     mean[0], std[0] = found.surface - window.position[0], min(_FIT_SPREAD * found.surface_std, std[0])
     mean[values] = found.theta

@@ -141,8 +141,10 @@ def kinematic_recursion(settings: KinematicSettings, problem: Problem, *, with_s
         std = [2.0 * settings.start_depth, *([settings.start_spread] * count)]
         return np.array([*noises(settings, force_std, velocity_std), *start, *std])
 
-    def begin(carry: Carry, first: Samples) -> tuple[Floats, bool]:
-        return _resume(process, carry, first) if carry.state is not None else (_fresh(settings, process, guess, first))
+    def begin(carry: Carry, first: Samples, patient: bool) -> tuple[Floats, bool] | None:
+        if carry.state is not None:
+            return _resume(process, carry, first)
+        return _fresh(settings, process, guess, first, patient)
 
     step = kinematic_step(process, iterations=settings.iterations, student=settings.student, with_state=with_state)
     return Recursion(step, count, numbers, begin, _inputs)
@@ -177,14 +179,16 @@ def _guess(settings: KinematicSettings, process: KinematicProcess) -> Floats:
 
 
 def _fresh(
-    settings: KinematicSettings, process: KinematicProcess, guess: Floats, window: Samples
-) -> tuple[Floats, bool]:
-    """State from a fit of the window where one is wanted and succeeds, else from the first guess."""
+    settings: KinematicSettings, process: KinematicProcess, guess: Floats, window: Samples, patient: bool
+) -> tuple[Floats, bool] | None:
+    """State from a fit of the window where one is wanted and succeeds, else, once not patient, from the first guess."""
     n, chart = process.states, process.chart
     mean, std = np.zeros(n), np.zeros(n)
     std[3], std[chart] = 2.0 * settings.start_depth, settings.start_spread
     mean[3], theta = window.position[0] + settings.start_depth, guess
     found = fit_start(process.model, process.mass, window, guess) if settings.start_from == "fit" else None
+    if found is None and patient and settings.start_from == "fit":
+        return None
     if found is not None:
         mean[3], theta = found.surface, found.theta
         std[3] = min(_FIT_SPREAD * found.surface_std, std[3])

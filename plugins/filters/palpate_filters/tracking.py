@@ -13,6 +13,7 @@ Floats = NDArray[np.float64]
 
 PAUSE = 0.02  # [s]; over a longer one the measured position carries the depth, not the process
 _MARKS = (Status.LIFTED, Status.RESTARTED, Status.BLIND, Status.STIFF, Status.DIVERGED, Status.REPAIRED)
+_ATTEMPTS = 15  # to start on a window, which has grown fourfold by then
 _DIVERGED = _MARKS.index(Status.DIVERGED)
 
 
@@ -37,7 +38,8 @@ class Recursion:
     step: Step
     parameters: int
     settings: Callable[[float | None, float | None], Floats]  # from force and velocity noise, where measured
-    begin: Callable[[Carry, Samples], tuple[Floats, bool]]  # state for a stretch, and whether it resumes the last one
+    # State for a stretch, and whether it resumes the last one; None where it wants a longer window, and may (True).
+    begin: Callable[[Carry, Samples, bool], tuple[Floats, bool] | None]
     inputs: Callable[[Samples, Floats], Floats]  # the step's samples (m, nw), from samples and their intervals
 
 
@@ -79,6 +81,7 @@ class RecursiveTracker:
         self._settings: Floats | None = None if self._free_air else recursion.settings(None, None)
         self._carry = Carry(None, np.nan)
         self._gathered: list[Samples] = []
+        self._attempts = 0
         self._active = False
         self._diverged = False
 
@@ -131,7 +134,9 @@ class RecursiveTracker:
         state, resumed = self._carry.state, False
         if state is None or begins:
             interval[0] = 0.0
-            state, resumed = self._recursion.begin(self._carry, part[:1])
+            begun = self._recursion.begin(self._carry, part[:1], False)
+            assert begun is not None
+            state, resumed = begun
         outputs = self._advance(state, part, interval, settings, rows)
         self._write(outputs, part, estimates, rows)
         if resumed:
@@ -148,20 +153,19 @@ class RecursiveTracker:
     def _gather(self, part: Samples, rows: slice, begins: bool, settings: Floats, estimates: Estimates) -> None:
         """Hold samples until there are enough to start on; then run over them, and tell only what is now."""
         if begins:
-            self._gathered = []
+            self._gathered, self._attempts = [], 0
         held = sum(len(block) for block in self._gathered)
         self._gathered.append(part)
         whole = Samples.joined(self._gathered)
         estimates.status[rows] |= np.uint32(Status.WAITING)
-        elapsed = whole.time - whole.time[0]
-        ready = int(np.searchsorted(elapsed, self._opening.window - 1e-9))
-        if ready >= len(whole):
+        found = self._opened(whole)
+        if found is None:
             return
+        state, ready = found
         self._gathered = []
         start, window = ready - held, whole[: ready + 1]
         interval = window.interval.copy()
         interval[0] = 0.0
-        state, _ = self._recursion.begin(self._carry, window)
         here = slice(rows.start + start, rows.start + start + 1)
         outputs = self._advance(state, window, interval, settings, slice(here.stop - len(window), here.stop))
         self._write(outputs[-1:], part[start : start + 1], estimates, here, before=outputs)
@@ -170,6 +174,19 @@ class RecursiveTracker:
             assert self._carry.state is not None
             outputs = self._advance(self._carry.state, rest, rest.interval, settings, after)
             self._write(outputs, rest, estimates, after)
+
+    def _opened(self, whole: Samples) -> tuple[Floats, int] | None:
+        """First state and its row, as soon as a window is long and telling enough; windows grow by fifths."""
+        elapsed = whole.time - whole.time[0]
+        while True:
+            due = self._opening.window * (1.0 + 0.2 * self._attempts)
+            ready = int(np.searchsorted(elapsed, due - 1e-9))
+            if ready >= len(whole):
+                return None
+            begun = self._recursion.begin(self._carry, whole[: ready + 1], self._attempts < _ATTEMPTS)
+            if begun is not None:
+                return begun[0], ready
+            self._attempts += 1
 
     def _write(
         self, outputs: Floats, part: Samples, estimates: Estimates, rows: slice, before: Floats | None = None
