@@ -26,7 +26,7 @@ from pydantic import Field
 
 from palpate_filters.first_guess import first_guess
 from palpate_filters.inertial_step import Prediction, inertial_step
-from palpate_filters.opening_fit import fit_start
+from palpate_filters.opening_fit import fit_start, fittable
 from palpate_filters.tracking import Carry, Opening, Recursion, RecursiveTracker
 
 Floats = NDArray[np.float64]
@@ -140,7 +140,7 @@ def inertial_tracker(settings: InertialFilter, problem: Problem, prediction: Pre
     def begin(carry: Carry, first: Samples, patient: bool) -> tuple[Floats, bool] | None:
         fit = settings.start_from == "fit" and carry.state is None
         fitted = _fitted(process, start, first) if fit else start
-        if fitted is None and patient:
+        if fitted is None and patient and fittable(process.model):
             return None
         return _begin(process, fitted or start, carry, first)
 

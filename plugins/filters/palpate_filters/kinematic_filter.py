@@ -26,7 +26,7 @@ from pydantic import Field
 from palpate_filters.first_guess import first_guess
 from palpate_filters.inertial_filter import mass_of
 from palpate_filters.kinematic_step import kinematic_step
-from palpate_filters.opening_fit import fit_start
+from palpate_filters.opening_fit import fit_start, fittable
 from palpate_filters.tracking import Carry, Opening, Recursion, RecursiveTracker
 
 Floats = NDArray[np.float64]
@@ -187,7 +187,7 @@ def _fresh(
     std[3], std[chart] = 2.0 * settings.start_depth, settings.start_spread
     mean[3], theta = window.position[0] + settings.start_depth, guess
     found = fit_start(process.model, process.mass, window, guess) if settings.start_from == "fit" else None
-    if found is None and patient and settings.start_from == "fit":
+    if found is None and patient and settings.start_from == "fit" and fittable(process.model):
         return None
     if found is not None:
         mean[3], theta = found.surface, found.theta

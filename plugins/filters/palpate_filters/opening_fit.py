@@ -28,6 +28,11 @@ class StartFit:
     theta_std: Floats  # (k,); 0 where the parameter was not fitted
 
 
+def fittable(model: ContactModel) -> bool:
+    """Whether there is anything that `fit_start` could find: a parameter that the force is proportional to."""
+    return any(parameter.role is not None for parameter in model.parameters)
+
+
 def fit_start(model: ContactModel, mass: float, window: Samples, guess: Floats) -> StartFit | None:
     """Surface height and parameters by least squares on u + m z'' = F(d, d'); None where the window does not tell.
 
