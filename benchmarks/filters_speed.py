@@ -1,17 +1,20 @@
 """How fast the filters are: kernels against filterpy and against C by hand, interleaved in one process.
 
-Run it with: python benchmarks/filters_speed.py [samples]. It prints medians and ratios for docs/filters.md.
+Run it with: python benchmarks/filters_speed.py [samples], and with "memory" for the memory of a long stream. It prints
+medians and ratios for docs/filters.md.
 """
 
 from __future__ import annotations
 
 import ctypes
+import os
 import resource
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +56,9 @@ def prepared(estimator: Any, samples: Any) -> tuple[Any, Any, np.ndarray, np.nda
     step = recursion.step
     outputs = [casadi.densify(step.next_state), casadi.densify(step.output)]
     function = casadi.Function("step", [step.state, step.sample, step.settings], outputs, {"cse": True})
-    state, _ = recursion.begin(Carry(None, np.nan), samples[:260])
+    begun = recursion.begin(Carry(None, np.nan), samples[:260], False)
+    assert begun is not None
+    state, _ = begun
     inputs = recursion.inputs(samples, samples.interval)
     return VirtualMachine(function), CompiledStep(function), state, inputs, tracker._settings
 
@@ -228,7 +233,7 @@ def online(count: int = 5000) -> None:
 
 
 def memory(count: int) -> None:
-    """Samples streamed in blocks: what the process needs on top."""
+    """Samples streamed in blocks, in a process of their own: the most that it needs, and what the stream adds."""
     samples = synthetic_samples(MODEL, [1.1e5, 360.0], duration=20)
     tracker = ExtendedKalmanFilter().start(PROBLEM)
     tracker.run(samples)
@@ -238,11 +243,40 @@ def memory(count: int) -> None:
         tracker.run(samples)
     seconds, after = time.perf_counter() - began, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     more = (after - before) / 1024
-    print(f"{count:.0e} samples in blocks of {len(samples)}: {seconds:.1f} s, {more:.1f} MB more at the peak")
+    found = f"{seconds:.1f} s, {after / 1024:.0f} MB, {more:.1f} of it for the stream"
+    print(f"{count:.0e} samples in blocks of {len(samples)}: {found}")
+
+
+def grid_on_all_cores(count: int) -> None:
+    """A grid of 256 settings by the clock on the wall, in turns with filterpy."""
+    samples = synthetic_samples(MODEL, [1.1e5, 360.0], duration=count / 500)
+    few = 500
+    for name, estimator, oracle in (
+        ("ekf", ExtendedKalmanFilter(), python_ekf(samples, few)),
+        ("afukf", AdaptiveFadingUkf(), python_afukf(samples, few)),
+    ):
+        _, llvm, state, inputs, settings = prepared(estimator, samples)
+        tile = np.tile(settings, (256, 1))
+        tile[:, 0] *= np.linspace(0.5, 2.0, 256)
+        states = np.tile(state, (256, 1))
+        ratios = []
+        for _ in range(ROUNDS):
+            seconds = []
+            for size, run in ((few, oracle), (256 * count, partial(run_grid, llvm, states, inputs, tile, every=100))):
+                before = time.perf_counter()
+                run()
+                seconds.append((time.perf_counter() - before) / size)
+            ratios.append(seconds[0] / seconds[1])
+        print(
+            f"{name}, grid of 256 settings on {os.cpu_count()} cores: {np.median(ratios):.0f} x filterpy by the clock"
+        )
 
 
 if __name__ == "__main__":
-    number = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
-    replay(number)
-    online()
-    memory(int(sys.argv[2]) if len(sys.argv) > 2 else 20_000_000)
+    if sys.argv[1:2] == ["memory"]:
+        memory(100_000_000)
+    else:
+        number = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
+        replay(number)
+        grid_on_all_cores(number)
+        online()

@@ -15,7 +15,8 @@ from palpate.kernel import kernel_choice, run_grid
 from palpate.kernel.virtual_machine import VirtualMachine
 
 pytest.importorskip("llvmlite")
-from palpate.kernel.llvm import CompiledStep, Untranslatable
+from palpate.kernel.llvm import CompiledStep
+from palpate.kernel.translation import Untranslatable
 
 x, w, p = ca.SX.sym("x", 2), ca.SX.sym("w", 2), ca.SX.sym("p", 1)
 a, b = w[0], w[1]

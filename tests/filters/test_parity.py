@@ -82,12 +82,12 @@ def reference(settings: Any, model: ContactModel, samples: Samples) -> np.ndarra
     from filterpy.kalman import MerweScaledSigmaPoints
     from filterpy.kalman import UnscentedKalmanFilter as Ukf
     from palpate import InertialProcess
-    from palpate_filters.filterpy_filter import _Rig
+    from palpate_filters.filterpy_kinds import Rig
     from palpate_filters.inertial_filter import first_state
 
     process = InertialProcess(model, 0.14, settings.order)
     start = first_state(settings, process, settings.evolution_time)
-    rig, n = _Rig(process, start, settings.force_std, settings.velocity_std), process.states
+    rig, n = Rig(process, start, settings.force_std, settings.velocity_std), process.states
     row = np.eye(n)[1:2]
     unscented = isinstance(settings, AdaptiveFadingUkf)
     if unscented:
@@ -126,7 +126,7 @@ def reference(settings: Any, model: ContactModel, samples: Samples) -> np.ndarra
 
 @pytest.mark.parametrize(
     ("settings", "count"),
-    [(AdaptiveFadingEkf(theta=8e-4, **START), 20_000), (AdaptiveFadingUkf(theta=8e-4, spread=0.5, **START), 2_000)],
+    [(AdaptiveFadingEkf(theta=8e-4, **START), 20_000), (AdaptiveFadingUkf(theta=8e-4, spread=0.5, **START), 20_000)],
     ids=["afekf", "afukf"],
 )
 def test_adaptive_fading_is_what_the_paper_writes(settings: Any, count: int) -> None:

@@ -1,9 +1,4 @@
-"""LLVM through llvmlite: a step as machine code, with the loop over the samples inside, and in eight lanes for grids.
-
-CasADi's virtual machine evaluates one instruction after the other in double precision. Here each of them becomes one
-LLVM instruction without leave to reassociate or contract, and functions such as pow are those of the same C library,
-so that the numbers are the same bit for bit.
-"""
+"""LLVM through llvmlite: a step as machine code, the loop over the samples inside, and in eight lanes for grids."""
 
 from __future__ import annotations
 
@@ -17,44 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.kernel.translation import LIBRARY, Translation
+
 Floats = NDArray[np.float64]
 
 LANES = 8
 _ENGINES: list[Any] = []
 _COMPILING = threading.Lock()
-
-# CasADi operation -> function of the C library; the number of arguments follows.
-_LIBRARY = {
-    "OP_EXP": "exp",
-    "OP_LOG": "log",
-    "OP_POW": "pow",
-    "OP_CONSTPOW": "pow",
-    "OP_SIN": "sin",
-    "OP_COS": "cos",
-    "OP_TAN": "tan",
-    "OP_ASIN": "asin",
-    "OP_ACOS": "acos",
-    "OP_ATAN": "atan",
-    "OP_SINH": "sinh",
-    "OP_COSH": "cosh",
-    "OP_TANH": "tanh",
-    "OP_ASINH": "asinh",
-    "OP_ACOSH": "acosh",
-    "OP_ATANH": "atanh",
-    "OP_ATAN2": "atan2",
-    "OP_FMOD": "fmod",
-    "OP_LOG1P": "log1p",
-    "OP_EXPM1": "expm1",
-    "OP_HYPOT": "hypot",
-    "OP_ERF": "erf",
-    "OP_COPYSIGN": "copysign",
-}
-_INTRINSICS = {"OP_SQRT": "sqrt", "OP_FABS": "fabs", "OP_FLOOR": "floor", "OP_CEIL": "ceil"}
-_COMPARISONS = {"OP_LT": "<", "OP_LE": "<=", "OP_EQ": "=="}
-
-
-class Untranslatable(Exception):  # noqa: N818  (a signal to the chooser of kernels)
-    """A step has an instruction that this kernel does not know, or the machine cannot compile."""
 
 
 class CompiledStep:
@@ -105,7 +69,7 @@ def _compiled(text: str, lanes: int) -> tuple[Callable[..., None], Callable[[int
     import llvmlite.binding as binding
 
     function = casadi.Function.deserialize(text)
-    source = _Translation(function, lanes).module()
+    source = Translation(function, lanes).module()
     machine = _machine()
     engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
     module = binding.parse_assembly(str(source))
@@ -140,192 +104,6 @@ def _library() -> None:
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
     library = ctypes.CDLL(ctypes.util.find_library("m"))
-    for name in set(_LIBRARY.values()):
+    for name in set(LIBRARY.values()):
         address = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
         binding.add_symbol(f"palpate_{name}", address)
-
-
-class _Translation:
-    """The instruction list of a CasADi function as one LLVM function that loops over samples."""
-
-    def __init__(self, function: Any, lanes: int) -> None:
-        from llvmlite import ir
-
-        self._ir, self._function, self._lanes = ir, function, lanes
-        self._double = ir.DoubleType()
-        self._number = self._double if lanes == 1 else ir.VectorType(self._double, lanes)
-        self._names = _operations()
-        self._declared: dict[str, Any] = {}
-
-    def module(self) -> Any:
-        ir = self._ir
-        self._module = ir.Module(name="step")
-        integer, pointer = ir.IntType(64), self._double.as_pointer()
-        kind = ir.FunctionType(ir.VoidType(), [integer, integer, *([pointer] * 4)])
-        run = ir.Function(self._module, kind, name="run")
-        for argument in run.args[2:]:
-            argument.add_attribute("noalias")
-        count, every, *self._arrays = run.args
-        entry, body, keep, following, done = (
-            run.append_basic_block(n) for n in ("entry", "body", "keep", "next", "done")
-        )
-        self._b = ir.IRBuilder(entry)
-        zero, one = integer(0), integer(1)
-        self._b.cbranch(self._b.icmp_signed(">", count, zero), body, done)
-        self._b.position_at_end(body)
-        index, due, row = (self._b.phi(integer) for _ in range(3))
-        self._sample = self._b.mul(index, integer(self._function.numel_in(1)))
-        next_state, output = self._instructions()
-        for i, value in next_state.items():
-            self._store(value, self._arrays[0], integer(i))
-        due_next = self._b.add(due, one)
-        self._b.cbranch(self._b.icmp_signed("==", due_next, every), keep, following)
-        self._b.position_at_end(keep)
-        offset = self._b.mul(row, integer(self._function.numel_out(1)))
-        for i, value in output.items():
-            self._store(value, self._arrays[3], self._b.add(offset, integer(i)))
-        row_next = self._b.add(row, one)
-        self._b.branch(following)
-        self._b.position_at_end(following)
-        due_after, row_after = self._b.phi(integer), self._b.phi(integer)
-        for phi, here, there in ((due_after, due_next, zero), (row_after, row, row_next)):
-            phi.add_incoming(here, body)
-            phi.add_incoming(there, keep)
-        index_next = self._b.add(index, one)
-        for phi, after in ((index, index_next), (due, due_after), (row, row_after)):
-            phi.add_incoming(zero, entry)
-            phi.add_incoming(after, following)
-        self._b.cbranch(self._b.icmp_signed("<", index_next, count), body, done)
-        self._b.position_at_end(done)
-        self._b.ret_void()
-        self._single(run)
-        return self._module
-
-    def _single(self, run: Any) -> None:
-        """One sample, with all addresses in one array: an argument less to convert is a tenth of a microsecond."""
-        ir = self._ir
-        place, one = self._double.as_pointer(), ir.IntType(64)(1)
-        kind = ir.FunctionType(ir.VoidType(), [place.as_pointer()])
-        single = ir.Function(self._module, kind, name="single")
-        b = ir.IRBuilder(single.append_basic_block("entry"))
-        places = [b.load(b.gep(single.args[0], [ir.IntType(64)(i)])) for i in range(4)]
-        b.call(run, [one, one, *places])
-        b.ret_void()
-
-    def _instructions(self) -> tuple[dict[int, Any], dict[int, Any]]:
-        """Values of next state and output, by their place; every input is read before anything is written."""
-        f, values = self._function, {}
-        results: tuple[dict[int, Any], dict[int, Any]] = ({}, {})
-        for k in range(f.n_instructions()):
-            name = self._names[f.instruction_id(k)]
-            arguments, targets = f.instruction_input(k), f.instruction_output(k)
-            if name == "OP_CONST":
-                values[targets[0]] = self._constant(f.instruction_constant(k))
-            elif name == "OP_INPUT":
-                values[targets[0]] = self._input(*arguments)
-            elif name == "OP_OUTPUT":
-                results[targets[0]][targets[1]] = values[arguments[0]]
-            else:
-                values[targets[0]] = self._operation(name, [values[i] for i in arguments])
-        for which, found in enumerate(results):
-            for i in range(f.numel_out(which)):
-                found.setdefault(i, self._constant(0.0))
-        return results
-
-    def _constant(self, value: float) -> Any:
-        return self._ir.Constant(self._number, value if self._lanes == 1 else [value] * self._lanes)
-
-    def _address(self, array: Any, place: Any) -> Any:
-        if self._lanes == 1:
-            return self._b.gep(array, [place])
-        start = self._b.gep(array, [self._b.mul(place, place.type(self._lanes))])
-        return self._b.bitcast(start, self._number.as_pointer())
-
-    def _store(self, value: Any, array: Any, place: Any) -> None:
-        self._b.store(value, self._address(array, place), align=8)
-
-    def _input(self, which: int, place: int) -> Any:
-        integer = self._ir.IntType(64)
-        if which != 1:
-            return self._b.load(self._address(self._arrays[0 if which == 0 else 2], integer(place)), align=8)
-        value = self._b.load(self._b.gep(self._arrays[1], [self._b.add(self._sample, integer(place))]), align=8)
-        return value if self._lanes == 1 else self._splat(value)
-
-    def _splat(self, value: Any) -> Any:
-        integer = self._ir.IntType(32)
-        empty = self._ir.Constant(self._number, self._ir.Undefined)
-        first = self._b.insert_element(empty, value, integer(0))
-        mask = self._ir.Constant(self._ir.VectorType(integer, self._lanes), [0] * self._lanes)
-        return self._b.shuffle_vector(first, empty, mask)
-
-    def _operation(self, name: str, x: list[Any]) -> Any:
-        b, one, zero = self._b, self._constant(1.0), self._constant(0.0)
-        simple: dict[str, Callable[[], Any]] = {
-            "OP_ADD": lambda: b.fadd(*x),
-            "OP_SUB": lambda: b.fsub(*x),
-            "OP_MUL": lambda: b.fmul(*x),
-            "OP_DIV": lambda: b.fdiv(*x),
-            "OP_NEG": lambda: b.fneg(x[0]),
-            "OP_SQ": lambda: b.fmul(x[0], x[0]),
-            "OP_TWICE": lambda: b.fadd(x[0], x[0]),
-            "OP_INV": lambda: b.fdiv(one, x[0]),
-            "OP_ASSIGN": lambda: x[0],
-            "OP_NE": lambda: b.select(b.fcmp_unordered("!=", *x), one, zero),
-            "OP_NOT": lambda: b.select(b.fcmp_ordered("==", x[0], zero), one, zero),
-            "OP_AND": lambda: b.select(b.and_(self._true(x[0]), self._true(x[1])), one, zero),
-            "OP_OR": lambda: b.select(b.or_(self._true(x[0]), self._true(x[1])), one, zero),
-            "OP_IF_ELSE_ZERO": lambda: b.select(self._true(x[0]), x[1], zero),
-            "OP_FMAX": lambda: self._extreme("<", x),
-            "OP_FMIN": lambda: self._extreme(">", x),
-            "OP_SIGN": lambda: self._sign(x[0]),
-        }
-        if name in simple:
-            return simple[name]()
-        if name in _COMPARISONS:
-            return b.select(b.fcmp_ordered(_COMPARISONS[name], *x), one, zero)
-        if name in _INTRINSICS:
-            return b.call(self._intrinsic(_INTRINSICS[name]), x)
-        if name in _LIBRARY:
-            return self._call(_LIBRARY[name], x)
-        raise Untranslatable(f"the step uses {name}, which the LLVM kernel does not know")
-
-    def _intrinsic(self, name: str) -> Any:
-        full = f"llvm.{name}.f64" if self._lanes == 1 else f"llvm.{name}.v{self._lanes}f64"
-        if full not in self._declared:
-            kind = self._ir.FunctionType(self._number, [self._number])
-            self._declared[full] = self._ir.Function(self._module, kind, name=full)
-        return self._declared[full]
-
-    def _true(self, value: Any) -> Any:
-        return self._b.fcmp_unordered("!=", value, self._constant(0.0))
-
-    def _sign(self, value: Any) -> Any:
-        b, zero = self._b, self._constant(0.0)
-        positive = b.select(b.fcmp_ordered(">", value, zero), self._constant(1.0), value)
-        return b.select(b.fcmp_ordered("<", value, zero), self._constant(-1.0), positive)
-
-    def _extreme(self, order: str, x: list[Any]) -> Any:
-        """fmax and fmin as CasADi evaluates them: the first of two equals, and the number where the other is NaN."""
-        b = self._b
-        chosen = b.select(b.fcmp_ordered(order, x[0], x[1]), x[1], x[0])
-        return b.select(b.fcmp_unordered("uno", x[0], x[0]), x[1], chosen)
-
-    def _call(self, name: str, x: list[Any]) -> Any:
-        ir, b = self._ir, self._b
-        if name not in self._declared:
-            kind = ir.FunctionType(self._double, [self._double] * len(x))
-            self._declared[name] = ir.Function(self._module, kind, name=f"palpate_{name}")
-        if self._lanes == 1:
-            return b.call(self._declared[name], x)
-        result = ir.Constant(self._number, ir.Undefined)
-        for lane in range(self._lanes):
-            at = ir.IntType(32)(lane)
-            result = b.insert_element(result, b.call(self._declared[name], [b.extract_element(v, at) for v in x]), at)
-        return result
-
-
-@cache
-def _operations() -> dict[int, str]:
-    import casadi
-
-    return {getattr(casadi, name): name for name in dir(casadi) if name.startswith("OP_")}
