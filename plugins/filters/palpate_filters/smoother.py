@@ -84,7 +84,7 @@ class _SmoothingTracker:
         inputs = np.column_stack([filtered[:-1], interval[1:], samples.position[:-1]])
         found = outputs[:, : 2 * k + 3].copy()
         found[:-1] = self._backwards(filtered, inputs, samples.time)
-        if not np.isfinite(found).all():
+        if not np.isfinite(found[:, : 2 * k]).all():  # where a position is missing, so is the surface above it
             estimates.status[rows] |= np.uint32(Status.DIVERGED)
             return
         estimates.values[rows], estimates.std[rows] = found[:, :k], np.sqrt(np.maximum(found[:, k : 2 * k], 0.0))
