@@ -11,6 +11,14 @@ from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
 
 ROOT = Path(__file__).parent.parent
+_LIVE = {"bench", "shared_bench"}  # fixtures that run a twin in real time
+
+
+def pytest_collection_modifyitems(items):
+    """Tests in real time want both cores to themselves."""
+    for item in items:
+        if _LIVE & set(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.live)
 
 
 @pytest.fixture(scope="session")
