@@ -45,6 +45,10 @@ class SafetySettings(Settings):
     rest_noise: Force = Field(default=0.6, gt=0, description="largest standard deviation of the force at rest")
     rest_speed: Speed = Field(default=0.005, gt=0, description="largest standard deviation of the velocity at rest")
 
+    rest_excess: float = Field(
+        default=3.0, gt=1, description="how many times the noise that a filter was told the noise at rest may be"
+    )
+
     def overshoot(self, speed: float) -> float:
         """Force [N] by which the limit is overrun at an inward speed [m/s]: K (v tau + v^2/2a)."""
         return self.stiffness * (speed * self.latency + speed**2 / (2.0 * self.deceleration))

@@ -108,8 +108,8 @@ def guard():
     made.check("s", force(*(1.0 + 0.05 * rng.standard_normal(100))))
     made.check("r", height(0.01))
     found = made.judge_rest()
-    assert found["force"] == pytest.approx(1.0, abs=0.02)
-    assert found["force_std"] == pytest.approx(0.05, rel=0.2)
+    assert found.force == pytest.approx(1.0, abs=0.02)
+    assert found.force_std == pytest.approx(0.05, rel=0.2)
     made.begin([made.arm])
     yield made
     made.close()
@@ -164,3 +164,31 @@ def test_an_implausible_rest_is_refused_with_advice(values, words):
     guard.check("r", height(0.01))
     with pytest.raises(DeviceError, match=words):
         guard.judge_rest()
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        ((0.01, 1.0), r"times what the filter was told \(\[estimator.ekf\] force_std = 0.01 N"),
+        ((1.0, 1e-4), r"\[estimator.ekf\] velocity_std = 0.1 mm/s"),
+    ],
+)
+def test_noise_that_a_filter_does_not_expect_is_refused_with_advice(told, words):
+    """At three times what it was told; just below, it is not."""
+    rng = np.random.default_rng(0)
+    noise = rng.standard_normal(400)
+    noise /= noise.std(ddof=1)
+    twist = Stream("twist", (Channel("z", "m/s"),), 500.0)
+    alignment = ALIGNMENT.model_validate({**ALIGNMENT.model_dump(), "velocity": "r.twist.z"})
+    for factor, refused in ((0.98, False), (1.02, True)):
+        guard = Guard(limits(), alignment, {"s": (WRENCH,), "r": (TIP, twist)})
+        guard.check("s", force(*(factor * 0.03 * noise)))
+        guard.check("r", height(0.01))
+        stamps = np.arange(400, dtype=np.int64)
+        guard.check("r", Batch("twist", stamps, stamps, (factor * 3e-4 * noise)[:, None]))
+        if refused:
+            with pytest.raises(DeviceError, match=words) as caught:
+                guard.judge_rest({"ekf": told})
+            assert 'set noise = "measure"' in str(caught.value)
+        else:
+            assert guard.judge_rest({"ekf": told}).velocity_std == pytest.approx(2.94e-4)

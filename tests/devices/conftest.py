@@ -87,6 +87,19 @@ class Bench:
     def run(self, *overrides, out="out", patient=True):
         return run_pipeline(self.pipeline(*(PATIENT if patient else ()), *overrides), self.folder / out)
 
+    def replay(self, log, out, *overrides):
+        """Run the same pipeline on what was recorded."""
+        pipeline = self.folder / "replay.toml"
+        text = PIPELINE.read_text()
+        begin, end = text.index("[device.arm]"), text.index("[safety]")
+        devices = "".join(
+            f'[device.{name}]\ntype = "mcap-replay"\nfile = "{log}"\nrecorded = "{name}"\n'
+            for name in ("arm", "sensor")
+        )
+        pipeline.write_text(text[:begin] + devices + text[end:])
+        sets = [override for override in self._overrides if not override.startswith("device.")]
+        return run_pipeline(load_pipeline(pipeline, [*sets, *overrides]), self.folder / out)
+
     def run_into(self, fault, when, *overrides, patient=True, attempts=6):
         """Run with a fault as soon as a condition holds: the error, the fault's time, the run folder.
 

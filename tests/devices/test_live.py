@@ -6,35 +6,19 @@ import re
 import signal
 import subprocess
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
-from palpate.config import load_pipeline
 from palpate.errors import OutputError
-from palpate.pipeline import run_pipeline
 from palpate.pipeline.outputs import Outputs
 from palpate_devices.mcap_replay import McapReplay
 
-PIPELINE = Path(__file__).parents[2] / "pipelines" / "point_ur3e.toml"
 E_TRUE, ETA_TRUE = 112.5e3, 362.0
 IN_CONTACT = 1.0  # [N]
 
 
 def touching(state):
     return state["height"] < -0.002
-
-
-def replayed(log, out):
-    """Run the same pipeline on what was recorded."""
-    pipeline = out.parent / "replay.toml"
-    text = PIPELINE.read_text()
-    begin, end = text.index("[device.arm]"), text.index("[safety]")
-    devices = "".join(
-        f'[device.{name}]\ntype = "mcap-replay"\nfile = "{log}"\nrecorded = "{name}"\n' for name in ("arm", "sensor")
-    )
-    pipeline.write_text(text[:begin] + devices + text[end:])
-    return run_pipeline(load_pipeline(pipeline), out)
 
 
 def test_the_main_job_live_and_replayed(bench, tmp_path):
@@ -55,7 +39,7 @@ def test_the_main_job_live_and_replayed(bench, tmp_path):
     assert np.diff(stamps).max() < 2.4e6
     assert state["eeprom_writes"] == 0
     assert live["peak_force"] < 12
-    again = replayed(tmp_path / "out" / "log.mcap", tmp_path / "again")
+    again = twin.replay(tmp_path / "out" / "log.mcap", "again")
     ours, theirs = (json.loads((folder / "result.json").read_text()) for folder in (result.folder, again.folder))
     for key in ("parameters", "surface", "force_rms", "nis", "samples"):
         assert ours["tracks"]["dr/ekf"][key] == theirs["tracks"]["dr/ekf"][key]

@@ -16,6 +16,7 @@ from palpate.device import Batch, Link, Stream, Watched
 from palpate.errors import DeviceError
 from palpate.pipeline.guard import Guard
 from palpate.pipeline.live import LiveLinks
+from palpate.pipeline.rest import declared_noise
 from palpate.safety import check_motion
 
 _RATE = 0.02  # of the nominal rate
@@ -80,7 +81,7 @@ def _listened(pipeline: Pipeline, links: Mapping[str, Link], duration: float) ->
         for stream in streams[name]:
             yield from _stream(f"{name}.{stream.name}", stream, heard[name, stream.name], pipeline.alignment.gap)
     if len(links) == len(pipeline.devices):
-        yield _rest(guard)
+        yield _rest(guard, declared_noise(pipeline))
     for name, link in links.items():
         if isinstance(link, Watched):
             yield from (Finding("good", name, line) for line in _lines(link.health))
@@ -114,14 +115,14 @@ def _arrival(name: str, late: NDArray[np.float64]) -> Iterator[Finding]:
         yield Finding("note", name, text)
 
 
-def _rest(guard: Guard) -> Finding:
+def _rest(guard: Guard, declared: Mapping[str, tuple[float, float]]) -> Finding:
     try:
-        rest = guard.judge_rest()
+        rest = guard.judge_rest(declared)
     except DeviceError as error:
         return Finding("bad", "rest", str(error))
-    text = f"force {rest['force']:.3f} N, noise {rest['force_std']:.4f} N"
-    if rest["velocity_std"] is not None:
-        text += f"; noise of the velocity {1e3 * rest['velocity_std']:.3f} mm/s"
+    text = f"force {rest.force:.3f} N, noise {rest.force_std:.4f} N"
+    if rest.velocity_std is not None:
+        text += f"; noise of the velocity {1e3 * rest.velocity_std:.3f} mm/s"
     return Finding("good", "rest", text)
 
 

@@ -21,6 +21,7 @@ from palpate.pipeline.guard import Guard
 from palpate.pipeline.interrupt import Interrupt
 from palpate.pipeline.live import LiveLinks
 from palpate.pipeline.outputs import Outputs
+from palpate.pipeline.rest import declared_noise
 from palpate.pipeline.tracks import RunningTrack
 from palpate.result import finite
 from palpate.safety import demand_safe
@@ -48,6 +49,7 @@ class Flow:
         self._pipeline, self._aligner, self._running, self._outputs = pipeline, aligner, running, outputs
         self._progress, self._interrupt = progress, interrupt
         self._total: float | None = None
+        self._sampled = 0.0  # [s] of the record that have become samples
         self.facts: dict[str, Any] = {}  # of a live run
 
     def run(self) -> None:
@@ -62,8 +64,10 @@ class Flow:
         self._aligner.feed(device, batch)
         samples = self._aligner.samples()
         self._outputs.samples(samples, self._running)
-        if self._progress is not None and len(samples):
-            self._progress(float(samples.time[-1]), self._total)
+        if len(samples):
+            self._sampled = float(samples.time[-1])
+            if self._progress is not None:
+                self._progress(self._sampled, self._total)
 
     def _run_read(self) -> None:
         pipeline = self._pipeline
@@ -122,24 +126,18 @@ class Flow:
     def _live(self, live: LiveLinks, guard: Guard, arms: list[Arm], trajectory: Trajectory | None) -> None:
         """Rest, judge the rest, move, until the arms are done or somebody has tripped the guard."""
         limits = self._pipeline.safety
-        began = time.monotonic()
         rest = limits.rest if limits else 1.0
-        # A device may be slow to begin; one that has failed trips the guard.
-        while guard.reason is None and not guard.rested and time.monotonic() - began < rest + _PATIENCE:
-            for device, batch in live.until(max(began + rest, time.monotonic() + 0.05)):
-                self._pass_on(device, batch)
-            if guard.reason is not None or self._interrupt.reason is not None:
-                break
-        if guard.reason is not None:
+        self._rest(live, guard, rest)
+        if guard.reason is not None or self._interrupt.reason is not None:
             return
-        self.facts["rest"] = guard.judge_rest()
-        if self._interrupt.reason is not None:
-            return
+        self.facts["rest"] = guard.judge_rest(declared_noise(self._pipeline)).table()
+        if self._sampled < rest:
+            raise DeviceError(f"within {rest + _PATIENCE:g} s the streams gave no samples of {rest:g} s in common")
         guard.begin(arms)
         for arm in arms:
             if trajectory is None:
                 raise ConfigurationError(f"{self._pipeline.path}: a robot needs one [trajectory.*] table")
-            self._total = trajectory.total_duration + (limits.rest if limits else 0.0)
+            self._total = trajectory.total_duration + rest
             arm.follow(trajectory)
         try:
             for item in live.to_the_end(_PATIENCE):
@@ -152,6 +150,19 @@ class Flow:
             for _ in live.to_the_end(_PATIENCE):
                 pass  # let the arms retract
             raise
+
+    def _rest(self, live: LiveLinks, guard: Guard, rest: float) -> None:
+        """Pass on what comes until the samples, and not only the host's clock, say that the rest is over.
+
+        So the rest is the same stretch of the record in a replay, where there is no host's clock.
+        """
+        began = time.monotonic()
+        # A device may be slow to begin; one that has failed trips the guard.
+        while not (guard.rested and self._sampled >= rest) and time.monotonic() - began < rest + _PATIENCE:
+            for device, batch in live.until(max(began + rest, time.monotonic() + 0.02)):
+                self._pass_on(device, batch)
+            if guard.reason is not None or self._interrupt.reason is not None:
+                return
 
     def _account(self, guard: Guard, live: LiveLinks, links: Mapping[str, Link]) -> None:
         self.facts["devices"] = {
