@@ -4,10 +4,10 @@ import time
 
 import numpy as np
 import pytest
-from palpate import Batch, Channel, ConfigurationError, DeviceError, Stream
+from palpate import Batch, Channel, ConfigurationError, DeviceError, OwnMotion, Setpoint, Stream
 from palpate.alignment import AlignmentSettings
 from palpate.pipeline.guard import Guard
-from palpate.safety import SafetySettings, check_motion, demand_safe
+from palpate.safety import SafetySettings, check_motion, check_own_motion, check_setpoints, demand_safe
 from palpate_trajectories.point import Point
 
 LIMITS = {
@@ -65,6 +65,28 @@ def test_a_depth_that_only_the_middle_reaches_is_seen():
     """The limits hold over the whole motion, not only at its ends."""
     report = check_motion(Point(bias=0.004, amplitude=0.0035, duration=1.0), limits())
     assert any("below" in problem for problem in report.problems)
+
+
+@pytest.mark.parametrize(
+    ("own", "words"),
+    [
+        (OwnMotion(0.02, 0.03, 1.0), None),
+        (OwnMotion(0.05, 0.03, 1.0), "the speed is 50.0 mm/s"),
+        (OwnMotion(0.036, 0.03, 1.0), "the fastest approach"),
+        (OwnMotion(0.02, 0.03, 0.5), "the arm brakes at 0.5 m/s^2"),
+    ],
+)
+def test_what_an_arm_does_by_itself_is_checked(own, words):
+    problems = check_own_motion(own, limits())
+    assert (words is None) == (not problems)
+    assert words is None or any(words in problem for problem in problems)
+
+
+def test_a_way_of_one_setpoint_is_judged_too():
+    zero = np.zeros((1, 3))
+    assert check_setpoints(np.zeros(1), Setpoint(zero, zero, np.zeros(1, bool)), limits()).problems == ()
+    report = check_setpoints(np.zeros(1), Setpoint(zero + 0.1, zero, np.zeros(1, bool)), limits())
+    assert len(report.problems) == 3
 
 
 WRENCH = Stream("wrench", tuple(Channel(axis, "N", (-500.0, 500.0)) for axis in "xyz"), 800.0)

@@ -1,9 +1,10 @@
-"""The rest before a live motion: what is refused there, and that filters use what was measured."""
+"""Before a live motion: the rest, the way to the start, what is refused, and that filters use what was measured."""
 
 import json
 
 import pytest
-from palpate.errors import DeviceError
+from palpate.errors import ConfigurationError, DeviceError
+from palpate.pipeline import examine
 
 NOISY = "twin.bench.force_std=0.2 N"  # four times what the filter is told
 
@@ -38,3 +39,24 @@ def test_an_offset_that_no_tip_explains(bench, short):
     ):
         twin.run()
     assert twin.state()["height"] == pytest.approx(before, abs=1e-6)
+
+
+def test_the_way_to_the_start_keeps_the_box(bench, short):
+    """The tip stands over the box, near enough to the start: nothing moves, and the doctor says it before."""
+    twin = bench(*short, "twin.bench.height=25 mm")
+    bad = [finding for finding in examine(twin.pipeline(), 0.5) if finding.verdict == "bad"]
+    assert ["z goes to 25" in finding.text for finding in bad] == [True]
+    with pytest.raises(
+        DeviceError, match=r"the way from where .* breaks the limits .*by hand:\n  z goes to 25\.\d+ mm"
+    ):
+        twin.run()
+    assert twin.state()["height"] == pytest.approx(0.025, abs=1e-5)
+    well = [finding.text for finding in examine(twin.pipeline("safety.high=[5e-3, 5e-3, 26e-3]"), 0.5)]
+    assert any("the way to the start of press, 22.0 mm in 2.1 s, keeps the limits" in text for text in well)
+
+
+def test_a_way_that_is_too_fast_is_refused_before_anything_is_connected(bench, short):
+    twin = bench(*short)
+    with pytest.raises(ConfigurationError, match=r"\[device.arm\]: the way to the start: the speed is 50.0 mm/s"):
+        twin.run("device.arm.approach_speed=50 mm/s")
+    assert twin.state()["uploads"] == 0

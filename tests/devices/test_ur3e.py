@@ -15,7 +15,7 @@ from palpate_devices.ur3e.kinematics import (
     rotation_vector,
     tip,
 )
-from palpate_devices.ur3e.servo import PERIOD, Commander, Law
+from palpate_devices.ur3e.servo import PERIOD, Commander, Law, way
 from palpate_trajectories.point import Point
 
 WORK = {"origin": (-0.3, -0.13, 0.1)}
@@ -55,7 +55,7 @@ def test_rotation_vectors_come_back(vector):
     np.testing.assert_allclose(rotation_matrix(rotation_vector(matrix)), matrix, atol=1e-7)
 
 
-LAW = Law("pd", 20.0, 0.5, 0.05, 1.0)
+LAW = Law("pd", 20.0, 0.5, 0.02, 0.05, 1.0)
 
 
 def followed(commander, position, steps, until="done"):
@@ -68,6 +68,22 @@ def followed(commander, position, steps, until="done"):
         if commander.mode == until:
             break
     return np.array(track)
+
+
+@pytest.mark.parametrize("length", [0.0, 1e-4, 1.6e-3, 5e-3, 0.03])
+def test_the_way_to_the_start_keeps_what_it_promises(length):
+    """Rest to rest, straight, below its speed and acceleration; and it is the way that the arm goes."""
+    begin, end = np.array([0.001, -0.002, 0.02]), np.array([0.001, -0.002, 0.02 - length])
+    times, position, velocity = way(begin, end, LAW.approach_speed, LAW.acceleration)
+    np.testing.assert_allclose(position[[0, -1]], [begin, end], atol=1e-12)
+    np.testing.assert_allclose(velocity[[0, -1]], 0.0, atol=1e-9)
+    np.testing.assert_allclose(np.gradient(position[:, 2], times)[1:-1], velocity[1:-1, 2], atol=2e-4)
+    assert np.abs(velocity).max() <= LAW.approach_speed * (1 + 1e-9)
+    assert np.abs(np.diff(velocity, axis=0)).max() / PERIOD <= LAW.acceleration
+    commander = Commander(LAW, begin)
+    commander.follow(np.tile(np.array([*end, 0.0, 0.0, 0.0, 0.0]), (5, 1)))
+    track = followed(commander, begin, len(times), until="follow")
+    np.testing.assert_allclose(track[: len(times)], position[: len(track)], atol=1e-12)
 
 
 def test_it_goes_to_the_start_and_follows():
@@ -169,7 +185,7 @@ def test_a_second_master_is_refused(restored):
 def test_a_motion_out_of_reach_ends_in_words(restored):
     far = Point(bias=0.001, amplitude=0.0005, clearance=0.6, rest=0.0, duration=0.5, speed=1.0)
     with pytest.raises(DeviceError, match=r"out of reach|does not follow|refuses"):
-        states(device(restored, start_tolerance=1.0, retract_speed=0.25), far)
+        states(device(restored, start_tolerance=1.0, approach_speed=0.25), far)
     assert restored.wait(lambda state: state["joint_speed"] < 1e-3, 3.0)
 
 

@@ -17,7 +17,8 @@ from palpate.errors import DeviceError
 from palpate.pipeline.guard import Guard
 from palpate.pipeline.live import LiveLinks
 from palpate.pipeline.rest import declared_noise
-from palpate.safety import check_motion
+from palpate.pipeline.start import check_way
+from palpate.safety import SafetySettings, check_motion, check_own_motion
 
 _RATE = 0.02  # of the nominal rate
 _LATE = 0.01  # [s]
@@ -55,12 +56,36 @@ def _motion(pipeline: Pipeline) -> Iterator[Finding]:
         if pipeline.safety is None:
             yield Finding("bad", f"trajectory {name}", "there is no [safety] table to check it against")
             continue
+        yield from _own_motions(pipeline, pipeline.safety)
         report = check_motion(trajectory, pipeline.safety)
         yield from (Finding("bad", f"trajectory {name}", problem) for problem in report.problems)
         if not report.problems:
             yield Finding(
                 "good", f"trajectory {name}", f"keeps the limits; at most {report.peak_force:.1f} N by computation"
             )
+
+
+def _own_motions(pipeline: Pipeline, limits: SafetySettings) -> Iterator[Finding]:
+    for name, device in pipeline.devices.items():
+        if device.own_motion is not None:
+            yield from (Finding("bad", name, problem) for problem in check_own_motion(device.own_motion, limits))
+
+
+def _ways(pipeline: Pipeline, links: Mapping[str, Link]) -> Iterator[Finding]:
+    """The ways to the start, from where the arms stand now."""
+    for name, trajectory in pipeline.trajectories.items():
+        for arm, link in links.items():
+            if pipeline.safety is None:
+                continue
+            try:
+                report = check_way(link, trajectory, pipeline.safety)
+            except DeviceError as error:
+                yield Finding("bad", arm, str(error))
+                continue
+            if report is not None:
+                length = 1e3 * float(np.linalg.norm(report.high - report.low))
+                text = f"the way to the start of {name}, {length:.1f} mm in {report.duration:.1f} s, keeps the limits"
+                yield Finding("good", arm, text)
 
 
 def _listened(pipeline: Pipeline, links: Mapping[str, Link], duration: float) -> Iterator[Finding]:
@@ -82,6 +107,7 @@ def _listened(pipeline: Pipeline, links: Mapping[str, Link], duration: float) ->
             yield from _stream(f"{name}.{stream.name}", stream, heard[name, stream.name], pipeline.alignment.gap)
     if len(links) == len(pipeline.devices):
         yield _rest(guard, declared_noise(pipeline))
+    yield from _ways(pipeline, links)
     for name, link in links.items():
         if isinstance(link, Watched):
             yield from (Finding("good", name, line) for line in _lines(link.health))

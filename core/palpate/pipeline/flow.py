@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import gc
 import os
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
@@ -22,6 +20,8 @@ from palpate.pipeline.interrupt import Interrupt
 from palpate.pipeline.live import LiveLinks
 from palpate.pipeline.outputs import Outputs
 from palpate.pipeline.rest import declared_noise
+from palpate.pipeline.scheduling import undisturbed
+from palpate.pipeline.start import check_way, refuse_own_motion
 from palpate.pipeline.tracks import RunningTrack
 from palpate.result import finite
 from palpate.safety import demand_safe
@@ -31,7 +31,6 @@ Progress = Callable[[float, float | None], None]  # log time [s], total [s] wher
 
 _LOOK = 5e-3  # [s] between the setpoints that devices are asked about before anything moves
 _PATIENCE = 8.0  # [s] for a retraction
-_PRIORITY = 20  # below that of robots and sensors
 
 
 class Flow:
@@ -98,11 +97,12 @@ class Flow:
             )
         if trajectory is not None and limits is not None:
             demand_safe(trajectory, limits, str(pipeline.path))
+            refuse_own_motion(pipeline, limits)
             _ask_the_devices(pipeline, trajectory)
         began, before = time.monotonic(), os.times()
         guard = Guard(limits, pipeline.alignment, {name: d.streams for name, d in pipeline.devices.items()})
         with ExitStack() as stack:
-            self.facts["scheduling"] = stack.enter_context(_undisturbed())
+            self.facts["scheduling"] = stack.enter_context(undisturbed())
             links = connected(pipeline, stack)
             arms = [link for link in links.values() if isinstance(link, Arm)]
             live = LiveLinks(links, guard)
@@ -133,10 +133,14 @@ class Flow:
         self.facts["rest"] = guard.judge_rest(declared_noise(self._pipeline)).table()
         if self._sampled < rest:
             raise DeviceError(f"within {rest + _PATIENCE:g} s the streams gave no samples of {rest:g} s in common")
-        guard.begin(arms)
         for arm in arms:
             if trajectory is None:
                 raise ConfigurationError(f"{self._pipeline.path}: a robot needs one [trajectory.*] table")
+            if limits is not None:
+                check_way(arm, trajectory, limits)
+        guard.begin(arms)
+        for arm in arms:
+            assert trajectory is not None
             self._total = trajectory.total_duration + rest
             arm.follow(trajectory)
         try:
@@ -185,32 +189,6 @@ def _finite_table(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: _finite_table(item) for key, item in value.items()}
     return finite(value)
-
-
-@contextmanager
-def _undisturbed() -> Iterator[str]:
-    """What there is now is no garbage, threads change quickly, and other programs wait; says whether they do."""
-    before = sys.getswitchinterval()
-    gc.collect()
-    gc.freeze()
-    sys.setswitchinterval(0.0005)
-    said = _scheduled(_PRIORITY)
-    try:
-        yield said
-    finally:
-        _scheduled(0)
-        sys.setswitchinterval(before)
-        gc.unfreeze()
-
-
-def _scheduled(priority: int) -> str:
-    """Real-time scheduling of this thread, and of those that it starts, where that is permitted; 0 gives it back."""
-    try:
-        policy = os.SCHED_FIFO if priority else os.SCHED_OTHER
-        os.sched_setscheduler(0, policy, os.sched_param(priority))
-    except (AttributeError, OSError):
-        return "no real-time scheduling: not permitted"
-    return f"real-time scheduling, SCHED_FIFO {priority}" if priority else ""
 
 
 def connected(pipeline: Pipeline, stack: ExitStack) -> dict[str, Link]:
