@@ -55,8 +55,11 @@ def readings(log, device, stream, cut=False):
 ROBOT = {
     "protective-stop": "protective stop",
     "emergency-stop": "emergency stop",
+    "safeguard-stop": "safeguard stop",
     "stop-program": "program was stopped",
+    "pause-program": "program was paused",
     "freeze": "silent",
+    "half": "silent",
     "close": "closed the link|program|silent|loses the link",
     "reset": "closed the link|program|silent|loses the link",
     "gone": "closed the link|program|silent|loses the link",
@@ -68,6 +71,7 @@ SENSOR = {
     "reboot": "rebooted|silent",
     "overrange": "over range or invalid",
     "saturated": "over range or invalid",
+    "raw": "over range or invalid",
 }
 
 
@@ -83,7 +87,7 @@ def check_record(folder, learnt, fault_time):
 @pytest.mark.parametrize("fault", [*ROBOT, *SENSOR])
 def test_faults_in_contact(restored, tmp_path, fault):
     twin = restored
-    silent = fault in ("freeze", "stall 0.4", "silent", "gone", "close", "reset", "reboot")
+    silent = fault in ("freeze", "half", "stall 0.4", "silent", "gone", "close", "reset", "reboot")
     error, fault_time, table, folder = twin.run_into(fault, touching, patient=not silent)
     assert re.search((ROBOT | SENSOR)[fault], error), error
     stop = table["run"]["live"]["stop"]

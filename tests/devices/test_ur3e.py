@@ -160,7 +160,18 @@ def test_it_follows_a_motion(restored, control):
 
 @pytest.mark.parametrize(
     ("fault", "words"),
-    [("gone", "cannot be reached"), ("mute", "does not answer within 1 s"), ("emergency-stop", "not RUNNING")],
+    [
+        ("gone", "RTDE port 30004 cannot be reached"),
+        ("mute", "RTDE port 30004 does not answer within 1 s"),
+        ("no-port 30003", "script port 30003 cannot be reached"),
+        ("no-port 29999", "dashboard port 29999 cannot be reached"),
+        ("no-greeting", "dashboard port 29999 does not answer within 1 s"),
+        ("local", "not in remote control"),
+        ("emergency-stop", "not RUNNING"),
+        ("protective-stop", "safety status is PROTECTIVE_STOP"),
+        ("safeguard-stop", "safety status is SAFEGUARD_STOP"),
+        ("lack actual_TCP_force", r"cannot connect: .*not found by the controller: \[.*actual_TCP_force"),
+    ],
 )
 def test_it_asks_before_it_connects(restored, fault, words):
     restored.fault(fault)
@@ -168,6 +179,19 @@ def test_it_asks_before_it_connects(restored, fault, words):
     with pytest.raises(DeviceError, match=words):
         states(device(restored))
     assert time.monotonic() - began < 3
+
+
+@pytest.mark.parametrize(
+    ("fault", "words", "patience"),
+    [("refuse-start", "refuses to start sending its state", 5), ("deaf", "Failed to start control script", 9)],
+)
+def test_a_controller_that_does_not_begin(restored, fault, words, patience):
+    """The library takes 2.5 s and 5 s to notice; it is heard out, and nobody hangs."""
+    restored.fault(fault)
+    began = time.monotonic()
+    with pytest.raises(DeviceError, match=words):
+        states(device(restored))
+    assert time.monotonic() - began < patience
 
 
 def test_a_controller_that_falls_silent_while_connecting(restored):
