@@ -72,21 +72,39 @@ class _Loop:
         """One cycle after another, each at its deadline."""
         deadline = time.monotonic_ns() + _TICK
         while True:
-            time.sleep(max(deadline - time.monotonic_ns(), 0) / 1e9)
-            now = time.monotonic_ns()
+            wait = max(deadline - time.monotonic_ns(), 0)
+            now = self._sleep(wait)
             late = now - deadline
             self._ring.beat(now)
-            self._lateness.add(now, late, self._commander is not None and self._commander.mode == "follow")
+            self._lateness.add(now, late, self._following)
             self._cycle(now)
             # A look at a random instant between two deadlines: else a controller that ticks in step with this loop
             # would always be seen equally late, and its clock mapped wrongly by up to a period.
             rest = deadline + _TICK - time.monotonic_ns()
             if rest > _TICK // 4:
-                time.sleep(rest * random.uniform(0.0, 0.95) / 1e9)
+                self._sleep(round(rest * random.uniform(0.0, 0.95)))
                 self._take_state()
             deadline += _TICK
-            if late > _MOST_BEHIND * _TICK:
-                deadline = time.monotonic_ns() + _TICK
+            behind = time.monotonic_ns() - deadline
+            if behind > _MOST_BEHIND * _TICK:
+                if self._following:
+                    self._lateness.skipped(behind + _TICK)
+                deadline += behind + _TICK
+
+    @property
+    def _following(self) -> bool:
+        return self._commander is not None and self._commander.mode == "follow"
+
+    def _sleep(self, duration: int) -> int:
+        """Sleep [ns]; the time then. What it takes longer is counted as the host's."""
+        if duration <= 0:
+            return time.monotonic_ns()
+        until = time.monotonic_ns() + duration
+        time.sleep(duration / 1e9)
+        now = time.monotonic_ns()
+        if self._following:
+            self._lateness.overslept(now - until)
+        return now
 
     def _cycle(self, now: int) -> None:
         self._take_state()
