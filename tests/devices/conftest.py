@@ -184,7 +184,7 @@ class ForceLimit:
 
     @staticmethod
     def overrun(folder):
-        """Inward speed [m/s] at the first reading over the limit, the way [m] from there to the deepest point, latency [s].
+        """Speed [m/s] inwards at the reading that trips, way [m] from there to the deepest point, latency [s].
 
         The latency is what is left of that way when braking is taken off: x = v tau + v^2/2a.
         """
