@@ -168,6 +168,15 @@ def test_lumps_and_left_out_measurements_lose_nothing(restored):
     assert health["unusable"] == 0
 
 
+@pytest.mark.parametrize("fault", ["overrange", "saturated", "raw"])
+def test_readings_that_the_sensor_does_not_vouch_for_are_none(restored, fault):
+    """Not a number, on which the guard stops a motion; `test_live` has one of the three in contact."""
+    restored.fault(fault)
+    _, wrench, health = gathered(BotaSensor(port=str(restored.port), settle=0.1), 50)
+    assert np.isnan(wrench).all()
+    assert health["unusable"] == health["readings"]
+
+
 def test_settings_are_json(restored):
     device = BotaSensor(port="x")
     json.dumps(device.model_dump())

@@ -5,6 +5,7 @@ import os
 import re
 import signal
 import subprocess
+import threading
 import time
 
 import numpy as np
@@ -70,8 +71,6 @@ SENSOR = {
     "silent": "silent",
     "reboot": "rebooted|silent",
     "overrange": "over range or invalid",
-    "saturated": "over range or invalid",
-    "raw": "over range or invalid",
 }
 
 
@@ -98,6 +97,28 @@ def test_faults_in_contact(restored, tmp_path, fault):
         assert state["height"] > twin.fault_height - 0.0012
     if fault in SENSOR:  # the robot is well: it has left the material by itself
         assert state["height"] > 0.002
+
+
+def test_what_is_no_fault(bench, short):
+    """A text between two states, a stall of 50 ms, frames in lumps, left out measurements, a clock that wraps."""
+    twin = bench(*short, f"twin.bench.clock_start={(1 << 32) - 1_500_000}")
+    done = []
+
+    def disturb():
+        twin.wait(touching)
+        done.extend(twin.fault(words) for words in ("message", "throttled", "lumps 0.016", "stall 0.05", "message"))
+
+    thread = threading.Thread(target=disturb)
+    thread.start()
+    result = twin.run()
+    thread.join()
+    assert len(done) == 5
+    assert result.interrupted is None
+    sensor = result.run["live"]["devices"]["sensor"]
+    assert 0 < sensor["throttled"] < sensor["readings"]
+    assert sensor["unusable"] == sensor["damaged"] == 0
+    assert result.streams["sensor.wrench"]["backwards"] == 0
+    assert result.tracks["dr/ekf"].parameters["elasticity"].value == pytest.approx(E_TRUE, rel=0.05)
 
 
 @pytest.mark.parametrize("case", ["twenty times stiffer", "an obstacle 5 mm too high", "the other way round"])

@@ -144,10 +144,11 @@ def test_controller_and_own_kinematics_agree(restored):
     np.testing.assert_allclose(pose[-1, 3:], [1, 0, 0, 0], atol=1e-3)  # half a turn about x: it looks down
 
 
-@pytest.mark.parametrize("control", ["pd", "servo"])
-def test_it_follows_a_motion(restored, control):
+@pytest.mark.parametrize(("control", "kinematics"), [("pd", "controller"), ("servo", "dh")])
+def test_it_follows_a_motion(restored, control, kinematics):
     check_trajectory(PRESS)
-    found, health = states(device(restored, control=control), PRESS)
+    found, health = states(device(restored, control=control, kinematics=kinematics), PRESS)
+    assert health["kinematics_mismatch"] < 1e-6  # with "dh", of every state on the way
     position, wanted = found["tip"][1][:, 2], found["setpoint"][1][:, 2]
     measuring = found["setpoint"][1][:, 6] > 0.5
     assert 0.3 < measuring.sum() * PERIOD < 0.6
