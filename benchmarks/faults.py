@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import json
 import os
@@ -15,26 +16,27 @@ import threading
 import time
 from itertools import pairwise
 from pathlib import Path
+from types import ModuleType
 
 from palpate.errors import DeviceError
 
 _SURFACE = 0.0003  # [m]
 _FAULTS = (
-    *("protective-stop", "emergency-stop", "stop-program", "freeze", "stall 0.4", "close", "reset", "gone"),
-    *("unplug", "silent", "reboot", "overrange", "saturated"),
+    *("protective-stop", "safeguard-stop", "emergency-stop", "stop-program", "pause-program"),
+    *("freeze", "half", "stall 0.4", "close", "reset", "gone"),
+    *("unplug", "silent", "reboot", "overrange", "saturated", "raw"),
 )
 
 
-def bench_class() -> type:
-    """The tests' handle on a twin."""
+def devices_conftest() -> ModuleType:
+    """The tests' handle on twins."""
     path = Path(__file__).parents[1] / "tests" / "devices" / "conftest.py"
     spec = importlib.util.spec_from_file_location("devices_conftest", path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    module.Bench.short = module.SHORT
-    return module.Bench
+    return module
 
 
 def measured(twin, fault: str, folder: Path) -> dict | None:
@@ -77,12 +79,73 @@ def measured(twin, fault: str, folder: Path) -> dict | None:
     }
 
 
-def main() -> None:
-    """All of them, some times each."""
-    repeats = int(sys.argv[1]) if len(sys.argv) > 1 else 3
+_STARTS = (  # fault, overrides of the run
+    *((fault, ()) for fault in ("gone", "mute", "no-port 30003", "no-port 29999", "no-greeting", "local")),
+    *((fault, ()) for fault in ("emergency-stop", "protective-stop", "lack actual_TCP_force", "refuse-start", "deaf")),
+    ("freeze", ()),
+    ("unplug", ()),
+    ("refuse f", ()),
+    ("slow 1.0", ("trajectory.press.duration=0.2 s",)),
+    ("restore", ("device.sensor.baud=115200",)),
+    ("restore", ("device.sensor.sinc=40",)),
+)
+
+
+def starts(repeats: int) -> None:
+    """Every fault that is there before the run: what the user sees, and after how long."""
+    module = devices_conftest()
     with tempfile.TemporaryDirectory() as name:
-        kind = bench_class()
-        twin = kind(Path(name), kind.short)
+        twin = module.Bench(Path(name), module.SHORT)
+        try:
+            for i, (fault, overrides) in enumerate(_STARTS):
+                times, text = [], ""
+                for repeat in range(repeats):
+                    twin.fault("restore")
+                    twin.fault(fault)
+                    began, text = time.monotonic(), "runs"
+                    try:
+                        twin.run(*overrides, out=f"start{i}-{repeat}")
+                    except DeviceError as error:
+                        text = str(error).split(" (what was found")[0]
+                    times.append(time.monotonic() - began)
+                what = " ".join([fault, *overrides])
+                print(f"| {what} | {text} | {sorted(times)[len(times) // 2]:.1f} ({max(times):.1f}) s |", flush=True)
+        finally:
+            twin.close()
+
+
+def force_limits(repeats: int) -> None:
+    """What is under the tip and was not expected: speed, way and latency beyond the limit, largest force."""
+    module = devices_conftest()
+    print("| case | speed mm/s | way mm | latency ms | peak N | bound N |")
+    for case, (overrides, options, elasticity) in module.ForceLimit.cases.items():
+        rows = []
+        for _ in range(repeats):
+            with tempfile.TemporaryDirectory() as name:
+                twin = module.Bench(Path(name), (*module.SHORT, *overrides))
+                try:
+                    if case == "the other way round":
+                        twin.fault("sign")
+                    with contextlib.suppress(DeviceError):
+                        twin.run(*options)
+                    speed, way, latency = module.ForceLimit.overrun(Path(name) / "out")
+                    bound = module.ForceLimit.bound(elasticity, speed)
+                    rows.append((1e3 * speed, 1e3 * way, 1e3 * latency, twin.state()["peak_force"], bound))
+                finally:
+                    twin.close()
+        cells = [f"{sorted(column)[len(column) // 2]:.3g} ({max(column):.3g})" for column in zip(*rows, strict=True)]
+        print(f"| {case} | {' | '.join(cells)} |", flush=True)
+
+
+def main() -> None:
+    """All of them, some times each; ``faults.py 5 force`` and ``faults.py 1 start`` for other tables."""
+    repeats = int(sys.argv[1]) if len(sys.argv) > 1 else 3
+    if sys.argv[2:]:
+        {"force": force_limits, "start": starts}[sys.argv[2]](repeats)
+        return
+    with tempfile.TemporaryDirectory() as name:
+        module = devices_conftest()
+        twin = module.Bench(Path(name), module.SHORT)
         print(
             f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; {repeats} times each: median (largest), ms, mm"
         )

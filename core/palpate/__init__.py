@@ -14,7 +14,7 @@ from palpate.contact import (
     tanh,
     tip_profile,
 )
-from palpate.device import Arm, Batch, Channel, Device, Link, Retractable, Stream, Watched
+from palpate.device import Approaching, Arm, Batch, Channel, Device, Link, Retractable, Stream, Watched
 from palpate.errors import ConfigurationError, DeviceError, LogError, OutputError, PalpateError, PluginError, UserError
 from palpate.estimation import (
     Belief,
@@ -33,7 +33,7 @@ from palpate.parts import File, Part, Settings
 from palpate.process import InertialProcess, KinematicProcess
 from palpate.recording import Recording, Suggestion, Survey, TopicSurvey
 from palpate.sink import Run, Sink, Writer
-from palpate.trajectory import Setpoint, Trajectory
+from palpate.trajectory import OwnMotion, Setpoint, Trajectory
 from palpate.twin import Twin
 from palpate.units import (
     Acceleration,
@@ -56,6 +56,7 @@ from palpate.units import (
 __all__ = [
     "Acceleration",
     "Angle",
+    "Approaching",
     "Arm",
     "Batch",
     "Belief",
@@ -82,6 +83,7 @@ __all__ = [
     "MaterialValue",
     "Moment",
     "OutputError",
+    "OwnMotion",
     "PalpateError",
     "Parameter",
     "Part",

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.parts import Part
-from palpate.trajectory import Setpoint, Trajectory
+from palpate.trajectory import OwnMotion, Setpoint, Trajectory
 
 
 @dataclass(frozen=True)
@@ -78,6 +78,18 @@ class Arm(Protocol):
 
 
 @runtime_checkable
+class Approaching(Protocol):
+    """An arm that goes by itself from where it stands to the first setpoint."""
+
+    def way(self, trajectory: Trajectory) -> tuple[NDArray[np.float64], Setpoint]:
+        """Times (n,) [s] and setpoints of the way that `follow` would take now; nothing moves for it.
+
+        Raises DeviceError where the arm stands too far away.
+        """
+        ...
+
+
+@runtime_checkable
 class Retractable(Protocol):
     """An arm that can leave the material by itself."""
 
@@ -130,6 +142,11 @@ class Device(Part, ABC):
 
     def refuse(self, setpoint: Setpoint) -> None:
         """Raise ConfigurationError where this device must not go; nothing moves for it. By default it goes anywhere."""
+
+    @property
+    def own_motion(self) -> OwnMotion | None:
+        """What it does by itself besides the motion that it is told; None where it does nothing."""
+        return None
 
     @property
     def provenance(self) -> Mapping[str, str]:

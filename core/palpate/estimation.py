@@ -106,6 +106,7 @@ class Problem:
     model: ContactModel
     tip_mass: float | None  # [kg] of all that hangs behind the sensor; None where it is not declared
     timing_uncertainty: float | None = None  # [s] standard uncertainty between force and motion; None: not declared
+    rest: float | None = None  # [s] at the beginning of the record that the tip hangs still in free air; None: unknown
 
 
 class Tracker(Protocol):
@@ -121,6 +122,11 @@ class Estimator(Part, ABC):
 
     kind: ClassVar[str] = "estimator"
     online: ClassVar[bool] = True  # False: it wants all samples in one block
+
+    @property
+    def declared_noise(self) -> tuple[float, float] | None:
+        """Standard deviations of force [N] and velocity [m/s] that it counts on; None where it does not ask for any."""
+        return None
 
     @abstractmethod
     def start(self, problem: Problem) -> Tracker:

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from palpate.errors import ConfigurationError
 from palpate.parts import Settings
-from palpate.trajectory import Trajectory
+from palpate.trajectory import OwnMotion, Setpoint, Trajectory
 from palpate.units import Acceleration, Force, Length, Speed, Stiffness, Time
 
 _STEP = 0.002  # [s] between the instants that are checked
@@ -45,6 +45,10 @@ class SafetySettings(Settings):
     rest_noise: Force = Field(default=0.6, gt=0, description="largest standard deviation of the force at rest")
     rest_speed: Speed = Field(default=0.005, gt=0, description="largest standard deviation of the velocity at rest")
 
+    rest_excess: float = Field(
+        default=3.0, gt=1, description="how many times the noise that a filter was told the noise at rest may be"
+    )
+
     def overshoot(self, speed: float) -> float:
         """Force [N] by which the limit is overrun at an inward speed [m/s]: K (v tau + v^2/2a)."""
         return self.stiffness * (speed * self.latency + speed**2 / (2.0 * self.deceleration))
@@ -74,10 +78,15 @@ class MotionReport:
 def check_motion(trajectory: Trajectory, limits: SafetySettings) -> MotionReport:
     """Every setpoint of a motion against the limits."""
     times = np.arange(0.0, trajectory.total_duration + _STEP, _STEP)
-    setpoint = trajectory.at(times)
+    return check_setpoints(times, trajectory.at(times), limits)
+
+
+def check_setpoints(times: NDArray[np.float64], setpoint: Setpoint, limits: SafetySettings) -> MotionReport:
+    """Setpoints at times (n,) [s] against the limits."""
     position, velocity = setpoint.position, setpoint.velocity
     speed = np.linalg.norm(velocity, axis=1)
-    acceleration = np.linalg.norm(np.diff(velocity, axis=0), axis=1) / _STEP
+    acceleration = np.linalg.norm(np.diff(velocity, axis=0), axis=1) / np.diff(times)
+    hardest = float(acceleration.max(initial=0.0))
     inward = float(np.maximum(-velocity[:, 2], 0.0).max())
     finite = bool(np.isfinite(position).all() and np.isfinite(velocity).all())
     problems = [] if finite else ["a setpoint is not a finite number"]
@@ -87,26 +96,43 @@ def check_motion(trajectory: Trajectory, limits: SafetySettings) -> MotionReport
             problems.append(f"{name} goes to {1e3 * least:.2f} mm, below the limit of {1e3 * limits.low[axis]:.2f} mm")
         if most > limits.high[axis] + _TOLERANCE:
             problems.append(f"{name} goes to {1e3 * most:.2f} mm, above the limit of {1e3 * limits.high[axis]:.2f} mm")
-    if speed.max() > limits.speed:
-        problems.append(f"the speed is {1e3 * speed.max():.1f} mm/s, over the limit of {1e3 * limits.speed:.1f} mm/s")
-    if acceleration.max() > limits.acceleration:
-        problems.append(f"the acceleration is {acceleration.max():.2f} m/s^2, over {limits.acceleration:.2f} m/s^2")
+    problems += _too_fast(float(speed.max()), inward, limits)
+    if hardest > limits.acceleration:
+        problems.append(f"the acceleration is {hardest:.2f} m/s^2, over {limits.acceleration:.2f} m/s^2")
+    return MotionReport(
+        float(times[-1] - times[0]),
+        position.min(axis=0),
+        position.max(axis=0),
+        float(speed.max()),
+        inward,
+        hardest,
+        limits.stop_force + limits.overshoot(inward),
+        tuple(problems),
+    )
+
+
+def _too_fast(speed: float, inward: float, limits: SafetySettings) -> list[str]:
+    problems = []
+    if speed > limits.speed:
+        problems.append(f"the speed is {1e3 * speed:.1f} mm/s, over the limit of {1e3 * limits.speed:.1f} mm/s")
     peak = limits.stop_force + limits.overshoot(inward)
     if peak > limits.force:
         problems.append(
             f"at {1e3 * inward:.1f} mm/s inwards the force could reach {peak:.1f} N before the tip stands, over "
             f"{limits.force:g} N; with these limits {1e3 * limits.fastest:.1f} mm/s is the fastest approach"
         )
-    return MotionReport(
-        trajectory.total_duration,
-        position.min(axis=0),
-        position.max(axis=0),
-        float(speed.max()),
-        inward,
-        float(acceleration.max()),
-        peak,
-        tuple(problems),
-    )
+    return problems
+
+
+def check_own_motion(own: OwnMotion, limits: SafetySettings) -> tuple[str, ...]:
+    """What an arm does by itself against the limits, as far as that is known before it says where it stands."""
+    problems = [f"the way to the start: {problem}" for problem in _too_fast(own.speed, own.speed, limits)]
+    if own.deceleration < limits.deceleration - _TOLERANCE:
+        problems.append(
+            f"the arm brakes at {own.deceleration:g} m/s^2, but the force limit counts on the deceleration of "
+            f"{limits.deceleration:g} m/s^2"
+        )
+    return tuple(problems)
 
 
 def demand_safe(trajectory: Trajectory, limits: SafetySettings, where: str) -> MotionReport:

@@ -21,6 +21,15 @@ class Setpoint:
     measuring: NDArray[np.bool_]  # (n,) in the part of the motion that is meant for estimation
 
 
+@dataclass(frozen=True)
+class OwnMotion:
+    """What an arm does by itself, besides the motion that it is told: it goes to the start, and brakes."""
+
+    speed: float  # [m/s] at most, on the way from where it stands to the first setpoint
+    distance: float  # [m] that this way may be long
+    deceleration: float  # [m/s^2] of braking
+
+
 class Trajectory(Part, ABC):
     """A motion of the tip that starts and ends at rest."""
 

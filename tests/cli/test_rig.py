@@ -28,6 +28,7 @@ def test_a_dry_run_shows_the_motion_and_connects_to_nothing(capsys, live, tmp_pa
     assert "#" in text
     assert "z: -5.00 to 5.00 mm (limits -7 to 20)" in text
     assert "at most 15.0 N by computation" in text
+    assert "device arm: goes to the start by itself, straight, from at most 30 mm away at no more than 20 mm/s" in text
     assert not (tmp_path / "runs").exists()
 
 
@@ -35,6 +36,12 @@ def test_a_dry_run_shows_the_motion_and_connects_to_nothing(capsys, live, tmp_pa
 def test_a_motion_beyond_its_limits_never_starts(live, tmp_path, option):
     with pytest.raises(ConfigurationError, match=r"below the limit of -7.00 mm"):
         called("run", live, *option, "--out", tmp_path / "out", "--set", "trajectory.press.bias=8 mm")
+
+
+@pytest.mark.parametrize("option", [["--dry-run"], []])
+def test_an_arm_that_goes_too_fast_to_the_start(live, tmp_path, option):
+    with pytest.raises(ConfigurationError, match=r"the way to the start: the speed is 60.0 mm/s"):
+        called("run", live, *option, "--out", tmp_path / "out", "--set", "device.arm.approach_speed=60 mm/s")
 
 
 def test_a_robot_without_limits_does_not_move(live, tmp_path):

@@ -4,10 +4,10 @@ import time
 
 import numpy as np
 import pytest
-from palpate import Batch, Channel, ConfigurationError, DeviceError, Stream
+from palpate import Batch, Channel, ConfigurationError, DeviceError, OwnMotion, Setpoint, Stream
 from palpate.alignment import AlignmentSettings
 from palpate.pipeline.guard import Guard
-from palpate.safety import SafetySettings, check_motion, demand_safe
+from palpate.safety import SafetySettings, check_motion, check_own_motion, check_setpoints, demand_safe
 from palpate_trajectories.point import Point
 
 LIMITS = {
@@ -67,6 +67,28 @@ def test_a_depth_that_only_the_middle_reaches_is_seen():
     assert any("below" in problem for problem in report.problems)
 
 
+@pytest.mark.parametrize(
+    ("own", "words"),
+    [
+        (OwnMotion(0.02, 0.03, 1.0), None),
+        (OwnMotion(0.05, 0.03, 1.0), "the speed is 50.0 mm/s"),
+        (OwnMotion(0.036, 0.03, 1.0), "the fastest approach"),
+        (OwnMotion(0.02, 0.03, 0.5), "the arm brakes at 0.5 m/s^2"),
+    ],
+)
+def test_what_an_arm_does_by_itself_is_checked(own, words):
+    problems = check_own_motion(own, limits())
+    assert (words is None) == (not problems)
+    assert words is None or any(words in problem for problem in problems)
+
+
+def test_a_way_of_one_setpoint_is_judged_too():
+    zero = np.zeros((1, 3))
+    assert check_setpoints(np.zeros(1), Setpoint(zero, zero, np.zeros(1, bool)), limits()).problems == ()
+    report = check_setpoints(np.zeros(1), Setpoint(zero + 0.1, zero, np.zeros(1, bool)), limits())
+    assert len(report.problems) == 3
+
+
 WRENCH = Stream("wrench", tuple(Channel(axis, "N", (-500.0, 500.0)) for axis in "xyz"), 800.0)
 TIP = Stream("tip", (Channel("z", "m"),), 500.0)
 ALIGNMENT = AlignmentSettings.model_validate({"force": "s.wrench.z", "position": "r.tip.z"})
@@ -108,8 +130,8 @@ def guard():
     made.check("s", force(*(1.0 + 0.05 * rng.standard_normal(100))))
     made.check("r", height(0.01))
     found = made.judge_rest()
-    assert found["force"] == pytest.approx(1.0, abs=0.02)
-    assert found["force_std"] == pytest.approx(0.05, rel=0.2)
+    assert found.force == pytest.approx(1.0, abs=0.02)
+    assert found.force_std == pytest.approx(0.05, rel=0.2)
     made.begin([made.arm])
     yield made
     made.close()
@@ -164,3 +186,31 @@ def test_an_implausible_rest_is_refused_with_advice(values, words):
     guard.check("r", height(0.01))
     with pytest.raises(DeviceError, match=words):
         guard.judge_rest()
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        ((0.01, 1.0), r"times what the filter was told \(\[estimator.ekf\] force_std = 0.01 N"),
+        ((1.0, 1e-4), r"\[estimator.ekf\] velocity_std = 0.1 mm/s"),
+    ],
+)
+def test_noise_that_a_filter_does_not_expect_is_refused_with_advice(told, words):
+    """At three times what it was told; just below, it is not."""
+    rng = np.random.default_rng(0)
+    noise = rng.standard_normal(400)
+    noise /= noise.std(ddof=1)
+    twist = Stream("twist", (Channel("z", "m/s"),), 500.0)
+    alignment = ALIGNMENT.model_validate({**ALIGNMENT.model_dump(), "velocity": "r.twist.z"})
+    for factor, refused in ((0.98, False), (1.02, True)):
+        guard = Guard(limits(), alignment, {"s": (WRENCH,), "r": (TIP, twist)})
+        guard.check("s", force(*(factor * 0.03 * noise)))
+        guard.check("r", height(0.01))
+        stamps = np.arange(400, dtype=np.int64)
+        guard.check("r", Batch("twist", stamps, stamps, (factor * 3e-4 * noise)[:, None]))
+        if refused:
+            with pytest.raises(DeviceError, match=words) as caught:
+                guard.judge_rest({"ekf": told})
+            assert 'set noise = "measure"' in str(caught.value)
+        else:
+            assert guard.judge_rest({"ekf": told}).velocity_std == pytest.approx(2.94e-4)

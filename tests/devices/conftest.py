@@ -9,10 +9,12 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from palpate.config import load_pipeline
 from palpate.errors import DeviceError
 from palpate.pipeline import run_pipeline
+from palpate_devices.mcap_replay import McapReplay
 
 PIPELINE = Path(__file__).parents[2] / "pipelines" / "point_ur3e.toml"
 _ADDRESSES = itertools.count(2)
@@ -87,6 +89,19 @@ class Bench:
     def run(self, *overrides, out="out", patient=True):
         return run_pipeline(self.pipeline(*(PATIENT if patient else ()), *overrides), self.folder / out)
 
+    def replay(self, log, out, *overrides):
+        """Run the same pipeline on what was recorded."""
+        pipeline = self.folder / "replay.toml"
+        text = PIPELINE.read_text()
+        begin, end = text.index("[device.arm]"), text.index("[safety]")
+        devices = "".join(
+            f'[device.{name}]\ntype = "mcap-replay"\nfile = "{log}"\nrecorded = "{name}"\n'
+            for name in ("arm", "sensor")
+        )
+        pipeline.write_text(text[:begin] + devices + text[end:])
+        sets = [override for override in self._overrides if not override.startswith("device.")]
+        return run_pipeline(load_pipeline(pipeline, [*sets, *overrides]), self.folder / out)
+
     def run_into(self, fault, when, *overrides, patient=True, attempts=6):
         """Run with a fault as soon as a condition holds: the error, the fault's time, the run folder.
 
@@ -146,6 +161,66 @@ class Bench:
         self.process.stdout.close()
         self._errors.close()
         assert not self.port.exists()
+
+
+class ForceLimit:
+    """What is under the tip and was not expected, and what the pipeline's limits allow there."""
+
+    stop, latency, deceleration, radius = 12.0, 0.06, 1.0, 0.005
+    # Overrides of the twin, of the run, elasticity [Pa] of what is hit.
+    cases = {  # noqa: RUF012
+        "twenty times stiffer": (
+            ("twin.bench.specimen.elasticity=2.25 MPa", "twin.bench.specimen.viscosity=7240 Pa*s"),
+            (),
+            2.25e6,
+        ),
+        "an obstacle 5 mm too high": (
+            ("twin.bench.specimen.surface=5 mm", "twin.bench.height=10 mm"),
+            ("trajectory.press.clearance=9 mm",),
+            112.5e3,
+        ),
+        "the other way round": (("twin.bench.specimen.elasticity=600 kPa",), (), 600e3),
+    }
+
+    @staticmethod
+    def overrun(folder):
+        """Speed [m/s] inwards at the reading that trips, way [m] from there to the deepest point, latency [s].
+
+        The latency is what is left of that way when braking is taken off: x = v tau + v^2/2a.
+        """
+        table = json.loads((folder / "result.json").read_text())
+        wrench = _readings(folder / "log.mcap", "sensor", "wrench")
+        stamps = np.concatenate([b.time for b in wrench])
+        force = np.concatenate([b.values[:, 2] for b in wrench]) - table["run"]["live"]["rest"]["force"]
+        over = stamps[np.flatnonzero(np.abs(force) > ForceLimit.stop)[0]]
+        tip, twist = (_readings(folder / "log.mcap", "arm", stream) for stream in ("tip", "twist"))
+        times = np.concatenate([b.time for b in tip])
+        height = np.concatenate([b.values[:, 2] for b in tip])
+        speed = -np.concatenate([b.values[:, 2] for b in twist])
+        around = (times > over - 20e6) & (times < over + 4e6)  # the noise of one reading is a tenth of it
+        v = float(speed[around].mean())
+        way = float(np.interp(over, times, height) - height[times > over].min())
+        return v, way, (way - v**2 / (2 * ForceLimit.deceleration)) / v
+
+    @classmethod
+    def bound(cls, elasticity, speed):
+        """The largest force [N] that the declared latency explains, on an elastic half-space under the tip.
+
+        F + (8/3) E sqrt(R d) x: the limit, and the tangent stiffness at the deepest point times the way allowed.
+        """
+        allowed = speed * cls.latency + speed**2 / (2 * cls.deceleration)
+        depth = (9 * cls.stop / (16 * elasticity * cls.radius**0.5)) ** (2 / 3) + allowed
+        return cls.stop + 8 / 3 * elasticity * (cls.radius * depth) ** 0.5 * allowed
+
+
+def _readings(log, device, stream):
+    with McapReplay(file=log, recorded=device).connect(0) as link:
+        return [batch for batch in link.batches() if batch.stream == stream]
+
+
+@pytest.fixture
+def force_limit():
+    return ForceLimit
 
 
 def _need_clients():

@@ -136,6 +136,47 @@ def test_start_faults_are_told_in_words(restored, changes, words):
         gathered(device, 10)
 
 
+def test_a_wrong_baud_rate_is_suspected(restored):
+    device = BotaSensor(port=str(restored.port), baud=115200, boot=0.5, settle=0.1)
+    with pytest.raises(DeviceError, match=r"\d+ bytes that hold no answer came at 115200 baud; check .* baud rate"):
+        gathered(device, 10)
+
+
+def test_a_slow_sensor_is_waited_for(restored):
+    restored.fault("slow 1.0")
+    stamps, wrench, _ = gathered(BotaSensor(port=str(restored.port), settle=0.1), 50)
+    assert len(stamps) > 50
+    assert np.isfinite(wrench).all()
+
+
+def test_a_port_that_somebody_reads_is_refused(restored):
+    device = BotaSensor(port=str(restored.port), settle=0.1)
+    with device.connect(0), pytest.raises(DeviceError, match="cannot be opened"):
+        gathered(device, 10)
+
+
+def test_lumps_and_left_out_measurements_lose_nothing(restored):
+    """An adapter with a latency timer of 16 ms: every reading comes, and its time is that of the sensor's clock."""
+    restored.fault("lumps 0.016")
+    restored.fault("throttled")
+    stamps, wrench, health = gathered(BotaSensor(port=str(restored.port), settle=0.1), 400)
+    assert np.isfinite(wrench).all()
+    np.testing.assert_allclose(
+        np.diff(stamps), 1.25e6, atol=0.3e6
+    )  # none missing; the map moves within what is declared
+    assert health["throttled"] == health["readings"]
+    assert health["unusable"] == 0
+
+
+@pytest.mark.parametrize("fault", ["overrange", "saturated", "raw"])
+def test_readings_that_the_sensor_does_not_vouch_for_are_none(restored, fault):
+    """Not a number, on which the guard stops a motion; `test_live` has one of the three in contact."""
+    restored.fault(fault)
+    _, wrench, health = gathered(BotaSensor(port=str(restored.port), settle=0.1), 50)
+    assert np.isnan(wrench).all()
+    assert health["unusable"] == health["readings"]
+
+
 def test_settings_are_json(restored):
     device = BotaSensor(port="x")
     json.dumps(device.model_dump())

@@ -15,7 +15,7 @@ from palpate_devices.ur3e.kinematics import (
     rotation_vector,
     tip,
 )
-from palpate_devices.ur3e.servo import PERIOD, Commander, Law
+from palpate_devices.ur3e.servo import PERIOD, Commander, Law, way
 from palpate_trajectories.point import Point
 
 WORK = {"origin": (-0.3, -0.13, 0.1)}
@@ -55,7 +55,7 @@ def test_rotation_vectors_come_back(vector):
     np.testing.assert_allclose(rotation_matrix(rotation_vector(matrix)), matrix, atol=1e-7)
 
 
-LAW = Law("pd", 20.0, 0.5, 0.05, 1.0)
+LAW = Law("pd", 20.0, 0.5, 0.02, 0.05, 1.0)
 
 
 def followed(commander, position, steps, until="done"):
@@ -68,6 +68,22 @@ def followed(commander, position, steps, until="done"):
         if commander.mode == until:
             break
     return np.array(track)
+
+
+@pytest.mark.parametrize("length", [0.0, 1e-4, 1.6e-3, 5e-3, 0.03])
+def test_the_way_to_the_start_keeps_what_it_promises(length):
+    """Rest to rest, straight, below its speed and acceleration; and it is the way that the arm goes."""
+    begin, end = np.array([0.001, -0.002, 0.02]), np.array([0.001, -0.002, 0.02 - length])
+    times, position, velocity = way(begin, end, LAW.approach_speed, LAW.acceleration)
+    np.testing.assert_allclose(position[[0, -1]], [begin, end], atol=1e-12)
+    np.testing.assert_allclose(velocity[[0, -1]], 0.0, atol=1e-9)
+    np.testing.assert_allclose(np.gradient(position[:, 2], times)[1:-1], velocity[1:-1, 2], atol=2e-4)
+    assert np.abs(velocity).max() <= LAW.approach_speed * (1 + 1e-9)
+    assert np.abs(np.diff(velocity, axis=0)).max() / PERIOD <= LAW.acceleration
+    commander = Commander(LAW, begin)
+    commander.follow(np.tile(np.array([*end, 0.0, 0.0, 0.0, 0.0]), (5, 1)))
+    track = followed(commander, begin, len(times), until="follow")
+    np.testing.assert_allclose(track[: len(times)], position[: len(track)], atol=1e-12)
 
 
 def test_it_goes_to_the_start_and_follows():
@@ -128,10 +144,11 @@ def test_controller_and_own_kinematics_agree(restored):
     np.testing.assert_allclose(pose[-1, 3:], [1, 0, 0, 0], atol=1e-3)  # half a turn about x: it looks down
 
 
-@pytest.mark.parametrize("control", ["pd", "servo"])
-def test_it_follows_a_motion(restored, control):
+@pytest.mark.parametrize(("control", "kinematics"), [("pd", "controller"), ("servo", "dh")])
+def test_it_follows_a_motion(restored, control, kinematics):
     check_trajectory(PRESS)
-    found, health = states(device(restored, control=control), PRESS)
+    found, health = states(device(restored, control=control, kinematics=kinematics), PRESS)
+    assert health["kinematics_mismatch"] < 1e-6  # with "dh", of every state on the way
     position, wanted = found["tip"][1][:, 2], found["setpoint"][1][:, 2]
     measuring = found["setpoint"][1][:, 6] > 0.5
     assert 0.3 < measuring.sum() * PERIOD < 0.6
@@ -144,7 +161,18 @@ def test_it_follows_a_motion(restored, control):
 
 @pytest.mark.parametrize(
     ("fault", "words"),
-    [("gone", "cannot be reached"), ("mute", "does not answer within 1 s"), ("emergency-stop", "not RUNNING")],
+    [
+        ("gone", "RTDE port 30004 cannot be reached"),
+        ("mute", "RTDE port 30004 does not answer within 1 s"),
+        ("no-port 30003", "script port 30003 cannot be reached"),
+        ("no-port 29999", "dashboard port 29999 cannot be reached"),
+        ("no-greeting", "dashboard port 29999 does not answer within 1 s"),
+        ("local", "not in remote control"),
+        ("emergency-stop", "not RUNNING"),
+        ("protective-stop", "safety status is PROTECTIVE_STOP"),
+        ("safeguard-stop", "safety status is SAFEGUARD_STOP"),
+        ("lack actual_TCP_force", r"cannot connect: .*not found by the controller: \[.*actual_TCP_force"),
+    ],
 )
 def test_it_asks_before_it_connects(restored, fault, words):
     restored.fault(fault)
@@ -152,6 +180,19 @@ def test_it_asks_before_it_connects(restored, fault, words):
     with pytest.raises(DeviceError, match=words):
         states(device(restored))
     assert time.monotonic() - began < 3
+
+
+@pytest.mark.parametrize(
+    ("fault", "words", "patience"),
+    [("refuse-start", "refuses to start sending its state", 5), ("deaf", "Failed to start control script", 9)],
+)
+def test_a_controller_that_does_not_begin(restored, fault, words, patience):
+    """The library takes 2.5 s and 5 s to notice; it is heard out, and nobody hangs."""
+    restored.fault(fault)
+    began = time.monotonic()
+    with pytest.raises(DeviceError, match=words):
+        states(device(restored))
+    assert time.monotonic() - began < patience
 
 
 def test_a_controller_that_falls_silent_while_connecting(restored):
@@ -169,7 +210,7 @@ def test_a_second_master_is_refused(restored):
 def test_a_motion_out_of_reach_ends_in_words(restored):
     far = Point(bias=0.001, amplitude=0.0005, clearance=0.6, rest=0.0, duration=0.5, speed=1.0)
     with pytest.raises(DeviceError, match=r"out of reach|does not follow|refuses"):
-        states(device(restored, start_tolerance=1.0, retract_speed=0.25), far)
+        states(device(restored, start_tolerance=1.0, approach_speed=0.25), far)
     assert restored.wait(lambda state: state["joint_speed"] < 1e-3, 3.0)
 
 

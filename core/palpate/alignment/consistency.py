@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from palpate.estimation import Floats, Samples
+from palpate.estimation import Samples
 
 _SPAN = 10  # samples in one stretch; 20 ms at 500 Hz, short against a palpation's period and long against noise
 _LONGEST = 0.03  # [s]; longer stretches blur the acceleration of a palpation
@@ -14,13 +16,16 @@ class VelocityCheck:
     """Compares the mean velocity of stretches with the way that the position went in them.
 
     Without noise and delay the two are equal, exactly. A velocity that is late by tau is v(t) = z'(t - tau), so their
-    difference is -tau z'' to first order; tau follows by least squares over all stretches.
+    difference is -tau z'' to first order; tau follows by least squares over all stretches. Only sums are kept, added up
+    in the order of the samples, so that they depend neither on how these were cut into blocks nor grow with the record.
     """
 
     def __init__(self) -> None:
         self._waiting: list[Samples] = []
         self._held = 0
-        self._stretches: list[Floats] = []  # rows of mean velocity, mean slope of position, duration
+        self._latest: list[tuple[float, float, float]] = []  # mean velocity, mean slope of position, duration
+        self._stretches = self._long = self._known = 0
+        self._power = self._product = self._square = 0.0  # of acceleration and difference
 
     def feed(self, samples: Samples) -> None:
         """Take in a block of samples."""
@@ -37,25 +42,33 @@ class VelocityCheck:
         mean = ((velocity[:, 1:] + velocity[:, :-1]) / 2 * step).sum(axis=1) / duration
         slope = (position[:, -1] - position[:, 0]) / duration
         even = step.max(axis=1) < 3 * duration / _SPAN  # no gap within
-        self._stretches.append(np.column_stack([np.where(even, mean, np.nan), slope, duration]))
+        means = np.where(even, mean, np.nan)
+        for stretch in zip(means.tolist(), slope.tolist(), duration.tolist(), strict=True):
+            self._add(stretch)
         self._waiting = [block[whole * _SPAN :]]
         self._held -= whole * _SPAN
+
+    def _add(self, stretch: tuple[float, float, float]) -> None:
+        """Take in a stretch; it gives the one before its acceleration, from the neighbours on both sides."""
+        self._stretches += 1
+        self._long += stretch[2] > _LONGEST
+        self._latest.append(stretch)
+        if len(self._latest) < 3:
+            return
+        (before, _, _), (mean, slope, duration), (after, _, _) = self._latest
+        self._latest.pop(0)
+        acceleration, apart = (after - before) / (2 * duration), mean - slope
+        if math.isfinite(acceleration) and math.isfinite(apart):
+            self._known += 1
+            self._power += acceleration**2
+            self._product += acceleration * apart
+            self._square += apart**2
 
     @property
     def delay(self) -> tuple[float, float] | None:
         """Lateness of velocity against position and its standard uncertainty [s]; None where it cannot be told."""
-        if not self._stretches:
+        if self._stretches < 20 or 2 * self._long > self._stretches or self._known < 10 or self._power == 0:
             return None
-        mean, slope, duration = np.concatenate(self._stretches).T
-        if len(mean) < 20 or np.median(duration) > _LONGEST:
-            return None
-        acceleration = (mean[2:] - mean[:-2]) / (2 * duration[1:-1])
-        apart = (mean - slope)[1:-1]
-        known = np.isfinite(acceleration) & np.isfinite(apart)
-        acceleration, apart = acceleration[known], apart[known]
-        power = float(np.sum(acceleration**2))
-        if len(apart) < 10 or power == 0:
-            return None
-        late = -float(np.sum(apart * acceleration)) / power
-        residual = apart + late * acceleration
-        return late, float(np.sqrt(np.sum(residual**2) / (len(apart) - 1) / power))
+        late = -self._product / self._power
+        residual = max(self._square + late * self._product, 0.0)
+        return late, math.sqrt(residual / (self._known - 1) / self._power)

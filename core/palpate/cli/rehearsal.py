@@ -9,7 +9,7 @@ import typer
 
 from palpate.config import Pipeline
 from palpate.errors import ConfigurationError
-from palpate.safety import MotionReport, SafetySettings, check_motion
+from palpate.safety import MotionReport, SafetySettings, check_motion, check_own_motion
 from palpate.trajectory import Trajectory
 
 _WIDTH, _HEIGHT = 72, 14  # characters of the drawing
@@ -29,8 +29,23 @@ def rehearse(pipeline: Pipeline) -> None:
         report = check_motion(trajectory, pipeline.safety)
         typer.echo("\n".join(_lines(report, pipeline.safety)))
         broken += [f"trajectory {name}: {problem}" for problem in report.problems]
+    if pipeline.safety is not None and pipeline.trajectories:
+        broken += _own_motions(pipeline, pipeline.safety)
     if broken:
         raise ConfigurationError("\n".join([f"{pipeline.path}: the motion breaks its limits:", *broken]))
+
+
+def _own_motions(pipeline: Pipeline, limits: SafetySettings) -> Iterator[str]:
+    """What arms do by themselves: what can be said of it is printed, what breaks the limits is told."""
+    for name, device in pipeline.devices.items():
+        own = device.own_motion
+        if own is None:
+            continue
+        typer.echo(
+            f"device {name}: goes to the start by itself, straight, from at most {1e3 * own.distance:g} mm away at no "
+            f"more than {1e3 * own.speed:g} mm/s; checked against the box when it is known where the tip stands"
+        )
+        yield from (f"device {name}: {problem}" for problem in check_own_motion(own, limits))
 
 
 def drawing(trajectory: Trajectory) -> Iterator[str]:

@@ -16,7 +16,9 @@ from palpate.device import Batch, Link, Stream, Watched
 from palpate.errors import DeviceError
 from palpate.pipeline.guard import Guard
 from palpate.pipeline.live import LiveLinks
-from palpate.safety import check_motion
+from palpate.pipeline.rest import declared_noise
+from palpate.pipeline.start import check_way
+from palpate.safety import SafetySettings, check_motion, check_own_motion
 
 _RATE = 0.02  # of the nominal rate
 _LATE = 0.01  # [s]
@@ -54,12 +56,36 @@ def _motion(pipeline: Pipeline) -> Iterator[Finding]:
         if pipeline.safety is None:
             yield Finding("bad", f"trajectory {name}", "there is no [safety] table to check it against")
             continue
+        yield from _own_motions(pipeline, pipeline.safety)
         report = check_motion(trajectory, pipeline.safety)
         yield from (Finding("bad", f"trajectory {name}", problem) for problem in report.problems)
         if not report.problems:
             yield Finding(
                 "good", f"trajectory {name}", f"keeps the limits; at most {report.peak_force:.1f} N by computation"
             )
+
+
+def _own_motions(pipeline: Pipeline, limits: SafetySettings) -> Iterator[Finding]:
+    for name, device in pipeline.devices.items():
+        if device.own_motion is not None:
+            yield from (Finding("bad", name, problem) for problem in check_own_motion(device.own_motion, limits))
+
+
+def _ways(pipeline: Pipeline, links: Mapping[str, Link]) -> Iterator[Finding]:
+    """The ways to the start, from where the arms stand now."""
+    for name, trajectory in pipeline.trajectories.items():
+        for arm, link in links.items():
+            if pipeline.safety is None:
+                continue
+            try:
+                report = check_way(link, trajectory, pipeline.safety)
+            except DeviceError as error:
+                yield Finding("bad", arm, str(error))
+                continue
+            if report is not None:
+                length = 1e3 * float(np.linalg.norm(report.high - report.low))
+                text = f"the way to the start of {name}, {length:.1f} mm in {report.duration:.1f} s, keeps the limits"
+                yield Finding("good", arm, text)
 
 
 def _listened(pipeline: Pipeline, links: Mapping[str, Link], duration: float) -> Iterator[Finding]:
@@ -80,7 +106,8 @@ def _listened(pipeline: Pipeline, links: Mapping[str, Link], duration: float) ->
         for stream in streams[name]:
             yield from _stream(f"{name}.{stream.name}", stream, heard[name, stream.name], pipeline.alignment.gap)
     if len(links) == len(pipeline.devices):
-        yield _rest(guard)
+        yield _rest(guard, declared_noise(pipeline))
+    yield from _ways(pipeline, links)
     for name, link in links.items():
         if isinstance(link, Watched):
             yield from (Finding("good", name, line) for line in _lines(link.health))
@@ -114,14 +141,14 @@ def _arrival(name: str, late: NDArray[np.float64]) -> Iterator[Finding]:
         yield Finding("note", name, text)
 
 
-def _rest(guard: Guard) -> Finding:
+def _rest(guard: Guard, declared: Mapping[str, tuple[float, float]]) -> Finding:
     try:
-        rest = guard.judge_rest()
+        rest = guard.judge_rest(declared)
     except DeviceError as error:
         return Finding("bad", "rest", str(error))
-    text = f"force {rest['force']:.3f} N, noise {rest['force_std']:.4f} N"
-    if rest["velocity_std"] is not None:
-        text += f"; noise of the velocity {1e3 * rest['velocity_std']:.3f} mm/s"
+    text = f"force {rest.force:.3f} N, noise {rest.force_std:.4f} N"
+    if rest.velocity_std is not None:
+        text += f"; noise of the velocity {1e3 * rest.velocity_std:.3f} mm/s"
     return Finding("good", "rest", text)
 
 

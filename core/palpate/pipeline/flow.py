@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import gc
 import os
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
@@ -21,6 +19,9 @@ from palpate.pipeline.guard import Guard
 from palpate.pipeline.interrupt import Interrupt
 from palpate.pipeline.live import LiveLinks
 from palpate.pipeline.outputs import Outputs
+from palpate.pipeline.rest import declared_noise
+from palpate.pipeline.scheduling import undisturbed
+from palpate.pipeline.start import check_way, refuse_own_motion
 from palpate.pipeline.tracks import RunningTrack
 from palpate.result import finite
 from palpate.safety import demand_safe
@@ -30,7 +31,6 @@ Progress = Callable[[float, float | None], None]  # log time [s], total [s] wher
 
 _LOOK = 5e-3  # [s] between the setpoints that devices are asked about before anything moves
 _PATIENCE = 8.0  # [s] for a retraction
-_PRIORITY = 20  # below that of robots and sensors
 
 
 class Flow:
@@ -48,6 +48,7 @@ class Flow:
         self._pipeline, self._aligner, self._running, self._outputs = pipeline, aligner, running, outputs
         self._progress, self._interrupt = progress, interrupt
         self._total: float | None = None
+        self._sampled = 0.0  # [s] of the record that have become samples
         self.facts: dict[str, Any] = {}  # of a live run
 
     def run(self) -> None:
@@ -62,8 +63,10 @@ class Flow:
         self._aligner.feed(device, batch)
         samples = self._aligner.samples()
         self._outputs.samples(samples, self._running)
-        if self._progress is not None and len(samples):
-            self._progress(float(samples.time[-1]), self._total)
+        if len(samples):
+            self._sampled = float(samples.time[-1])
+            if self._progress is not None:
+                self._progress(self._sampled, self._total)
 
     def _run_read(self) -> None:
         pipeline = self._pipeline
@@ -94,11 +97,12 @@ class Flow:
             )
         if trajectory is not None and limits is not None:
             demand_safe(trajectory, limits, str(pipeline.path))
+            refuse_own_motion(pipeline, limits)
             _ask_the_devices(pipeline, trajectory)
         began, before = time.monotonic(), os.times()
         guard = Guard(limits, pipeline.alignment, {name: d.streams for name, d in pipeline.devices.items()})
         with ExitStack() as stack:
-            self.facts["scheduling"] = stack.enter_context(_undisturbed())
+            self.facts["scheduling"] = stack.enter_context(undisturbed())
             links = connected(pipeline, stack)
             arms = [link for link in links.values() if isinstance(link, Arm)]
             live = LiveLinks(links, guard)
@@ -122,24 +126,22 @@ class Flow:
     def _live(self, live: LiveLinks, guard: Guard, arms: list[Arm], trajectory: Trajectory | None) -> None:
         """Rest, judge the rest, move, until the arms are done or somebody has tripped the guard."""
         limits = self._pipeline.safety
-        began = time.monotonic()
         rest = limits.rest if limits else 1.0
-        # A device may be slow to begin; one that has failed trips the guard.
-        while guard.reason is None and not guard.rested and time.monotonic() - began < rest + _PATIENCE:
-            for device, batch in live.until(max(began + rest, time.monotonic() + 0.05)):
-                self._pass_on(device, batch)
-            if guard.reason is not None or self._interrupt.reason is not None:
-                break
-        if guard.reason is not None:
+        self._rest(live, guard, rest)
+        if guard.reason is not None or self._interrupt.reason is not None:
             return
-        self.facts["rest"] = guard.judge_rest()
-        if self._interrupt.reason is not None:
-            return
-        guard.begin(arms)
+        self.facts["rest"] = guard.judge_rest(declared_noise(self._pipeline)).table()
+        if self._sampled < rest:
+            raise DeviceError(f"within {rest + _PATIENCE:g} s the streams gave no samples of {rest:g} s in common")
         for arm in arms:
             if trajectory is None:
                 raise ConfigurationError(f"{self._pipeline.path}: a robot needs one [trajectory.*] table")
-            self._total = trajectory.total_duration + (limits.rest if limits else 0.0)
+            if limits is not None:
+                check_way(arm, trajectory, limits)
+        guard.begin(arms)
+        for arm in arms:
+            assert trajectory is not None
+            self._total = trajectory.total_duration + rest
             arm.follow(trajectory)
         try:
             for item in live.to_the_end(_PATIENCE):
@@ -152,6 +154,19 @@ class Flow:
             for _ in live.to_the_end(_PATIENCE):
                 pass  # let the arms retract
             raise
+
+    def _rest(self, live: LiveLinks, guard: Guard, rest: float) -> None:
+        """Pass on what comes until the samples, and not only the host's clock, say that the rest is over.
+
+        So the rest is the same stretch of the record in a replay, where there is no host's clock.
+        """
+        began = time.monotonic()
+        # A device may be slow to begin; one that has failed trips the guard.
+        while not (guard.rested and self._sampled >= rest) and time.monotonic() - began < rest + _PATIENCE:
+            for device, batch in live.until(max(began + rest, time.monotonic() + 0.02)):
+                self._pass_on(device, batch)
+            if guard.reason is not None or self._interrupt.reason is not None:
+                return
 
     def _account(self, guard: Guard, live: LiveLinks, links: Mapping[str, Link]) -> None:
         self.facts["devices"] = {
@@ -174,32 +189,6 @@ def _finite_table(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: _finite_table(item) for key, item in value.items()}
     return finite(value)
-
-
-@contextmanager
-def _undisturbed() -> Iterator[str]:
-    """What there is now is no garbage, threads change quickly, and other programs wait; says whether they do."""
-    before = sys.getswitchinterval()
-    gc.collect()
-    gc.freeze()
-    sys.setswitchinterval(0.0005)
-    said = _scheduled(_PRIORITY)
-    try:
-        yield said
-    finally:
-        _scheduled(0)
-        sys.setswitchinterval(before)
-        gc.unfreeze()
-
-
-def _scheduled(priority: int) -> str:
-    """Real-time scheduling of this thread, and of those that it starts, where that is permitted; 0 gives it back."""
-    try:
-        policy = os.SCHED_FIFO if priority else os.SCHED_OTHER
-        os.sched_setscheduler(0, policy, os.sched_param(priority))
-    except (AttributeError, OSError):
-        return "no real-time scheduling: not permitted"
-    return f"real-time scheduling, SCHED_FIFO {priority}" if priority else ""
 
 
 def connected(pipeline: Pipeline, stack: ExitStack) -> dict[str, Link]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from palpate.alignment import AlignmentSettings, Signal
 from palpate.device import Arm, Batch, Retractable, Stream, address
 from palpate.errors import DeviceError
+from palpate.pipeline.rest import Rest, refuse_unrest
 from palpate.safety import SafetySettings
 
 _LOOK_EVERY = 0.02  # [s]
@@ -143,38 +143,23 @@ class Guard:
         """Whether force and position have sent enough to be judged."""
         return min(len(self._force.at_rest()), len(self._position.at_rest())) >= _ENOUGH
 
-    def judge_rest(self) -> dict[str, Any]:
-        """Tare and noise from the rest in free air; raises DeviceError with advice where they are not plausible."""
+    def judge_rest(self, declared: Mapping[str, tuple[float, float]] | None = None) -> Rest:
+        """Tare and noise from the rest in free air; raises DeviceError with advice where they are not plausible.
+
+        `declared`: the noise of force [N] and velocity [m/s] that estimators count on, by their names.
+        """
         force, position = self._force.at_rest(), self._position.at_rest()
         velocity = self._velocity.at_rest() if self._velocity else np.zeros(0)
         if len(force) < _ENOUGH or len(position) < _ENOUGH:
             silent = self._force.name if len(force) < _ENOUGH else self._position.name
             raise DeviceError(f"{silent} gave nothing usable at rest; is the device on, and are its readings valid?")
-        found: dict[str, Any] = {"force": float(force.mean()), "force_std": float(force.std(ddof=1))}
-        found["velocity_std"] = float(velocity.std(ddof=1)) if len(velocity) > 10 else None
+        speed = float(velocity.std(ddof=1)) if len(velocity) > _ENOUGH else None
+        found = Rest(float(force.mean()), float(force.std(ddof=1)), speed)
         if self._limits is not None and self._resting:
-            self._refuse_unrest(found, self._limits)
+            refuse_unrest(found, self._limits, self._force.name, declared or {})
             self._tare = np.nanmean(np.concatenate(self._resting), axis=0)
         self._resting = []
         return found
-
-    def _refuse_unrest(self, found: dict[str, Any], limits: SafetySettings) -> None:
-        force, noise, speed = found["force"], found["force_std"], found["velocity_std"]
-        if abs(force) > limits.rest_force:
-            raise DeviceError(
-                f"{self._force.name} reads {force:.2f} N at rest, over [safety] rest_force = {limits.rest_force:g} N: "
-                "is the tip free, and is nothing pulling at the cable?"
-            )
-        if noise > limits.rest_noise:
-            raise DeviceError(
-                f"{self._force.name} has a noise of {noise:.3f} N at rest, more than [safety] rest_noise = "
-                f"{limits.rest_noise:g} N: is the rig at rest? a longer filter of the sensor lowers it"
-            )
-        if speed is not None and speed > limits.rest_speed:
-            raise DeviceError(
-                f"the velocity has a noise of {1e3 * speed:.2f} mm/s at rest, more than [safety] rest_speed = "
-                f"{1e3 * limits.rest_speed:g} mm/s: is the arm at rest?"
-            )
 
     def _look(self) -> None:
         """Silence makes no batch: somebody has to look."""

@@ -32,9 +32,10 @@ class RunningTrack:
 def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
     """Every track with a fresh tracker; raises ConfigurationError where an estimator cannot start."""
     keep = max(3.0 * pipeline.run.average, 1.0)
+    rest = pipeline.safety.rest if pipeline.safety else None
     running = []
     for track in pipeline.tracks:
-        problem = Problem(track.model, pipeline.alignment.tip_mass, timing_uncertainty(pipeline.alignment))
+        problem = Problem(track.model, pipeline.alignment.tip_mass, timing_uncertainty(pipeline.alignment), rest)
         try:
             tracker = track.estimator.start(problem)
         except ConfigurationError as error:

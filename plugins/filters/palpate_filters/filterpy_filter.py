@@ -47,6 +47,11 @@ class FilterpyFilter(PaperStart):
     members: int = Field(default=100, ge=2, description="size of the ensemble (enkf)")
     seed: int = Field(default=0, ge=0, description="seed of the ensemble (enkf)")
 
+    @property
+    def declared_noise(self) -> tuple[float, float] | None:
+        """See `palpate.Estimator`."""
+        return self.force_std, self.velocity_std
+
     def start(self, problem: Problem) -> Tracker:
         """A tracker; raises ConfigurationError where filterpy, the tip's mass or a first guess is missing."""
         try:

@@ -1,43 +1,77 @@
-"""The noise of force and velocity, from the record's free air."""
+"""The noise of force and velocity, from the rest before a motion or from the record's free air."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Literal
+
 import numpy as np
+from numpy.typing import NDArray
 from palpate import LogError, Samples
+
+Floats = NDArray[np.float64]
 
 _ENOUGH = 50  # samples
 _KEPT = 2000  # samples; the latest before contact
+_STILL = 1e-4  # [m]; a tip that goes further was not at rest
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What was measured, and in which part of the record."""
+
+    force: float  # [N]
+    velocity: float  # [m/s]
+    source: Literal["rest", "free air"]
 
 
 class FreeAir:
-    """Gathers the samples before the first contact and tells how noisy they are."""
+    """Gathers the samples before the first contact and tells how noisy they are.
 
-    def __init__(self) -> None:
-        self._force = np.zeros(0)
-        self._velocity = np.zeros(0)
+    `rest` is how long the tip is known to hang still at the beginning of the record [s]; None where nobody says.
+    """
+
+    def __init__(self, rest: float | None = None) -> None:
+        self._rest = rest
+        self._air: Floats = np.zeros((2, 0))  # force, velocity
+        self._still: Floats = np.zeros((3, 0))  # force, velocity, position
 
     def add(self, samples: Samples) -> None:
         """Take in samples; those in contact are left out."""
         rows = ~samples.contact
-        self._force = np.concatenate([self._force, samples.force[rows]])[-_KEPT:]
-        self._velocity = np.concatenate([self._velocity, samples.velocity[rows]])[-_KEPT:]
+        new = np.array([samples.force[rows], samples.velocity[rows], samples.position[rows]])
+        self._air = np.concatenate([self._air, new[:2]], axis=1)[:, -_KEPT:]
+        if self._rest is not None:
+            still = new[:, samples.time[rows] < self._rest]
+            self._still = np.concatenate([self._still, still], axis=1)
 
-    def noise(self) -> tuple[float, float]:
-        """Standard deviations of force [N] and velocity [m/s]; raises LogError where there was too little free air.
-
-        From second differences, in which slow motion and drift drop out: white noise of standard deviation s gives them
-        a variance of 6 s^2.
-        """
-        found = []
-        for values in (self._force, self._velocity):
-            curvature = np.diff(values, 2)
-            curvature = curvature[np.isfinite(curvature)]
-            if len(curvature) < _ENOUGH:
-                raise LogError(
-                    f'noise = "measure" needs {_ENOUGH} samples of free air before the first '
-                    f'contact, the record has {len(curvature)}; set noise = "given", force_std and velocity_std'
-                )
-            found.append(float(np.sqrt(np.mean(curvature**2) / 6.0)))
-        if min(found) <= 0.0:
+    def noise(self) -> Noise:
+        """Standard deviations at rest, else over the free air; raises LogError where there was too little of it."""
+        found = self._at_rest()
+        if found is None:
+            found = Noise(_from_curvature(self._air[0]), _from_curvature(self._air[1]), "free air")
+        if min(found.force, found.velocity) <= 0.0:
             raise LogError('noise = "measure": force or velocity is constant in free air')
-        return found[0], found[1]
+        return found
+
+    def _at_rest(self) -> Noise | None:
+        """None where there was no rest, or not enough of it."""
+        force, velocity, position = (values[np.isfinite(values)] for values in self._still)
+        if min(len(force), len(velocity), len(position)) < _ENOUGH or np.ptp(position) > _STILL:
+            return None
+        return Noise(float(force.std(ddof=1)), float(velocity.std(ddof=1)), "rest")
+
+
+def _from_curvature(values: Floats) -> float:
+    """From second differences, in which slow motion and drift drop out.
+
+    White noise of standard deviation s gives them a variance of 6 s^2.
+    """
+    curvature = np.diff(values, 2)
+    curvature = curvature[np.isfinite(curvature)]
+    if len(curvature) < _ENOUGH:
+        raise LogError(
+            f'noise = "measure" needs {_ENOUGH} samples of free air before the first '
+            f'contact, the record has {len(curvature)}; set noise = "given", force_std and velocity_std'
+        )
+    return float(np.sqrt(np.mean(curvature**2) / 6.0))

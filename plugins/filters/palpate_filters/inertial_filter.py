@@ -70,12 +70,17 @@ class InertialFilter(PaperStart, ABC):
     """Settings that every compiled filter on the inertial process has."""
 
     noise: Literal["given", "measure"] = Field(
-        default="given", description='"measure": take both from the free air before the first contact'
+        default="given", description='"measure": take both from the rest before a live motion, else from free air'
     )
     start_from: Literal["guess", "fit"] = Field(
         default="guess", description='"fit": a variable-projection fit of the first start_duration of contact'
     )
     start_duration: Time = Field(default=0.5, gt=0, description="length of the fit; nothing is estimated before")
+
+    @property
+    def declared_noise(self) -> tuple[float, float] | None:
+        """See `palpate.Estimator`."""
+        return (self.force_std, self.velocity_std) if self.noise == "given" else None
 
 
 class FadingFilter(InertialFilter, ABC):
@@ -147,7 +152,7 @@ def inertial_tracker(settings: InertialFilter, problem: Problem, prediction: Pre
     step = inertial_step(process, prediction, fading=fading is not None, signed=fading is not None and fading.signed)
     window = settings.start_duration if settings.start_from == "fit" else 0.0
     recursion = Recursion(step, len(problem.model.parameters), numbers, begin, _inputs)
-    return RecursiveTracker(recursion, Opening(window, settings.noise == "measure"))
+    return RecursiveTracker(recursion, Opening(window, settings.noise == "measure", problem.rest))
 
 
 def _inputs(samples: Samples, interval: Floats) -> Floats:

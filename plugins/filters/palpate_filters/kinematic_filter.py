@@ -51,7 +51,8 @@ class KinematicSettings(Estimator, ABC):
     position_std: Length = Field(default=5e-6, gt=0, description="standard deviation of the position")
     velocity_std: Speed = Field(default=0.67e-3, gt=0, description="standard deviation of the velocity")
     noise: Literal["given", "measure"] = Field(
-        default="given", description='"measure": take force and velocity from the free air before the first contact'
+        default="given",
+        description='"measure": take force and velocity from the rest before a live motion, else from free air',
     )
     sweep_speed: Speed = Field(default=0.0, ge=0, description="speed along the surface; 0 for a point")
     jerk: float = Field(default=0.5, gt=0, allow_inf_nan=False, description="density of the tip's jerk, in m^2/s^5")
@@ -96,6 +97,11 @@ class KinematicSettings(Estimator, ABC):
         default={}, description='first guesses by parameter name, such as { elasticity = "50 kPa" }'
     )
 
+    @property
+    def declared_noise(self) -> tuple[float, float] | None:
+        """See `palpate.Estimator`."""
+        return (self.force_std, self.velocity_std) if self.noise == "given" else None
+
 
 class KinematicFilter(KinematicSettings):
     """The kinematic filter: states the tip's motion, the surface, and the material's parameters as logarithms.
@@ -107,7 +113,7 @@ class KinematicFilter(KinematicSettings):
 
     def start(self, problem: Problem) -> Tracker:
         """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
-        return RecursiveTracker(kinematic_recursion(self, problem), opening(self))
+        return RecursiveTracker(kinematic_recursion(self, problem), opening(self, problem))
 
 
 class IteratedKinematicFilter(KinematicSettings):
@@ -120,13 +126,13 @@ class IteratedKinematicFilter(KinematicSettings):
 
     def start(self, problem: Problem) -> Tracker:
         """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
-        return RecursiveTracker(kinematic_recursion(self, problem), opening(self))
+        return RecursiveTracker(kinematic_recursion(self, problem), opening(self, problem))
 
 
-def opening(settings: KinematicSettings) -> Opening:
+def opening(settings: KinematicSettings, problem: Problem) -> Opening:
     """How the filter gets under way."""
     window = settings.start_duration if settings.start_from == "fit" else 0.0
-    return Opening(window, settings.noise == "measure")
+    return Opening(window, settings.noise == "measure", problem.rest)
 
 
 def kinematic_recursion(settings: KinematicSettings, problem: Problem, *, with_state: bool = False) -> Recursion:

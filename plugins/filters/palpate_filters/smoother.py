@@ -51,7 +51,7 @@ class _SmoothingTracker:
     def __init__(self, settings: KinematicSmoother, problem: Problem) -> None:
         self._settings = settings
         self._recursion = kinematic_recursion(settings, problem, with_state=True)
-        self._opening = opening(settings)
+        self._opening = opening(settings, problem)
         process = kinematic_process(settings, problem)
         self._states = process.states
         self._backward: Kernel = compile_step(backward_step(process))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,7 @@ class Opening:
 
     window: float = 0.0  # [s] of samples gathered before the first estimate
     measure_noise: bool = False
+    rest: float | None = None  # [s] at the beginning of the record in which the tip is known to be at rest
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ class RecursiveTracker:
         self._listener = listener
         self._opening = opening or Opening()
         self._kernel = compile_step(recursion.step)
-        self._free_air = FreeAir() if self._opening.measure_noise else None
+        self._free_air = FreeAir(self._opening.rest) if self._opening.measure_noise else None
         self.noise: tuple[float | None, float | None] = (None, None)  # of force [N] and velocity [m/s], where measured
         self._settings: Floats | None = None if self._free_air else recursion.settings(None, None)
         self._carry = Carry(None, np.nan)
@@ -84,6 +86,7 @@ class RecursiveTracker:
         self._attempts = 0
         self._active = False
         self._diverged = False
+        self._details: dict[str, Any] = {}
 
     def run(self, samples: Samples) -> Estimates:
         """Estimates for a block; see `palpate.Tracker`."""
@@ -93,7 +96,7 @@ class RecursiveTracker:
         if len(samples):
             self._listen(samples, len(samples))
             self._active = bool(samples.active[-1])
-        return estimates
+        return replace(estimates, details=self._details) if self._details else estimates
 
     def _listen(self, samples: Samples, until: int) -> None:
         """Learn the noise from free air before the first contact."""
@@ -104,7 +107,9 @@ class RecursiveTracker:
         if self._settings is None:
             assert self._free_air is not None
             self._listen(samples, until)
-            self.noise = self._free_air.noise()
+            found = self._free_air.noise()
+            self.noise = found.force, found.velocity
+            self._details = {"noise": {"force": found.force, "velocity": found.velocity, "from": found.source}}
             self._settings = self._recursion.settings(*self.noise)
         return self._settings
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 # Upper edges [ns]; the last bin is for what is later.
 EDGES = np.array([20, 50, 100, 200, 300, 500, 700, 1000, 1500, 2000, 3000, 5000, 7000, 10000, 20000, 50000]) * 1000
-_CYCLES, _MISSED, _LATEST, _FIRST, _LAST, _BINS = 16, 17, 18, 19, 20, 24  # words of a ring's head
+_CYCLES, _MISSED, _LATEST, _FIRST, _LAST, _LOST, _HOST, _BINS = 16, 17, 18, 19, 20, 21, 22, 24  # words of a ring's head
 
 
 class Lateness:
@@ -35,12 +35,25 @@ class Lateness:
         head[_MISSED] += late > self._period
         head[_LATEST] = max(int(head[_LATEST]), late)
 
+    def overslept(self, late: int) -> None:
+        """A sleep that the host ended so late [ns]."""
+        self._head[_HOST] += max(late, 0) // self._period
+
+    def skipped(self, late: int) -> None:
+        """The loop gives up what it is behind by [ns]."""
+        self._head[_LOST] += late // self._period
+
 
 def lateness_table(head: NDArray[np.int64]) -> dict[str, Any]:
-    """Cycles, mean rate [Hz], missed deadlines (later than a period), largest lateness and p99 [s], histogram."""
+    """Cycles, mean rate [Hz], missed deadlines (later than a period), largest lateness and p99 [s], histogram.
+
+    "periods_lost" had no cycle at all; "periods_lost_to_host" passed while the loop slept and the host, which had been
+    asked to wake it, did not.
+    """
     counts = head[_BINS : _BINS + len(EDGES) + 1]
     total = int(counts.sum())
     table: dict[str, Any] = {"cycles": int(head[_CYCLES]), "missed": int(head[_MISSED])}
+    table |= {"periods_lost": int(head[_LOST]), "periods_lost_to_host": int(head[_HOST])}
     if total:
         span = int(head[_LAST] - head[_FIRST]) / 1e9
         table["rate"] = (total - 1) / span if span > 0 else None

@@ -15,7 +15,8 @@ from palpate_devices.ur3e.kinematics import pose_of, tip
 VERSION = (5, 12, 4, 1101661)
 GREETING = "Connected: Universal Robots Dashboard Server"
 _STOPPED, _PLAYING, _PAUSED = 1, 2, 4
-_NORMAL, _PROTECTIVE, _EMERGENCY = 1, 3, 7
+_NORMAL, _PROTECTIVE, _SAFEGUARD, _EMERGENCY = 1, 3, 5, 7
+_SAFETY_BITS = {_NORMAL: 0x1, _PROTECTIVE: 0x404, _SAFEGUARD: 0x410, _EMERGENCY: 0x4C0}
 _SIZES = {"VECTOR6D": 6, "VECTOR3D": 3, "VECTOR6INT32": 6, "VECTOR6UINT32": 6}
 
 
@@ -38,6 +39,10 @@ class Controller:
         self.now = 0.0
         self.force = np.zeros(6)
         self.complaints: list[str] = []
+        self.unknown_output = ""  # an output that this controller does not have
+        self.refuses_start = False
+        self.remote = True  # in remote control
+        self.deaf = False  # no program starts
         self.uploads = 0
         self._state: dict[str, Any] = {
             name: (0.0,) * _SIZES[kind] if kind in _SIZES else 0 for name, kind in OUTPUTS.items()
@@ -62,7 +67,7 @@ class Controller:
     def upload(self, text: str) -> None:
         """Start a program, in place of the running one."""
         self.uploads += 1
-        if self._safety == _NORMAL and "def " in text:
+        if self._safety == _NORMAL and not self.deaf and "def " in text:
             self._program, self._runtime = Program(text, self.arm, self.protective_stop), _PLAYING
             self._program.feed(time.monotonic())
 
@@ -73,11 +78,16 @@ class Controller:
         self._program, self._runtime = None, _STOPPED
         self.arm.stop()
 
-    def protective_stop(self) -> None:
-        """Stop as after a collision."""
-        self.arm.stop(80.0)
-        self._safety, self._stopped_at = _PROTECTIVE, self.now
+    def pause(self) -> None:
+        """Pause the program; the arm comes to rest."""
+        self.arm.stop()
         self._runtime = _PAUSED if self._program is not None else _STOPPED
+
+    def protective_stop(self, safeguard: bool = False) -> None:
+        """Stop as after a collision, or as by an open safeguard."""
+        self.pause()
+        self.arm.stop(80.0)
+        self._safety, self._stopped_at = _SAFEGUARD if safeguard else _PROTECTIVE, self.now
 
     def emergency_stop(self) -> None:
         """Stop as by the red button."""
@@ -89,6 +99,7 @@ class Controller:
         """No stop, no program, the arm at rest at joint angles (6,)."""
         self.end_program()
         self._safety = _NORMAL
+        self.unknown_output, self.refuses_start, self.remote, self.deaf = "", False, True, False
         self.arm.q, self.arm.qd = q, np.zeros(6)
 
     def tick(self) -> None:
@@ -109,7 +120,7 @@ class Controller:
         noise = self._rng.standard_normal((2, 6))
         q, qd = arm.q + noise[0] * (self._noise[0] / lever), arm.qd + noise[1] * (self._noise[1] / lever)
         measured, jacobian = tip(q.tolist(), arm.tcp)
-        emergency, protective = self._safety == _EMERGENCY, self._safety == _PROTECTIVE
+        emergency = self._safety == _EMERGENCY
         self._state |= {
             "timestamp": self.now,
             "actual_q": q.tolist(),
@@ -126,7 +137,7 @@ class Controller:
             "safety_status": self._safety,
             "runtime_state": self._runtime,
             "robot_status_bits": 0 if emergency else 1 | (2 if self._program is not None else 0),
-            "safety_status_bits": 0x4C0 if emergency else 0x404 if protective else 1,
+            "safety_status_bits": _SAFETY_BITS[self._safety],
         }
         if self._program is not None:
             self._state |= self._program.outputs
@@ -141,7 +152,7 @@ class Controller:
             "PolyscopeVersion": f"URSoftware {'.'.join(map(str, VERSION))} (software)",
             "get serial number": "20233500001",
             "get robot model": "UR3",
-            "is in remote control": "true",
+            "is in remote control": str(self.remote).lower(),
             "robotmode": f"Robotmode: {'POWER_OFF' if self._safety == _EMERGENCY else 'RUNNING'}",
             "safetymode": f"Safetymode: {self._safety_name()}",
             "safetystatus": f"Safetystatus: {self._safety_name()}",
@@ -167,4 +178,5 @@ class Controller:
         return answers.get(line, f"could not understand: '{line}'")
 
     def _safety_name(self) -> str:
-        return {_PROTECTIVE: "PROTECTIVE_STOP", _EMERGENCY: "ROBOT_EMERGENCY_STOP"}.get(self._safety, "NORMAL")
+        names = {_PROTECTIVE: "PROTECTIVE_STOP", _SAFEGUARD: "SAFEGUARD_STOP", _EMERGENCY: "ROBOT_EMERGENCY_STOP"}
+        return names.get(self._safety, "NORMAL")

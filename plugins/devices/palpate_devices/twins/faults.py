@@ -11,6 +11,8 @@ if TYPE_CHECKING:
 FAULTS = {
     "protective-stop": "the robot stops as after a collision; the program is paused",
     "emergency-stop": "the red button",
+    "safeguard-stop": "an open safeguard; the program is paused",
+    "pause-program": "the program is paused on the pendant",
     "stop-program": "the program is stopped on the pendant",
     "freeze": "the controller keeps its connections and sends nothing more",
     "thaw": "it sends again",
@@ -18,11 +20,23 @@ FAULTS = {
     "close": "the controller ends its connections and takes new ones",
     "reset": "the same by a TCP reset",
     "gone": "the controller closes its ports as well",
+    "half": "the controller sends half a packet and nothing more",
+    "message": "the controller sends a text between its states",
+    "refuse-start": "the controller refuses to send states to whoever connects from now on",
+    "lack NAME": "the controller does not know an output",
+    "deaf": "the controller starts no program",
+    "local": "the robot is not in remote control",
+    "no-port NUMBER": "nobody listens on a port: 30003, 30004 or 29999",
+    "no-greeting": "the dashboard takes connections and says nothing",
     "mute": "the controller takes connections and answers nothing",
     "unplug": "the sensor's cable is pulled",
     "plug-in": "and put back",
     "reboot": "the sensor starts anew",
     "silent": "the sensor sends nothing more",
+    "slow SECONDS": "the sensor answers commands so late, and starts in 2.5 s",
+    "lumps SECONDS": "frames arrive in lumps, as by a USB adapter whose latency timer is so long",
+    "raw": "the sensor sends counts of its gauges",
+    "throttled": "the sensor says that it leaves out measurements",
     "overrange": "the sensor says over range",
     "saturated": "the sensor says invalid",
     "sound": "the sensor is all right again",
@@ -45,12 +59,36 @@ def apply_fault(world: World, words: list[str]) -> str:
                 controller.protective_stop()
             case "emergency-stop":
                 controller.emergency_stop()
+            case "safeguard-stop":
+                controller.protective_stop(safeguard=True)
+            case "pause-program":
+                controller.pause()
             case "stop-program":
                 controller.end_program()
             case "freeze" | "thaw":
                 ports.frozen = name == "freeze"
+            case "half":
+                ports.halved = True
+            case "message":
+                ports.say("a text between two states")
+            case "refuse-start":
+                controller.refuses_start = True
+            case "lack":
+                controller.unknown_output = argument
+            case "deaf":
+                controller.deaf = True
+            case "local":
+                controller.remote = False
+            case "no-port":
+                ports.shut(int(argument))
+            case "no-greeting":
+                ports.greets_not = True
             case "mute":
                 ports.mute = True
+            case "slow":
+                sensor.reply_time = float(argument)
+            case "lumps":
+                sensor.lump_time = float(argument)
             case "stall":
                 world.stalled_until = time.monotonic() + float(argument)
             case "close" | "reset":
@@ -63,7 +101,7 @@ def apply_fault(world: World, words: list[str]) -> str:
                 sensor.plug_in()
             case "reboot":
                 sensor.reboot(controller.now)
-            case "silent" | "overrange" | "saturated":
+            case "silent" | "overrange" | "saturated" | "raw" | "throttled":
                 sensor.fault = name
             case "sound":
                 sensor.fault, sensor.corruption = None, 0.0

@@ -120,7 +120,8 @@ def layout(names: list[str], types: Mapping[str, str]) -> struct.Struct:
 class Session:
     """One client's connection: recipes, and whether it wants data.
 
-    `claim` tells whether an input is this session's to write; `write` takes the inputs of a data packet.
+    `claim` tells whether an input is this session's to write; `write` takes the inputs of a data packet. An output that
+    is `unknown` is not found; START is refused unless `starts`.
     """
 
     def __init__(
@@ -128,10 +129,14 @@ class Session:
         version: tuple[int, int, int, int],
         claim: Callable[[Session, str], bool],
         write: Callable[[dict[str, Any]], None],
+        unknown: str = "",
+        starts: bool = True,
     ) -> None:
         self._version = version
         self._claim = claim
         self._write = write
+        self._outputs_known = {name: kind for name, kind in OUTPUTS.items() if name != unknown}
+        self._starts = starts
         self._inputs: dict[int, tuple[list[str], struct.Struct]] = {}
         self._outputs: list[str] = []
         self._struct = struct.Struct(">")
@@ -150,7 +155,7 @@ class Session:
         if kind == "I":
             return self._set_inputs(payload)
         if kind in "SP":
-            self.started = kind == "S" and bool(self._outputs)
+            self.started = kind == "S" and bool(self._outputs) and self._starts
             return packet(kind, bytes([self.started or kind == "P"]))
         if kind == "U" and payload and payload[0] in self._inputs:
             names, form = self._inputs[payload[0]]
@@ -162,9 +167,9 @@ class Session:
         (frequency,) = struct.unpack_from(">d", payload)
         names = names_in(payload[8:])
         self._every = max(int(500.0 / frequency), 1) if frequency > 0 else 1
-        self._outputs = [name for name in names if name in OUTPUTS]
-        self._struct = layout(self._outputs, OUTPUTS)
-        types = ",".join(OUTPUTS.get(name, "NOT_FOUND") for name in names)
+        self._outputs = [name for name in names if name in self._outputs_known]
+        self._struct = layout(self._outputs, self._outputs_known)
+        types = ",".join(self._outputs_known.get(name, "NOT_FOUND") for name in names)
         return packet("O", bytes([1 if len(self._outputs) == len(names) else 0]) + types.encode())
 
     def _set_inputs(self, payload: bytes) -> bytes:

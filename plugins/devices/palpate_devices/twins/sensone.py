@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 from palpate_devices.bota.frames import packed
 from palpate_devices.twins.corruption import KINDS, corrupted
 
-_BOOT = 0.3  # [s]; a choice, the real sensor takes less than 3 s
+_BOOT, _SLOW_BOOT = 0.3, 2.5  # [s]; a choice, the real sensor takes less than 3 s
 _REPLY = 0.01  # [s]; a choice
 _QUIET = 0.03  # [s] of silence end a command that has no line end; a choice
 _TEXT = b"App Init\r\nname: BFT-SENS-SER-M8 (software)\r\nS/N: 000000\r\nFW version: 2.3 software\r\n"
 _FACTORY_SINC = 512
+_BAUD = termios.B460800
+_STATUS = {"throttled": 1, "overrange": 2, "saturated": 4, "raw": 8}
 
 
 class VirtualSensor:
@@ -42,7 +44,10 @@ class VirtualSensor:
         self._stored = {"sinc": _FACTORY_SINC}
         self.eeprom_writes = 0
         self.sent = self.dropped = 0
-        self.fault: str | None = None  # "silent", "overrange", "saturated"
+        self.fault: str | None = None  # "silent", or a name of a status bit
+        self.reply_time, self.lump_time = _REPLY, 0.0  # [s]
+        self._held, self._sent_at = b"", 0.0  # frames that wait for their lump
+        self._misheard = False  # the port was opened at another baud rate
         self.corruption = 0.0
         self.sign = 1.0
         self._mode = "closed"
@@ -91,12 +96,14 @@ class VirtualSensor:
 
     def reboot(self, now: float) -> None:
         """Start anew, with the stored settings."""
-        self._mode, self._boot_at, self._command, self._replies = "boot", now + _BOOT, b"", []
+        boot = _SLOW_BOOT if self.reply_time > _REPLY else _BOOT
+        self._mode, self._boot_at, self._command, self._replies, self._held = "boot", now + boot, b"", [], b""
         self._sinc = self._stored["sinc"]
 
     def restore(self) -> None:
         """Plugged in, and without a fault."""
         self.fault, self.corruption, self.sign, self._refuse = None, 0.0, 1.0, ""
+        self.reply_time, self.lump_time = _REPLY, 0.0
         if self._mode == "unplugged":
             self.plug_in()
 
@@ -115,6 +122,7 @@ class VirtualSensor:
             self._mode = "closed"
         elif self._mode == "closed" and not termios.tcgetattr(self._master)[3] & termios.ICANON:
             self.reboot(now)  # an opened port that still echoes is not ready
+            self._misheard = termios.tcgetattr(self._master)[5] != _BAUD
         if self._mode == "closed":
             return
         if events & select.POLLIN:
@@ -130,7 +138,7 @@ class VirtualSensor:
 
     def _take(self, data: bytes, now: float) -> None:
         self._heard = now
-        if self._mode == "boot":
+        if self._mode == "boot" or self._misheard:
             return
         self._command += data
         *lines, self._command = re.split(rb"[\r\n]", self._command)
@@ -158,7 +166,7 @@ class VirtualSensor:
             code = 1
         if letter == self._refuse:
             code = 1
-        self._replies.append((now + _REPLY, f"r,0,{letter},{code}\r\n".encode()))
+        self._replies.append((now + self.reply_time, f"r,0,{letter},{code}\r\n".encode()))
 
     def _filter(self, line: str) -> int:
         numbers = line.split(",")[1:]
@@ -180,15 +188,20 @@ class VirtualSensor:
         """Write the readings (n, 6) taken at instants (n,)."""
         if self.fault == "silent" or self._mode != "run":
             return
-        status = {"overrange": 2, "saturated": 4}.get(self.fault or "", 0)
+        status = _STATUS.get(self.fault or "", 0)
         for instant, reading in zip(instants.tolist(), (self.sign * wrench).tolist(), strict=True):
             stamp = self._clock_start + round((instant - self._booted) * self._rate * 1e6)
             frame = packed(status, tuple(reading), stamp, 30.0)
             if self.corruption and self._rng.random() < self.corruption:
                 frame = corrupted(frame, str(self._rng.choice(KINDS)), self._rng)
-            self._write(frame)
+            self._held += frame
+            if instant - self._sent_at >= self.lump_time:
+                self._write(self._held)
+                self._held, self._sent_at = b"", instant
 
     def _write(self, data: bytes) -> None:
+        if self._misheard:
+            data = self._rng.bytes(len(data))
         try:
             if data and os.write(self._master, data) == len(data):
                 self.sent += 1

@@ -10,7 +10,7 @@ import sys
 from palpate import DeviceError
 
 from palpate_devices.twins.controller import GREETING, VERSION, Controller
-from palpate_devices.twins.rtde import Session, packets
+from palpate_devices.twins.rtde import Session, packet, packets
 
 RTDE, SCRIPT, DASHBOARD = 30004, 30003, 29999
 _NO_LINGER = struct.pack("ii", 1, 0)
@@ -27,7 +27,9 @@ class Client:
         self.received = bytearray()
         self.unsent = b""
         self.skipped = 0
-        self.session = Session(VERSION, controller.claim, controller.write)
+        self.session = Session(
+            VERSION, controller.claim, controller.write, controller.unknown_output, not controller.refuses_start
+        )
 
     def send(self, data: bytes) -> bool:
         """Send, or keep what did not fit; a peer that does not read is skipped, not queued. False where it has gone."""
@@ -53,12 +55,12 @@ class Ports:
         self._host = host
         self._listening: dict[socket.socket, int] = {}
         self.clients: list[Client] = []
-        self.frozen = self.mute = False
+        self.frozen = self.mute = self.halved = self.greets_not = False
         self.open()
 
     def open(self) -> None:
-        """Listen."""
-        for port in (RTDE, SCRIPT, DASHBOARD):
+        """Listen, on those ports where nobody does."""
+        for port in {RTDE, SCRIPT, DASHBOARD} - set(self._listening.values()):
             listener = socket.socket()
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
@@ -78,6 +80,20 @@ class Ports:
         self._listening = {}
         self.disconnect(reset)
 
+    def shut(self, port: int) -> None:
+        """Stop listening on one port."""
+        for listener in [listener for listener, number in self._listening.items() if number == port]:
+            listener.close()
+            del self._listening[listener]
+
+    def say(self, text: str) -> None:
+        """Send a text message to whoever takes data, as the controller does when a user's program calls for it."""
+        data = text.encode()
+        message = packet("M", bytes([len(data)]) + data + bytes([4]) + b"twin" + bytes([3]))
+        for client in self.clients:
+            if client.session.started:
+                client.send(message)
+
     def disconnect(self, reset: bool = False) -> None:
         """End every connection; new ones are welcome."""
         for client in self.clients:
@@ -89,9 +105,8 @@ class Ports:
 
     def restore(self) -> None:
         """Listen and answer again."""
-        self.frozen = self.mute = False
-        if not self._listening:
-            self.open()
+        self.frozen = self.mute = self.halved = self.greets_not = False
+        self.open()
 
     @property
     def sockets(self) -> list[socket.socket]:
@@ -105,7 +120,7 @@ class Ports:
                 with contextlib.suppress(OSError):
                     client = Client(listener.accept()[0], port, self._controller)
                     self.clients.append(client)
-                    if port == DASHBOARD:
+                    if port == DASHBOARD and not self.greets_not:
                         client.send(GREETING.encode() + b"\n")
         for client in [client for client in self.clients if client.socket in ready]:
             if not self._read(client):
@@ -118,8 +133,10 @@ class Ports:
             return
         state = self._controller.state()
         for client in wanting:
-            if not client.send(client.session.data(state)):
+            data = client.session.data(state)
+            if not client.send(data[: len(data) // 2] if self.halved else data):
                 self._drop(client)
+        self.frozen = self.frozen or self.halved
 
     def _drop(self, client: Client) -> None:
         self._controller.release(client.session)
@@ -134,7 +151,7 @@ class Ports:
         except OSError:
             return False
         client.received += data
-        if self.mute:
+        if self.mute or (self.greets_not and client.port == DASHBOARD):
             return bool(data)
         if client.port == RTDE:
             try:

@@ -19,6 +19,8 @@ from palpate import (
     Frequency,
     Length,
     Link,
+    OwnMotion,
+    Setpoint,
     Speed,
     Stream,
     Time,
@@ -34,7 +36,7 @@ from palpate_devices.ur3e import layout
 from palpate_devices.ur3e.frame import WorkFrame
 from palpate_devices.ur3e.kinematics import matrix_of, quaternion, tip
 from palpate_devices.ur3e.probe import probe
-from palpate_devices.ur3e.servo import PERIOD
+from palpate_devices.ur3e.servo import PERIOD, way
 
 Floats = NDArray[np.float64]
 
@@ -71,10 +73,9 @@ class UR3e(Device):
     host_limit: Time = Field(default=0.25, gt=0, description="the arm retracts where the main job is silent for longer")
     start: Time = Field(default=20.0, gt=0, description="how long the client library may take to connect")
     start_tolerance: Length = Field(default=0.03, gt=0, description="how far from its start a motion may begin")
-    retract_speed: Speed = Field(
-        default=0.05, gt=0, le=0.25, description="of the way to the start, and of a retraction"
-    )
-    acceleration: Acceleration = Field(default=1.0, gt=0, le=5, description="of braking, of both those ways")
+    approach_speed: Speed = Field(default=0.02, gt=0, le=0.25, description="fastest on the way to the start")
+    retract_speed: Speed = Field(default=0.05, gt=0, le=0.25, description="of a retraction")
+    acceleration: Acceleration = Field(default=1.0, gt=0, le=5, description="of braking and retraction, at most")
 
     @property
     def live(self) -> bool:
@@ -100,6 +101,11 @@ class UR3e(Device):
             Stream("status", tuple(status), rate, clock="host"),
         )
 
+    @property
+    def own_motion(self) -> OwnMotion:
+        """It goes to the start, and brakes."""
+        return OwnMotion(self.approach_speed, self.start_tolerance, self.acceleration)
+
     def connect(self, seed: int) -> AbstractContextManager[Link]:
         """The arm at rest; `follow` sets it in motion."""
         return self._connected()
@@ -121,7 +127,8 @@ class UR3e(Device):
 
     def _worker_settings(self) -> dict[str, Any]:
         keys = ("host", "tcp", "lookahead", "servo_gain", "watchdog", "stale", "host_limit")
-        law = {key: getattr(self, key) for key in ("control", "gain", "damping", "retract_speed", "acceleration")}
+        motion = ("control", "gain", "damping", "approach_speed", "retract_speed", "acceleration")
+        law = {key: getattr(self, key) for key in motion}
         return {key: getattr(self, key) for key in keys} | {"law": law, "work": self.work.model_dump()}
 
 
@@ -138,21 +145,29 @@ class UR3eLink:
         self._first = self._last = 0
         self._mismatch = 0.0
 
+    def way(self, trajectory: Trajectory) -> tuple[Floats, Setpoint]:
+        """The way to the first setpoint; see `palpate.Approaching`."""
+        name, settings = self._child.name, self._settings
+        if self._position is None:
+            raise DeviceError(f"{name}: nothing is known of where the arm is")
+        start = trajectory.at(np.zeros(1)).position[0]
+        away = float(np.linalg.norm(start - self._position))
+        if away > settings.start_tolerance:
+            here = ", ".join(f"{1e3 * x:.1f}" for x in self._position)
+            raise DeviceError(
+                f"{name}: the tip is at ({here}) mm in the work frame, {1e3 * away:.1f} mm from where the "
+                f"motion starts; bring it within {1e3 * settings.start_tolerance:g} mm by hand"
+            )
+        times, position, velocity = way(self._position, start, settings.approach_speed, settings.acceleration)
+        return times, Setpoint(position, velocity, np.zeros(len(times), bool))
+
     def follow(self, trajectory: Trajectory) -> None:
         """Go to the first setpoint, then follow them all."""
         count = int(np.floor(trajectory.total_duration / PERIOD + 1e-9)) + 1
         times = np.asarray(np.arange(count) * PERIOD, np.float64)
         setpoint = trajectory.at(times)
         table = np.column_stack([setpoint.position, setpoint.velocity, setpoint.measuring.astype(float)])
-        if self._position is None:
-            raise DeviceError(f"{self._child.name}: nothing is known of where the arm is")
-        away = float(np.linalg.norm(table[0, :3] - self._position))
-        if away > self._settings.start_tolerance:
-            here = ", ".join(f"{1e3 * x:.1f}" for x in self._position)
-            raise DeviceError(
-                f"{self._child.name}: the tip is at ({here}) mm in the work frame, {1e3 * away:.1f} mm from where the "
-                f"motion starts; bring it within {1e3 * self._settings.start_tolerance:g} mm by hand"
-            )
+        self.way(trajectory)  # refused where it is too far
         memory = shared_memory(table.nbytes)
         try:
             os.pwrite(memory, np.ascontiguousarray(table).tobytes(), 0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import json
-import math
 import mmap
 import os
 import random
@@ -18,17 +17,12 @@ from numpy.typing import NDArray
 from palpate_devices.process.child import Parent, real_time
 from palpate_devices.process.lateness import Lateness
 from palpate_devices.process.ring import Ring
-from palpate_devices.ur3e.frame import WorkFrame
-from palpate_devices.ur3e.kinematics import pose_of
 from palpate_devices.ur3e.layout import COLUMNS, RETRACT, STOP
+from palpate_devices.ur3e.robot import PLAYING, Robot
 from palpate_devices.ur3e.servo import PERIOD, Commander, Law
 
 Floats = NDArray[np.float64]
 
-_VARIABLES = [
-    *("timestamp", "actual_q", "actual_qd", "actual_TCP_pose", "actual_TCP_speed", "actual_TCP_force"),
-    *("robot_mode", "safety_mode", "runtime_state", "robot_status_bits", "safety_status_bits"),
-]
 _TICK = round(PERIOD * 1e9)
 _SAFE = (1, 2)  # NORMAL, REDUCED
 _SAFETY = {
@@ -38,7 +32,7 @@ _SAFETY = {
     7: "an emergency stop",
     8: "a safety violation",
 }
-_PLAYING = 2
+_PAUSES = (3, 4)  # PAUSING, PAUSED
 _BLIND = 12_000_000  # [ns] without a new state
 _EXPLAIN = 10  # periods
 _LISTEN_EVERY = 5  # periods; stopping goes by shared memory and does not wait
@@ -51,7 +45,7 @@ def main() -> None:
     ring = Ring(int(sys.argv[2]), COLUMNS)
     scheduling = real_time(45)
     try:
-        robot = _Robot(settings)
+        robot = Robot(settings)
     except ImportError as error:
         parent.tell("fault", text=f"the client library is missing ({error}): pip install ur-rtde")
         os._exit(1)
@@ -64,70 +58,8 @@ def main() -> None:
     _Loop(parent, ring, robot, settings).run()
 
 
-class _Robot:
-    """The client library's two objects, and the state that they last gave."""
-
-    def __init__(self, settings: dict[str, Any]) -> None:
-        import rtde_control
-        import rtde_receive
-
-        self.receive = rtde_receive.RTDEReceiveInterface(settings["host"], 500.0, _VARIABLES)
-        self.control = rtde_control.RTDEControlInterface(settings["host"], 500.0)
-        self.control.setWatchdog(settings["watchdog"])
-        self.control.setTcp([*settings["tcp"], 0.0, 0.0, 0.0])
-        self._work = WorkFrame.model_construct(**settings["work"])
-        self._out, self._origin = self._work.matrix[:3, :3], self._work.matrix[:3, 3]
-        self._turn = pose_of(self._work.tool_pose(self._origin))[3:]
-        self._servo = PERIOD, settings["lookahead"], settings["servo_gain"]
-        self.stamp, self.seen = -1.0, time.monotonic_ns()
-        self.state: list[float] = []
-        self.modes = (7, 1, _PLAYING)
-
-    def poll(self) -> bool:
-        """Take over a new state; False where there is none."""
-        receive = self.receive
-        stamp = receive.getTimestamp()
-        if stamp == self.stamp:
-            return False
-        now = time.monotonic_ns()
-        values, modes = self._read()
-        for _ in range(2):
-            again = receive.getTimestamp()
-            if again == stamp:
-                break
-            stamp, now = again, time.monotonic_ns()  # a packet came in between: its values may be mixed
-            values, modes = self._read()
-        if len(values) != 30:
-            return False
-        self.stamp, self.seen, self.state, self.modes = stamp, now, values, modes
-        return True
-
-    def _read(self) -> tuple[list[float], tuple[int, int, int]]:
-        receive = self.receive
-        values = [
-            *receive.getActualQ(),
-            *receive.getActualQd(),
-            *receive.getActualTCPPose(),
-            *receive.getActualTCPSpeed(),
-            *receive.getActualTCPForce(),
-        ]
-        return values, (receive.getRobotMode(), receive.getSafetyMode(), receive.getRuntimeState())
-
-    def place(self) -> tuple[Floats, Floats]:
-        """Position and velocity (3,) of the tip in the work frame."""
-        inwards = self._out.T
-        return inwards @ (np.array(self.state[12:15]) - self._origin), inwards @ np.array(self.state[18:21])
-
-    def servo(self, position: Floats) -> bool:
-        """Send the arm to a position in the work frame; True means sent, not done."""
-        target = (self._origin + self._out @ position).tolist()
-        if not all(map(math.isfinite, target)):
-            raise ValueError("a command that is no number")
-        return bool(self.control.servoL([*target, *self._turn], 0.5, 0.5, *self._servo))
-
-
 class _Loop:
-    def __init__(self, parent: Parent, ring: Ring, robot: _Robot, settings: dict[str, Any]) -> None:
+    def __init__(self, parent: Parent, ring: Ring, robot: Robot, settings: dict[str, Any]) -> None:
         self._parent, self._ring, self._robot = parent, ring, robot
         self._stale, self._host_limit = settings["stale"], settings["host_limit"]
         self._law = Law(**settings["law"])
@@ -140,21 +72,39 @@ class _Loop:
         """One cycle after another, each at its deadline."""
         deadline = time.monotonic_ns() + _TICK
         while True:
-            time.sleep(max(deadline - time.monotonic_ns(), 0) / 1e9)
-            now = time.monotonic_ns()
+            wait = max(deadline - time.monotonic_ns(), 0)
+            now = self._sleep(wait)
             late = now - deadline
             self._ring.beat(now)
-            self._lateness.add(now, late, self._commander is not None and self._commander.mode == "follow")
+            self._lateness.add(now, late, self._following)
             self._cycle(now)
             # A look at a random instant between two deadlines: else a controller that ticks in step with this loop
             # would always be seen equally late, and its clock mapped wrongly by up to a period.
             rest = deadline + _TICK - time.monotonic_ns()
             if rest > _TICK // 4:
-                time.sleep(rest * random.uniform(0.0, 0.95) / 1e9)
+                self._sleep(round(rest * random.uniform(0.0, 0.95)))
                 self._take_state()
             deadline += _TICK
-            if late > _MOST_BEHIND * _TICK:
-                deadline = time.monotonic_ns() + _TICK
+            behind = time.monotonic_ns() - deadline
+            if behind > _MOST_BEHIND * _TICK:
+                if self._following:
+                    self._lateness.skipped(behind + _TICK)
+                deadline += behind + _TICK
+
+    @property
+    def _following(self) -> bool:
+        return self._commander is not None and self._commander.mode == "follow"
+
+    def _sleep(self, duration: int) -> int:
+        """Sleep [ns]; the time then. What it takes longer is counted as the host's."""
+        if duration <= 0:
+            return time.monotonic_ns()
+        until = time.monotonic_ns() + duration
+        time.sleep(duration / 1e9)
+        now = time.monotonic_ns()
+        if self._following:
+            self._lateness.overslept(now - until)
+        return now
 
     def _cycle(self, now: int) -> None:
         self._take_state()
@@ -197,7 +147,9 @@ class _Loop:
         _, safety, runtime = robot.modes
         if safety not in _SAFE:
             self._fail(f"the robot is in {_SAFETY.get(safety, f'safety mode {safety}')}")
-        if runtime != _PLAYING:
+        if runtime in _PAUSES:
+            self._fail("the robot's program was paused on the pendant")
+        if runtime != PLAYING:
             self._fail("the robot's program was stopped (pendant, dashboard, watchdog or a pose out of reach)")
         age = (now - robot.seen) / 1e9
         if not robot.receive.isConnected():

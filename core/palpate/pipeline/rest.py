@@ -1,0 +1,68 @@
+"""The rest before a motion: whether what is measured there is plausible, and what the filters were told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from palpate.config import Pipeline
+from palpate.errors import DeviceError
+from palpate.safety import SafetySettings
+
+
+@dataclass(frozen=True)
+class Rest:
+    """What force and velocity are while the tip hangs still in free air."""
+
+    force: float  # [N] mean
+    force_std: float  # [N]
+    velocity_std: float | None  # [m/s]; None where none is measured
+
+    def table(self) -> dict[str, float | None]:
+        """As in ``result.json``."""
+        return {"force": self.force, "force_std": self.force_std, "velocity_std": self.velocity_std}
+
+
+def declared_noise(pipeline: Pipeline) -> dict[str, tuple[float, float]]:
+    """The noise of force [N] and velocity [m/s] that estimators count on, by their names."""
+    told = {track.name.split("/")[-1]: track.estimator.declared_noise for track in pipeline.tracks}
+    return {name: noise for name, noise in told.items() if noise is not None}
+
+
+def refuse_unrest(rest: Rest, limits: SafetySettings, force: str, declared: Mapping[str, tuple[float, float]]) -> None:
+    """Raise DeviceError with advice where a rest is none, or not what was expected."""
+    if abs(rest.force) > limits.rest_force:
+        raise DeviceError(
+            f"{force} reads {rest.force:.2f} N at rest, over [safety] rest_force = {limits.rest_force:g} N: "
+            "is the tip free, and is nothing pulling at the cable?"
+        )
+    if rest.force_std > limits.rest_noise:
+        raise DeviceError(
+            f"{force} has a noise of {rest.force_std:.3f} N at rest, more than [safety] rest_noise = "
+            f"{limits.rest_noise:g} N: is the rig at rest? a longer filter of the sensor lowers it"
+        )
+    if rest.velocity_std is not None and rest.velocity_std > limits.rest_speed:
+        raise DeviceError(
+            f"the velocity has a noise of {1e3 * rest.velocity_std:.2f} mm/s at rest, more than [safety] rest_speed = "
+            f"{1e3 * limits.rest_speed:g} mm/s: is the arm at rest?"
+        )
+    for name, (force_std, velocity_std) in declared.items():
+        _refuse_surprise(
+            f"{force} has a noise", rest.force_std, "N", name, f"force_std = {force_std:g} N", force_std, limits
+        )
+        if rest.velocity_std is not None:
+            told = f"velocity_std = {1e3 * velocity_std:g} mm/s"
+            _refuse_surprise("the velocity has a noise", rest.velocity_std, "mm/s", name, told, velocity_std, limits)
+
+
+def _refuse_surprise(
+    what: str, seen: float, unit: str, estimator: str, told: str, expected: float, limits: SafetySettings
+) -> None:
+    if seen <= limits.rest_excess * expected:
+        return
+    shown = 1e3 * seen if unit == "mm/s" else seen
+    raise DeviceError(
+        f"{what} of {shown:.3g} {unit} at rest, {seen / expected:.1f} times what the filter was told ([estimator."
+        f'{estimator}] {told}; [safety] rest_excess = {limits.rest_excess:g}): set noise = "measure", so that the '
+        "filter takes what is measured at rest, or look for what disturbs the rig"
+    )

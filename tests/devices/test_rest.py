@@ -1,0 +1,62 @@
+"""Before a live motion: the rest, the way to the start, what is refused, and that filters use what was measured."""
+
+import json
+
+import pytest
+from palpate.errors import ConfigurationError, DeviceError
+from palpate.pipeline import examine
+
+NOISY = "twin.bench.force_std=0.2 N"  # four times what the filter is told
+
+
+def test_noise_that_the_filter_was_not_told(bench, short, tmp_path):
+    """Refused before anything moves; measured and used where the filter asks for it, and the same in a replay."""
+    twin = bench(*short, NOISY)
+    before = twin.state()["height"]
+    with pytest.raises(DeviceError, match=r"times what the filter was told .*set noise = \"measure\"") as caught:
+        twin.run(out="refused")
+    assert "[estimator.ekf] force_std = 0.05 N" in str(caught.value)
+    assert twin.state()["height"] == pytest.approx(before, abs=1e-6)
+    assert (tmp_path / "refused" / "log.mcap").exists()
+    result = twin.run("estimator.ekf.noise=measure")
+    again = twin.replay(tmp_path / "out" / "log.mcap", "again", "estimator.ekf.noise=measure")
+    ours, theirs = (json.loads((folder / "result.json").read_text()) for folder in (result.folder, again.folder))
+    noise, rest = ours["tracks"]["dr/ekf"]["details"]["noise"], ours["run"]["live"]["rest"]
+    assert noise["from"] == "rest"
+    assert rest["force_std"] == pytest.approx(0.2, rel=0.15)
+    # Samples at 500 Hz lie between readings at 800 Hz: two thirds of the variance on average.
+    assert noise["force"] == pytest.approx((2 / 3) ** 0.5 * 0.2, rel=0.25)
+    assert noise["velocity"] == pytest.approx(0.67e-3, rel=0.25)
+    assert theirs["tracks"]["dr/ekf"]["details"] == ours["tracks"]["dr/ekf"]["details"]
+    assert (result.folder / "estimates.csv").read_bytes() == (again.folder / "estimates.csv").read_bytes()
+
+
+def test_an_offset_that_no_tip_explains(bench, short):
+    twin = bench(*short, "twin.bench.bias=25 N")
+    before = twin.state()["height"]
+    with pytest.raises(
+        DeviceError, match=r"reads 2\d\.\d+ N at rest, over \[safety\] rest_force = 20 N: is the tip free"
+    ):
+        twin.run()
+    assert twin.state()["height"] == pytest.approx(before, abs=1e-6)
+
+
+def test_the_way_to_the_start_keeps_the_box(bench, short):
+    """The tip stands over the box, near enough to the start: nothing moves, and the doctor says it before."""
+    twin = bench(*short, "twin.bench.height=25 mm")
+    bad = [finding for finding in examine(twin.pipeline(), 0.5) if finding.verdict == "bad"]
+    assert ["z goes to 25" in finding.text for finding in bad] == [True]
+    with pytest.raises(
+        DeviceError, match=r"the way from where .* breaks the limits .*by hand:\n  z goes to 25\.\d+ mm"
+    ):
+        twin.run()
+    assert twin.state()["height"] == pytest.approx(0.025, abs=1e-5)
+    well = [finding.text for finding in examine(twin.pipeline("safety.high=[5e-3, 5e-3, 26e-3]"), 0.5)]
+    assert any("the way to the start of press, 22.0 mm in 2.1 s, keeps the limits" in text for text in well)
+
+
+def test_a_way_that_is_too_fast_is_refused_before_anything_is_connected(bench, short):
+    twin = bench(*short)
+    with pytest.raises(ConfigurationError, match=r"\[device.arm\]: the way to the start: the speed is 50.0 mm/s"):
+        twin.run("device.arm.approach_speed=50 mm/s")
+    assert twin.state()["uploads"] == 0
