@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate import LogError, Suggestion
 
 from palpate_devices.logs import roles
-from palpate_devices.logs.mapping import stream_names
+from palpate_devices.logs.feeds import stream_names
 from palpate_devices.logs.readings import SECOND, Reading
 from palpate_devices.logs.replay import joined, tables_of
 from palpate_devices.logs.roles import Candidate
