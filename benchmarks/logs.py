@@ -77,14 +77,14 @@ def columnar(path):
 
 def decompressed(path):
     """The file read and every chunk decompressed and checked, nothing more."""
-    size = 0
+    size, unpacker = 0, records.Unpacker()
     with path.open("rb") as file:
         file.seek(len(records.MAGIC))
         while True:
             opcode, length = records.RECORD.unpack(file.read(9))
             content = file.read(length)
             if opcode == records.CHUNK:
-                size += len(records.open_chunk(content).data)
+                size += len(records.open_chunk(content, unpacker).data)
             elif opcode == records.DATA_END:
                 return size
 

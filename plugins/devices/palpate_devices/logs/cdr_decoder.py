@@ -69,6 +69,9 @@ class CdrDecoder:
                 if not same[0]:  # it would be read for ever
                     raise LogError(f"topic {self._topic.name}: a message does not have the layout that it has")
                 self._layouts = [layout, *self._layouts][:_LAYOUTS]
+            if same.all():
+                yield layout, left, excerpt
+                return
             if same.any():
                 yield layout, left[same], excerpt
             left = left[~same]

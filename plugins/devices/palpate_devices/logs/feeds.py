@@ -46,17 +46,20 @@ class Feed:
         """Time-stamps [ns], log times [ns] and values [SI] of a block; raises LogError."""
         extra = (Reading.parse(self.clock.field, self.clock.index),) if isinstance(self.clock, TimeField) else ()
         table = self.decoder.read(messages, (*self.readings, *extra))
-        logged = messages.logged[table.rows]
+        every = len(table.rows) == len(messages)
+        logged = np.ascontiguousarray(messages.logged) if every else messages.logged[table.rows]
         if isinstance(self.clock, TimeField):
             seconds = table.values[:, -1] * si_unit(self.clock.unit)[1]
             usable = np.isfinite(seconds) & (np.abs(seconds) < 9e9)
             values, logged = table.values[usable, :-1], logged[usable]
             return nanoseconds(seconds[usable]), logged, self._channels(values)
-        stamps = logged if self.clock == "log" else messages.published[table.rows]
-        if self.clock == "stamp":
-            stamps = table.stamps if table.stamps is not None else logged
-            if len(stamps) > 10 and (stamps == stamps[0]).all():
-                raise LogError(f'{log}: the stamps of {self.topic} do not move; set time = "log"')
+        stamps = logged
+        if self.clock == "publish":
+            stamps = messages.published[table.rows]
+        elif self.clock == "stamp" and table.stamps is not None:
+            stamps = table.stamps
+        if self.clock == "stamp" and len(stamps) > 10 and (stamps == stamps[0]).all():
+            raise LogError(f'{log}: the stamps of {self.topic} do not move; set time = "log"')
         return stamps, logged, self._channels(table.values)
 
     def _channels(self, values: Floats) -> Floats:

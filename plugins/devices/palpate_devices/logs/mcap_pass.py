@@ -25,6 +25,7 @@ class Pass:
         self._path, self._known, self._summary, self._whole = path, known, summary, whole
         self._counts: Counter[int] = Counter()
         self._ended = False
+        self._unpacker = records.Unpacker()
         self.unchecked = 0
 
     def all(self) -> Iterator[Block]:
@@ -93,7 +94,7 @@ class Pass:
             elif opcode == records.CHUNK:
                 if length > records.LIMIT:
                     raise Damage(f"a chunk has {length} bytes, more than {records.LIMIT}")
-                chunk = records.open_chunk(file.read(length))
+                chunk = records.open_chunk(file.read(length), self._unpacker)
             elif opcode in (records.SCHEMA, records.CHANNEL) and length <= records.LIMIT:
                 self._known.define(opcode, file.read(length))
             elif opcode == 0:
@@ -123,8 +124,7 @@ class Pass:
 
     def _count(self, block: Block) -> None:
         if len(block.offsets):
-            counts = np.bincount(block.channel)
-            self._counts.update({int(i): int(counts[i]) for i in np.flatnonzero(counts)})
+            self._counts.update({int(i): int(block.counts[i]) for i in np.flatnonzero(block.counts)})
 
     def _loose(self, file: IO[bytes], size: int) -> Iterator[Block]:
         """Messages outside chunks, a block at a time, until a record of another kind comes."""
