@@ -94,6 +94,7 @@ class TrackRecord:
             return
         self.samples += int(np.count_nonzero(rows))
         self.nanoseconds += int(np.rint(samples.interval[rows] * 1e9).astype(np.int64).sum())
+        rows &= samples.time >= samples.time[rows][-1] - self.keep  # what is older would be forgotten at once
         columns = (estimates.values, estimates.std, estimates.surface, estimates.surface_std, estimates.force)
         kept = [
             column[rows]
