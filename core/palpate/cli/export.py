@@ -30,7 +30,7 @@ class Numbers:
 
 
 def export(
-    log: Annotated[Path, typer.Argument(help="The log: .mcap, .db3, a bag folder.")],
+    log: Annotated[Path, typer.Argument(help="The log: .mcap, .db3, a bag folder, .csv.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="x.csv, x.npz, x.mat or x.parquet; must not exist.")],
     topics: Annotated[
         list[str] | None, typer.Option("--topic", help="Only this topic; can be repeated. [default: all]")
