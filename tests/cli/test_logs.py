@@ -1,9 +1,12 @@
 """`palpate recover`, `export` and `compare`."""
 
 import csv
+import sys
 
 import numpy as np
 import pytest
+from palpate import ConfigurationError
+from palpate.cli.export import export
 from palpate_devices.mcap_replay import McapReplay
 
 from tests.devices.bags import array_message, write_bag
@@ -98,8 +101,39 @@ def test_export_to_arrays(palpate, bag, tmp_path):
 
 def test_export_to_parquet(palpate, bag, tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet", reason="parquet needs pyarrow")
-    assert palpate("export", bag.name, "-o", "x.parquet").returncode == 0
-    assert parquet.read_table(tmp_path / "x.parquet")["stamp_ns"].to_pylist() == [0, 10, 20, 20, 30, 40, 50]
+    done = palpate("export", bag.name, "-o", "x.parquet")
+    assert done.returncode == 0, done.stderr
+    table = parquet.read_table(tmp_path / "x.parquet")
+    assert table["stamp_ns"].to_pylist() == [0, 10, 20, 20, 30, 40, 50]
+    found = table["/fast:data[1]"].to_pylist()
+    np.testing.assert_array_equal(found, [0.0, 1.0, 4.0, np.nan, 9.0, 16.0, 25.0])
+
+
+def test_export_to_parquet_without_its_library_says_what_to_install(bag, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(ConfigurationError, match="pip install pyarrow"):
+        export(bag, tmp_path / "x.parquet", None)
+    assert not (tmp_path / "x.parquet").exists()
+
+
+@pytest.mark.parametrize("window", [1, 2, 3, 7, 50_000])
+def test_a_table_is_the_same_however_it_is_cut(tmp_path, monkeypatch, window):
+    """Messages of one instant, more of them than a window holds, and time-stamps out of order."""
+    stamps = {"/a": [5, 1, 1, 1, 1, 3, 9, 9, 2, 30], "/b": [0, 1, 1, 4, 9, 9, 9, 9, 40, 41, 42], "/c": [100]}
+    kind = "std_msgs/msg/Float64MultiArray"
+    topics = [(t, kind, [(s, array_message([float(i)])) for i, s in enumerate(found)]) for t, found in stamps.items()]
+    bag = write_bag(tmp_path / "bag.db3", topics)
+    monkeypatch.setattr("palpate.cli.export._WINDOW", window)
+    export(bag, tmp_path / "x.csv", None)
+    with (tmp_path / "x.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    seen = [int(row["stamp_ns"]) for row in rows]
+    most = {s: max(found.count(s) for found in stamps.values()) for found in stamps.values() for s in found}
+    assert seen == sorted(s for s, count in most.items() for _ in range(count))
+    for topic, found in stamps.items():
+        cells = [(int(r["stamp_ns"]), float(c)) for r in rows if (c := r[f"{topic}:data[0]"])]
+        assert cells == sorted(zip(found, map(float, range(len(found))), strict=True))
+    assert not list(tmp_path.glob(".export-*"))
 
 
 @pytest.mark.parametrize(
