@@ -1,13 +1,16 @@
 """`palpate recover`, `export` and `compare`."""
 
 import csv
+import sqlite3
 import sys
+from contextlib import closing
 
 import numpy as np
 import pytest
 from palpate import ConfigurationError
 from palpate.cli.export import export
 from palpate_devices.mcap_replay import McapReplay
+from palpate_devices.rosbag2_replay import Rosbag2Replay
 
 from tests.devices.bags import array_message, write_bag
 
@@ -62,10 +65,47 @@ def test_recovery_of_a_whole_log_of_nothing_and_onto_something(palpate, recordin
         assert not (tmp_path / "x.mcap").exists()
 
 
-def test_a_bag_cannot_be_recovered(palpate, tmp_path):
-    write_bag(tmp_path / "bag.db3", [])
+@pytest.mark.parametrize("whole", [0.3, 0.9, 1.0])
+def test_a_bag_that_is_cut_gives_what_is_whole(palpate, tmp_path, whole):
+    messages = [(i * 10**6, array_message([0.0, i / 8])) for i in range(5000)]
+    raw = write_bag(tmp_path / "bag.db3", [("/data", "std_msgs/msg/Float64MultiArray", messages)]).read_bytes()
+    (tmp_path / "bag.db3").write_bytes(raw[: int(whole * len(raw))])
+    if whole < 1.0:
+        refused = palpate("export", "bag.db3", "-o", "x.csv")
+        assert (refused.returncode, "damaged" in refused.stderr) == (2, True)
+    done = palpate("recover", "bag.db3", "-o", "good.db3")
+    assert done.returncode == 0, done.stderr
+    assert ("is lost" in done.stdout) == (whole < 1.0)
+    signals = {"z": {"topic": "/data", "field": "data", "index": 1, "unit": "m"}}
+    with Rosbag2Replay.model_validate({"file": tmp_path / "good.db3", "signals": signals}).connect(0) as link:
+        batches = list(link.batches())
+    time = np.concatenate([batch.time for batch in batches])
+    np.testing.assert_array_equal(np.concatenate([b.values[:, 0] for b in batches]), time // 10**6 / 8)
+    assert len(time) > 0.8 * whole * len(messages)
+    assert f"{len(time)} messages over" in done.stdout
+    assert "is there already" in palpate("recover", "bag.db3", "-o", "good.db3").stderr
+
+
+def test_messages_of_many_pages_are_whole_or_not_there(tmp_path):
+    messages = [(i, array_message(np.full(3000, i + 0.1))) for i in range(40)]
+    raw = write_bag(tmp_path / "bag.db3", [("/data", "std_msgs/msg/Float64MultiArray", messages)]).read_bytes()
+    for cut in np.linspace(0.2, 0.999, 12):
+        (tmp_path / "cut.db3").write_bytes(raw[: int(cut * len(raw))])
+        out = tmp_path / f"{cut}.db3"
+        Rosbag2Replay.recover(tmp_path / "cut.db3", out)
+        with closing(sqlite3.connect(out)) as database:
+            found = database.execute("SELECT timestamp, data FROM messages").fetchall()
+        assert len(found) > 0.5 * cut * len(messages)
+        assert all(data == messages[stamp][1] for stamp, data in found)
+
+
+@pytest.mark.parametrize("content", [b"", b"no database", b"SQLite format 3\0" + b"\xff" * 200])
+def test_what_is_no_bag_cannot_be_recovered(palpate, tmp_path, content):
+    (tmp_path / "bag.db3").write_bytes(content)
     refused = palpate("recover", "bag.db3", "-o", "x.db3")
-    assert (refused.returncode, "nothing that recovers" in refused.stderr) == (2, True)
+    assert refused.returncode == 2
+    assert "bag.db3: " in refused.stderr
+    assert not (tmp_path / "x.db3").exists()
 
 
 @pytest.fixture

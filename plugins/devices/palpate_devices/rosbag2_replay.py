@@ -16,6 +16,7 @@ from palpate_devices.logs.feeds import Feed
 from palpate_devices.logs.kinematics import Kinematics
 from palpate_devices.logs.mapping import Clock, MappedSignal
 from palpate_devices.logs.replay import LogLink, described_feeds, file_facts, tables_of, window
+from palpate_devices.logs.sqlite_recovery import recover_bag
 from palpate_devices.logs.suggestion import suggestion_for
 from palpate_devices.logs.survey import survey_of
 from palpate_devices.logs.topics import Container
@@ -116,6 +117,15 @@ class Rosbag2Replay(Recording):
     def tables(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
         """See `Recording`."""
         return tables_of(cls._opened(path))
+
+    @classmethod
+    def recover(cls, path: Path, out: Path) -> str:
+        """See `Recording`."""
+        if path.name.endswith(".db3") and path.is_file():
+            return recover_bag(path, out)
+        if path.is_dir():
+            raise LogError(f"{path}: recover the files of a bag one by one, and put them into a folder of their own")
+        raise LogError(f"{path}: is compressed as a whole: unpack it first, as far as that goes")
 
     @classmethod
     def _opened(cls, path: Path) -> Container:
