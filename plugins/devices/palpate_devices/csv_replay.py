@@ -30,7 +30,7 @@ from palpate import (
 from pydantic import Field, model_validator
 
 from palpate_devices.logs.csv_roles import suggest_csv, survey_csv, tables_csv
-from palpate_devices.logs.csv_sheet import SUFFIXES
+from palpate_devices.logs.csv_sheet import SUFFIXES, bounded
 from palpate_devices.logs.readings import nanoseconds, si_unit
 from palpate_devices.logs.replay import file_facts
 
@@ -146,7 +146,7 @@ class _CsvLink:
         path = self._log.file
         try:
             with _open_text(path) as file:
-                rows = enumerate(csv.reader(file, delimiter=self._log.delimiter), start=1)
+                rows = enumerate(csv.reader(bounded(file, path), delimiter=self._log.delimiter), start=1)
                 places: list[int] | None = None
                 while lines := list(islice(rows, _BLOCK)):
                     block = []

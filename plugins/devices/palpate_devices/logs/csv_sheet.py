@@ -23,6 +23,7 @@ Floats = NDArray[np.float64]
 SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz")
 _SEPARATORS = (",", ";", "\t")
 _LOOKED = 50  # lines by which the separator is told
+_LINE = 100_000  # characters; the csv module takes no longer cell
 _BLOCK = 4096  # rows at once
 _BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]+?)\s*[\])]\s*$")
 _SUFFIX = re.compile(r"^(.+?)_(mm_s|m_s|um_s|mm|um|cm|m|mN|kN|N|ns|us|ms|s)$")
@@ -41,7 +42,7 @@ class Sheet:
     def of(cls, path: Path) -> Sheet:
         """Told by the first lines; raises LogError where they are no table of numbers."""
         with opened(path) as file:
-            lines = [line for line in islice(file, _LOOKED) if line.strip()]
+            lines = [line for line in islice(bounded(file, path), _LOOKED) if line.strip()]
         if not lines:
             raise LogError(f"{path}: the file is empty")
         widths = {s: [len(row) for row in csv.reader(lines, delimiter=s)] for s in _SEPARATORS}
@@ -57,7 +58,7 @@ class Sheet:
     def blocks(self) -> Iterator[Floats]:
         """The numbers (n, k), some thousand rows at a time; NaN where a cell is none."""
         with opened(self.path) as file:
-            rows = csv.reader(file, delimiter=self.delimiter)
+            rows = csv.reader(bounded(file, self.path), delimiter=self.delimiter)
             if self.header:
                 next(rows, None)
             while part := list(islice(rows, _BLOCK)):
@@ -116,6 +117,14 @@ def opened(path: Path) -> Iterator[IO[str]]:
         raise LogError(f"{path}: cannot be read: {error}") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise LogError(f"{path}: is not a CSV text: {error}") from error
+
+
+def bounded(file: IO[str], path: Path) -> Iterator[str]:
+    """The lines of a text, none of which may be longer than a line of numbers is."""
+    while line := file.readline(_LINE):
+        if len(line) == _LINE and not line.endswith("\n"):
+            raise LogError(f"{path}: is not a CSV text: a line has more than {_LINE} characters")
+        yield line
 
 
 def together(blocks: Iterator[Floats], limit: int) -> Floats:

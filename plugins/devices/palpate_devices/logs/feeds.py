@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -132,10 +133,8 @@ def mapped_feeds(
 def _decoder(container: Container, topic: str, log: str) -> Decoder:
     if topic not in container.topics:
         raise LogError(f"{log}: topic {topic!r} is not in the log ({_some(container.topics)})")
-    try:
+    with said_of(log):
         return decoder_of(container.topics[topic])
-    except LogError as error:
-        raise LogError(f"{log}: {error}") from error
 
 
 def _orientation_feed(container: Container, orientation: Orientation, clock: Clock, log: str) -> Feed:
@@ -156,22 +155,31 @@ def stream_names(topics: Sequence[str]) -> list[str]:
     return [name.replace(".", "_") for name in names]
 
 
+@contextmanager
+def said_of(log: str) -> Iterator[None]:
+    """Let a LogError name its log."""
+    try:
+        yield
+    except LogError as error:
+        raise error if str(error).startswith(log) else LogError(f"{log}: {error}") from error
+
+
 def check_fields(container: Container, feeds: Sequence[Feed], log: str) -> None:
-    """Refuse fields that the first message of their topic does not have."""
+    """Refuse fields that the first message of their topic does not have, and names that none has."""
     waiting = {feed.topic: [f for f in feeds if f.topic == feed.topic] for feed in feeds}
-    stream = container.blocks(set(waiting))
-    for topic, messages in stream:
-        for feed in waiting.pop(topic, []):
-            fields = feed.decoder.fields(messages.payload(0))
-            for reading in feed.readings:
-                if reading.select is None:
-                    _check_reading(reading, fields, topic, log)
-        if not waiting:
-            break
-    if waiting:
-        raise LogError(f"{log}: topic {next(iter(waiting))!r} has no messages")
-    for feed in feeds:
-        _check_names(container, feed, log)
+    with said_of(log):
+        for topic, messages in container.blocks(set(waiting)):
+            for feed in waiting.pop(topic, []):
+                fields = feed.decoder.fields(messages.payload(0))
+                for reading in feed.readings:
+                    if reading.select is None:
+                        _check_reading(reading, fields, topic, log)
+            if not waiting:
+                break
+        if waiting:
+            raise LogError(f"{log}: topic {next(iter(waiting))!r} has no messages")
+        for feed in feeds:
+            _check_names(container, feed, log)
 
 
 def _check_names(container: Container, feed: Feed, log: str) -> None:

@@ -15,7 +15,7 @@ from palpate import Angle, Channel, Length, LogError, Settings, Stream
 from pydantic import Field, model_validator
 
 from palpate_devices.logs.decoders import decoder_of
-from palpate_devices.logs.feeds import Feed, check_fields
+from palpate_devices.logs.feeds import Feed, check_fields, said_of
 from palpate_devices.logs.mapping import Clock
 from palpate_devices.logs.readings import Reading
 from palpate_devices.logs.topics import Container
@@ -158,10 +158,8 @@ def joint_feeds(container: Container, kinematics: Kinematics, clock: Clock, log:
     if kinematics.topic not in container.topics:
         there = ", ".join(container.topics) or "none"
         raise LogError(f"{log}: topic {kinematics.topic!r} of the kinematics is not in the log (there are: {there})")
-    try:
+    with said_of(log):
         decoder = decoder_of(container.topics[kinematics.topic])
-    except LogError as error:
-        raise LogError(f"{log}: {error}") from error
     names = [joint.name for joint in kinematics.chain]
     angles = tuple(Reading("position", None, name) for name in names)
     speeds = tuple(Reading("velocity", None, name) for name in names)
@@ -178,7 +176,8 @@ def joint_feeds(container: Container, kinematics: Kinematics, clock: Clock, log:
     )
     turn = Feed(Stream("", (), None), kinematics.topic, angles, ones, clock, decoder, function=kinematics.quaternions)
     check_fields(container, [tip], log)
-    return ([tip, twist] if _has_speeds(container, twist) else [tip]), turn
+    with said_of(log):
+        return ([tip, twist] if _has_speeds(container, twist) else [tip]), turn
 
 
 def _has_speeds(container: Container, twist: Feed) -> bool:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate import Batch, LogError
 
 from palpate_devices.logs.decoders import decoder_of
-from palpate_devices.logs.feeds import Feed, mapped_feeds
+from palpate_devices.logs.feeds import Feed, mapped_feeds, said_of
 from palpate_devices.logs.kinematics import Kinematics, joint_feeds
 from palpate_devices.logs.mapping import Clock, MappedSignal
 from palpate_devices.logs.readings import SECOND, Reading
@@ -54,10 +54,8 @@ class LogLink:
                     yield Batch(feed.stream.name, stamps, received, feed.along(values, quaternions))
 
     def _numbers(self, feed: Feed, messages: Messages) -> tuple[Stamps, Stamps, NDArray[np.float64]]:
-        try:
+        with said_of(self._log):
             return feed.numbers(messages, self._log)
-        except LogError as error:
-            raise error if str(error).startswith(self._log) else LogError(f"{self._log}: {error}") from error
 
 
 def described_feeds(
