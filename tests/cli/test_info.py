@@ -39,15 +39,26 @@ def test_a_suggested_pipeline_runs_as_it_is(palpate, bag, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["ur3e_load_unload_soft_1", "foam_white_1_p"])
-def test_the_authors_bags_from_suggestion_to_estimates(palpate, shared, tmp_path, name):
-    suggested = palpate("info", shared / "rosbag2" / f"{name}.db3.gz", "--suggest")
+def test_the_authors_bags_from_a_first_look_to_a_fit(palpate, shared, tmp_path, name):
+    """The commands of docs/logs.md, as a new user types them."""
+    bag = shared / "rosbag2" / f"{name}.db3.gz"
+    looked = palpate("info", bag)
+    assert looked.returncode == 0, looked.stderr
+    assert "/data_control" in looked.stdout
+    suggested = palpate("info", bag, "--suggest")
     assert suggested.returncode == 0, suggested.stderr
-    (tmp_path / "log.toml").write_text(suggested.stdout)
-    done = palpate("run", "log.toml", "--json")
+    (tmp_path / "bag.toml").write_text(suggested.stdout)
+    done = palpate("run", "bag.toml", "--json")
     assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)["tracks"]["dr/ekf"]["parameters"]["elasticity"]
-    assert 10e3 < found["value"] < 500e3
-    assert found["combined"] > 0
+    tracks = json.loads(done.stdout)["tracks"]
+    assert tracks.keys() == {"dr/ekf", "dr/fit"}
+    for track in tracks.values():
+        found = track["parameters"]["elasticity"]
+        assert 10e3 < found["value"] < 500e3
+        assert found["combined"] > 0
+    fitted = palpate("fit", "bag.toml", "--no-pictures")
+    assert fitted.returncode == 0, fitted.stderr
+    assert "elasticity" in fitted.stdout
 
 
 def table(path, header, columns, delimiter=","):

@@ -28,6 +28,9 @@ poisson = 0.5
 
 [estimator.ekf]
 type = "ekf"
+
+[estimator.fit]                        # all of the record at once: for `palpate fit`, too
+type = "casadi-fit"
 """
 
 
