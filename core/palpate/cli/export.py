@@ -208,14 +208,11 @@ def _parquet(out: Path, numbers: Mapping[str, Numbers]) -> None:
         import pyarrow.parquet  # type: ignore[import-not-found,import-untyped,unused-ignore]
     except ImportError as error:
         raise ConfigurationError("parquet needs a library that is not here: pip install pyarrow") from error
-    schema = None
-    with ExitStack() as stack:
+    names = [f"{topic}:{name}" for topic, entry in numbers.items() for name in entry.names]
+    fields = [("stamp_ns", pyarrow.int64()), *((name, pyarrow.float64()) for name in names)]
+    with pyarrow.parquet.ParquetWriter(out, pyarrow.schema(fields)) as writer:
         for stamps, columns in _windows(numbers):
-            table = pyarrow.table({"stamp_ns": stamps, **columns})
-            if schema is None:
-                schema = table.schema
-                writer = stack.enter_context(pyarrow.parquet.ParquetWriter(out, schema))
-            writer.write_table(table)
+            writer.write_table(pyarrow.table({"stamp_ns": stamps, **columns}))
 
 
 _WRITERS: Mapping[str, Callable[[Path, Mapping[str, Numbers]], None]] = {
