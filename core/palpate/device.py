@@ -31,7 +31,8 @@ class Stream:
     name: str
     channels: tuple[Channel, ...]
     rate: float | None  # [Hz] nominal; None where only the time-stamps know
-    layout: Literal["wrench", "pose", "twist", "setpoint", "columns"] = "columns"  # how it is recorded
+    # How it is recorded; joints: the angle of each under its name, then as many speeds.
+    layout: Literal["wrench", "pose", "twist", "joints", "setpoint", "columns"] = "columns"
     clock: str = "device"  # streams of one clock have comparable time-stamps
     frame: str = ""  # coordinate frame of the numbers
     estimated: bool = False  # computed by the device from something else, not measured

@@ -39,15 +39,125 @@ def test_a_suggested_pipeline_runs_as_it_is(palpate, bag, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["ur3e_load_unload_soft_1", "foam_white_1_p"])
-def test_the_authors_bags_from_suggestion_to_estimates(palpate, shared, tmp_path, name):
-    suggested = palpate("info", shared / "rosbag2" / f"{name}.db3.gz", "--suggest")
+def test_the_authors_bags_from_a_first_look_to_a_fit(palpate, shared, tmp_path, name):
+    """The commands of docs/logs.md, as a new user types them."""
+    bag = shared / "rosbag2" / f"{name}.db3.gz"
+    looked = palpate("info", bag)
+    assert looked.returncode == 0, looked.stderr
+    assert "/data_control" in looked.stdout
+    suggested = palpate("info", bag, "--suggest")
+    assert suggested.returncode == 0, suggested.stderr
+    (tmp_path / "bag.toml").write_text(suggested.stdout)
+    done = palpate("run", "bag.toml", "--json")
+    assert done.returncode == 0, done.stderr
+    tracks = json.loads(done.stdout)["tracks"]
+    assert tracks.keys() == {"dr/ekf", "dr/fit"}
+    for track in tracks.values():
+        found = track["parameters"]["elasticity"]
+        assert 10e3 < found["value"] < 500e3
+        assert found["combined"] > 0
+    fitted = palpate("fit", "bag.toml", "--no-pictures")
+    assert fitted.returncode == 0, fitted.stderr
+    assert "elasticity" in fitted.stdout
+
+
+def table(path, header, columns, delimiter=","):
+    lines = [delimiter.join(header)] if header else []
+    lines += [delimiter.join(map(repr, row)) for row in np.column_stack(columns).tolist()]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def from_suggestion_to_elasticity(palpate, tmp_path, *arguments):
+    suggested = palpate("info", *arguments, "--suggest")
     assert suggested.returncode == 0, suggested.stderr
     (tmp_path / "log.toml").write_text(suggested.stdout)
     done = palpate("run", "log.toml", "--json")
     assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)["tracks"]["dr/ekf"]["parameters"]["elasticity"]
-    assert 10e3 < found["value"] < 500e3
-    assert found["combined"] > 0
+    return suggested.stdout, json.loads(done.stdout)["tracks"]["dr/ekf"]["parameters"]["elasticity"]["value"]
+
+
+TRUTH = 0.75 * 0.75 * 1.2e4 / np.sqrt(0.005)  # of the force that `press` answers with, on a tip of 5 mm
+
+
+@pytest.mark.parametrize(
+    ("header", "scales", "delimiter"),
+    [
+        (["time_s", "force_N", "position_m", "velocity_m_s"], (1, 1, 1, 1), ","),
+        (["t [ms]", "load [mN]", "height (mm)", "v [mm/s]"], (1e3, 1e3, 1e3, 1e3), ";"),
+        (["stamp", "Fz", "z", "vz"], (1e3, 1, 1, 1), "\t"),
+        (None, (1, 1, 1, 1), ","),
+        (None, (1e3, 1, 1e3, 1e3), ","),
+    ],
+)
+def test_a_table_of_numbers_from_its_names_units_or_motion_to_the_elasticity(
+    palpate, tmp_path, header, scales, delimiter
+):
+    time, height, speed, force = press(8.0)
+    columns = [scale * column for scale, column in zip(scales, (time, force, height, speed), strict=True)]
+    table(tmp_path / "log.csv", header, columns, delimiter)
+    shown = palpate("info", "log.csv")
+    assert shown.returncode == 0, shown.stderr
+    for text in ("4000", "500.0", "(time?)", "(force?)", "(position?)"):
+        assert text in shown.stdout
+    _, found = from_suggestion_to_elasticity(palpate, tmp_path, "log.csv")
+    assert found == pytest.approx(TRUTH, rel=0.08)
+
+
+def test_a_table_without_time_needs_the_rate(palpate, tmp_path):
+    _, height, _, force = press(8.0)
+    table(tmp_path / "log.csv", ["force_N", "position_m"], [force, height])
+    refused = palpate("info", "log.csv", "--suggest")
+    assert refused.returncode == 2
+    assert "no column holds the time (there are: force_N, position_m): give --rate" in refused.stderr
+    assert "no column holds the time" in palpate("info", "log.csv").stdout
+    text, found = from_suggestion_to_elasticity(palpate, tmp_path, "log.csv", "--rate", "500 Hz")
+    assert 'rate = "500 Hz"' in text
+    assert found == pytest.approx(TRUTH, rel=0.08)
+
+
+def test_columns_that_are_not_clear_are_named_and_can_be_chosen(palpate, tmp_path):
+    time, height, _, force = press(8.0)
+    columns = [np.arange(len(time)), time, 0 * force, force, height]
+    table(tmp_path / "log.csv", ["n", "t", "fx_N", "fz_N", "z_m"], columns)
+    refused = palpate("info", "log.csv", "--suggest")
+    assert (refused.returncode, "column 'fx_N' and column 'fz_N'; choose with --force" in refused.stderr) == (2, True)
+    _, found = from_suggestion_to_elasticity(palpate, tmp_path, "log.csv", "--force", "fz_N")
+    assert found == pytest.approx(TRUTH, rel=0.08)
+    wrong = palpate("info", "log.csv", "--suggest", "--force", "fy")
+    assert "there is no column 'fy' (there are: n, t, fx_N, fz_N, z_m)" in wrong.stderr
+
+
+def test_a_real_table_by_its_columns(palpate, shared, tmp_path):
+    log = shared / "ur3e-bota-2024" / "d10mm_soft.csv.gz"
+    chosen = ("--rate", "500 Hz", "--force", "4", "--position", "0", "--velocity", "3")
+    text, found = from_suggestion_to_elasticity(palpate, tmp_path, log, *chosen)
+    assert 'velocity = { column = 3, unit = "mm/s" }' in text
+    assert 90e3 < found < 140e3  # without the delays, which the file does not say
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("a.csv", "", "the file is empty"),
+        ("a.csv", "force,z\n", "holds no rows of numbers"),
+        ("a.csv", "t;z\n0,1;1,5\n0,2;1,6\n", "decimal commas"),
+        ("a.csv", "t,z\n0,1,1,5\n0,2,1,6\n", "decimal commas"),
+        ("a.csv.gz", "no gzip", "cannot be read"),
+        ("a.csv", "\xff\xfe", "is not a CSV text"),
+        ("a.csv", "t,z\n0.1,1\n", "no column holds the time"),
+    ],
+)
+def test_tables_that_are_none(palpate, tmp_path, name, text, words):
+    (tmp_path / name).write_bytes(text.encode("latin-1"))
+    refused = palpate("info", name, "--suggest")
+    assert refused.returncode == 2
+    assert words in refused.stderr
+    assert "Traceback" not in refused.stderr
+
+
+def test_rate_and_time_are_for_tables(palpate, bag):
+    refused = palpate("info", bag.name, "--suggest", "--rate", "500 Hz")
+    assert "--time and --rate are for CSV files" in refused.stderr
 
 
 def test_what_cannot_be_looked_into(palpate, tmp_path):

@@ -1,10 +1,16 @@
 """`palpate recover`, `export` and `compare`."""
 
 import csv
+import sqlite3
+import sys
+from contextlib import closing
 
 import numpy as np
 import pytest
+from palpate import ConfigurationError
+from palpate.cli.export import export
 from palpate_devices.mcap_replay import McapReplay
+from palpate_devices.rosbag2_replay import Rosbag2Replay
 
 from tests.devices.bags import array_message, write_bag
 
@@ -59,10 +65,47 @@ def test_recovery_of_a_whole_log_of_nothing_and_onto_something(palpate, recordin
         assert not (tmp_path / "x.mcap").exists()
 
 
-def test_a_bag_cannot_be_recovered(palpate, tmp_path):
-    write_bag(tmp_path / "bag.db3", [])
+@pytest.mark.parametrize("whole", [0.3, 0.9, 1.0])
+def test_a_bag_that_is_cut_gives_what_is_whole(palpate, tmp_path, whole):
+    messages = [(i * 10**6, array_message([0.0, i / 8])) for i in range(5000)]
+    raw = write_bag(tmp_path / "bag.db3", [("/data", "std_msgs/msg/Float64MultiArray", messages)]).read_bytes()
+    (tmp_path / "bag.db3").write_bytes(raw[: int(whole * len(raw))])
+    if whole < 1.0:
+        refused = palpate("export", "bag.db3", "-o", "x.csv")
+        assert (refused.returncode, "damaged" in refused.stderr) == (2, True)
+    done = palpate("recover", "bag.db3", "-o", "good.db3")
+    assert done.returncode == 0, done.stderr
+    assert ("is lost" in done.stdout) == (whole < 1.0)
+    signals = {"z": {"topic": "/data", "field": "data", "index": 1, "unit": "m"}}
+    with Rosbag2Replay.model_validate({"file": tmp_path / "good.db3", "signals": signals}).connect(0) as link:
+        batches = list(link.batches())
+    time = np.concatenate([batch.time for batch in batches])
+    np.testing.assert_array_equal(np.concatenate([b.values[:, 0] for b in batches]), time // 10**6 / 8)
+    assert len(time) > 0.8 * whole * len(messages)
+    assert f"{len(time)} messages over" in done.stdout
+    assert "is there already" in palpate("recover", "bag.db3", "-o", "good.db3").stderr
+
+
+def test_messages_of_many_pages_are_whole_or_not_there(tmp_path):
+    messages = [(i, array_message(np.full(3000, i + 0.1))) for i in range(40)]
+    raw = write_bag(tmp_path / "bag.db3", [("/data", "std_msgs/msg/Float64MultiArray", messages)]).read_bytes()
+    for cut in np.linspace(0.2, 0.999, 12):
+        (tmp_path / "cut.db3").write_bytes(raw[: int(cut * len(raw))])
+        out = tmp_path / f"{cut}.db3"
+        Rosbag2Replay.recover(tmp_path / "cut.db3", out)
+        with closing(sqlite3.connect(out)) as database:
+            found = database.execute("SELECT timestamp, data FROM messages").fetchall()
+        assert len(found) > 0.5 * cut * len(messages)
+        assert all(data == messages[stamp][1] for stamp, data in found)
+
+
+@pytest.mark.parametrize("content", [b"", b"no database", b"SQLite format 3\0" + b"\xff" * 200])
+def test_what_is_no_bag_cannot_be_recovered(palpate, tmp_path, content):
+    (tmp_path / "bag.db3").write_bytes(content)
     refused = palpate("recover", "bag.db3", "-o", "x.db3")
-    assert (refused.returncode, "nothing that recovers" in refused.stderr) == (2, True)
+    assert refused.returncode == 2
+    assert "bag.db3: " in refused.stderr
+    assert not (tmp_path / "x.db3").exists()
 
 
 @pytest.fixture
@@ -98,8 +141,39 @@ def test_export_to_arrays(palpate, bag, tmp_path):
 
 def test_export_to_parquet(palpate, bag, tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet", reason="parquet needs pyarrow")
-    assert palpate("export", bag.name, "-o", "x.parquet").returncode == 0
-    assert parquet.read_table(tmp_path / "x.parquet")["stamp_ns"].to_pylist() == [0, 10, 20, 20, 30, 40, 50]
+    done = palpate("export", bag.name, "-o", "x.parquet")
+    assert done.returncode == 0, done.stderr
+    table = parquet.read_table(tmp_path / "x.parquet")
+    assert table["stamp_ns"].to_pylist() == [0, 10, 20, 20, 30, 40, 50]
+    found = table["/fast:data[1]"].to_pylist()
+    np.testing.assert_array_equal(found, [0.0, 1.0, 4.0, np.nan, 9.0, 16.0, 25.0])
+
+
+def test_export_to_parquet_without_its_library_says_what_to_install(bag, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(ConfigurationError, match="pip install pyarrow"):
+        export(bag, tmp_path / "x.parquet", None)
+    assert not (tmp_path / "x.parquet").exists()
+
+
+@pytest.mark.parametrize("window", [1, 2, 3, 7, 50_000])
+def test_a_table_is_the_same_however_it_is_cut(tmp_path, monkeypatch, window):
+    """Messages of one instant, more of them than a window holds, and time-stamps out of order."""
+    stamps = {"/a": [5, 1, 1, 1, 1, 3, 9, 9, 2, 30], "/b": [0, 1, 1, 4, 9, 9, 9, 9, 40, 41, 42], "/c": [100]}
+    kind = "std_msgs/msg/Float64MultiArray"
+    topics = [(t, kind, [(s, array_message([float(i)])) for i, s in enumerate(found)]) for t, found in stamps.items()]
+    bag = write_bag(tmp_path / "bag.db3", topics)
+    monkeypatch.setattr("palpate.cli.export._WINDOW", window)
+    export(bag, tmp_path / "x.csv", None)
+    with (tmp_path / "x.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    seen = [int(row["stamp_ns"]) for row in rows]
+    most = {s: max(found.count(s) for found in stamps.values()) for found in stamps.values() for s in found}
+    assert seen == sorted(s for s, count in most.items() for _ in range(count))
+    for topic, found in stamps.items():
+        cells = [(int(r["stamp_ns"]), float(c)) for r in rows if (c := r[f"{topic}:data[0]"])]
+        assert cells == sorted(zip(found, map(float, range(len(found))), strict=True))
+    assert not list(tmp_path.glob(".export-*"))
 
 
 @pytest.mark.parametrize(

@@ -42,12 +42,14 @@ def wrench_message(stamp, frame, numbers):
     return bytes(Cdr().header(stamp, frame).put("d", *numbers))
 
 
-def joints_message(stamp, names, positions):
-    """sensor_msgs/msg/JointState without velocities and efforts."""
+def joints_message(stamp, names, positions, velocities=()):
+    """sensor_msgs/msg/JointState without efforts."""
     message = Cdr().header(stamp, "").put("I", len(names))
     for name in names:
         message.text(name)
-    return bytes(message.put("I", len(positions)).put("d", *positions).put("I", 0, 0))
+    for numbers in (positions, velocities, ()):
+        message.put("I", len(numbers)).put("d", *numbers)
+    return bytes(message)
 
 
 def transforms_message(transforms):

@@ -39,8 +39,9 @@ type = "ekf"
 """
 
 
-def write_log(path, stamps, logged, order=None):
+def write_log(path, stamps, logged, order=None, force_stamps=None):
     """Wrench, pose and twist of a press with the given stamps and log times [ns], in the given order of messages."""
+    force_stamps = stamps if force_stamps is None else force_stamps
     _, height, speed, force = press(6.0)
     order = range(len(stamps)) if order is None else order
     with path.open("wb") as file:
@@ -55,8 +56,8 @@ def write_log(path, stamps, logged, order=None):
         for i in order:
             stamp, arrival = int(stamps[i]), int(logged[i])
             rows = ([0, 0, force[i], 0, 0, 0], [0, 0, height[i], 0, 0, 0, 1], [0, 0, speed[i], 0, 0, 0])
-            for channel, row in zip(channels, rows, strict=True):
-                writer.add_message(channel, arrival, wrench_message(stamp, "base", row), stamp)
+            for channel, row, at in zip(channels, rows, (int(force_stamps[i]), stamp, stamp), strict=True):
+                writer.add_message(channel, arrival, wrench_message(at, "base", row), at)
         writer.finish()
     return path
 
@@ -131,4 +132,29 @@ def test_stamps_that_jump_back_are_said(tmp_path, kind):
         assert any("backwards" in text or "gap" in text for text in flags), flags
     # The log time is what helps.
     elasticity, _, _ = result_on(path, tmp_path / "log", clock="log")
+    assert elasticity == pytest.approx(TRUTH, rel=0.08)
+
+
+@pytest.mark.parametrize(("drift", "said"), [(200e-6, True), (-200e-6, True), (20e-6, False), (0.0, False)])
+def test_a_force_whose_clock_runs_otherwise_than_that_of_the_motion_is_said(tmp_path, drift, said):
+    """200 ppm are 1 ms after 5 s, and a millisecond between force and motion is taken for viscosity."""
+    random, stamps = np.random.default_rng(7), true_stamps()
+    drifted = stamps + ((stamps - stamps[0]) * drift).astype(np.int64)
+    arrival = np.sort(stamps + random.integers(50_000, 1_000_000, len(stamps)))
+    path = write_log(tmp_path / "log.mcap", stamps, arrival, force_stamps=drifted)
+    elasticity, flags, _ = result_on(path, tmp_path / "out")
+    assert any("clock-drift" in text for text in flags) == said, flags
+    assert said or elasticity == pytest.approx(TRUTH, rel=0.08)
+    elasticity, flags, _ = result_on(path, tmp_path / "log", clock="log")
+    assert elasticity == pytest.approx(TRUTH, rel=0.08)
+    assert not any("clock-drift" in text for text in flags)
+
+
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_log_times_with_a_jitter_of_5_ms_stay_right_or_are_said(tmp_path, seed):
+    """Without stamps only the arrival is left; the same jitter moves all three signals of an instant."""
+    stamps = true_stamps()
+    arrival = np.sort(stamps + np.random.default_rng(seed).integers(0, 5_000_000, len(stamps)))
+    path = write_log(tmp_path / "log.mcap", stamps, arrival)
+    elasticity, _, _ = result_on(path, tmp_path / "out", clock="log")
     assert elasticity == pytest.approx(TRUTH, rel=0.08)

@@ -1,6 +1,9 @@
 """rosbag2 bags: databases, folders, split and compressed files, and what is read of their messages."""
 
 import gzip
+import shutil
+import sqlite3
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -97,6 +100,23 @@ def test_messages_compressed_one_by_one(tmp_path):
         "info:\n  relative_file_paths:\n    - bag_0.db3\n  compression_format: zstd\n  compression_mode: MESSAGE\n"
     )
     assert (read(device_on(tmp_path))[1][:, 0] * 1000).tolist() == [0, 1, 2]
+
+
+def test_what_a_killed_recorder_left_in_its_journal_is_read(tmp_path):
+    """A database in WAL mode: the messages are beside it, until somebody closes it."""
+    live = bag_of(tmp_path / "live.db3", [[0.0, 1.0]])
+    with closing(sqlite3.connect(live)) as database:
+        database.execute("PRAGMA journal_mode=WAL")
+        for i in range(2, 50):
+            row = (1, 1000 * i, array_message([0.0, float(i)]))
+            database.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)", row)
+        database.commit()
+        for name in ("", "-wal"):
+            shutil.copyfile(f"{live}{name}", tmp_path / f"bag.db3{name}")
+    before = {path.name: path.read_bytes() for path in tmp_path.glob("bag.db3*")}
+    assert (read(device_on(tmp_path / "bag.db3"))[1][:, 0] * 1000).round(9).tolist() == list(range(1, 50))
+    assert "49 messages" in Rosbag2Replay.recover(tmp_path / "bag.db3", tmp_path / "good.db3")
+    assert {path.name: path.read_bytes() for path in tmp_path.glob("bag.db3*")} == before
 
 
 def test_only_a_window_of_time(tmp_path):

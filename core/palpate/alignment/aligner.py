@@ -71,6 +71,7 @@ class Aligner:
         health = self._health[device, batch.stream]
         health.invalid += int(np.count_nonzero(~batch.valid))
         gap = round(max(self._settings.gap, 5.0 / health.stream.rate if health.stream.rate else 0.0) * _SECOND)
+        health.arrived(batch.time, batch.received)
         rows = health.in_order(batch.time, gap)
         for series in self._series[device, batch.stream]:
             stamps = batch.time if series.signal.time == "stamp" else batch.received

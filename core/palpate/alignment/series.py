@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,8 @@ from palpate.alignment.settings import Signal
 from palpate.device import Batch, Stream
 
 _SECOND = 1_000_000_000  # [ns]
+_SECONDS = 1000  # in one batch; more are no clock
+_LEAST_SECONDS = 4
 
 
 @dataclass
@@ -27,6 +29,29 @@ class Health:
     longest_repeat: int = 0  # the longest run of exactly equal readings
     first: int | None = None  # [ns]
     last: int | None = None  # [ns]
+    _earliest: dict[int, int] = field(default_factory=dict)  # by second: the least time [ns] from stamp to arrival
+
+    def arrived(self, stamps: NDArray[np.int64], received: NDArray[np.int64]) -> None:
+        """Take note of how late readings arrived, against a clock that other streams share."""
+        if self.stream.clock != "log" or not len(stamps):
+            return
+        origin = int(stamps[0]) if self.first is None else self.first
+        late, seconds = received - stamps, (stamps - origin) // _SECOND
+        for second in np.unique(seconds).tolist()[:_SECONDS]:
+            least = int(late[seconds == second].min())
+            self._earliest[second] = min(self._earliest.get(second, least), least)
+
+    @property
+    def gained(self) -> float | None:
+        """How much the time-stamps gained on the clock of the log over the record [s]; None where it is too short.
+
+        The least lateness of a second is that of a message that nothing held up.
+        """
+        if len(self._earliest) < _LEAST_SECONDS:
+            return None
+        least = [late for _, late in sorted(self._earliest.items())]
+        few = len(least) // 5 + 1
+        return float(np.mean(least[:few]) - np.mean(least[-few:])) / _SECOND
 
     def in_order(self, stamps: NDArray[np.int64], gap: int) -> NDArray[np.bool_]:
         """(n,) True for readings whose time-stamp is after all those before it; counts the others, and gaps [ns]."""

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def compare(
-    log: Annotated[Path, typer.Argument(help="A log (.mcap, .db3, a bag folder), or a pipeline file (.toml).")],
+    log: Annotated[Path, typer.Argument(help="A log (.mcap, .db3, a bag folder, .csv), or a pipeline file (.toml).")],
     models: Annotated[str | None, typer.Option(help="Contact models by type, with commas between.")] = None,
     estimators: Annotated[str | None, typer.Option(help="Estimators by type, with commas between.")] = None,
     reference: Annotated[str | None, typer.Option(metavar="TRACK", help="Show this track as the truth.")] = None,
@@ -111,17 +111,13 @@ def _cell(value: float, scale: float) -> str:
 
 
 def _draw(result: Result, reference: str | None) -> Path | None:
-    """Elasticity over time with bands of two standard deviations, from ``estimates.csv``; None without matplotlib."""
+    """Parameters over time with bands of two standard deviations, from both tables; None without matplotlib."""
     try:
         from matplotlib.figure import Figure
     except ImportError:
         return None
-    with (result.folder / "estimates.csv").open(newline="", encoding="utf-8") as file:
-        header, *rows = csv.reader(file)
-    columns = dict(zip(header, np.array([[float(cell or "nan") for cell in row] for row in rows]).T, strict=False))
-    names = [name for name in header if name.endswith("_std") and ":" in name]
-    parameters = list(dict.fromkeys(name.split(":")[1][: -len("_std")] for name in names))
-    parameters = [name for name in parameters if name != "surface"]
+    columns = _curves(result.folder)
+    parameters = list(dict.fromkeys(p for track in result.tracks.values() for p in track.parameters if p != "surface"))
     figure = Figure(figsize=(9.0, 3.0 * max(len(parameters), 1)), layout="constrained")
     for axes, parameter in zip(np.atleast_1d(figure.subplots(len(parameters), sharex=True)), parameters, strict=True):
         _draw_parameter(axes, columns, parameter, result, reference)
@@ -130,25 +126,41 @@ def _draw(result: Result, reference: str | None) -> Path | None:
     return path
 
 
+def _curves(folder: Path) -> dict[str, Any]:
+    """Columns of both tables of estimates by their names, each track's time under ``TRACK:time``."""
+    curves: dict[str, Any] = {}
+    for path in (folder / "estimates.csv", folder / "estimates-offline.csv"):
+        if not path.is_file():
+            continue
+        with path.open(newline="", encoding="utf-8") as file:
+            header, *rows = csv.reader(file)
+        table = np.array([[float(cell or "nan") for cell in row] for row in rows]).reshape(-1, len(header)).T
+        found = dict(zip(header, table, strict=True))
+        labels = {name.split(":")[0] for name in header if ":" in name}
+        curves |= found | {f"{label}:time": found["time_s"] for label in labels}
+    return curves
+
+
 def _draw_parameter(
     axes: Any, columns: Mapping[str, Any], parameter: str, result: Result, reference: str | None
 ) -> None:
     units = {name: found.unit for track in result.tracks.values() for name, found in track.parameters.items()}
+    settled: list[Any] = []
     for label in result.tracks:
         value, std = columns.get(f"{label}:{parameter}"), columns.get(f"{label}:{parameter}_std")
         if value is None or std is None:
             continue
+        time = columns[f"{label}:time"]
         style = {"color": "black", "linewidth": 2.0} if label == reference else {"linewidth": 1.0}
         name = f"{label} (reference)" if label == reference else label
-        (line,) = axes.plot(columns["time_s"], value, label=name, **style)
-        axes.fill_between(
-            columns["time_s"], value - 2 * std, value + 2 * std, color=line.get_color(), alpha=0.2, linewidth=0
-        )
-        settled = value[len(value) // 2 :]
-        if np.isfinite(settled).any():  # the wide bands of the first moments would hide everything else
-            low, high = np.nanmin(settled), np.nanmax(settled)
-            margin = 0.5 * max(abs(high), abs(low))
-            axes.update_datalim([(columns["time_s"][0], low - margin), (columns["time_s"][-1], high + margin)])
+        (line,) = axes.plot(time, value, label=name, **style)
+        axes.fill_between(time, value - 2 * std, value + 2 * std, color=line.get_color(), alpha=0.2, linewidth=0)
+        known = value[np.isfinite(value)]
+        settled += [known[len(known) // 2 :]]
+    if sum(map(len, settled)):  # the wide bands of the first moments would hide everything else
+        low, high = np.concatenate(settled).min(), np.concatenate(settled).max()
+        margin = max(high - low, 0.25 * max(abs(low), abs(high)))
+        axes.set_ylim(low - margin, high + margin)
     axes.set_ylabel(f"{parameter} [{units.get(parameter, '')}]")
     axes.set_xlabel("time [s]")
     axes.grid(alpha=0.3)

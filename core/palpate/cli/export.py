@@ -1,36 +1,43 @@
-"""``palpate export``: a log as a table, for spreadsheets and other programs."""
+"""``palpate export``: a log as a table, for spreadsheets and other programs, by way of files beside the result."""
 
 from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Mapping
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import IO, Annotated, Any
 
 import numpy as np
 import typer
 from numpy.typing import NDArray
 
 from palpate.cli.log_info import recording_of
-from palpate.device import Batch
 from palpate.errors import ConfigurationError, LogError, OutputError
 
 Floats = NDArray[np.float64]
 
+_WINDOW = 50_000  # rows of one topic that are put side by side at once
+
 
 @dataclass(frozen=True)
 class Numbers:
-    """One topic as arrays."""
+    """One topic as arrays; they lie in files, so that a log may be larger than the memory."""
 
     names: tuple[str, ...]
     stamps: NDArray[np.int64]  # (n,) [ns]
     values: Floats  # (n, k) as recorded
 
+    def part(self, begin: int, end: int) -> Numbers:
+        """Some rows, in memory."""
+        return Numbers(self.names, _part(self.stamps, begin, end), _part(self.values, begin, end))
+
 
 def export(
-    log: Annotated[Path, typer.Argument(help="The log: .mcap, .db3, a bag folder.")],
+    log: Annotated[Path, typer.Argument(help="The log: .mcap, .db3, a bag folder, .csv.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="x.csv, x.npz, x.mat or x.parquet; must not exist.")],
     topics: Annotated[
         list[str] | None, typer.Option("--topic", help="Only this topic; can be repeated. [default: all]")
@@ -42,39 +49,89 @@ def export(
         raise ConfigurationError(f"--out {out}: the name must end in one of {', '.join(_WRITERS)}")
     if out.exists():
         raise OutputError(f"{out}: is there already, and nothing is ever overwritten")
-    numbers = _numbers(log, topics)
     try:
-        write(out, numbers)
+        with tempfile.TemporaryDirectory(prefix=".export-", dir=out.parent) as folder:
+            numbers = _numbers(log, topics, Path(folder))
+            write(out, numbers)
     except OSError as error:
         raise OutputError(f"{out}: cannot write: {error.strerror}") from error
     rows = sum(len(entry.stamps) for entry in numbers.values())
     typer.echo(f"{rows} messages of {len(numbers)} topics are in {out}")
 
 
-def _numbers(log: Path, topics: list[str] | None) -> dict[str, Numbers]:
+def _numbers(log: Path, topics: list[str] | None, folder: Path) -> dict[str, Numbers]:
+    """The log's topics, in files of the folder."""
     names: dict[str, tuple[str, ...]] = {}
-    blocks: dict[str, list[Batch]] = {}
-    for topic, columns, batch in recording_of(log).tables(log):
-        names[topic] = columns
-        if not topics or topic in topics:
-            blocks.setdefault(topic, []).append(batch)
-    missing = [topic for topic in topics or () if topic not in blocks]
+    files: dict[str, tuple[IO[bytes], IO[bytes]]] = {}
+    with ExitStack() as stack:
+        for topic, columns, batch in recording_of(log).tables(log):
+            names[topic] = columns
+            if topics and topic not in topics:
+                continue
+            if topic not in files:
+                paths = (folder / f"{len(files)}.{kind}" for kind in ("stamps", "values"))
+                stamps, values = (stack.enter_context(path.open("wb")) for path in paths)
+                files[topic] = stamps, values
+            files[topic][0].write(np.ascontiguousarray(batch.time).data)
+            files[topic][1].write(np.ascontiguousarray(batch.values).data)
+    missing = [topic for topic in topics or () if topic not in files]
     if missing:
         raise LogError(f"{log}: --topic {missing[0]}: holds no numbers (there are: {', '.join(names)})")
-    if not blocks:
+    if not files:
         raise LogError(f"{log}: holds no numbers")
-    return {
-        topic: Numbers(
-            names[topic],
-            np.concatenate([block.time for block in found]),
-            np.concatenate([block.values for block in found]),
-        )
-        for topic, found in blocks.items()
-    }
+    return {topic: _mapped(folder, i, names[topic]) for i, topic in enumerate(files)}
+
+
+def _mapped(folder: Path, number: int, names: tuple[str, ...]) -> Numbers:
+    """A topic's arrays, in the order of time."""
+    count = (folder / f"{number}.stamps").stat().st_size // 8
+    shape = count, len(names)
+    if not count * len(names):
+        return Numbers(names, np.fromfile(folder / f"{number}.stamps", np.int64), np.zeros(shape))
+    stamps = np.memmap(folder / f"{number}.stamps", np.int64, "r+", shape=(count,))
+    values = np.memmap(folder / f"{number}.values", np.float64, "r+", shape=shape)
+    windows = [(begin, min(begin + _WINDOW, count)) for begin in range(0, count, _WINDOW)]
+    if all((np.diff(_part(stamps, max(begin - 1, 0), end)) >= 0).all() for begin, end in windows):
+        return Numbers(names, stamps, values)
+    order = np.argsort(stamps, kind="stable")  # this, and the stamps, are held: 16 bytes a message
+    stamps[:] = stamps[order]
+    stamps.flush()
+    path = folder / f"{number}.ordered"
+    with path.open("wb") as file:
+        for begin, end in windows:
+            file.write(np.ascontiguousarray(values[order[begin:end]]).data)
+    return Numbers(names, stamps, np.memmap(path, np.float64, "r", shape=shape))
+
+
+def _part(array: NDArray[Any], begin: int, end: int) -> NDArray[Any]:
+    """Some rows, read: pages of a file that is mapped would all stay in memory."""
+    if not isinstance(array, np.memmap):
+        return array[begin:end]
+    width = int(np.prod(array.shape[1:]))
+    flat = np.fromfile(str(array.filename), array.dtype, (end - begin) * width, offset=begin * width * array.itemsize)
+    return flat.reshape(-1, *array.shape[1:])
+
+
+def _windows(numbers: Mapping[str, Numbers]) -> Iterator[tuple[NDArray[np.int64], dict[str, Floats]]]:
+    """The rows of one table, some ten thousand at a time."""
+    at = dict.fromkeys(numbers, 0)
+    while True:
+        ends = [int(n.stamps[at[t] + _WINDOW]) for t, n in numbers.items() if at[t] + _WINDOW < len(n.stamps)]
+        edge = min(ends, default=None)
+        if edge is not None and all(at[t] == len(n.stamps) or n.stamps[at[t]] >= edge for t, n in numbers.items()):
+            edge += 1  # more messages of one instant than fit
+        until = {
+            topic: len(entry.stamps) if edge is None else int(np.searchsorted(entry.stamps, edge))
+            for topic, entry in numbers.items()
+        }
+        yield _rows({topic: entry.part(at[topic], until[topic]) for topic, entry in numbers.items()})
+        at = until
+        if edge is None:
+            return
 
 
 def _rows(numbers: Mapping[str, Numbers]) -> tuple[NDArray[np.int64], dict[str, Floats]]:
-    """One table: a row for each time-stamp of any topic [ns], NaN where a topic has no message at it."""
+    """Rows of a table: one for each time-stamp of any topic [ns], NaN where a topic has no message at it."""
     keys = {topic: np.stack([entry.stamps, _occurrence(entry.stamps)]) for topic, entry in numbers.items()}
     every, places = np.unique(np.concatenate(list(keys.values()), axis=1), axis=1, return_inverse=True)
     places = places.ravel()
@@ -102,14 +159,16 @@ def _occurrence(stamps: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _csv(out: Path, numbers: Mapping[str, Numbers]) -> None:
-    stamps, columns = _rows(numbers)
+    first = min(int(entry.stamps[0]) for entry in numbers.values() if len(entry.stamps))
     with out.open("x", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["stamp_ns", "time_s", *columns])
-        lists = [column.tolist() for column in columns.values()]
-        seconds = (stamps - stamps.min()) / 1e9
-        for row in zip(stamps.tolist(), seconds.tolist(), *lists, strict=True):
-            writer.writerow(["" if value != value else value for value in row])
+        names = (f"{topic}:{name}" for topic, entry in numbers.items() for name in entry.names)
+        writer.writerow(["stamp_ns", "time_s", *names])
+        for stamps, columns in _windows(numbers):
+            lists = [column.tolist() for column in columns.values()]
+            seconds = (stamps - first) / 1e9
+            for row in zip(stamps.tolist(), seconds.tolist(), *lists, strict=True):
+                writer.writerow(["" if value != value else value for value in row])
 
 
 def _arrays(numbers: Mapping[str, Numbers]) -> dict[str, Any]:
@@ -149,8 +208,11 @@ def _parquet(out: Path, numbers: Mapping[str, Numbers]) -> None:
         import pyarrow.parquet  # type: ignore[import-not-found,import-untyped,unused-ignore]
     except ImportError as error:
         raise ConfigurationError("parquet needs a library that is not here: pip install pyarrow") from error
-    stamps, columns = _rows(numbers)
-    pyarrow.parquet.write_table(pyarrow.table({"stamp_ns": stamps, **columns}), out)
+    names = [f"{topic}:{name}" for topic, entry in numbers.items() for name in entry.names]
+    fields = [("stamp_ns", pyarrow.int64()), *((name, pyarrow.float64()) for name in names)]
+    with pyarrow.parquet.ParquetWriter(out, pyarrow.schema(fields)) as writer:
+        for stamps, columns in _windows(numbers):
+            writer.write_table(pyarrow.table({"stamp_ns": stamps, **columns}))
 
 
 _WRITERS: Mapping[str, Callable[[Path, Mapping[str, Numbers]], None]] = {

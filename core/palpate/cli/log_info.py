@@ -28,15 +28,20 @@ poisson = 0.5
 
 [estimator.ekf]
 type = "ekf"
+
+[estimator.fit]                        # all of the record at once: for `palpate fit`, too
+type = "casadi-fit"
 """
 
 
 def info(
-    log: Annotated[Path | None, typer.Argument(help="The log: .mcap, .db3, a bag folder.")] = None,
+    log: Annotated[Path | None, typer.Argument(help="The log: .mcap, .db3, a bag folder, .csv.")] = None,
     suggest: Annotated[bool, typer.Option("--suggest", help="Print a ready pipeline that reads the log.")] = False,
     force: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the force.")] = None,
     position: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the position.")] = None,
     velocity: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the velocity.")] = None,
+    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="What is the time in a CSV file.")] = None,
+    rate: Annotated[str | None, typer.Option(help="Rate of a CSV file without a time, such as '500 Hz'.")] = None,
 ) -> None:
     """Say what a log holds, with --suggest as a pipeline that reads it; without a log, what palpate runs on."""
     from rich.console import Console
@@ -46,7 +51,7 @@ def info(
         return
     recording = recording_of(log)
     if suggest:
-        given = {"force": force, "position": position, "velocity": velocity}
+        given = {"force": force, "position": position, "velocity": velocity, "time": time, "rate": rate}
         choices = {role: text for role, text in given.items() if text is not None}
         typer.echo(pipeline_text(recording.suggest(log, choices), log), nl=False)
         return
@@ -73,9 +78,10 @@ def pipeline_text(suggestion: Suggestion, log: Path) -> str:
     reasons = (f"A pipeline for {log.name}. What was found, and why:", *(f"  {text}" for text in suggestion.reasons))
     lines = [f"# {_printable(reason)}" for reason in reasons]
     lines += ["", "[run]", f"name = {_toml(log.name)}", "", "[device.log]"]
-    lines += [f"{key} = {_toml(value)}" for key, value in suggestion.device.items() if key != "signals"]
-    lines += ["", "[device.log.signals]"]
-    lines += [f"{name} = {_toml(signal)}" for name, signal in suggestion.device.get("signals", {}).items()]
+    tables = {key: value for key, value in suggestion.device.items() if key in ("signals", "columns")}
+    lines += [f"{key} = {_toml(value)}" for key, value in suggestion.device.items() if key not in tables]
+    for key, table in tables.items():
+        lines += ["", f"[device.log.{key}]", *(f"{name} = {_toml(item)}" for name, item in table.items())]
     lines += [
         "",
         '# Timing moves the viscosity: declare what is known of it, as in delay = "0 ms", uncertainty = "1 ms".',

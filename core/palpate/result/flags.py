@@ -19,6 +19,7 @@ _PAPER_NOISE = 0.05  # [N]
 _WEAK = 5.0  # the force must swing by more than so many standard deviations of its noise
 _SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the one that the first touch says
 _LATE = 1e-3  # [s] of the velocity against the position
+_DRIFT = 5e-4  # [s] between the clocks of two streams over a record
 _AIR = 0.05  # [N] before the first touch
 _STUCK = 0.1  # [s] of exactly equal readings
 
@@ -61,12 +62,27 @@ def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Ite
         if abs(late) > max(_LATE, 5 * uncertainty):
             what = f"the velocity is {1e3 * late:.2g} ms late against the position: filtered, or of another clock"
             yield flag("velocity-late", what)
+    yield from _drift_flags(report, settings)
     if settings.tare == "free-air" and (report.tare is None or report.tare.noise is None):
         yield flag("no-tare", "the record is too short, or has no force, for a tare in free air")
     if report.air_force is not None and abs(report.air_force) > _AIR:
         yield flag("untared", f"before the first touch the force is {report.air_force:+.2g} N, where it should be none")
     if report.touches > 1:
         yield flag("touched-again", f"contact was lost and found again {report.touches - 1} times")
+
+
+def _drift_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterator[Flag]:
+    """Clocks of force and motion that do not run alike, by the clock that logged both."""
+    signals = [s for s in (settings.force, settings.position, settings.velocity) if s is not None and s.time == "stamp"]
+    streams = dict.fromkeys(signal.channel.rpartition(".")[0] for signal in signals)
+    gained = {name: h.gained for name in streams if (h := report.streams.get(name)) is not None}
+    known = [(name, gain) for name, gain in gained.items() if gain is not None]
+    for name, gain in known[1:]:
+        first, reference = known[0]
+        if abs(gain - reference) > _DRIFT:
+            ahead, behind = (name, first) if gain > reference else (first, name)
+            late = f"{1e3 * abs(gain - reference):.2g} ms"
+            yield flag("clock-drift", f"the time-stamps of {ahead} gain {late} on those of {behind} over the record")
 
 
 def track_flags(

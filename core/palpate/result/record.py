@@ -109,6 +109,7 @@ class TrackRecord:
             return
         self.samples += int(np.count_nonzero(rows))
         self.nanoseconds += int(np.rint(samples.interval[rows] * 1e9).astype(np.int64).sum())
+        rows &= samples.time >= samples.time[rows][-1] - self.keep  # what is older would be forgotten at once
         found = estimates
         columns = (found.values, found.std, found.surface, found.surface_std, found.force, found.nis, found.innovation)
         measured = (samples.time, samples.force, samples.position, samples.velocity)

@@ -12,9 +12,25 @@ from typing import IO, Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Batch, Channel, Device, File, Frequency, Link, LogError, Settings, Stream, is_number, to_si
+from palpate import (
+    Batch,
+    Channel,
+    File,
+    Frequency,
+    Link,
+    LogError,
+    Recording,
+    Settings,
+    Stream,
+    Suggestion,
+    Survey,
+    is_number,
+    to_si,
+)
 from pydantic import Field, model_validator
 
+from palpate_devices.logs.csv_roles import suggest_csv, survey_csv, tables_csv
+from palpate_devices.logs.csv_sheet import SUFFIXES, bounded
 from palpate_devices.logs.readings import nanoseconds, si_unit
 from palpate_devices.logs.replay import file_facts
 
@@ -31,7 +47,7 @@ class Column(Settings):
     unit: str = Field(min_length=1, description='unit of its numbers, such as "mm" or "N"')
 
 
-class CsvReplay(Device):
+class CsvReplay(Recording):
     """A CSV file of numbers, plain or gzipped, as a device: its columns are channels of one stream.
 
     Time comes from a column, or from a rate. Columns are counted, or named by the header line. A cell that is empty or
@@ -78,6 +94,26 @@ class CsvReplay(Device):
     def _connected(self) -> Iterator[Link]:
         yield _CsvLink(self)
 
+    @classmethod
+    def recognises(cls, path: Path) -> bool:
+        """A file that is named like a table of numbers."""
+        return path.is_file() and path.name.endswith(SUFFIXES)
+
+    @classmethod
+    def survey(cls, path: Path) -> Survey:
+        """See `Recording`."""
+        return survey_csv(path)
+
+    @classmethod
+    def suggest(cls, path: Path, choices: Mapping[str, str]) -> Suggestion:
+        """See `Recording`; columns are chosen by their name or number, and ``rate`` or ``time`` gives the time."""
+        return suggest_csv(path, choices)
+
+    @classmethod
+    def tables(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
+        """See `Recording`."""
+        return tables_csv(path)
+
 
 class _CsvLink:
     def __init__(self, log: CsvReplay) -> None:
@@ -110,7 +146,7 @@ class _CsvLink:
         path = self._log.file
         try:
             with _open_text(path) as file:
-                rows = enumerate(csv.reader(file, delimiter=self._log.delimiter), start=1)
+                rows = enumerate(csv.reader(bounded(file, path), delimiter=self._log.delimiter), start=1)
                 places: list[int] | None = None
                 while lines := list(islice(rows, _BLOCK)):
                     block = []

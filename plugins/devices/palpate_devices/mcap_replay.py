@@ -14,14 +14,16 @@ from typing import Any, Self
 from palpate import Batch, Channel, File, Link, LogError, Recording, Stream, Suggestion, Survey, Time
 from pydantic import Field, model_validator
 
-from palpate_devices.logs.mapping import Clock, Feed, MappedSignal, mapped_feeds, raw_feed
+from palpate_devices.logs.feeds import Feed, raw_feed
+from palpate_devices.logs.kinematics import Kinematics, joint_feeds
+from palpate_devices.logs.mapping import Clock, MappedSignal
 from palpate_devices.logs.mcap_file import McapFile
 from palpate_devices.logs.recovery import counted, recover_mcap
-from palpate_devices.logs.replay import LogLink, file_facts, tables_of, window
+from palpate_devices.logs.replay import LogLink, described_feeds, distinct, file_facts, tables_of, window
 from palpate_devices.logs.suggestion import suggestion_for
 from palpate_devices.logs.survey import survey_of
 from palpate_devices.logs.topics import Topic
-from palpate_devices.messages import UNITS, MessageType, known_type
+from palpate_devices.messages import JOINTS, UNITS, MessageType, joint_type, known_type
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,9 @@ class McapReplay(Recording):
     )
     recorded: str | None = Field(
         default=None, description="only the streams of the device that had this name in the recording"
+    )
+    kinematics: Kinematics | None = Field(
+        default=None, description="the robot whose joints give the streams tip and twist, such as log.tip.z"
     )
     time: Clock = Field(
         default="stamp",
@@ -110,9 +115,12 @@ class McapReplay(Recording):
         if not self._log.complete and not self.accept_cut:
             raise LogError(self._cut_message())
         if self.signals:
-            return mapped_feeds(self._log, self.signals, self.time, str(self.file))
+            return described_feeds(self._log, self.signals, self.kinematics, self.time, str(self.file))
         found = {name: usable for name, topic in topics.items() if (usable := _usable(topic)) is not None}
-        return self._named(found) if self.topics else self._all(found)
+        tip = joint_feeds(self._log, self.kinematics, self.time, str(self.file))[0] if self.kinematics else []
+        if self.topics:
+            return distinct([*self._named(found), *tip], str(self.file))
+        return tip if tip and not found else distinct([*self._all(found), *tip], str(self.file))
 
     def _cut_message(self) -> str:
         count, duration = counted(self._log)
@@ -181,10 +189,12 @@ def _usable(topic: Topic) -> _Usable | None:
     if kind is None:
         return None
     facts = _facts(topic)
-    stream = _stream(topic, kind, facts)
     try:
+        if kind is JOINTS:  # of those that others recorded only a mapping knows which they are
+            kind = joint_type(facts["channels"])
+        stream = _stream(topic, kind, facts)
         return _Usable(raw_feed(topic, stream, kind.paths or kind.fields), facts.get("device"))
-    except LogError:
+    except (LogError, KeyError, TypeError, ValueError):  # metadata that are not ours
         return None
 
 

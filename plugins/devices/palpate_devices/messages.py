@@ -2,16 +2,19 @@
 
 CDR, little-endian: 4 bytes of encapsulation, then int32 sec, uint32 nanosec, the frame as a counted string with its
 closing zero, padding to a multiple of 8 counted from byte 4, and float64 numbers. Every message of a stream has one
-frame, so all have one size and a block of them is one numpy array.
+frame, so all have one size and a block of them is one numpy array. The names of joints are as constant as the frame.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+
+from palpate_devices.logs.topics import column
 
 _SECOND = 1_000_000_000  # [ns]
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
@@ -66,7 +69,12 @@ TWIST = MessageType(
     ("x", "y", "z", "wx", "wy", "wz"),
     tuple(f"twist.{part}.{axis}" for part in ("linear", "angular") for axis in "xyz"),
 )
-STANDARD = {"wrench": WRENCH, "pose": POSE, "twist": TWIST}
+JOINTS = MessageType(
+    "sensor_msgs/msg/JointState",
+    _composed("std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort"),
+    (),
+)
+STANDARD = {"wrench": WRENCH, "pose": POSE, "twist": TWIST, "joints": JOINTS}
 UNITS = {
     WRENCH.name: ("N", "N", "N", "N*m", "N*m", "N*m"),
     POSE.name: ("m", "m", "m", "1", "1", "1", "1"),
@@ -78,6 +86,13 @@ def numbers_type(name: str, fields: Sequence[str]) -> MessageType:
     """A type of our own, ``palpate_msgs/msg/NAME``: a header and one float64 for each field."""
     body = "\n".join(["std_msgs/Header header", *(f"float64 {field}" for field in fields)])
     return MessageType(f"palpate_msgs/msg/{name}", _composed(body), tuple(fields))
+
+
+def joint_type(channels: Sequence[str]) -> MessageType:
+    """JointState with these channels: the angle of each joint under its name, then as many speeds."""
+    count = len(channels) // 2
+    paths = [f"{part}[{i}]" for part in ("position", "velocity") for i in range(count)]
+    return replace(JOINTS, fields=tuple(channels), paths=tuple(paths))
 
 
 def known_type(schema_name: str, definition: str) -> MessageType | None:
@@ -96,32 +111,50 @@ def known_type(schema_name: str, definition: str) -> MessageType | None:
     return MessageType(name, definition, tuple(words[1] for words in fields[1:]))
 
 
-def _layout(frame_length: int, numbers: int) -> np.dtype[np.void]:
-    """Memory of one message; `frame_length` counts the closing zero."""
-    padding = -(12 + frame_length) % 8
-    return np.dtype(
-        [
-            ("encapsulation", "S4"),
-            ("sec", "<i4"),
-            ("nanosec", "<u4"),
-            ("length", "<u4"),
-            ("frame", f"V{frame_length}"),
-            ("padding", f"V{padding}"),
-            ("numbers", "<f8", (numbers,)),
-        ]
-    )
+def pack(
+    stamps: NDArray[np.int64], frame: str, numbers: NDArray[np.float64], joints: tuple[str, ...] = ()
+) -> list[bytes]:
+    """One CDR message for each stamp [ns] and row of numbers (n, k); of joints (n, 2 j), angles and then speeds."""
+    template, runs = _template(frame, numbers.shape[1], joints)
+    messages = np.tile(np.frombuffer(template, np.uint8), (len(stamps), 1))
+    column(messages, 4, "<i4")[:], column(messages, 8, "<u4")[:] = stamps // _SECOND, stamps % _SECOND
+    begin = 0
+    for offset, count in runs:
+        run = np.ascontiguousarray(numbers[:, begin : begin + count], "<f8")
+        messages[:, offset : offset + 8 * count] = run.view(np.uint8)
+        begin += count
+    raw, size = messages.tobytes(), len(template)
+    return [raw[start : start + size] for start in range(0, len(raw), size)]
 
 
-def pack(stamps: NDArray[np.int64], frame: str, numbers: NDArray[np.float64]) -> list[bytes]:
-    """One CDR message for each stamp [ns] and row of numbers (n, k)."""
-    text = frame.encode() + b"\0"
-    layout = _layout(len(text), numbers.shape[1])
-    messages = np.zeros(len(stamps), layout)
-    messages["sec"], messages["nanosec"] = stamps // _SECOND, stamps % _SECOND
-    messages["length"] = len(text)
-    messages["frame"] = np.void(text)
-    messages["numbers"] = numbers
-    raw = bytearray(messages.tobytes())
-    for start in range(0, len(raw), layout.itemsize):
-        raw[start : start + 4] = _LITTLE_ENDIAN
-    return [bytes(raw[start : start + layout.itemsize]) for start in range(0, len(raw), layout.itemsize)]
+@cache
+def _template(frame: str, count: int, joints: tuple[str, ...]) -> tuple[bytes, tuple[tuple[int, int], ...]]:
+    """A message whose stamp and numbers are 0, and the runs of its numbers: offset and how many."""
+    data = bytearray(_LITTLE_ENDIAN + bytes(8))
+    runs = []
+
+    def whole(number: int) -> None:
+        data.extend(bytes(-len(data) % 4) + number.to_bytes(4, "little"))
+
+    def text(words: str) -> None:
+        raw = words.encode() + b"\0"
+        whole(len(raw))
+        data.extend(raw)
+
+    def zeros(count: int) -> None:
+        data.extend(bytes(-(len(data) - 4) % 8))
+        runs.append((len(data), count))
+        data.extend(bytes(8 * count))
+
+    text(frame)
+    if not joints:
+        zeros(count)
+        return bytes(data), tuple(runs)
+    whole(len(joints))
+    for joint in joints:
+        text(joint)
+    for _ in range(2):
+        whole(len(joints))
+        zeros(len(joints))
+    whole(0)  # no efforts
+    return bytes(data), tuple(runs)

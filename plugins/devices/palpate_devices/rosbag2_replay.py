@@ -6,13 +6,17 @@ from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from functools import cached_property
 from pathlib import Path
+from typing import Self
 
 from palpate import Batch, File, Link, LogError, Recording, Stream, Suggestion, Survey, Time
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from palpate_devices.logs.bag_folder import SUFFIXES, Bag
-from palpate_devices.logs.mapping import Clock, Feed, MappedSignal, mapped_feeds
-from palpate_devices.logs.replay import LogLink, file_facts, tables_of, window
+from palpate_devices.logs.feeds import Feed
+from palpate_devices.logs.kinematics import Kinematics
+from palpate_devices.logs.mapping import Clock, MappedSignal
+from palpate_devices.logs.replay import LogLink, described_feeds, file_facts, tables_of, window
+from palpate_devices.logs.sqlite_recovery import recover_bag
 from palpate_devices.logs.suggestion import suggestion_for
 from palpate_devices.logs.survey import survey_of
 from palpate_devices.logs.topics import Container
@@ -22,13 +26,16 @@ class Rosbag2Replay(Recording):
     """A rosbag2 bag as a device: a ``.db3`` file (plain, .gz, .zstd), or a folder with ``metadata.yaml``.
 
     `signals` says which numbers of which topics are the channels. Signals of one topic share a stream, named by the
-    topic's last word: ``log.wrench.force``.
+    topic's last word: ``log.wrench.force``. `kinematics` takes joint states to the tip.
     """
 
     file: File = Field(description="the bag, a file or a folder, relative to the pipeline file")
     signals: dict[str, MappedSignal] = Field(
-        min_length=1,
+        default={},
         description='channels by name: { force = { topic = "/wrench", field = "wrench.force.z", unit = "N" } }',
+    )
+    kinematics: Kinematics | None = Field(
+        default=None, description="the robot whose joints give the streams tip and twist, such as log.tip.z"
     )
     time: Clock = Field(
         default="stamp", description='"stamp" (of the header, else log), "log", or { field = "data", index = 0 }'
@@ -38,6 +45,12 @@ class Rosbag2Replay(Recording):
     )
     end: Time | None = Field(default=None, gt=0, description="leave out what was logged later")
     accept_cut: bool = Field(default=False, description="read what is whole of a bag in MCAP files that are cut")
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        if not self.signals and self.kinematics is None:
+            raise ValueError("give signals: which numbers of which topics are the channels")
+        return self
 
     @property
     def streams(self) -> tuple[Stream, ...]:
@@ -79,7 +92,7 @@ class Rosbag2Replay(Recording):
 
     @cached_property
     def _feeds(self) -> list[Feed]:
-        return mapped_feeds(self._bag, self.signals, self.time, str(self.file))
+        return described_feeds(self._bag, self.signals, self.kinematics, self.time, str(self.file))
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
@@ -104,6 +117,15 @@ class Rosbag2Replay(Recording):
     def tables(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
         """See `Recording`."""
         return tables_of(cls._opened(path))
+
+    @classmethod
+    def recover(cls, path: Path, out: Path) -> str:
+        """See `Recording`."""
+        if path.name.endswith(".db3") and path.is_file():
+            return recover_bag(path, out)
+        if path.is_dir():
+            raise LogError(f"{path}: recover the files of a bag one by one, and put them into a folder of their own")
+        raise LogError(f"{path}: is compressed as a whole: unpack it first, as far as that goes")
 
     @classmethod
     def _opened(cls, path: Path) -> Container:

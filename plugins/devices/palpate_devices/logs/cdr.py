@@ -4,7 +4,7 @@ Where a field of a message lies depends on the lengths of the strings and sequen
 field by field; every other message of the same length, whose strings and sequences have the same lengths, has the same
 layout and is read with it in whole arrays. A topic whose layout varies costs one walk for each layout.
 
-Encapsulation: 4 bytes, the second of which is 1 for little-endian; alignment counts from byte 4.
+Encapsulation: 4 bytes, the second of which is odd for little-endian; alignment counts from byte 4.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ from palpate_devices.logs.topics import Bytes, Messages, column, gather
 _FIELD_LIMIT = 100_000  # fields of one message
 _SMALL = 512  # [bytes]
 _PADDING = 8  # bytes that a writer may leave at the end of a message
+_PLAIN, _LISTS = (0, 1), (2, 3)  # kinds of encapsulation, each big-endian and little-endian
+_WIDE = (4, 2)  # bytes of a wide character, of one implementation and another; only one of them fills a message
 
 
 @dataclass(frozen=True)
@@ -43,13 +45,14 @@ class Layout:
     places: Mapping[str, Place]  # by path, such as "wrench.force.z"
     texts: Mapping[str, bytes]  # as they stand there, with their closing zero
     lengths: tuple[tuple[int, int], ...]  # offset of a length, and its value
+    kind: int  # of encapsulation
     order: str
 
     def matches(self, messages: Messages, pinned: tuple[str, ...] = ()) -> tuple[NDArray[np.bool_], Excerpt]:
         """(n,) True for messages of this layout, and those; texts in `pinned` must be the same, too."""
         same = messages.lengths == self.size
         excerpt = Excerpt.of(messages if same.all() else messages[same], self.size)
-        good = excerpt.column(1, "u1") == (1 if self.order == "<" else 0)
+        good = excerpt.column(1, "u1") == self.kind
         for offset, value in self.lengths:
             good &= excerpt.column(offset, f"{self.order}u4") == value
         for path in pinned:
@@ -108,24 +111,48 @@ class Excerpt:
 
 def _at(place: Place, index: int | None) -> tuple[int, str]:
     """Offset and code of a number; no code where there is none."""
-    if place.code == "S" or (place.count is None) != (index is None) or (index or 0) >= (place.count or 1):
+    count = 1 if place.count is None else place.count
+    if place.code == "S" or (place.count is None) != (index is None) or (index or 0) >= count:
         return 0, ""
     return place.offset + (index or 0) * int(place.code[2]), place.code
 
 
 def walk(definitions: Definitions, type_name: str, message: bytes) -> Layout:
     """The layout of one message; raises LogError where it is no message of its type."""
-    if len(message) < 4 or message[0] != 0 or message[1] not in (0, 1):
+    if len(message) < 4 or message[0] != 0:
         raise LogError(f"a message of {type_name} is damaged: it does not begin as CDR does")
-    walker = _Walker(definitions, message, "<" if message[1] == 1 else ">")
+    if message[1] not in _PLAIN and message[1] not in _LISTS:
+        raise LogError(f"a message of {type_name} is in CDR of the kind {message[1]}, which is not read (0 to 3 are)")
+    found: list[Layout] = []
+    problem: LogError | None = None
+    for wide in _WIDE:
+        walker = _Walker(definitions, message, "<" if message[1] % 2 else ">", wide)
+        try:
+            found.append(_walked(walker, type_name, message))
+        except LogError as error:
+            problem = problem or error
+        if not walker.wide_characters:
+            break
+    if problem is not None and not found:
+        raise problem
+    if len(found) > 1 and found[0].places != found[1].places:
+        raise LogError(f"a message of {type_name} has wide strings that could be of 2 or of 4 bytes a character")
+    return found[0]
+
+
+def _walked(walker: _Walker, type_name: str, message: bytes) -> Layout:
     try:
         walker.message(short_name(type_name), "", 0)
     except (struct.error, _Beyond) as error:
         raise LogError(f"a message of {type_name} is damaged: it ends before its fields do") from error
-    if len(message) - walker.position > _PADDING:
-        left = len(message) - walker.position
+    left = len(message) - walker.position
+    if left > _PADDING:
         raise LogError(f"a message of {type_name} is damaged: {left} bytes of it belong to no field")
-    return Layout(len(message), walker.places, walker.texts, tuple(walker.lengths), walker.order)
+    # Some writers say parameter list and write none. A real one has 8 bytes more than its fields, at the least.
+    if left > 3 and (message[1] in _LISTS or walker.wide_characters):
+        raise LogError(f"a message of {type_name} cannot be read: it is a parameter list, or damaged")
+    lengths = tuple(walker.lengths)
+    return Layout(len(message), walker.places, walker.texts, lengths, message[1], walker.order)
 
 
 class _Beyond(Exception):  # noqa: N818  (a signal, never seen outside)
@@ -135,7 +162,7 @@ class _Beyond(Exception):  # noqa: N818  (a signal, never seen outside)
 class _Walker:
     """Goes through a message field by field."""
 
-    def __init__(self, definitions: Definitions, data: bytes, order: str) -> None:
+    def __init__(self, definitions: Definitions, data: bytes, order: str, wide: int) -> None:
         self._definitions = definitions
         self._data = data
         self.order = order
@@ -143,6 +170,8 @@ class _Walker:
         self.places: dict[str, Place] = {}
         self.texts: dict[str, bytes] = {}
         self.lengths: list[tuple[int, int]] = []
+        self.wide_characters = 0
+        self._wide = wide  # bytes of a wide character
         self._budget = _FIELD_LIMIT
 
     def message(self, type_name: str, prefix: str, depth: int) -> None:
@@ -167,7 +196,7 @@ class _Walker:
             if field.type == "string":
                 self._text(name)
             elif field.type == "wstring":
-                raise LogError("wide strings cannot be read")
+                self._wide_text()
             else:
                 self.message(field.type, f"{name}.", depth + 1)
 
@@ -189,6 +218,14 @@ class _Walker:
             raise _Beyond
         self.places[path] = Place(self.position, self.order + code, count if many else None)
         self.position += count * size
+
+    def _wide_text(self) -> None:
+        count = self._length()
+        self._align(self._wide if count else 1)
+        self.position += count * self._wide
+        self.wide_characters += count
+        if self.position > len(self._data):
+            raise _Beyond
 
     def _text(self, path: str) -> None:
         length = self._length()

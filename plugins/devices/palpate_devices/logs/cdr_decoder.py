@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 from palpate import LogError
@@ -30,12 +30,19 @@ class CdrDecoder:
         layout = walk(self._definitions, self._topic.type, payload)
         return {path: place.count for path, place in layout.places.items() if place.code != "S"}
 
-    def read(self, messages: Messages, readings: Sequence[Reading], select: str | None = None) -> Table:
+    def names(self, payload: bytes) -> Collection[str]:
+        """See `Decoder`."""
+        texts = walk(self._definitions, self._topic.type, payload).texts
+        found = [_words(text) for path, text in texts.items() if _NAMES.search(path)]
+        return list(dict.fromkeys(found))
+
+    def read(self, messages: Messages, readings: Sequence[Reading]) -> Table:
         """See `Decoder`."""
         tables = []
-        for layout, rows, excerpt in self._groups(messages, select):
-            found = [_resolved(layout, reading, select) for reading in readings]
-            if select is not None and all(reading is None for reading in found):
+        selecting = [k for k, reading in enumerate(readings) if reading.select is not None]
+        for layout, rows, excerpt in self._groups(messages, bool(selecting)):
+            found = [_resolved(layout, reading) for reading in readings]
+            if selecting and all(found[k] is None for k in selecting):
                 continue
             places = [_place(layout, reading) for reading in found]
             stamp = _stamp_path(layout, [reading for reading in found if reading is not None])
@@ -47,7 +54,7 @@ class CdrDecoder:
             tables.append(Table(rows, excerpt.numbers(places), stamps))
         return _in_order(tables, len(readings))
 
-    def _groups(self, messages: Messages, select: str | None) -> Iterator[tuple[Layout, Stamps, Excerpt]]:
+    def _groups(self, messages: Messages, pin: bool) -> Iterator[tuple[Layout, Stamps, Excerpt]]:
         """Layouts, the rows of the messages that have each, and those messages."""
         left = np.arange(len(messages))
         known = list(self._layouts)
@@ -56,12 +63,15 @@ class CdrDecoder:
             layout = (
                 walk(self._definitions, self._topic.type, messages.payload(int(left[0]))) if fresh else known.pop(0)
             )
-            pinned = tuple(path for path in layout.texts if _NAMES.search(path)) if select is not None else ()
+            pinned = tuple(path for path in layout.texts if _NAMES.search(path)) if pin else ()
             same, excerpt = layout.matches(messages if len(left) == len(messages) else messages[left], pinned)
             if fresh:
                 if not same[0]:  # it would be read for ever
                     raise LogError(f"topic {self._topic.name}: a message does not have the layout that it has")
                 self._layouts = [layout, *self._layouts][:_LAYOUTS]
+            if same.all():
+                yield layout, left, excerpt
+                return
             if same.any():
                 yield layout, left[same], excerpt
             left = left[~same]
@@ -92,12 +102,16 @@ def _in_order(tables: list[Table], width: int) -> Table:
     )
 
 
-def _resolved(layout: Layout, reading: Reading, select: str | None) -> Reading | None:
+def _words(text: bytes) -> str:
+    return text.rstrip(b"\0").decode(errors="replace")
+
+
+def _resolved(layout: Layout, reading: Reading) -> Reading | None:
     """Where a reading lies in a layout, with the joint or child frame found by its name; None where it is not there."""
-    if select is None:
+    if reading.select is None:
         return reading
     for path, text in layout.texts.items():
-        if text.rstrip(b"\0") == select.encode() and _NAMES.search(path):
+        if _NAMES.search(path) and _words(text) == reading.select:
             if path.startswith("name["):
                 return Reading(reading.path, int(path[5:-1]))
             before, dot, _ = path.rpartition(".")

@@ -129,13 +129,11 @@ class McapFile:
     def _sorted_out(
         self, block: Block, known: Known, wanted: Set[str], begin: int | None, end: int | None
     ) -> Iterator[tuple[str, Messages]]:
-        every = Messages(block.buffer, block.offsets + records.HEAD, block.lengths, block.logged, block.published)
-        for identity in np.flatnonzero(np.bincount(block.channel)).tolist():
+        for identity in np.flatnonzero(block.counts).tolist():
             topic = known.channels.get(identity)
             if topic is None or topic.name not in wanted:
                 continue
-            messages = every[np.flatnonzero(block.channel == identity)]
-            messages = _within(messages, begin, end)
+            messages = _within(block.of(identity), begin, end)
             if topic.type != self.topics[topic.name].type:
                 raise LogError(f"{self.path}: topic {topic.name} is recorded with two types, {topic.type} and another")
             if len(messages):

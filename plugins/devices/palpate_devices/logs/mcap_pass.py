@@ -5,6 +5,7 @@ from __future__ import annotations
 import zlib
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
@@ -15,7 +16,16 @@ from palpate_devices.logs.mcap_definitions import Known
 from palpate_devices.logs.mcap_records import Block, Damage
 from palpate_devices.logs.topics import Stamps
 
+_TOGETHER = 1 << 19  # [bytes] of chunks that make a block
 _BLOCK = 1 << 22  # [bytes] of messages outside chunks read at once
+
+
+@dataclass(frozen=True)
+class _Whole:
+    """A chunk, and the offsets of its messages by its index."""
+
+    chunk: records.Chunk
+    index: list[Stamps]
 
 
 class Pass:
@@ -25,6 +35,7 @@ class Pass:
         self._path, self._known, self._summary, self._whole = path, known, summary, whole
         self._counts: Counter[int] = Counter()
         self._ended = False
+        self._unpacker = records.Unpacker()
         self.unchecked = 0
 
     def all(self) -> Iterator[Block]:
@@ -67,41 +78,44 @@ class Pass:
                 yield from self._chunks(file, size, one=True)
 
     def _chunks(self, file: IO[bytes], size: int, one: bool = False) -> Iterator[Block]:
-        chunk: records.Chunk | None = None
-        index: list[Stamps] = []
-        while True:
-            try:
+        pending: list[_Whole] = []  # chunks, each with what its index says
+        try:
+            while True:
                 opcode, length = self._head(file, size)
-            except Damage:
-                if chunk is not None:  # what came before the damage is whole
-                    yield self._opened(chunk, index)
-                raise
-            if opcode == records.MESSAGE_INDEX and chunk is not None:
-                index.append(_indexed(file.read(length)))
-                continue
-            if chunk is not None:
-                yield self._opened(chunk, index)
-                chunk, index = None, []
-                if one:
+                if opcode == records.MESSAGE_INDEX and pending:
+                    pending[-1].index.append(_indexed(file.read(length)))
+                    continue
+                if pending and (one or opcode != records.CHUNK or _enough(pending)):
+                    ready, pending = pending, []
+                    yield from self._opened(ready)
+                    if one:
+                        return
+                if opcode in (records.DATA_END, records.FOOTER):
+                    self._ended = True
                     return
-            if opcode in (records.DATA_END, records.FOOTER):
-                self._ended = True
-                return
-            if opcode == records.MESSAGE:
-                file.seek(-9, 1)
-                yield from self._loose(file, size)
-            elif opcode == records.CHUNK:
-                if length > records.LIMIT:
-                    raise Damage(f"a chunk has {length} bytes, more than {records.LIMIT}")
-                chunk = records.open_chunk(file.read(length))
-            elif opcode in (records.SCHEMA, records.CHANNEL) and length <= records.LIMIT:
-                self._known.define(opcode, file.read(length))
-            elif opcode == 0:
-                raise Damage("a record has the kind 0, which none has")
-            elif opcode in records.EXTRAS and self._known.extras is not None and length <= records.LIMIT:
-                self._known.extras.append((opcode, file.read(length)))
-            else:
-                file.seek(length, 1)
+                if opcode == records.MESSAGE:
+                    file.seek(-9, 1)
+                    yield from self._loose(file, size)
+                elif opcode == records.CHUNK:
+                    if length > records.LIMIT:
+                        raise Damage(f"a chunk has {length} bytes, more than {records.LIMIT}")
+                    pending.append(_Whole(records.open_chunk(file.read(length), self._unpacker), []))
+                else:
+                    self._other(file, opcode, length)
+        except Damage:
+            yield from self._opened(pending)  # what came before the damage is whole
+            raise
+
+    def _other(self, file: IO[bytes], opcode: int, length: int) -> None:
+        """A record that is no message, and holds none."""
+        if opcode in (records.SCHEMA, records.CHANNEL) and length <= records.LIMIT:
+            self._known.define(opcode, file.read(length))
+        elif opcode == 0:
+            raise Damage("a record has the kind 0, which none has")
+        elif opcode in records.EXTRAS and self._known.extras is not None and length <= records.LIMIT:
+            self._known.extras.append((opcode, file.read(length)))
+        else:
+            file.seek(length, 1)
 
     def _head(self, file: IO[bytes], size: int) -> tuple[int, int]:
         raw = file.read(9)
@@ -112,8 +126,22 @@ class Pass:
             raise Damage(f"a record claims {length} bytes, more than the file has")
         return opcode, length
 
-    def _opened(self, chunk: records.Chunk, index: list[Stamps]) -> Block:
-        block, others = records.locate(chunk.data, index)
+    def _opened(self, pending: list[_Whole]) -> Iterator[Block]:
+        """The messages of chunks; of small ones together, since a block costs as much as a thousand messages."""
+        if len(pending) > 1 and pending[-1].chunk.checked:
+            try:
+                block = self._located(_joined(pending))
+            except Damage:  # some of them are sound
+                block = None
+            if block is not None:
+                yield block
+                return
+        for whole in pending:
+            yield self._located(whole)
+
+    def _located(self, whole: _Whole) -> Block:
+        chunk = whole.chunk
+        block, others = records.locate(chunk.data, whole.index)
         for opcode, at, length in others:
             self._known.define(opcode, chunk.data[at : at + length])
         self._count(block)
@@ -123,8 +151,7 @@ class Pass:
 
     def _count(self, block: Block) -> None:
         if len(block.offsets):
-            counts = np.bincount(block.channel)
-            self._counts.update({int(i): int(counts[i]) for i in np.flatnonzero(counts)})
+            self._counts.update({int(i): int(block.counts[i]) for i in np.flatnonzero(block.counts)})
 
     def _loose(self, file: IO[bytes], size: int) -> Iterator[Block]:
         """Messages outside chunks, a block at a time, until a record of another kind comes."""
@@ -147,6 +174,19 @@ class Pass:
             file.seek(begin + stop)
             if others or not len(offsets):
                 return
+
+
+def _enough(pending: list[_Whole]) -> bool:
+    """Whether chunks are worth a block; one without a checksum ends it, and is told apart from those with one."""
+    size = sum(len(whole.chunk.data) for whole in pending)
+    return size >= _TOGETHER or not pending[-1].chunk.checked
+
+
+def _joined(pending: list[_Whole]) -> _Whole:
+    data = b"".join(whole.chunk.data for whole in pending)
+    begins = np.cumsum([0, *(len(whole.chunk.data) for whole in pending)]).tolist()
+    index = [stamps + begin for begin, whole in zip(begins, pending, strict=False) for stamps in whole.index]
+    return _Whole(records.Chunk(data, True), index)
 
 
 def _indexed(content: bytes) -> Stamps:

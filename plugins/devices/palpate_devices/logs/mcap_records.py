@@ -9,11 +9,13 @@ from __future__ import annotations
 import struct
 import zlib
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate_devices.logs.topics import Bytes, Stamps, column, gather
+from palpate_devices.logs.topics import Bytes, Messages, Stamps, column, gather
 
 MAGIC = b"\x89MCAP0\r\n"
 LIMIT = 1 << 28  # [bytes]; no chunk, and no single record, is larger
@@ -38,7 +40,18 @@ class Chunk:
     checked: bool  # it has a checksum, and that is right
 
 
-def open_chunk(content: bytes) -> Chunk:
+class Unpacker:
+    """What chunks are decompressed with: made once, since making it costs half as much as a chunk."""
+
+    @cached_property
+    def zstd(self) -> Any:
+        """The decompressor of zstd."""
+        import zstandard
+
+        return zstandard.ZstdDecompressor()
+
+
+def open_chunk(content: bytes, unpacker: Unpacker) -> Chunk:
     """A chunk record's content, decompressed and checked; raises Damage."""
     try:
         _, _, size, crc, name_length = struct.unpack_from("<QQQII", content)
@@ -46,12 +59,12 @@ def open_chunk(content: bytes) -> Chunk:
         (length,) = struct.unpack_from("<Q", content, 32 + name_length)
     except (struct.error, UnicodeDecodeError) as error:
         raise Damage("a chunk's head is not whole") from error
-    packed = content[40 + name_length :]
+    packed = memoryview(content)[40 + name_length :]  # no copy of a megabyte
     if length != len(packed):
         raise Damage(f"a chunk claims {length} bytes and has {len(packed)}")
     if size > LIMIT:
         raise Damage(f"a chunk claims {size} bytes, more than {LIMIT}")
-    data = _decompressed(name, packed, size)
+    data = _decompressed(name, packed, size, unpacker)
     if len(data) != size:
         raise Damage(f"a chunk claims {size} bytes and holds {len(data)}")
     if crc and zlib.crc32(data) != crc:
@@ -59,13 +72,13 @@ def open_chunk(content: bytes) -> Chunk:
     return Chunk(data, crc != 0)
 
 
-def _decompressed(name: str, packed: bytes, size: int) -> bytes:
+def _decompressed(name: str, packed: memoryview, size: int, unpacker: Unpacker) -> bytes:
     """At most one byte more than `size`, whatever the packed bytes claim."""
     if name == "":
-        return packed
+        return bytes(packed)
     try:
         if name == "zstd":
-            return _zstd(packed, size)
+            return _zstd(packed, size, unpacker.zstd)
         if name == "lz4":
             import lz4.frame  # type: ignore[import-untyped]
 
@@ -75,15 +88,15 @@ def _decompressed(name: str, packed: bytes, size: int) -> bytes:
     raise Damage(f"a chunk's compression {name[:20]!r} is none of zstd, lz4 and none")
 
 
-def _zstd(packed: bytes, size: int) -> bytes:
+def _zstd(packed: memoryview, size: int, unpacker: Any) -> bytes:
     import zstandard
 
     if zstandard.get_frame_parameters(packed).content_size == size:
-        data = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+        data: bytes = unpacker.decompress(packed, max_output_size=size)
         if len(data) == size:
             return data
-    reader = zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True)
-    return reader.read(size + 1)
+    reader = unpacker.stream_reader(packed, read_across_frames=True)
+    return bytes(reader.read(size + 1))
 
 
 def scan(data: bytes, begin: int = 0, end: int | None = None) -> tuple[list[int], list[Other], int]:
@@ -140,31 +153,49 @@ def _confirmed(data: bytes, offsets: Stamps) -> tuple[Block, list[Other]] | None
 
 @dataclass(frozen=True)
 class Block:
-    """Message records in one buffer, with what their heads say."""
+    """Message records in one buffer, with their heads."""
 
     buffer: Bytes
     offsets: Stamps
-    opcodes: Bytes
-    channel: NDArray[np.uint16]
-    logged: Stamps
-    published: Stamps
-    lengths: Stamps  # of the payloads
+    heads: Bytes  # (n, HEAD)
 
     @classmethod
     def read(cls, buffer: Bytes, offsets: Stamps) -> Block:
         """From the offsets of the records."""
-        block = gather(buffer, offsets, HEAD)
-        # Views: what is not looked at is not copied. A number beyond 2^63 turns negative, and is damage.
-        lengths: Stamps = column(block, 1, "<i8") - (HEAD - 9)
-        return cls(
-            buffer,
-            offsets,
-            block[:, 0],
-            column(block, 9, "<u2"),
-            column(block, 15, "<i8"),
-            column(block, 23, "<i8"),
-            lengths,
-        )
+        return cls(buffer, offsets, gather(buffer, offsets, HEAD))
+
+    def __len__(self) -> int:
+        return len(self.offsets)
+
+    @cached_property
+    def channel(self) -> NDArray[np.uint16]:
+        """Whose message each is; in one piece, since it is looked at once for each topic."""
+        return np.ascontiguousarray(column(self.heads, 9, "<u2"))
+
+    @cached_property
+    def counts(self) -> NDArray[np.int64]:
+        """How many messages there are of each channel, by its number."""
+        return np.bincount(self.channel)
+
+    @property
+    def opcodes(self) -> Bytes:
+        """What kind of record each is."""
+        return self.heads[:, 0]
+
+    @property
+    def lengths(self) -> Stamps:
+        """Of the payloads; a number beyond 2^63 turns negative, and is damage."""
+        return np.asarray(column(self.heads, 1, "<i8") - (HEAD - 9))
+
+    def of(self, channel: int) -> Messages:
+        """The messages of one channel; views of their heads, so that what is not looked at is not copied."""
+        if self.counts[channel] == len(self):
+            offsets, heads = self.offsets, self.heads
+        else:
+            rows = np.flatnonzero(self.channel == channel)
+            offsets, heads = self.offsets[rows], gather(self.heads.reshape(-1), rows * HEAD, HEAD)
+        lengths = column(heads, 1, "<i8") - (HEAD - 9)
+        return Messages(self.buffer, offsets + HEAD, lengths, column(heads, 15, "<i8"), column(heads, 23, "<i8"))
 
 
 def read_text(content: bytes, at: int) -> tuple[str, int]:

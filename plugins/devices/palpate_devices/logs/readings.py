@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -24,14 +24,15 @@ class Reading:
 
     path: str  # "wrench.force.z", "data"
     index: int | None = None  # of an element, where the field is an array
+    select: str | None = None  # the joint or child frame that it is a number of, wherever that stands in the message
 
     @classmethod
-    def parse(cls, text: str, index: int | None = None) -> Reading:
+    def parse(cls, text: str, index: int | None = None, select: str | None = None) -> Reading:
         """From ``data[5]``, or from a field and an index."""
         match = _INDEX.match(text)
         if index is None and match:
-            return cls(match[1], int(match[2]))
-        return cls(text, index)
+            return cls(match[1], int(match[2]), select)
+        return cls(text, index, select)
 
     def __str__(self) -> str:
         return self.path if self.index is None else f"{self.path}[{self.index}]"
@@ -53,8 +54,12 @@ class Decoder(Protocol):
         """Paths of the numbers in one message, with the number of elements where one is an array."""
         ...
 
-    def read(self, messages: Messages, readings: Sequence[Reading], select: str | None = None) -> Table:
-        """The readings of a block, of the joint or child frame that `select` names; raises LogError."""
+    def names(self, payload: bytes) -> Collection[str]:
+        """The joints or child frames of one message, which a reading can select."""
+        ...
+
+    def read(self, messages: Messages, readings: Sequence[Reading]) -> Table:
+        """The readings of a block, without the messages that have nothing of what is selected; raises LogError."""
         ...
 
 

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from palpate import Batch, LogError
 
 from palpate_devices.logs.decoders import decoder_of
-from palpate_devices.logs.mapping import Feed
+from palpate_devices.logs.feeds import Feed, mapped_feeds, said_of
+from palpate_devices.logs.kinematics import Kinematics, joint_feeds
+from palpate_devices.logs.mapping import Clock, MappedSignal
 from palpate_devices.logs.readings import SECOND, Reading
 from palpate_devices.logs.survey import columns_of
 from palpate_devices.logs.topics import Container, Messages, Stamps
@@ -52,10 +54,29 @@ class LogLink:
                     yield Batch(feed.stream.name, stamps, received, feed.along(values, quaternions))
 
     def _numbers(self, feed: Feed, messages: Messages) -> tuple[Stamps, Stamps, NDArray[np.float64]]:
-        try:
+        with said_of(self._log):
             return feed.numbers(messages, self._log)
-        except LogError as error:
-            raise error if str(error).startswith(self._log) else LogError(f"{self._log}: {error}") from error
+
+
+def described_feeds(
+    container: Container, signals: Mapping[str, MappedSignal], kinematics: Kinematics | None, clock: Clock, log: str
+) -> list[Feed]:
+    """The streams that signals and a robot's kinematics describe; raises LogError."""
+    tip, turn = ([], None) if kinematics is None else joint_feeds(container, kinematics, clock, log)
+    return distinct([*mapped_feeds(container, signals, clock, log, turn), *tip], log)
+
+
+def distinct(feeds: list[Feed], log: str) -> list[Feed]:
+    """The feeds, if no two of them make streams of one name; raises LogError."""
+    names = [feed.stream.name for feed in feeds]
+    for feed in feeds:
+        if names.count(feed.stream.name) > 1:
+            topics = " and ".join(f.topic for f in feeds if f.stream.name == feed.stream.name)
+            raise LogError(
+                f"{log}: two streams would be {feed.stream.name!r}: of {topics}; the kinematics make tip and "
+                "twist: name others in topics"
+            )
+    return feeds
 
 
 def window(container: Container, begin: float | None, end: float | None) -> tuple[int | None, int | None]:

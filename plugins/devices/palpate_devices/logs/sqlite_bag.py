@@ -104,7 +104,8 @@ class SqliteBag:
                 with path.open("rb") as file:
                     if file.read(len(_MAGIC)) != _MAGIC:
                         raise LogError(f"{self.path}: is no rosbag2 database")
-                with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
+                mode = "mode=ro&immutable=1" if path == self.path else "mode=rw"
+                with closing(sqlite3.connect(f"{path.resolve().as_uri()}?{mode}", uri=True)) as database:
                     yield database
             except sqlite3.Error as error:
                 raise LogError(f"{self.path}: the database is damaged: {error}") from error
@@ -113,15 +114,31 @@ class SqliteBag:
 
     def _plain(self, folder: Path) -> Path:
         kind = _COMPRESSED.get(self.path.suffix)
-        if kind is None:
-            return self.path
         target = folder / "bag.db3"
+        if kind is None and not journals(self.path):
+            return self.path
+        if kind is None:
+            copy_with_journal(self.path, target)
+            return target
         with self.path.open("rb") as packed, target.open("wb") as out:
             if kind == "gzip":
                 shutil.copyfileobj(gzip.GzipFile(fileobj=packed), out, 1 << 20)
             else:
                 _unpack_zstd(packed, out)
         return target
+
+
+def journals(path: Path) -> list[Path]:
+    """What a recorder that is at work, or was killed, leaves beside a database: messages that are not yet in it."""
+    beside = (path.with_name(path.name + suffix) for suffix in ("-wal", "-journal"))
+    return [file for file in beside if file.is_file() and file.stat().st_size]
+
+
+def copy_with_journal(path: Path, target: Path) -> None:
+    """Copy a database with what is beside it, so that SQLite can complete the copy and leave the original alone."""
+    shutil.copyfile(path, target)
+    for file in journals(path):
+        shutil.copyfile(file, target.with_name(target.name + file.name.removeprefix(path.name)))
 
 
 def _unpack_zstd(packed: IO[bytes], out: IO[bytes]) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate import LogError, Suggestion
 
 from palpate_devices.logs import roles
-from palpate_devices.logs.mapping import stream_names
+from palpate_devices.logs.feeds import stream_names
 from palpate_devices.logs.readings import SECOND, Reading
 from palpate_devices.logs.replay import joined, tables_of
 from palpate_devices.logs.roles import Candidate
@@ -28,6 +28,8 @@ Looked = Mapping[str, tuple[tuple[str, ...], Floats, Floats]]  # by topic: colum
 
 def suggestion_for(container: Container, path: Path, kind: str, choices: Mapping[str, str]) -> Suggestion:
     """Tables that read a log; raises LogError where a role has no candidate, or several."""
+    if "rate" in choices or "time" in choices:
+        raise LogError(f"{path}: --time and --rate are for CSV files; its messages have times of their own")
     looked = _looked(container)
     candidates = [candidate for topic in looked for candidate in _candidates(container, topic, looked)]
     chosen = {role: _settled(role, candidates, looked, choices, path) for role in roles.ROLES}

@@ -91,4 +91,6 @@ def gather(buffer: Bytes, starts: Stamps, width: int) -> Bytes:
 
 def column(block: Bytes, offset: int, code: str) -> NDArray[Any]:
     """One column of a block of records (n, width), as a view."""
+    if not len(block):  # numpy makes no view of nothing
+        return np.zeros(0, code)
     return np.ndarray((len(block),), code, block, offset, (block.shape[1],))

@@ -34,7 +34,7 @@ from palpate_devices.process.lateness import lateness_table
 from palpate_devices.process.ring import integers, shared_memory
 from palpate_devices.ur3e import layout
 from palpate_devices.ur3e.frame import WorkFrame
-from palpate_devices.ur3e.kinematics import matrix_of, quaternion, tip
+from palpate_devices.ur3e.kinematics import JOINTS, matrix_of, quaternion, tip
 from palpate_devices.ur3e.probe import probe
 from palpate_devices.ur3e.servo import PERIOD, way
 
@@ -88,14 +88,14 @@ class UR3e(Device):
         rate = 1.0 / PERIOD
         pose = [Channel(axis, "m") for axis in "xyz"] + [Channel(f"q{axis}", "1") for axis in "xyzw"]
         twist = [Channel(axis, "m/s") for axis in "xyz"] + [Channel(f"w{axis}", "rad/s") for axis in "xyz"]
-        joints = [Channel(f"q{i}", "rad") for i in range(1, 7)] + [Channel(f"qd{i}", "rad/s") for i in range(1, 7)]
+        joints = [Channel(name, "rad") for name in JOINTS] + [Channel(f"{name}_speed", "rad/s") for name in JOINTS]
         setpoint = [Channel(axis, "m") for axis in "xyz"] + [Channel(f"v{axis}", "m/s") for axis in "xyz"]
         wrench = [Channel(axis, "N") for axis in "xyz"] + [Channel(f"t{axis}", "N*m") for axis in "xyz"]
         status = [Channel("time", "s"), *(Channel(name, "1") for name in ("robot_mode", "safety_mode", "runtime"))]
         return (
             Stream("tip", tuple(pose), rate, "pose", "host", "work"),
             Stream("twist", tuple(twist), rate, "twist", "host", "work"),
-            Stream("joints", tuple(joints), rate, clock="host"),
+            Stream("joints", tuple(joints), rate, "joints", "host", "base"),
             Stream("setpoint", (*setpoint, Channel("measuring", "1")), rate, "setpoint", "host", "work", True),
             Stream("robot_wrench", tuple(wrench), rate, "wrench", "host", "base", True),
             Stream("status", tuple(status), rate, clock="host"),

@@ -16,6 +16,10 @@ A = (0.0, -0.24355, -0.2132, 0.0, 0.0, 0.0)  # [m]
 D = (0.15185, 0.0, 0.0, 0.13105, 0.08535, 0.0921)  # [m]
 ALPHA = (math.pi / 2, 0.0, 0.0, math.pi / 2, -math.pi / 2, 0.0)  # [rad]
 _TWIST = tuple((round(math.cos(alpha), 15), round(math.sin(alpha), 15)) for alpha in ALPHA)
+JOINTS = (
+    *("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint"),
+    *("wrist_1_joint", "wrist_2_joint", "wrist_3_joint"),
+)  # from the base to the flange, by the names that the ROS driver gives them
 SPEED_LIMITS = np.array([math.pi] * 3 + [2 * math.pi] * 3)  # [rad/s]
 
 

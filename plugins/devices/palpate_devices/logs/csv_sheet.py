@@ -1,0 +1,137 @@
+"""A CSV file that nobody has described: its separator, its header, its numbers, and what their names say of units."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import chain, islice
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import LogError, is_number
+
+from palpate_devices.logs.readings import si_unit
+
+Floats = NDArray[np.float64]
+
+SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz")
+_SEPARATORS = (",", ";", "\t")
+_LOOKED = 50  # lines by which the separator is told
+_LINE = 100_000  # characters; the csv module takes no longer cell
+_BLOCK = 4096  # rows at once
+_BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]+?)\s*[\])]\s*$")
+_SUFFIX = re.compile(r"^(.+?)_(mm_s|m_s|um_s|mm|um|cm|m|mN|kN|N|ns|us|ms|s)$")
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """How a file is written."""
+
+    path: Path
+    delimiter: str
+    names: tuple[str, ...]  # of the header, or "0", "1", ...
+    header: bool
+
+    @classmethod
+    def of(cls, path: Path) -> Sheet:
+        """Told by the first lines; raises LogError where they are no table of numbers."""
+        with opened(path) as file:
+            lines = [line for line in islice(bounded(file, path), _LOOKED) if line.strip()]
+        if not lines:
+            raise LogError(f"{path}: the file is empty")
+        widths = {s: [len(row) for row in csv.reader(lines, delimiter=s)] for s in _SEPARATORS}
+        best = max(_SEPARATORS, key=lambda s: (len(set(widths[s][1:])) <= 1, min(widths[s])))
+        first, *rest = csv.reader(lines, delimiter=best)
+        header = not any(is_number(cell) for cell in first)
+        _refuse_decimal_commas(path, lines, best, first if header else None, rest)
+        names = [cell.strip().lstrip("\ufeff") for cell in first] if header else list(map(str, range(len(first))))
+        if not (rest if header else [first]):
+            raise LogError(f"{path}: the file holds no rows of numbers")
+        return cls(path, best, tuple(name or str(k) for k, name in enumerate(names)), header)
+
+    def blocks(self) -> Iterator[Floats]:
+        """The numbers (n, k), some thousand rows at a time; NaN where a cell is none."""
+        with opened(self.path) as file:
+            rows = csv.reader(bounded(file, self.path), delimiter=self.delimiter)
+            if self.header:
+                next(rows, None)
+            while part := list(islice(rows, _BLOCK)):
+                block = np.full((len(part), len(self.names)), np.nan)
+                for i, cells in enumerate(part):
+                    block[i, : len(cells)] = [_number(cell) for cell in cells[: len(self.names)]]
+                yield block[[bool(cells) for cells in part]]
+
+    def unit(self, column: int) -> str | None:
+        """The unit that the name of a column ends in; None where it says none."""
+        name = self.names[column]
+        match = _BRACKETS.match(name) or _SUFFIX.match(name)
+        if match is None:
+            return None
+        unit = re.sub(r"_s$", "/s", match[2]).replace("^-1", "")
+        try:
+            si_unit(unit)
+        except ValueError:
+            return None
+        return unit
+
+    def column(self, index: int) -> int | str:
+        """How a pipeline names a column: by the header where that is clear, else by its number."""
+        return self.names[index] if self.header and self.names.count(self.names[index]) == 1 else index
+
+
+def _refuse_decimal_commas(
+    path: Path, lines: list[str], delimiter: str, header: list[str] | None, rows: list[list[str]]
+) -> None:
+    doubled = header is not None and bool(rows) and all(len(row) == 2 * len(header) for row in rows)
+    commas = delimiter != "," and any(
+        not is_number(cell) and is_number(cell.replace(",", ".", 1)) for row in rows[:5] for cell in row
+    )
+    if doubled or commas:
+        raise LogError(f"{path}: its numbers have decimal commas ({lines[-1].strip()[:40]!r}): write them with points")
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return float("nan")
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[IO[str]]:
+    """The text of a file, plain or gzipped; raises LogError where it cannot be read."""
+    try:
+        if path.suffix == ".gz":
+            with gzip.open(path, "rt", encoding="utf-8", newline="") as file:
+                yield file
+        else:
+            with path.open(newline="", encoding="utf-8") as file:
+                yield file
+    except (OSError, EOFError) as error:
+        raise LogError(f"{path}: cannot be read: {error}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise LogError(f"{path}: is not a CSV text: {error}") from error
+
+
+def bounded(file: IO[str], path: Path) -> Iterator[str]:
+    """The lines of a text, none of which may be longer than a line of numbers is."""
+    while line := file.readline(_LINE):
+        if len(line) == _LINE and not line.endswith("\n"):
+            raise LogError(f"{path}: is not a CSV text: a line has more than {_LINE} characters")
+        yield line
+
+
+def together(blocks: Iterator[Floats], limit: int) -> Floats:
+    """The first rows of a table, up to a limit."""
+    kept: list[Floats] = []
+    for block in chain(blocks):
+        kept.append(block)
+        if sum(map(len, kept)) >= limit:
+            break
+    return np.concatenate(kept)[:limit]

@@ -1,0 +1,158 @@
+"""Recovery: what can be read of a damaged rosbag2 database, in a new one that is whole."""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+import tempfile
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+from palpate import LogError, OutputError
+
+from palpate_devices.logs.sqlite_bag import copy_with_journal
+
+Row = tuple[int, int, int, bytes]  # id, topic, time-stamp [ns], message
+
+_LARGEST = 1 << 42  # [bytes]; zeros take no place
+_HEADS = 64  # [bytes] of a page that are no message
+_WINDOW = 4096  # messages asked for at once
+_COARSE = 64  # messages at once, where there have been none for a while
+_PATIENCE = 16  # windows in a row that give nothing, before the end is believed
+
+
+def recover_bag(path: Path, out: Path) -> str:
+    """Write what can be read of a ``.db3`` file into a new one, and say how much that is."""
+    if out.exists():
+        raise OutputError(f"{out}: is there already, and nothing is ever overwritten")
+    with tempfile.TemporaryDirectory(prefix="palpate-") as folder:
+        copy = Path(folder) / path.name
+        try:
+            copy_with_journal(path, copy)
+            page = _lengthen(copy)
+        except OSError as error:
+            raise LogError(f"{path}: cannot be read: {error.strerror}") from error
+        try:
+            return _recovered(path, copy, out, page)
+        except sqlite3.Error as error:
+            out.unlink(missing_ok=True)
+            raise LogError(f"{path}: nothing in it can be read: {error}") from error
+        except OSError as error:
+            raise OutputError(f"{out}: cannot write: {error.strerror}") from error
+
+
+def _lengthen(copy: Path) -> int | None:
+    """Fill a file that is cut with zeros up to its size: SQLite reads nothing of one that is shorter than it says.
+
+    A page that is not all there goes as a whole, lest its second half be taken for zeros. Returns the size of a page
+    where something was missing.
+    """
+    with copy.open("r+b") as file:
+        head = file.read(32)
+        if len(head) < 32 or not head.startswith(b"SQLite format 3\0"):
+            raise LogError(f"{copy.name}: is no rosbag2 database")
+        size, pages = struct.unpack(">H10xI", head[16:])
+        size = 65536 if size == 1 else max(size, 512)
+        there = file.seek(0, 2)
+        if not there < size * pages <= _LARGEST:
+            return None
+        file.truncate(there // size * size)
+        file.truncate(size * pages)
+        return int(size)
+
+
+def _recovered(path: Path, copy: Path, out: Path, page: int | None) -> str:
+    with closing(sqlite3.connect(copy)) as old:
+        tables = dict(
+            old.execute("SELECT name, sql FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite%'")
+        )
+        if not {"topics", "messages"} <= tables.keys():
+            raise LogError(f"{path}: is no rosbag2 database: it has no tables of topics and messages")
+        topics = old.execute("SELECT * FROM topics").fetchall()
+        with _created(out) as new:
+            for name, definition in tables.items():
+                new.execute(definition)
+                if name != "messages":
+                    _copy(new, name, topics if name == "topics" else _all(old, name))
+            count, first, last, whole = _salvage(old, new, page)
+            new.commit()
+    if not count:
+        out.unlink()
+        raise LogError(f"{path}: none of its messages can be read")
+    said = "the bag was whole: " if whole else ""
+    lost = "" if whole else "; what could not be read is lost, and a database has no checksums for what could"
+    return f"{said}{count} messages over {(last - first) / 1e9:.3f} s are in {out}{lost}"
+
+
+def _created(out: Path) -> closing[sqlite3.Connection]:
+    try:
+        out.open("xb").close()
+    except OSError as error:
+        raise OutputError(f"{out}: cannot write: {error.strerror}") from error
+    return closing(sqlite3.connect(out))
+
+
+def _all(old: sqlite3.Connection, table: str) -> list[tuple[object, ...]]:
+    try:
+        return old.execute(f'SELECT * FROM "{table}"').fetchall()
+    except sqlite3.Error:
+        return []  # it says nothing of the messages, and is not worth losing them for
+
+
+def _copy(new: sqlite3.Connection, table: str, rows: list[tuple[object, ...]]) -> None:
+    if rows:
+        new.executemany(f'INSERT INTO "{table}" VALUES ({",".join("?" * len(rows[0]))})', rows)
+
+
+def _salvage(old: sqlite3.Connection, new: sqlite3.Connection, page: int | None) -> tuple[int, int, int, bool]:
+    """Messages that came over, their first and last time-stamps [ns], and whether nothing was amiss."""
+    count, stamps, whole = 0, [], True
+    for rows in _windows(old):
+        good = [row for row in rows if _sound(row, page)]
+        whole &= len(good) == len(rows)
+        new.executemany("INSERT OR IGNORE INTO messages(id, topic_id, timestamp, data) VALUES (?, ?, ?, ?)", good)
+        stamps += [pick(row[2] for row in good) for pick in (min, max)] if good else []
+        count += len(good)
+    (check,) = old.execute("PRAGMA quick_check(1)").fetchone() if whole else ("damaged",)
+    return count, min(stamps, default=0), max(stamps, default=0), check == "ok"
+
+
+def _sound(row: Row, page: int | None) -> bool:
+    """Whether a message can be what it was: one of several pages whose last is missing ends in zeros."""
+    _, topic, stamp, data = row
+    if not (isinstance(topic, int) and isinstance(stamp, int) and isinstance(data, bytes)):
+        return False
+    return page is None or len(data) < page - _HEADS or not data.endswith(b"\0")
+
+
+def _windows(old: sqlite3.Connection) -> Iterator[list[Row]]:
+    """Messages by their numbers, around the pages that cannot be read."""
+    end = _largest(old)
+    begin, silent = 0, 0
+    while (silent < _PATIENCE) if end is None else (begin <= end):
+        rows = _between(old, begin, begin + _WINDOW, _COARSE if silent else 1)
+        silent = 0 if rows else silent + 1
+        begin += _WINDOW
+        yield rows
+
+
+def _largest(old: sqlite3.Connection) -> int | None:
+    """The largest number of a message, where it can be told."""
+    try:
+        found = old.execute("SELECT MAX(id) FROM messages").fetchone()[0]
+    except sqlite3.Error:
+        return None
+    return found if isinstance(found, int) else 0
+
+
+def _between(old: sqlite3.Connection, begin: int, end: int, least: int) -> list[Row]:
+    """The messages of [begin, end) that can be read; halves of what cannot be read as a whole are tried."""
+    query = "SELECT id, topic_id, timestamp, data FROM messages WHERE id >= ? AND id < ?"
+    try:
+        return old.execute(query, (begin, end)).fetchall()
+    except sqlite3.Error:
+        if end - begin <= least:
+            return []
+        middle = (begin + end) // 2
+        return _between(old, begin, middle, least) + _between(old, middle, end, least)
