@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from palpate.errors import ConfigurationError
 from palpate.maps.baseline import find_baseline
 from palpate.maps.grid import gaussian_process
-from palpate.maps.lumps import merged
-from palpate.maps.sites import Sites
+from palpate.maps.sites import Sites, merged
 
 Floats = NDArray[np.float64]
 
@@ -98,4 +97,5 @@ def _with(sites: Sites, place: Floats, log: float) -> Sites:
         np.append(sites.std, 0.005),
         np.append(sites.time, sites.time[-1] + 1.0),
         np.append(sites.standing, False),
+        sites.kept,
     )
