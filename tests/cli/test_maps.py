@@ -147,6 +147,7 @@ def test_an_impossible_motion_is_refused_by_name(palpate, root, command, assignm
     [
         (("--track", "dr/none"), "there is no track"),
         (("--parameter", "weight"), "has no 'weight'"),
+        (("--method", "wavelets"), "is none of"),
     ],
 )
 @pytest.mark.parametrize("command", ["map", "lumps"])
@@ -176,46 +177,58 @@ def test_a_search_visits_what_it_suspects(palpate, raster_run, tmp_path):
     assert np.hypot(*(visited.place[0] - [-0.016, 0.006])) < 6e-3
 
 
-RECORDED = """
-[run]
-name = "S5, sweep at 4 mm/s"
-[device.log]
-type = "csv-replay"
-file = "{file}"
-rate = "500 Hz"
-columns.z = {{ column = 0, unit = "mm" }}
-columns.v = {{ column = 3, unit = "mm/s" }}
-columns.f = {{ column = 4, unit = "N" }}
-columns.y = {{ column = 10, unit = "m" }}
-[alignment]
-force = {{ channel = "log.f", delay = "6 ms" }}
-position = "log.z"
-velocity = {{ channel = "log.v", sign = -1 }}
-lateral_y = "log.y"
-tip_mass = "140 g"
-tare = "none"
-[indenter.tip]
-type = "sphere"
-radius = "5 mm"
-[model.dr]
-type = "dimensionality-reduction"
-indenter = "tip"
-[estimator.smoother]
-type = "kinematic-smoother"
-sweep_speed = "4 mm/s"
-[estimator.ekf]
-type = "ekf"
-"""
+def test_the_recorded_sweep_holds_a_sphere_and_a_horseshoe_and_nothing_else(palpate, root, shared, tmp_path):
+    """Default settings from the command line to the lumps; y of the record begins at 450 mm."""
+    file = f"device.log.file={shared / 'ur3e-bota-2024' / 'tran_4mms.csv.gz'}"
+    given = options([file, 'run.tracks=["dr/smoother", "dr/ekf"]'])
+    done = palpate("run", root / "pipelines" / "figures" / "recorded.toml", *given, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    for method in ("prominence", "cusum"):
+        found = json.loads(palpate("lumps", tmp_path / "out", "--method", method, "--json").stdout)
+        assert found["track"] == "dr/smoother"
+        sphere, horseshoe = found["lumps"]
+        assert 1e3 * sphere["y"] - 450 == pytest.approx(20.0, abs=3.0)
+        assert 42.0 - 3.0 < 1e3 * horseshoe["y"] - 450 < 48.0 + 3.0
+    assert "no lumps" in palpate("lumps", tmp_path / "out", "--track", "dr/ekf").stdout
 
 
-def test_the_recorded_sweep_holds_a_sphere_and_a_horseshoe_and_nothing_else(shared, tmp_path):
-    pipeline = tmp_path / "sweep.toml"
-    pipeline.write_text(RECORDED.format(file=shared / "ur3e-bota-2024" / "tran_4mms.csv.gz"))
-    run_pipeline(load_pipeline(pipeline), tmp_path / "out")
-    sphere, horseshoe = find_lumps(sites_along(read_path(tmp_path / "out"))).lumps
-    assert 1e3 * sphere.place[1] - 450 == pytest.approx(20.0, abs=3.0)
-    assert 42.0 - 3.0 < 1e3 * horseshoe.place[1] - 450 < 48.0 + 3.0
-    assert find_lumps(sites_along(read_path(tmp_path / "out", "dr/ekf"))).lumps == ()
+def test_curves_of_filters_are_compared_with_points(palpate, root, tmp_path):
+    """As in the paper's figure, over a shorter line with the sphere in its middle."""
+    points = tmp_path / "points.toml"
+    text = (root / "pipelines" / "points.toml").read_text().replace('duration = "4 s"', 'duration = "2 s"')
+    points.write_text(text.replace('size = ["70 mm", "0 mm"]', 'size = ["20 mm", "0 mm"]\ncentre = ["0 mm", "-14 mm"]'))
+    line = ('trajectory.sweep.start=["0 mm", "-30 mm"]', 'trajectory.sweep.end=["0 mm", "0 mm"]')
+    arguments = ["compare", root / "pipelines" / "sweep.toml", "--estimators", "kinematic,ekf", "--points", points]
+    done = palpate(*arguments, "--out", tmp_path / "out", *options([*line, "trajectory.sweep.settle=2 s"]))
+    assert done.returncode == 0, done.stderr
+    table = {
+        row.split("│")[1].strip(): row.split("│")
+        for row in done.stdout.partition("along the sweep")[2].splitlines()
+        if row.startswith("│")
+    }
+    assert float(table["dr/kinematic"][2].split()[0]) == pytest.approx(-14.0, abs=1.0)
+    assert float(table["dr/kinematic"][3]) < 2.0 < 5.0 < float(table["dr/ekf"][3])
+    assert (tmp_path / "out" / "sweep.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "out" / "points" / "result.json").is_file()
+
+
+def test_settings_are_compared_along_a_sweep(palpate, root, tmp_path):
+    line = ['trajectory.sweep.start=["0 mm", "-30 mm"]', 'trajectory.sweep.end=["0 mm", "0 mm"]']
+    few = ["trajectory.sweep.settle=2 s", 'sweep.estimator.afukf.theta=["1 mm/s", "2 mm/s"]']
+    file = tmp_path / "fading.toml"
+    text = (root / "pipelines" / "figures" / "fading.toml").read_text()
+    file.write_text(text.partition("[sweep]")[0])
+    done = palpate("sweep", file, "--picture", "--jobs", 1, "--out", tmp_path / "out", *options([*line, *few]))
+    assert done.returncode == 0, done.stderr
+    for label in ("theta 1 mm/s", "theta 2 mm/s"):
+        assert label in done.stdout
+    assert (tmp_path / "out" / "sweep.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_points_of_what_is_no_sweep_are_refused(palpate, root, raster_run, tmp_path):
+    done = palpate("compare", root / "pipelines" / "point.toml", "--estimators", "ekf", "--points", raster_run)
+    assert done.returncode == 2
+    assert "no sweep along a line" in done.stderr
 
 
 def test_too_few_baseline_sites_are_refused(palpate, sweep_run):

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from palpate.cli.curves import Points, curves_of, points_of
 from palpate.errors import ConfigurationError, LogError, PalpateError
 from palpate.units import to_si
 
@@ -31,9 +32,7 @@ def map_run(
     cell: Annotated[str, typer.Option(help="Size of the map's cells.")] = "1 mm",
     method: Annotated[str, typer.Option(help="gaussian-process or average.")] = "gaussian-process",
     reach: Annotated[str | None, typer.Option(help="How far from a site the map goes. [default: 1.2 pitches]")] = None,
-    points: Annotated[
-        Path | None, typer.Option(help="Run of point palpations on the same line, to be drawn with a sweep.")
-    ] = None,
+    points: Points = None,
     out: Annotated[Path | None, typer.Option(help="Folder to write to. [default: RUN/maps]")] = None,
     svg: Annotated[bool, typer.Option("--svg", help="SVG pictures instead of PNG.")] = False,
 ) -> None:
@@ -52,8 +51,9 @@ def map_run(
         findings = maps.find_lumps(sites)
     along = maps.line_coordinate(sites)
     if along is not None and not sites.standing.all():
-        series = _series(run, track, parameter)
-        checked = _points(points, parameter) if points is not None else None
+        curves = curves_of(run, [track] if track else None, parameter)
+        series = {name: (curve.along, curve.sites) for name, curve in curves.items()}
+        checked = points_of(points, folder, parameter) if points is not None else None
         image = picture.sweep_picture(series, path.parameter, unit, findings, checked)
         export.replace_file(folder / "sweep.csv", export.sweep_csv(series, path.parameter))
         picture.save(image, folder / f"sweep.{ending}")
@@ -71,32 +71,6 @@ def map_run(
             f"interpolated over {1e3 * field.length:.3g} mm"
         )
     typer.echo(f"written to {folder}")
-
-
-def _series(run: Path, track: str | None, parameter: str | None) -> dict[str, Any]:
-    """Coordinate and sites of one track, or of all that have estimates, by name."""
-    from palpate import maps
-
-    series = {}
-    for name in [track] if track else maps.tracks_of(run):
-        with suppress(LogError):  # a track that found nothing is not drawn
-            sites = maps.sites_along(maps.read_path(run, name, parameter))
-            along = maps.line_coordinate(sites)
-            if along is not None:
-                series[name] = along, sites
-    return series
-
-
-def _points(run: Path, parameter: str | None) -> tuple[Any, Any]:
-    """Coordinate and sites of the point palpations of a run; raises LogError where they are on no line."""
-    from palpate import maps
-
-    sites = maps.sites_along(maps.read_path(run, None, parameter))
-    sites = sites[sites.standing]
-    along = maps.line_coordinate(sites) if len(sites) > 1 else None
-    if along is None:
-        raise LogError(f"{run}: holds no point palpations on a line")
-    return along, sites
 
 
 def outlines_of(run: Path) -> list[Any]:
