@@ -1,5 +1,6 @@
 """`palpate plan`, `map`, `lumps`, `search`, `resume`, `compare`: from a pipeline to a picture and a list of lumps."""
 
+import csv
 import json
 import shutil
 import signal
@@ -71,6 +72,38 @@ def test_a_raster_gives_a_map(palpate, raster_run):
         assert str(arrays["parameter"]) == "elasticity"
     assert (raster_run / "maps" / "map.csv").read_text().startswith("x_m,y_m,elasticity,elasticity_std,covered\n")
     assert (raster_run / "maps" / "map.svg").stat().st_size > 10_000
+
+
+def test_the_log_and_the_map_as_mcap_say_where(palpate, raster_run):
+    """The estimates of a run have a place while it goes on; the map is a Grid that another decoder reads."""
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    with (raster_run / "log.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        found = [m for *_, m in reader.iter_decoded_messages(topics=["/palpate/estimates/dr/kinematic"])]
+    with (raster_run / "estimates.csv").open(newline="") as file:
+        rows = {round(float(row["time_s"]), 3): row for row in csv.DictReader(file)}
+    compared = [(m, rows[key]) for m in found if (key := round(m.time, 3)) in rows]
+    assert len(compared) > 1000
+    assert all((m.x, m.y) == (float(row["x_m"]), float(row["y_m"])) for m, row in compared)
+
+    done = palpate("map", raster_run, "--cell", "2 mm", "--method", "average", "--mcap")
+    assert done.returncode == 0, done.stderr
+    with (raster_run / "maps" / "map.mcap").open("rb") as file:
+        ((*_, grid),) = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+    with np.load(raster_run / "maps" / "map.npz") as arrays:
+        assert grid.column_count == len(arrays["x"])
+        assert (grid.pose.position.x, grid.pose.position.y) == pytest.approx(
+            (arrays["x"][0] - 1e-3, arrays["y"][0] - 1e-3)
+        )
+        cells = np.frombuffer(bytes(grid.data), "<f8").reshape(len(arrays["y"]), grid.row_stride // grid.cell_stride, 2)
+        np.testing.assert_array_equal(cells[..., 0], arrays["value"])
+        np.testing.assert_array_equal(cells[..., 1][arrays["covered"]], arrays["std"][arrays["covered"]])
+    assert [(field.name, field.offset, field.type) for field in grid.fields] == [
+        ("elasticity", 0, 8),
+        ("elasticity_std", 8, 8),
+    ]
 
 
 def test_an_interrupted_raster_resumes_at_the_last_whole_line(root, raster_run, tmp_path, palpate):

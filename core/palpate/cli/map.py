@@ -35,10 +35,12 @@ def map_run(
     points: Points = None,
     out: Annotated[Path | None, typer.Option(help="Folder to write to. [default: RUN/maps]")] = None,
     svg: Annotated[bool, typer.Option("--svg", help="SVG pictures instead of PNG.")] = False,
+    mcap: Annotated[bool, typer.Option("--mcap", help="Write map.mcap, too: a Grid that robot viewers draw.")] = False,
 ) -> None:
     """Make the map of a run, with its uncertainty: CSV, NPZ and a picture; for a sweep, a curve."""
     from palpate import maps
     from palpate.maps import export, picture
+    from palpate.maps.mcap_grid import map_mcap
 
     if method not in ("gaussian-process", "average"):
         raise ConfigurationError(f'--method: {method!r} is none of "gaussian-process" and "average"')
@@ -51,6 +53,8 @@ def map_run(
         findings = maps.find_lumps(sites)
     along = maps.line_coordinate(sites)
     if along is not None and not sites.standing.all():
+        if mcap:
+            raise ConfigurationError(f"--mcap: {run} is a sweep along a line, and no map; its log has the estimates")
         curves = curves_of(run, [track] if track else None, parameter)
         series = {name: (curve.along, curve.sites) for name, curve in curves.items()}
         checked = points_of(points, folder, parameter) if points is not None else None
@@ -65,6 +69,8 @@ def map_run(
         export.replace_file(folder / "map.csv", export.map_csv(field, path.parameter))
         export.replace_file(folder / "map.npz", export.map_npz(field, path.parameter))
         picture.save(image, folder / f"map.{ending}")
+        if mcap:
+            export.replace_file(folder / "map.mcap", map_mcap(field, path.parameter, round(1e9 * sites.time[-1])))
         size = f"{1e3 * (field.x[-1] - field.x[0]):.4g} mm x {1e3 * (field.y[-1] - field.y[0]):.4g} mm"
         typer.echo(
             f"map of {size}, {100 * field.coverage:.0f} % covered, {len(sites)} sites, {path.track}, "

@@ -18,7 +18,7 @@ from typing import Annotated, Any
 import tomli_w
 import typer
 
-from palpate.cli.curves import Points, curves_of, points_of, tell_curves
+from palpate.cli.curves import Curve, Points, curves_of, points_of, tell_curves
 from palpate.cli.map import unit_of
 from palpate.config import Source, build_pipeline
 from palpate.errors import ConfigurationError, LogError, OutputError, PalpateError, UserError
@@ -94,7 +94,7 @@ def sweep(
 
 def _draw(planned: Sequence[Job], folder: Path, points: Path | None) -> None:
     """One picture and one table of the curves of all combinations; raises LogError where there are none."""
-    curves = {}
+    curves: dict[str, Curve] = {}
     for job in planned:
         told = ", ".join(f"{key.rpartition('.')[2]} {value}" for key, value in job.values.items())
         for run in sorted(folder.glob(f"{job.number:05d}*"))[-1:]:
