@@ -140,6 +140,49 @@ def test_ctrl_c_leaves_a_raster_that_resumes(root, tmp_path):
     assert rest.lines == 3
 
 
+def test_a_killed_raster_resumes_and_gives_the_map_of_an_uninterrupted_one(palpate, root, tmp_path):
+    """Killed without warning in its second line; the rest is done by `palpate resume`."""
+    small = [
+        'trajectory.raster.size=["16 mm", "10 mm"]',
+        "trajectory.raster.settle=1 s",
+        "trajectory.raster.speed=6 mm/s",
+    ]
+    small += ['trajectory.raster.centre=["-16 mm", "6 mm"]', "device.rig.sensor_rate=500 Hz"]
+    small += ["estimator.kinematic.sweep_speed=6 mm/s", 'run.tracks=["dr/kinematic"]']
+    out, file = tmp_path / "out", root / "pipelines" / "raster.toml"
+    command = [sys.executable, "-c", "from palpate.cli import main; main()", "run", str(file), "--out", str(out)]
+    process = subprocess.Popen(
+        [*command, *options([*small, "device.rig.pace=real-time"])],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    first_line = next(iter(load_pipeline(file, small).trajectories.values())).total_duration / 3
+    deadline = time.monotonic() + 90
+    while last_time(out / "estimates.csv") < first_line + 1.5 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.kill()
+    process.wait(timeout=10)
+    assert not (out / "result.json").exists()
+    resolved = out / "resolved.toml"
+    resolved.write_text(resolved.read_text().replace('pace = "real-time"', 'pace = "fast"'))
+    done = palpate("resume", out)
+    assert done.returncode == 0, done.stderr
+    (rest,) = load_pipeline(out / "part-2" / "resolved.toml").trajectories.values()
+    assert rest.first_line == 1
+    run_pipeline(load_pipeline(file, small), tmp_path / "whole")
+    whole, pieces = (make_map(sites_along(read_path(run)), 2e-3, "average") for run in (tmp_path / "whole", out))
+    both = whole.covered[:5, :7] & pieces.covered[:5, :7]
+    assert both.mean() > 0.9
+    apart = (whole.value - pieces.value)[:5, :7] / np.hypot(whole.std, pieces.std)[:5, :7]
+    assert np.sqrt(np.mean(apart[both] ** 2)) < 1.5
+
+
+def last_time(table):
+    """Time [s] of the last whole row of a table of estimates; 0 where there is none."""
+    rows = table.read_text().splitlines()[1:-1] if table.exists() else []
+    return float(rows[-1].split(",")[0]) if rows else 0.0
+
+
 def test_a_motion_that_can_only_be_done_as_one_does_not_resume(palpate, sweep_run, tmp_path):
     cut = tmp_path / "cut"
     shutil.copytree(sweep_run, cut)
@@ -172,6 +215,27 @@ def test_an_impossible_motion_is_refused_by_name(palpate, root, command, assignm
     done = palpate(command, root / "pipelines" / "raster.toml", "--set", assignment)
     assert done.returncode == 2
     assert word in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+SAFETY = (
+    'safety.low=["-50 mm", "-50 mm", "-10 mm"]',
+    'safety.high=["50 mm", "50 mm", "20 mm"]',
+    "safety.force=40 N",
+    "safety.stop_force=20 N",
+    "safety.stiffness=3 N/mm",
+)
+
+
+@pytest.mark.parametrize("command", ["plan", "run"])
+def test_a_motion_outside_of_the_workspace_is_refused_by_name(palpate, root, tmp_path, command):
+    file = root / "pipelines" / "raster.toml"
+    kept = palpate("plan", file, *options(SAFETY), "--out", tmp_path / "plan.png")
+    assert kept.returncode == 0, kept.stderr
+    assert "every limit of [safety] is kept" in kept.stdout
+    done = palpate(command, file, *options([*SAFETY, 'safety.high=["20 mm", "50 mm", "20 mm"]']))
+    assert done.returncode == 2
+    assert "x goes to 30.00 mm, above the limit of 20.00 mm" in done.stderr
     assert "Traceback" not in done.stderr
 
 
