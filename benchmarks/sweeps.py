@@ -174,7 +174,7 @@ def _listed(tracks: Sequence[str]) -> str:
 def search(seeds: Sequence[int]) -> None:
     """Time to a checked sphere of 5 mm radius anywhere in 60 mm x 40 mm: two coarse lines, then points by suspicion."""
     from palpate.cli.search import visit
-    from palpate.maps import propose
+    from palpate.maps import propose, settled, surest
 
     raster = PIPELINE.with_name("raster.toml")
     whole = next(iter(load_pipeline(raster).trajectories.values())).total_duration
@@ -190,12 +190,12 @@ def search(seeds: Sequence[int]) -> None:
         with tempfile.TemporaryDirectory() as folder:
             run = Path(folder) / "run"
             run_pipeline(given, run)
-            spent, found = next(iter(given.trajectories.values())).total_duration, None
-            while found is None and spent < whole:
+            spent, found, done = next(iter(given.trajectories.values())).total_duration, None, False
+            while not done and spent < whole:
                 places = propose(sites_along(read_path(run)), 2, area=(-0.03, 0.03, -0.02, 0.02))
                 spent += visit(run, [place.place for place in places], 2.0)
-                lumps = find_lumps(sites_along(read_path(run))).lumps
-                found = next((lump for lump in lumps if lump.checked and lump.p < 1e-3), None)
+                before, found = found, surest(find_lumps(sites_along(read_path(run))))
+                done = settled(before, found, 1e-3)
         off = math.hypot(1e3 * found.place[0] - x, 1e3 * found.place[1] - y) if found else math.inf
         times.append(spent if off < 5.0 else math.inf)
         errors.append(off)

@@ -5,7 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import LogError
-from palpate.maps import LumpSettings, Path2D, Sites, find_lumps, line_coordinate, make_map, propose, sites_along
+from palpate.maps import (
+    Findings,
+    Lump,
+    LumpSettings,
+    Path2D,
+    Sites,
+    find_lumps,
+    line_coordinate,
+    make_map,
+    propose,
+    settled,
+    sites_along,
+    surest,
+)
 
 
 def sweep(dice, lumps, length=0.07, noise=0.005, base=112e3):
@@ -167,3 +180,17 @@ def test_a_stay_before_the_sweep_tells_what_is_scatter():
     late = time > 8.5
     short = Path2D("dr/kinematic", "elasticity", time[late], path.place[late], value[late], path.std[late], 1.0)
     assert sites_along(short).kept == 0.7
+
+
+def test_a_search_stops_once_its_lump_stays_in_place():
+    def lump(x, p, checked=True):
+        return Lump((x, 0.0), (0.01, 0.01), 0.3, 0.02, p, checked=checked)
+
+    first, moved, stays = lump(0.0, 1e-6), lump(0.005, 1e-6), lump(0.0065, 1e-6)
+    assert not settled(None, first, 1e-3)
+    assert not settled(first, moved, 1e-3)
+    assert settled(moved, stays, 1e-3)
+    assert not settled(moved, lump(0.0065, 0.01), 1e-3)
+    found = Findings((lump(0.0, 1e-9, checked=False), first, lump(0.02, 1e-7)), 1e5, 0.01, "")
+    assert surest(found).p == 1e-7
+    assert surest(Findings((), 1e5, 0.01, "")) is None

@@ -5,7 +5,7 @@ from palpate.maps.findings import Findings, Lump, LumpSettings, SweepMethod
 from palpate.maps.grid import StiffnessMap, make_map
 from palpate.maps.lumps import find_lumps
 from palpate.maps.path import Path2D, read_path, tracks_of
-from palpate.maps.search import Proposal, propose
+from palpate.maps.search import Proposal, propose, settled, surest
 from palpate.maps.sites import Sites, line_coordinate, sites_along
 
 __all__ = [
@@ -28,7 +28,9 @@ __all__ = [
     "prediction_p",
     "propose",
     "read_path",
+    "settled",
     "sites_along",
+    "surest",
     "tracks_of",
     "welch",
 ]

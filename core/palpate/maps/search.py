@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 
 from palpate.errors import ConfigurationError
 from palpate.maps.baseline import find_baseline
+from palpate.maps.findings import Findings, Lump
 from palpate.maps.grid import gaussian_process
 from palpate.maps.sites import Sites, merged
 
 Floats = NDArray[np.float64]
 
 Aim = Literal["suspicion", "uncertainty"]
+
+SETTLED = 3e-3  # [m]
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,21 @@ class Proposal:
     contrast: float  # expected there, over the baseline
     std: float  # of it
     suspicion: float  # probability of a contrast above the threshold
+
+
+def surest(findings: Findings) -> Lump | None:
+    """The lump with the smallest p-value of those that were palpated at a point, too; None where there is none."""
+    return min((lump for lump in findings.lumps if lump.checked), key=lambda lump: lump.p, default=None)
+
+
+def settled(before: Lump | None, now: Lump | None, sure: float, within: float = SETTLED) -> bool:
+    """Whether a search may stop: its surest lump has a p-value below `sure`, and visits no longer move it [m].
+
+    A point on the flank of a lump is significant, too; the lump is placed once another round of visits leaves it there.
+    """
+    if before is None or now is None or now.p >= sure:
+        return False
+    return float(np.hypot(now.place[0] - before.place[0], now.place[1] - before.place[1])) < within
 
 
 def propose(
