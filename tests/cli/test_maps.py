@@ -74,6 +74,19 @@ def test_a_raster_gives_a_map(palpate, raster_run):
     assert (raster_run / "maps" / "map.svg").stat().st_size > 10_000
 
 
+def test_a_pipeline_file_becomes_a_map_in_one_command(palpate, root, tmp_path):
+    file = tmp_path / "raster.toml"
+    text = (root / "pipelines" / "raster.toml").read_text()
+    text = text.replace('size = ["60 mm", "40 mm"]', 'size = ["20 mm", "10 mm"]').replace(
+        'settle = "2 s"', 'settle = "1 s"'
+    )
+    file.write_text(text.replace("[run]", '[run]\ntracks = ["dr/kinematic"]'))
+    done = palpate("map", file, "--method", "average", "--out", tmp_path / "maps")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "maps" / "map.png").read_bytes().startswith(b"\x89PNG")
+    assert len(list((tmp_path / "runs").glob("*/result.json"))) == 1
+
+
 def test_the_log_and_the_map_as_mcap_say_where(palpate, raster_run):
     """The estimates of a run have a place while it goes on; the map is a Grid that another decoder reads."""
     from mcap.reader import make_reader

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from palpate.cli.curves import Points, curves_of, points_of
+from palpate.config import load_pipeline
 from palpate.errors import ConfigurationError, LogError, PalpateError
 from palpate.units import to_si
 
@@ -26,7 +27,7 @@ def length(text: str, option: str) -> float:
 
 
 def map_run(
-    run: Run,
+    run: Annotated[Path, typer.Argument(help="The run folder, or a pipeline file to run first.")],
     track: Track = None,
     parameter: Parameter = None,
     cell: Annotated[str, typer.Option(help="Size of the map's cells.")] = "1 mm",
@@ -37,13 +38,19 @@ def map_run(
     svg: Annotated[bool, typer.Option("--svg", help="SVG pictures instead of PNG.")] = False,
     mcap: Annotated[bool, typer.Option("--mcap", help="Write map.mcap, too: a Grid that robot viewers draw.")] = False,
 ) -> None:
-    """Make the map of a run, with its uncertainty: CSV, NPZ and a picture; for a sweep, a curve."""
+    """Make the map of a run, with its uncertainty: CSV, NPZ and a picture; for a sweep, a curve.
+
+    A pipeline file is run first, into a new folder of runs/.
+    """
     from palpate import maps
     from palpate.maps import export, picture
     from palpate.maps.mcap_grid import map_mcap
+    from palpate.pipeline import run_pipeline
 
     if method not in ("gaussian-process", "average"):
         raise ConfigurationError(f'--method: {method!r} is none of "gaussian-process" and "average"')
+    if run.suffix == ".toml":
+        run = run_pipeline(load_pipeline(run)).folder
     path = maps.read_path(run, track, parameter)
     sites = maps.sites_along(path)
     folder, ending = out or run / "maps", "svg" if svg else "png"

@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 Aim = Literal["suspicion", "uncertainty"]
 
 SETTLED = 3e-3  # [m]
+WEIGHT = 1.0
+LIKELY = 0.5  # suspicion
 
 
 @dataclass(frozen=True)
@@ -74,8 +76,9 @@ def propose(
         mean, std, _ = gaussian_process(known, nodes)
         spread = np.hypot(std, base.spread / np.sqrt(base.count))
         suspicion = norm.sf((base.mean + np.log1p(contrast) - mean) / spread)
-        # Ties between places that are certain are broken by how much they stand out.
-        score = std if aim == "uncertainty" else suspicion + 1e-3 * (mean - base.mean)
+        # Of places that are likely, the one that may be stiffest: a flank that is certain says less than what is beside.
+        reach = mean - base.mean + WEIGHT * std
+        score = std if aim == "uncertainty" else np.minimum(suspicion, LIKELY) + 1e-3 * reach
         taken = [proposal.place for proposal in found]
         if aim == "suspicion":
             taken += [tuple(place) for place in known.place[known.standing]]
