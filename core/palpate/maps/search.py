@@ -19,9 +19,8 @@ Floats = NDArray[np.float64]
 
 Aim = Literal["suspicion", "uncertainty"]
 
-SETTLED = 3e-3  # [m]
-WEIGHT = 1.0
-LIKELY = 0.5  # suspicion
+SETTLED = 4e-3  # [m]: the width of a site
+_LIKELY = 0.5  # suspicion beyond which it is no reason to prefer a place
 
 
 @dataclass(frozen=True)
@@ -60,9 +59,9 @@ def propose(
     """Up to `count` places to palpate next, within an area (x0, x1, y0, y1) [m] and `apart` [m] from each other.
 
     A Gaussian process over what is known gives a mean and a standard deviation everywhere; places are taken one after
-    the other by the highest probability of a contrast above the threshold ("suspicion"), or by the highest standard
-    deviation ("uncertainty"), each believed to come out as expected before the next is chosen (kriging believer,
-    Ginsbourger et al. 2010). Deterministic.
+    the other. "suspicion": by the highest probability of a contrast above the threshold, and of the likely ones by the
+    highest mean plus standard deviation. "uncertainty": by the highest standard deviation. Each place is believed to
+    come out as expected before the next is chosen (kriging believer, Ginsbourger et al. 2010). Deterministic.
     """
     if count < 1:
         raise ConfigurationError(f"{count} places to propose; there must be at least 1")
@@ -76,9 +75,9 @@ def propose(
         mean, std, _ = gaussian_process(known, nodes)
         spread = np.hypot(std, base.spread / np.sqrt(base.count))
         suspicion = norm.sf((base.mean + np.log1p(contrast) - mean) / spread)
-        # Of places that are likely, the one that may be stiffest: a flank that is certain says less than what is beside.
-        reach = mean - base.mean + WEIGHT * std
-        score = std if aim == "uncertainty" else np.minimum(suspicion, LIKELY) + 1e-3 * reach
+        # Of likely places, the one that may be stiffest: a flank that is certain says less than what is beside it.
+        may_be = mean - base.mean + std
+        score = std if aim == "uncertainty" else np.minimum(suspicion, _LIKELY) + 1e-3 * may_be
         taken = [proposal.place for proposal in found]
         if aim == "suspicion":
             taken += [tuple(place) for place in known.place[known.standing]]
