@@ -31,7 +31,7 @@ def options(assignments):
 def sweep_run(root, tmp_path_factory):
     """The example sweep, run once."""
     folder = tmp_path_factory.mktemp("sweep") / "run"
-    run_pipeline(load_pipeline(root / "pipelines" / "sweep.toml"), folder)
+    run_pipeline(load_pipeline(root / "pipelines" / "sweep.toml", ['run.tracks=["dr/smoother", "dr/ekf"]']), folder)
     return folder
 
 
