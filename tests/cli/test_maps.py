@@ -181,7 +181,7 @@ def test_a_killed_raster_resumes_and_gives_the_map_of_an_uninterrupted_one(palpa
     done = palpate("resume", out)
     assert done.returncode == 0, done.stderr
     (rest,) = load_pipeline(out / "part-2" / "resolved.toml").trajectories.values()
-    assert rest.first_line == 1
+    assert rest.first_line in (1, 2)  # 2 where the machine was slow to kill it
     run_pipeline(load_pipeline(file, small), tmp_path / "whole")
     whole, pieces = (make_map(sites_along(read_path(run)), 2e-3, "average") for run in (tmp_path / "whole", out))
     both = whole.covered[:5, :7] & pieces.covered[:5, :7]
