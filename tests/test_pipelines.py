@@ -4,14 +4,16 @@ from pathlib import Path
 
 import pytest
 
-PIPELINES = sorted((Path(__file__).parent.parent / "pipelines").glob("*.toml"))
+FOLDER = Path(__file__).parent.parent / "pipelines"
+PIPELINES = sorted(FOLDER.glob("*.toml"))
+FIGURES = [path for path in sorted(FOLDER.glob("figures/*.toml")) if 'type = "sim"' in path.read_text()]
 
 
 def test_there_are_some():
     assert PIPELINES
 
 
-@pytest.mark.parametrize("pipeline", PIPELINES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("pipeline", [*PIPELINES, *FIGURES], ids=lambda path: path.stem)
 def test_it_is_in_order(palpate, pipeline):
     done = palpate("check", pipeline)
     assert done.returncode == 0, done.stderr

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from palpate import ConfigurationError, contact_force
 from palpate_devices.inclusions import Inclusion
+from palpate_devices.layers import Layer, flat_factor, layered_factors
 from palpate_devices.relief import Relief
 from palpate_devices.sim import SimulatedRig
 from palpate_devices.specimen import Specimen
-from palpate_models import DimensionalityReduction, Sphere
+from palpate_models import DimensionalityReduction, KelvinVoigt, Sphere
 from palpate_trajectories.line_sweep import LineSweep
 from palpate_trajectories.press import Press
 from pydantic import ValidationError
@@ -123,10 +124,88 @@ def test_friction_opposes_sliding():
 
 @pytest.mark.parametrize(
     ("settings", "word"),
-    [({"thickness": 0.003}, "thickness"), ({"size": (0.03, 0.03)}, "outside the specimen")],
+    [
+        ({"thickness": 0.003}, "thickness"),
+        ({"size": (0.03, 0.03)}, "outside the specimen"),
+        ({"diameter": 0.03}, "30 mm of diameter"),
+    ],
 )
 def test_a_motion_through_or_beside_the_specimen_is_refused(settings, word):
     sweep = LineSweep(start=(-0.02, 0.0), end=(0.02, 0.0), settle=0.5, press=Press(bias=0.004))
     rig = SimulatedRig.model_validate({"specimen": specimen(**settings)})
     with pytest.raises(ConfigurationError, match=word):
         rig.refuse(sweep.at(np.arange(0.0, sweep.total_duration, 0.01)))
+
+
+@pytest.mark.parametrize(
+    ("name", "elasticity", "viscosity", "contrasts"),
+    [
+        ("S1", 282.1e3, 860.0, []),
+        ("S2", 112.5e3, 362.0, []),
+        ("S3", 112.5e3, 362.0, [0.103]),
+        ("S4", 112.5e3, 362.0, [0.324]),
+        ("S5", 112.5e3, 362.0, [0.324, 0.103]),
+    ],
+)
+def test_the_papers_specimens_are_known_by_name(name, elasticity, viscosity, contrasts):
+    known = Specimen.model_validate({"model": MODEL, "name": name})
+    assert known.parameters == {"elasticity": elasticity, "viscosity": viscosity}
+    assert [inclusion.contrast_above for inclusion in known.inclusions] == contrasts
+    assert known.thickness == 0.022
+    assert known.diameter == (0.08 if name == "S5" else 0.05)
+    for inclusion, contrast in zip(known.inclusions, contrasts, strict=True):
+        x, y = inclusion.line[len(inclusion.line) // 2]
+        assert known.theta(np.array([x]), np.array([y]))[0] / elasticity - 1 == pytest.approx(contrast, abs=0.015)
+
+
+def test_what_is_said_replaces_what_the_papers_specimen_has():
+    other = Specimen.model_validate(
+        {"model": MODEL, "name": "S5", "elasticity": 9e4, "inclusions": (), "thickness": 0.03}
+    )
+    assert other.parameters == {"elasticity": 9e4, "viscosity": 362.0}
+    assert other.inclusions == ()
+    assert (other.thickness, other.diameter) == (0.03, 0.08)
+    again = Specimen.model_validate({key: getattr(other, key) for key in Specimen.model_fields})
+    assert again == other
+    with pytest.raises(ValidationError, match="S1"):
+        Specimen.model_validate({"model": MODEL, "name": "S6", "elasticity": 9e4, "viscosity": 1.0})
+
+
+def test_layers_are_felt_by_how_far_the_contact_reaches():
+    skin = specimen(layers=({"thickness": 0.001, "stiffness_ratio": 3.0},))
+    depth = np.array([1e-6, 1e-4, 1e-3, 4e-3])
+    place, still = np.column_stack([0 * depth, 0 * depth, -depth]), np.zeros((4, 3))
+    ratio = skin.push(np.arange(4.0), place, still) / specimen().push(np.arange(4.0), place, still)
+    assert ratio[0] == pytest.approx(3.0, rel=0.1)
+    assert (np.diff(ratio) < 0).all()
+    assert 1.0 < ratio[-1] < 1.6
+    like = specimen(layers=({"thickness": 0.001, "stiffness_ratio": 1.0},) * 3)
+    same = like.push(np.arange(4.0), place, still)
+    assert same == pytest.approx(specimen().push(np.arange(4.0), place, still), rel=1e-12)
+
+
+def test_a_layer_may_be_cut_in_two():
+    whole = layered_factors((Layer(thickness=0.004, stiffness_ratio=2.0),), MODEL.indenter)
+    halves = layered_factors((Layer(thickness=0.002, stiffness_ratio=2.0),) * 2, MODEL.indenter)
+    np.testing.assert_allclose(whole, halves, rtol=1e-12)
+
+
+@pytest.mark.parametrize("wide", [0.05, 0.1, 0.2, 0.35, 0.5])
+def test_a_layer_on_rigid_ground_is_near_that_of_the_literature(wide):
+    """Garcia and Garcia 2018, flat tip on a bonded layer, at contact radii up to half the thickness."""
+    rigid = 1e9
+    factor = flat_factor((Layer(thickness=0.01, stiffness_ratio=1 / rigid),), [0.01 * wide])[0] * rigid
+    known = 1 + 1.133 * wide + 1.283 * wide**2 + 0.598 * wide**3 - 0.291 * wide**4
+    assert factor == pytest.approx(known, rel=0.12)
+
+
+def test_layers_want_a_tip():
+    with pytest.raises(ValidationError, match="indenter"):
+        Specimen.model_validate(
+            {
+                "model": KelvinVoigt(),
+                "stiffness": 1e3,
+                "damping": 1.0,
+                "layers": ({"thickness": 0.001, "stiffness_ratio": 2.0},),
+            }
+        )

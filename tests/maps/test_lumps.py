@@ -1,9 +1,24 @@
 """Lumps along sweeps and on areas, from estimates whose truth is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from palpate import LogError
-from palpate.maps import LumpSettings, Path2D, Sites, find_lumps, line_coordinate, make_map, propose, sites_along
+from palpate.maps import (
+    Findings,
+    Lump,
+    LumpSettings,
+    Path2D,
+    Sites,
+    find_lumps,
+    line_coordinate,
+    make_map,
+    propose,
+    settled,
+    sites_along,
+    surest,
+)
 
 
 def sweep(dice, lumps, length=0.07, noise=0.005, base=112e3):
@@ -14,6 +29,12 @@ def sweep(dice, lumps, length=0.07, noise=0.005, base=112e3):
     log = np.log(base * (1 + contrast)) + noise * slow
     place = np.column_stack([1e-6 * dice.standard_normal(len(y)), y])
     return Sites(place, log, np.full(len(y), noise), np.arange(len(y)) / 4.0, np.zeros(len(y), bool))
+
+
+def turned(sites, way):
+    """The same sweep, made in the other direction where `way` is -1."""
+    back = sites[::way]
+    return Sites(back.place, back.log, back.std, sites.time, back.standing)
 
 
 def area(dice, lumps, noise=0.005):
@@ -29,24 +50,36 @@ def area(dice, lumps, noise=0.005):
     return Sites(place, log, np.full(n, noise), np.arange(n) / 4.0, np.zeros(n, bool))
 
 
-def test_lumps_of_a_sweep_are_where_they_are():
+@pytest.mark.parametrize("method", ["prominence", "cusum"])
+@pytest.mark.parametrize("way", [1, -1])
+def test_lumps_of_a_sweep_are_where_they_are(method, way):
     sites = sweep(np.random.default_rng(0), [(-0.014, 0.006, 0.45), (0.015, 0.005, 0.15)])
-    first, second = find_lumps(sites).lumps
+    first, second = find_lumps(turned(sites, way), LumpSettings(method=method)).lumps
     assert first.place[1] == pytest.approx(-0.014, abs=1e-3)
     assert second.place[1] == pytest.approx(0.015, abs=1e-3)
     assert second.contrast == pytest.approx(0.15, abs=0.04)
     assert second.extent[0] == pytest.approx(2.355 * 0.005, rel=0.25)
-    assert first.p < second.p < 1e-3
+    assert first.p <= second.p < 1e-3
 
 
-def test_homogeneous_sweeps_raise_no_alarm():
-    alarms = [len(find_lumps(sweep(np.random.default_rng(seed), [])).lumps) for seed in range(100)]
+@pytest.mark.parametrize("method", ["prominence", "cusum"])
+def test_homogeneous_sweeps_raise_no_alarm(method):
+    settings = LumpSettings(method=method)
+    alarms = [len(find_lumps(sweep(np.random.default_rng(seed), []), settings).lumps) for seed in range(100)]
     assert sum(alarms) == 0
 
 
-def test_a_softer_place_is_no_lump():
+@pytest.mark.parametrize("method", ["prominence", "cusum"])
+def test_a_softer_place_is_no_lump(method):
     sites = sweep(np.random.default_rng(1), [(0.0, 0.006, -0.3)])
-    assert find_lumps(sites).lumps == ()
+    assert find_lumps(sites, LumpSettings(method=method)).lumps == ()
+
+
+@pytest.mark.parametrize("method", ["prominence", "cusum"])
+def test_a_step_is_no_lump(method):
+    sites = sweep(np.random.default_rng(1), [])
+    stepped = replace(sites, log=sites.log + np.where(sites.place[:, 1] > 0.005, 0.2, 0.0))
+    assert find_lumps(stepped, LumpSettings(method=method)).lumps == ()
 
 
 def test_lumps_of_an_area():
@@ -135,3 +168,29 @@ def test_a_path_becomes_sites_of_sweep_and_stay():
     moving = sites[~sites.standing]
     assert 38 <= len(moving) <= 43
     assert moving.value == pytest.approx(100e3 * (1 + moving.place[:, 1]), rel=1e-4)
+
+
+def test_a_stay_before_the_sweep_tells_what_is_scatter():
+    time = np.arange(0.0, 27.0, 0.01)
+    y = np.where(time < 10.0, 0.0, 0.004 * (time - 10.0))
+    dice = np.random.default_rng(0)
+    value = 100e3 * np.exp(0.004 * np.repeat(dice.standard_normal(len(time) // 25), 25))
+    path = Path2D("dr/kinematic", "elasticity", time, np.column_stack([0 * y, y]), value, 0.02 * value, 1.0)
+    assert sites_along(path).kept == pytest.approx(0.2, abs=0.08)
+    late = time > 8.5
+    short = Path2D("dr/kinematic", "elasticity", time[late], path.place[late], value[late], path.std[late], 1.0)
+    assert sites_along(short).kept == 0.7
+
+
+def test_a_search_stops_once_its_lump_stays_in_place():
+    def lump(x, p, checked=True):
+        return Lump((x, 0.0), (0.01, 0.01), 0.3, 0.02, p, checked=checked)
+
+    first, moved, stays = lump(0.0, 1e-6), lump(0.005, 1e-6), lump(0.0065, 1e-6)
+    assert not settled(None, first, 1e-3)
+    assert not settled(first, moved, 1e-3)
+    assert settled(moved, stays, 1e-3)
+    assert not settled(moved, lump(0.0065, 0.01), 1e-3)
+    found = Findings((lump(0.0, 1e-9, checked=False), first, lump(0.02, 1e-7)), 1e5, 0.01, "")
+    assert surest(found).p == 1e-7
+    assert surest(Findings((), 1e5, 0.01, "")) is None

@@ -12,7 +12,9 @@ import numpy as np
 import typer
 
 from palpate import registry as registries
+from palpate.cli.curves import Points, curves_of, points_of, tell_curves
 from palpate.cli.log_info import pipeline_text, recording_of
+from palpate.cli.map import unit_of
 from palpate.cli.tables import result_view
 from palpate.config import Pipeline, Source, build_pipeline
 from palpate.errors import ConfigurationError
@@ -32,8 +34,12 @@ def compare(
     overrides: Annotated[
         list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override a setting; can be repeated.")
     ] = None,
+    points: Points = None,
 ) -> None:
-    """Run every model with every estimator on one log, read once; print one table, draw one picture."""
+    """Run every model with every estimator on one log, read once; print one table, draw one picture.
+
+    Of a sweep along a line, the curves are drawn, too, with the lumps in each.
+    """
     from rich.console import Console
 
     from palpate.pipeline import run_pipeline
@@ -50,6 +56,20 @@ def compare(
         console.print(_differences(result, reference))
     picture = _draw(result, reference)
     typer.echo(f"picture: {picture}" if picture else "no picture: it needs matplotlib (pip install matplotlib)")
+    _along(pipeline, result, points)
+
+
+def _along(pipeline: Pipeline, result: Result, points: Path | None) -> None:
+    """Curves of a sweep along a line; nothing where it was none."""
+    curves = curves_of(result.folder) if pipeline.alignment.lateral_x or pipeline.alignment.lateral_y else {}
+    if not curves:
+        if points is not None:
+            raise ConfigurationError(f"--points: {result.folder} is no sweep along a line")
+        return
+    first = next(iter(curves))
+    checked = points_of(points, result.folder) if points is not None else None
+    unit = unit_of(result.folder, first, curves[first].parameter)
+    tell_curves(curves, checked, unit, result.folder / "sweep.png")
 
 
 def _pipeline(log: Path, models: str | None, estimators: str | None, overrides: list[str]) -> Pipeline:

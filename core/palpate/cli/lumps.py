@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
@@ -21,12 +21,15 @@ def lumps(
     run: Run,
     track: Track = None,
     parameter: Parameter = None,
-    rate: Annotated[float, typer.Option(help="False-discovery rate.")] = 0.005,
-    contrast: Annotated[float, typer.Option(help="Least contrast that is reported.")] = 0.05,
+    rate: Annotated[float, typer.Option(help="False-discovery rate; chance of an alarm where nothing is.")] = 0.005,
+    contrast: Annotated[float, typer.Option(help="Least contrast that is reported.")] = 0.04,
     spread: Annotated[
         float, typer.Option(help="Spread of the stiffness between sites that is always believed.")
     ] = 0.005,
     width: Annotated[str, typer.Option(help="Width of a site.")] = "4 mm",
+    method: Annotated[
+        str, typer.Option(help="Along a sweep: prominence, or cusum, a sequential test in the order of time.")
+    ] = "prominence",
     as_json: Annotated[bool, typer.Option("--json", help="Print lumps.json instead of the table.")] = False,
 ) -> None:
     """Find the lumps in a run: place, extent, contrast and p-value of each."""
@@ -35,7 +38,9 @@ def lumps(
 
     if not 0 < rate < 1 or contrast < 0 or spread < 0:
         raise ConfigurationError("--rate must be between 0 and 1, --contrast and --spread not below 0")
-    settings = maps.LumpSettings(rate, contrast, spread, length(width, "--width"))
+    if method not in get_args(maps.SweepMethod):
+        raise ConfigurationError(f'--method: {method!r} is none of "prominence" and "cusum"')
+    settings = maps.LumpSettings(rate, contrast, spread, length(width, "--width"), method)  # type: ignore[arg-type]
     path = maps.read_path(run, track, parameter)
     findings = maps.find_lumps(maps.sites_along(path), settings)
     text = export.lumps_json(findings, path.track, path.parameter)

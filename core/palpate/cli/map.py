@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from palpate.cli.curves import Points, curves_of, points_of
+from palpate.config import load_pipeline
 from palpate.errors import ConfigurationError, LogError, PalpateError
 from palpate.units import to_si
 
@@ -25,24 +27,30 @@ def length(text: str, option: str) -> float:
 
 
 def map_run(
-    run: Run,
+    run: Annotated[Path, typer.Argument(help="The run folder, or a pipeline file to run first.")],
     track: Track = None,
     parameter: Parameter = None,
     cell: Annotated[str, typer.Option(help="Size of the map's cells.")] = "1 mm",
     method: Annotated[str, typer.Option(help="gaussian-process or average.")] = "gaussian-process",
     reach: Annotated[str | None, typer.Option(help="How far from a site the map goes. [default: 1.2 pitches]")] = None,
-    points: Annotated[
-        Path | None, typer.Option(help="Run of point palpations on the same line, to be drawn with a sweep.")
-    ] = None,
+    points: Points = None,
     out: Annotated[Path | None, typer.Option(help="Folder to write to. [default: RUN/maps]")] = None,
     svg: Annotated[bool, typer.Option("--svg", help="SVG pictures instead of PNG.")] = False,
+    mcap: Annotated[bool, typer.Option("--mcap", help="Write map.mcap, too: a Grid that robot viewers draw.")] = False,
 ) -> None:
-    """Make the map of a run, with its uncertainty: CSV, NPZ and a picture; for a sweep, a curve."""
+    """Make the map of a run, with its uncertainty: CSV, NPZ and a picture; for a sweep, a curve.
+
+    A pipeline file is run first, into a new folder of runs/.
+    """
     from palpate import maps
     from palpate.maps import export, picture
+    from palpate.maps.mcap_grid import map_mcap
+    from palpate.pipeline import run_pipeline
 
     if method not in ("gaussian-process", "average"):
         raise ConfigurationError(f'--method: {method!r} is none of "gaussian-process" and "average"')
+    if run.suffix == ".toml":
+        run = run_pipeline(load_pipeline(run)).folder
     path = maps.read_path(run, track, parameter)
     sites = maps.sites_along(path)
     folder, ending = out or run / "maps", "svg" if svg else "png"
@@ -52,8 +60,11 @@ def map_run(
         findings = maps.find_lumps(sites)
     along = maps.line_coordinate(sites)
     if along is not None and not sites.standing.all():
-        series = _series(run, track, parameter)
-        checked = _points(points, parameter) if points is not None else None
+        if mcap:
+            raise ConfigurationError(f"--mcap: {run} is a sweep along a line, and no map; its log has the estimates")
+        curves = curves_of(run, [track] if track else None, parameter)
+        series = {name: (curve.along, curve.sites) for name, curve in curves.items()}
+        checked = points_of(points, folder, parameter) if points is not None else None
         image = picture.sweep_picture(series, path.parameter, unit, findings, checked)
         export.replace_file(folder / "sweep.csv", export.sweep_csv(series, path.parameter))
         picture.save(image, folder / f"sweep.{ending}")
@@ -65,38 +76,14 @@ def map_run(
         export.replace_file(folder / "map.csv", export.map_csv(field, path.parameter))
         export.replace_file(folder / "map.npz", export.map_npz(field, path.parameter))
         picture.save(image, folder / f"map.{ending}")
+        if mcap:
+            export.replace_file(folder / "map.mcap", map_mcap(field, path.parameter, round(1e9 * sites.time[-1])))
         size = f"{1e3 * (field.x[-1] - field.x[0]):.4g} mm x {1e3 * (field.y[-1] - field.y[0]):.4g} mm"
         typer.echo(
             f"map of {size}, {100 * field.coverage:.0f} % covered, {len(sites)} sites, {path.track}, "
             f"interpolated over {1e3 * field.length:.3g} mm"
         )
     typer.echo(f"written to {folder}")
-
-
-def _series(run: Path, track: str | None, parameter: str | None) -> dict[str, Any]:
-    """Coordinate and sites of one track, or of all that have estimates, by name."""
-    from palpate import maps
-
-    series = {}
-    for name in [track] if track else maps.tracks_of(run):
-        with suppress(LogError):  # a track that found nothing is not drawn
-            sites = maps.sites_along(maps.read_path(run, name, parameter))
-            along = maps.line_coordinate(sites)
-            if along is not None:
-                series[name] = along, sites
-    return series
-
-
-def _points(run: Path, parameter: str | None) -> tuple[Any, Any]:
-    """Coordinate and sites of the point palpations of a run; raises LogError where they are on no line."""
-    from palpate import maps
-
-    sites = maps.sites_along(maps.read_path(run, None, parameter))
-    sites = sites[sites.standing]
-    along = maps.line_coordinate(sites) if len(sites) > 1 else None
-    if along is None:
-        raise LogError(f"{run}: holds no point palpations on a line")
-    return along, sites
 
 
 def outlines_of(run: Path) -> list[Any]:

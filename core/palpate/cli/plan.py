@@ -11,6 +11,7 @@ import typer
 from palpate.config import Pipeline, load_pipeline
 from palpate.contact import contact_force
 from palpate.errors import ConfigurationError
+from palpate.safety import demand_safe
 from palpate.trajectory import Setpoint, Trajectory
 from palpate.units import to_si
 
@@ -84,6 +85,9 @@ def _facts(
         if limits:
             yield f"limit         {name} senses forces up to {limits[0][1]:.4g} N"
         device.refuse(setpoint)
+    if pipeline.safety is not None:
+        report = demand_safe(trajectory, pipeline.safety, str(pipeline.path))
+        yield f"safety        every limit of [safety] is kept; at most {report.peak_force:.3g} N when it stops"
 
 
 def _expected(pipeline: Pipeline, model: Any, expect: list[str]) -> list[float] | None:

@@ -26,7 +26,7 @@ def search(
     go: Annotated[bool, typer.Option("--go", help="Visit the places, and go on until a stop rule holds.")] = False,
     budget: Annotated[float, typer.Option(help="Seconds of motion after which --go stops.")] = 120.0,
     sure: Annotated[
-        float, typer.Option(help="--go stops once a lump checked by points has a smaller p-value.")
+        float, typer.Option(help="--go stops once a lump checked by points has a smaller p-value and stays in place.")
     ] = 0.001,
     palpation: Annotated[float, typer.Option(help="Seconds of sine at each place.")] = 2.0,
 ) -> None:
@@ -35,7 +35,7 @@ def search(
 
     if aim not in ("suspicion", "uncertainty"):
         raise ConfigurationError(f'--aim: {aim!r} is none of "suspicion" and "uncertainty"')
-    spent = 0.0
+    spent, before = 0.0, None
     for _ in range(_ROUNDS):
         sites = maps.sites_along(maps.read_path(run, track, parameter))
         places = maps.propose(sites, points, aim, contrast)  # type: ignore[arg-type]
@@ -44,13 +44,14 @@ def search(
             return
         spent += visit(run, [place.place for place in places], palpation)
         found = maps.find_lumps(maps.sites_along(maps.read_path(run, track, parameter)))
-        best = min((lump.p for lump in found.lumps if lump.checked), default=1.0)
-        typer.echo(
-            f"after {spent:.0f} s of visits: {len(found.lumps)} lumps; the surest checked one has p = {best:.2g}"
-        )
-        if best < sure:
-            typer.echo(f"stopped: a lump that was checked is significant at {sure:g}")
+        best = maps.surest(found)
+        told = "none is checked" if best is None else f"the surest checked one has p = {best.p:.2g}"
+        typer.echo(f"after {spent:.0f} s of visits: {len(found.lumps)} lumps; {told}")
+        if best is not None and maps.settled(before, best, sure):
+            x, y = (1e3 * value for value in best.place)
+            typer.echo(f"stopped: the lump at {x:.1f} mm, {y:.1f} mm is significant at {sure:g} and stays in place")
             return
+        before = best
         if spent >= budget:
             typer.echo(f"stopped: {budget:g} s of motion are spent")
             return

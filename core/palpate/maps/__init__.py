@@ -1,10 +1,11 @@
 """Maps: from estimates along a way to a map with uncertainty, the lumps in it, and where to look next."""
 
 from palpate.maps.baseline import Baseline, Comparison, against_sites, discoveries, find_baseline, prediction_p, welch
+from palpate.maps.findings import Findings, Lump, LumpSettings, SweepMethod
 from palpate.maps.grid import StiffnessMap, make_map
-from palpate.maps.lumps import Findings, Lump, LumpSettings, find_lumps
+from palpate.maps.lumps import find_lumps
 from palpate.maps.path import Path2D, read_path, tracks_of
-from palpate.maps.search import Proposal, propose
+from palpate.maps.search import Proposal, propose, settled, surest
 from palpate.maps.sites import Sites, line_coordinate, sites_along
 
 __all__ = [
@@ -17,6 +18,7 @@ __all__ = [
     "Proposal",
     "Sites",
     "StiffnessMap",
+    "SweepMethod",
     "against_sites",
     "discoveries",
     "find_baseline",
@@ -26,7 +28,9 @@ __all__ = [
     "prediction_p",
     "propose",
     "read_path",
+    "settled",
     "sites_along",
+    "surest",
     "tracks_of",
     "welch",
 ]

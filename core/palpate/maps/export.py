@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import OutputError
+from palpate.maps.findings import Findings
 from palpate.maps.grid import StiffnessMap
-from palpate.maps.lumps import Findings
 from palpate.maps.sites import Sites
 
 Floats = NDArray[np.float64]

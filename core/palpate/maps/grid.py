@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import ConfigurationError, LogError
-from palpate.maps.lumps import merged
-from palpate.maps.sites import Sites
+from palpate.maps.sites import Sites, merged
 
 Floats = NDArray[np.float64]
 Method = Literal["gaussian-process", "average"]

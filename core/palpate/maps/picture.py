@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import ConfigurationError, OutputError
+from palpate.maps.findings import Findings
 from palpate.maps.grid import StiffnessMap
-from palpate.maps.lumps import Findings
 from palpate.maps.sites import Sites
 
 Floats = NDArray[np.float64]
@@ -98,8 +98,9 @@ def sweep_picture(
     if findings is not None and findings.coordinate is not None and findings.curve is not None:
         for lump in findings.lumps:
             _mark_on_curve(axis, lump, findings, factor)
-    middle = np.median(np.concatenate([sites.value for _, sites in series.values()])) * factor
-    axis.set(xlabel="along the sweep [mm]", ylabel=f"{label} [{name}]", ylim=(0.5 * middle, 2.0 * middle))
+    low, high = np.quantile(np.concatenate([sites.value for _, sites in series.values()]), [0.01, 0.99]) * factor
+    margin = 0.15 * low + 0.3 * (high - low)  # the first estimates of a filter may be anywhere
+    axis.set(xlabel="along the sweep [mm]", ylabel=f"{label} [{name}]", ylim=(low - margin, high + margin))
     axis.legend()
     return figure
 

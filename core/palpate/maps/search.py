@@ -11,13 +11,16 @@ from numpy.typing import NDArray
 
 from palpate.errors import ConfigurationError
 from palpate.maps.baseline import find_baseline
+from palpate.maps.findings import Findings, Lump
 from palpate.maps.grid import gaussian_process
-from palpate.maps.lumps import merged
-from palpate.maps.sites import Sites
+from palpate.maps.sites import Sites, merged
 
 Floats = NDArray[np.float64]
 
 Aim = Literal["suspicion", "uncertainty"]
+
+SETTLED = 4e-3  # [m]: the width of a site
+_LIKELY = 0.5  # suspicion beyond which it is no reason to prefer a place
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,21 @@ class Proposal:
     contrast: float  # expected there, over the baseline
     std: float  # of it
     suspicion: float  # probability of a contrast above the threshold
+
+
+def surest(findings: Findings) -> Lump | None:
+    """The lump with the smallest p-value of those that were palpated at a point, too; None where there is none."""
+    return min((lump for lump in findings.lumps if lump.checked), key=lambda lump: lump.p, default=None)
+
+
+def settled(before: Lump | None, now: Lump | None, sure: float, within: float = SETTLED) -> bool:
+    """Whether a search may stop: its surest lump has a p-value below `sure`, and visits no longer move it [m].
+
+    A point on the flank of a lump is significant, too; the lump is placed once another round of visits leaves it there.
+    """
+    if before is None or now is None or now.p >= sure:
+        return False
+    return float(np.hypot(now.place[0] - before.place[0], now.place[1] - before.place[1])) < within
 
 
 def propose(
@@ -41,9 +59,9 @@ def propose(
     """Up to `count` places to palpate next, within an area (x0, x1, y0, y1) [m] and `apart` [m] from each other.
 
     A Gaussian process over what is known gives a mean and a standard deviation everywhere; places are taken one after
-    the other by the highest probability of a contrast above the threshold ("suspicion"), or by the highest standard
-    deviation ("uncertainty"), each believed to come out as expected before the next is chosen (kriging believer,
-    Ginsbourger et al. 2010). Deterministic.
+    the other. "suspicion": by the highest probability of a contrast above the threshold, and of the likely ones by the
+    highest mean plus standard deviation. "uncertainty": by the highest standard deviation. Each place is believed to
+    come out as expected before the next is chosen (kriging believer, Ginsbourger et al. 2010). Deterministic.
     """
     if count < 1:
         raise ConfigurationError(f"{count} places to propose; there must be at least 1")
@@ -57,8 +75,9 @@ def propose(
         mean, std, _ = gaussian_process(known, nodes)
         spread = np.hypot(std, base.spread / np.sqrt(base.count))
         suspicion = norm.sf((base.mean + np.log1p(contrast) - mean) / spread)
-        # Ties between places that are certain are broken by how much they stand out.
-        score = std if aim == "uncertainty" else suspicion + 1e-3 * (mean - base.mean)
+        # Of likely places, the one that may be stiffest: a flank that is certain says less than what is beside it.
+        may_be = mean - base.mean + std
+        score = std if aim == "uncertainty" else np.minimum(suspicion, _LIKELY) + 1e-3 * may_be
         taken = [proposal.place for proposal in found]
         if aim == "suspicion":
             taken += [tuple(place) for place in known.place[known.standing]]
@@ -98,4 +117,5 @@ def _with(sites: Sites, place: Floats, log: float) -> Sites:
         np.append(sites.std, 0.005),
         np.append(sites.time, sites.time[-1] + 1.0),
         np.append(sites.standing, False),
+        sites.kept,
     )

@@ -76,6 +76,8 @@ class Flow:
             if arms:
                 trajectory = the_trajectory(pipeline)
                 self._total = trajectory.total_duration
+                if pipeline.safety is not None:
+                    demand_safe(trajectory, pipeline.safety, str(pipeline.path))
                 _ask_the_devices(pipeline, trajectory)
                 for arm in arms:
                     stack.callback(arm.stop)

@@ -23,15 +23,16 @@ _SYNC_EVERY = 1.0  # [s]; what a power cut can cost
 _WAITING = 256  # pieces of work; a replay that is faster than the disk waits for it here
 
 _SAMPLE_FIELDS = ("time", "interval", "force", "position", "velocity", "contact", "active")
+_PLACE = ("x", "y")
 
 
 class McapSink(Sink):
     """Records everything: raw streams, samples, estimates of every track, the pipeline, versions and seed.
 
     Topics: ``/DEVICE/STREAM`` (WrenchStamped, PoseStamped, TwistStamped, JointState, or ``palpate_msgs`` types: a
-    header and float64 numbers), ``/palpate/samples``, ``/palpate/estimates/MODEL/ESTIMATOR``. A thread of its own
-    writes the file, flushes it six times and syncs it once a second, so that it opens up to the last moment after a
-    crash.
+    header and float64 numbers), ``/palpate/samples``, ``/palpate/estimates/MODEL/ESTIMATOR``, both with the tip's x and y
+    (NaN for an offline estimator; the samples have them). A thread of its own writes the file, flushes it six times and
+    syncs it once a second, so that it opens up to the last moment after a crash.
     """
 
     file: str = Field(default="log.mcap", pattern=r"^[^/]+$", description="name of the file within the run folder")
@@ -60,6 +61,7 @@ class _Recorder:
     def __init__(self, log: _Log) -> None:
         self._log = log
         self._stamps: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._lateral: NDArray[np.float64] = np.zeros((0, 2))
         self._waiting: queue.Queue[Callable[[], None] | None] = queue.Queue(_WAITING)
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._work, name="mcap sink", daemon=True)
@@ -71,13 +73,13 @@ class _Recorder:
 
     def samples(self, samples: Samples) -> None:
         """Aligned samples."""
-        self._stamps = samples.stamp
+        self._stamps, self._lateral = samples.stamp, samples.lateral
         self._put(lambda: self._log.samples(samples))
 
     def estimates(self, track: str, estimates: Estimates) -> None:
         """Estimates of the latest samples, or of all of them."""
-        stamps = self._stamps
-        self._put(lambda: self._log.estimates(track, estimates, stamps))
+        stamps, lateral = self._stamps, self._lateral
+        self._put(lambda: self._log.estimates(track, estimates, stamps, lateral))
 
     def _put(self, work: Callable[[], None] | None) -> None:
         if self._failure is not None:
@@ -130,7 +132,7 @@ class _Log:
                 topic = f"/{device}/{stream.name}" if stream.name else f"/{device}"
                 facts = {"palpate": json.dumps(_facts(device, stream))}
                 self._streams[device, stream.name] = self._channel(topic, kind, facts), stream
-        self._samples = self._channel("/palpate/samples", numbers_type("Samples", _SAMPLE_FIELDS))
+        self._samples = self._channel("/palpate/samples", numbers_type("Samples", (*_SAMPLE_FIELDS, *_PLACE)))
         self._tracks = {}
         for track, parameters in run.tracks.items():
             names = [parameter.name for parameter in parameters]
@@ -153,10 +155,13 @@ class _Log:
         self._write(channel, batch.time, batch.received, stream.frame or device, batch.values, joints)
 
     def samples(self, samples: Samples) -> None:
-        numbers = np.column_stack([np.asarray(getattr(samples, name), float) for name in _SAMPLE_FIELDS])
+        columns = [np.asarray(getattr(samples, name), float) for name in _SAMPLE_FIELDS]
+        numbers = np.column_stack([*columns, samples.lateral])
         self._write(self._samples, samples.stamp, samples.stamp, "surface", numbers)
 
-    def estimates(self, track: str, estimates: Estimates, stamps: NDArray[np.int64]) -> None:
+    def estimates(
+        self, track: str, estimates: Estimates, stamps: NDArray[np.int64], lateral: NDArray[np.float64]
+    ) -> None:
         columns = (
             estimates.surface,
             estimates.surface_std,
@@ -164,9 +169,10 @@ class _Log:
             estimates.nis,
             estimates.status.astype(float),
         )
-        numbers = np.column_stack([estimates.time, estimates.values, estimates.std, *columns])
         if len(stamps) != len(estimates):  # an offline estimator: all samples at once
             stamps = np.rint(estimates.time * 1e9).astype(np.int64)
+            lateral = np.full((len(estimates), 2), np.nan)
+        numbers = np.column_stack([estimates.time, estimates.values, estimates.std, *columns, lateral])
         self._write(self._tracks[track], stamps, stamps, "surface", numbers)
 
     def _write(
@@ -225,4 +231,14 @@ def _type_name(text: str) -> str:
 
 
 def _estimate_fields(names: Sequence[str]) -> list[str]:
-    return ["time", *names, *(f"{name}_std" for name in names), "surface", "surface_std", "force", "nis", "status"]
+    return [
+        "time",
+        *names,
+        *(f"{name}_std" for name in names),
+        "surface",
+        "surface_std",
+        "force",
+        "nis",
+        "status",
+        *_PLACE,
+    ]

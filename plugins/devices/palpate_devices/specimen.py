@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from functools import cached_property
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import ConfigurationError, ContactModel, Length, Setpoint, Settings, contact_force, force_over_time, to_si
+from palpate import (
+    ConfigurationError,
+    ContactModel,
+    Indenter,
+    Length,
+    Setpoint,
+    Settings,
+    contact_force,
+    force_over_time,
+    to_si,
+)
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from palpate_devices.inclusions import Inclusion
+from palpate_devices.layers import Layer, layered_factors
+from palpate_devices.paper_specimens import SPECIMENS
 from palpate_devices.relief import Relief
 
 Floats = NDArray[np.float64]
@@ -22,19 +36,28 @@ class Specimen(Settings):
 
     The parameters stand beside the model, by name: ``{ model = "dr", elasticity = "112.5 kPa", ... }``. Inclusions make
     elastic and viscous parameters larger by 1 + the sum of their contrasts where the tip is, all by the same factor;
-    relief makes the surface uneven. Left out, the specimen is homogeneous and level.
+    layers on top of the material do so at each depth (see `palpate_devices.layers`); relief makes the surface uneven.
+    Left out, the specimen is homogeneous and level. With a `name`, what stands in the table replaces what the paper's
+    specimen of that name has. A rigid base is felt where the model has a `thickness` correction.
     """
 
+    name: Literal["S1", "S2", "S3", "S4", "S5"] | None = Field(
+        default=None, description="the paper's specimen that it is, but for what is said otherwise"
+    )
     model: ContactModel = Field(description="contact model of the truth; need not be one that is estimated with")
     surface: Length = Field(default=0.0, description="height of the skin over the origin of the work frame")
     relief: Relief = Field(default=Relief(), description="tilt, roughness and swell of the skin")
     inclusions: tuple[Inclusion, ...] = Field(default=(), description="stiffer or softer bodies below the skin")
+    layers: tuple[Layer, ...] = Field(default=(), description="layers on top of the material, from the skin downwards")
     felt_at: Length = Field(
         default=0.004, gt=0, description="depth whose contact radius blurs the inclusions, at every depth of the tip"
     )
     thickness: Length | None = Field(default=None, gt=0, description="height of the material; no motion may go deeper")
     size: tuple[Length, Length] | None = Field(
         default=None, description="extent [x, y] around the origin; no motion may touch outside of it"
+    )
+    diameter: Length | None = Field(
+        default=None, gt=0, description="of a round specimen around the origin; no motion may touch outside of it"
     )
     friction: float = Field(
         default=0.0, ge=0, le=2, allow_inf_nan=False, description="coefficient of friction of the sliding tip"
@@ -44,7 +67,10 @@ class Specimen(Settings):
     @model_validator(mode="before")
     @classmethod
     def _gather_parameters(cls, data: Any) -> Any:
-        if not isinstance(data, dict) or "parameters" in data:
+        if not isinstance(data, dict):
+            return data
+        data = _with_the_papers(data)
+        if "parameters" in data:
             return data
         own = {key: value for key, value in data.items() if key in cls.model_fields}
         return own | {"parameters": {key: value for key, value in data.items() if key not in own}}
@@ -62,6 +88,24 @@ class Specimen(Settings):
                 raise ValueError(f"parameter {name!r} {problem}; the specimen's model has: {', '.join(names)}")
         return {name: _quantity(name, given[name], unit) for name, unit in names.items()}
 
+    @model_validator(mode="after")
+    def _layers_need_a_tip(self) -> Self:
+        if self.layers and self._indenter is None:
+            raise ValueError("layers need a model with an indenter: how deep is felt depends on the contact's radius")
+        if self.layers and self.model.memory:
+            raise ValueError("a model with memory can have no layers")
+        return self
+
+    @property
+    def _indenter(self) -> Indenter | None:
+        return getattr(self.model, "indenter", None)
+
+    @cached_property
+    def _layered(self) -> tuple[Floats, Floats]:
+        """Depths [m] and the factors of the layers at them."""
+        assert self._indenter is not None
+        return layered_factors(self.layers, self._indenter)
+
     def depth(self, position: Floats, velocity: Floats) -> tuple[Floats, Floats]:
         """Depth [m] below the true skin and its rate [m/s], (n,), of a tip at positions (n, 3) with velocities."""
         height, along_x, along_y = self.relief.at(position[:, 0], position[:, 1])
@@ -73,10 +117,12 @@ class Specimen(Settings):
         theta: list[Any] = [self.parameters[parameter.name] for parameter in self.model.parameters]
         if not self.inclusions:
             return theta
-        indenter = getattr(self.model, "indenter", None)
-        radius = 0.0 if indenter is None else float(indenter.contact_radius(self.felt_at))
+        radius = 0.0 if self._indenter is None else float(self._indenter.contact_radius(self.felt_at))
         factor = 1.0 + sum(inclusion.contrast(x, y, radius) for inclusion in self.inclusions)
-        factor = np.maximum(factor, 0.01)
+        return self._stiffened(theta, np.maximum(factor, 0.01))
+
+    def _stiffened(self, theta: list[Any], factor: Floats) -> list[Any]:
+        """The parameters with those that the force is proportional to made larger by a factor (n,)."""
         roles = [parameter.role for parameter in self.model.parameters]
         return [value * factor if role else value for value, role in zip(theta, roles, strict=True)]
 
@@ -89,6 +135,8 @@ class Specimen(Settings):
         depth, rate = self.depth(position, velocity)
         if not self.model.memory:
             theta = self.theta(position[:, 0], position[:, 1])
+            if self.layers:
+                theta = self._stiffened(theta, np.interp(depth, *self._layered))
             return np.asarray(contact_force(self.model, depth, rate, theta, pulls=False), float)
         if self.inclusions:
             raise ConfigurationError("device sim: specimen: a model with memory can have no inclusions")
@@ -118,16 +166,33 @@ class Specimen(Settings):
                 f"the trajectory goes {1e3 * depth.max():.3g} mm deep, beyond the specimen's thickness of "
                 f"{1e3 * self.thickness:.3g} mm"
             )
-        if self.size is None:
-            return
-        outside = (np.abs(x) > self.size[0] / 2 + 1e-9) | (np.abs(y) > self.size[1] / 2 + 1e-9)
-        beside = outside & (depth > 0)
-        if beside.any():
-            first = int(np.argmax(beside))
-            raise ConfigurationError(
-                f"the trajectory touches at x = {1e3 * x[first]:.3g} mm, y = {1e3 * y[first]:.3g} mm, outside the "
-                f"specimen of {1e3 * self.size[0]:.3g} mm x {1e3 * self.size[1]:.3g} mm"
-            )
+        for outside, what in self._edges(x, y):
+            beside = outside & (depth > 0)
+            if beside.any():
+                first = int(np.argmax(beside))
+                raise ConfigurationError(
+                    f"the trajectory touches at x = {1e3 * x[first]:.3g} mm, y = {1e3 * y[first]:.3g} mm, outside the "
+                    f"specimen of {what}"
+                )
+
+    def _edges(self, x: Floats, y: Floats) -> Iterator[tuple[Any, str]]:
+        """Where x, y (n,) [m] are outside of the specimen, and its size in words; for each size that it has."""
+        if self.size is not None:
+            wide, high = self.size
+            outside = (np.abs(x) > wide / 2 + 1e-9) | (np.abs(y) > high / 2 + 1e-9)
+            yield outside, f"{1e3 * wide:.3g} mm x {1e3 * high:.3g} mm"
+        if self.diameter is not None:
+            yield np.hypot(x, y) > self.diameter / 2 + 1e-9, f"{1e3 * self.diameter:.3g} mm of diameter"
+
+
+def _with_the_papers(data: dict[str, Any]) -> dict[str, Any]:
+    """A specimen's table with what the paper's specimen of its name has, where it says nothing itself."""
+    known = dict(SPECIMENS.get(str(data.get("name")), {}))
+    if "parameters" in data:
+        known = {key: value for key, value in known.items() if key in Specimen.model_fields}
+    if "size" in data:
+        known.pop("diameter", None)
+    return known | data
 
 
 def _quantity(name: str, given: Any, unit: str) -> float:
