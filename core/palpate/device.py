@@ -131,6 +131,13 @@ class Device(Part, ABC):
     def refuse(self, setpoint: Setpoint) -> None:
         """Raise ConfigurationError where this device must not go; nothing moves for it. By default it goes anywhere."""
 
+    def turned(self, down: tuple[float, ...]) -> Device | None:
+        """This device with the tool turned so that gravity points along `down` in the sensor's frame.
+
+        None where a person has to turn it.
+        """
+        return None
+
     @property
     def provenance(self) -> Mapping[str, str]:
         """What a record must say of this device to be redone: file and hash, serial number, firmware."""

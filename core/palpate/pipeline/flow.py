@@ -13,20 +13,18 @@ from typing import Any
 
 import numpy as np
 
-from palpate.alignment import Aligner
-from palpate.config import Pipeline
 from palpate.device import Arm, Batch, Link, Watched
 from palpate.errors import ConfigurationError, DeviceError
 from palpate.pipeline.guard import Guard
 from palpate.pipeline.interrupt import Interrupt
 from palpate.pipeline.live import LiveLinks
-from palpate.pipeline.outputs import Outputs
-from palpate.pipeline.tracks import RunningTrack
+from palpate.pipeline.rig import Rig
 from palpate.result import finite
 from palpate.safety import demand_safe
 from palpate.trajectory import Trajectory
 
 Progress = Callable[[float, float | None], None]  # log time [s], total [s] where known
+Take = Callable[[str, Batch], None]  # device, batch
 
 _LOOK = 5e-3  # [s] between the setpoints that devices are asked about before anything moves
 _PATIENCE = 8.0  # [s] for a retraction
@@ -34,20 +32,11 @@ _PRIORITY = 20  # below that of robots and sensors
 
 
 class Flow:
-    """Takes every batch to the sinks, the aligner and the tracks; keeps what a live run is to say of itself."""
+    """Gives every batch to the one who takes it; keeps what a live run is to say of itself."""
 
-    def __init__(
-        self,
-        pipeline: Pipeline,
-        aligner: Aligner,
-        running: list[RunningTrack],
-        outputs: Outputs,
-        progress: Progress | None,
-        interrupt: Interrupt,
-    ) -> None:
-        self._pipeline, self._aligner, self._running, self._outputs = pipeline, aligner, running, outputs
-        self._progress, self._interrupt = progress, interrupt
-        self._total: float | None = None
+    def __init__(self, rig: Rig, take: Take, interrupt: Interrupt) -> None:
+        self._pipeline, self._pass_on, self._interrupt = rig, take, interrupt
+        self.total: float | None = None  # [s] how long it takes, where that is known
         self.facts: dict[str, Any] = {}  # of a live run
 
     def run(self) -> None:
@@ -57,14 +46,6 @@ class Flow:
         else:
             self._run_read()
 
-    def _pass_on(self, device: str, batch: Batch) -> None:
-        self._outputs.batch(device, batch)
-        self._aligner.feed(device, batch)
-        samples = self._aligner.samples()
-        self._outputs.samples(samples, self._running)
-        if self._progress is not None and len(samples):
-            self._progress(float(samples.time[-1]), self._total)
-
     def _run_read(self) -> None:
         pipeline = self._pipeline
         with ExitStack() as stack:
@@ -72,14 +53,14 @@ class Flow:
             arms = [link for link in links.values() if isinstance(link, Arm)]
             if arms:
                 trajectory = the_trajectory(pipeline)
-                self._total = trajectory.total_duration
+                self.total = trajectory.total_duration
                 _ask_the_devices(pipeline, trajectory)
                 for arm in arms:
                     stack.callback(arm.stop)
                     arm.follow(trajectory)
             else:
                 durations = [d.duration for d in pipeline.devices.values() if d.duration is not None]
-                self._total = max(durations, default=None)
+                self.total = max(durations, default=None)
             for device, batch in merged(links):
                 self._pass_on(device, batch)
                 if self._interrupt.reason is not None:
@@ -139,7 +120,7 @@ class Flow:
         for arm in arms:
             if trajectory is None:
                 raise ConfigurationError(f"{self._pipeline.path}: a robot needs one [trajectory.*] table")
-            self._total = trajectory.total_duration + (limits.rest if limits else 0.0)
+            self.total = trajectory.total_duration + (limits.rest if limits else 0.0)
             arm.follow(trajectory)
         try:
             for item in live.to_the_end(_PATIENCE):
@@ -163,7 +144,7 @@ class Flow:
             self.facts["stop"] = {"reason": guard.reason, "monotonic": guard.tripped}
 
 
-def _ask_the_devices(pipeline: Pipeline, trajectory: Trajectory) -> None:
+def _ask_the_devices(pipeline: Rig, trajectory: Trajectory) -> None:
     """Let every device refuse the motion before anything moves; they raise ConfigurationError."""
     setpoint = trajectory.at(np.arange(0.0, trajectory.total_duration, _LOOK))
     for device in pipeline.devices.values():
@@ -202,7 +183,7 @@ def _scheduled(priority: int) -> str:
     return f"real-time scheduling, SCHED_FIFO {priority}" if priority else ""
 
 
-def connected(pipeline: Pipeline, stack: ExitStack) -> dict[str, Link]:
+def connected(pipeline: Rig, stack: ExitStack) -> dict[str, Link]:
     """Links of all devices, connected side by side; those that came about are left with the stack if one fails."""
     contexts = {name: device.connect(pipeline.run.seed) for name, device in pipeline.devices.items()}
     links, failures = {}, []
@@ -219,7 +200,7 @@ def connected(pipeline: Pipeline, stack: ExitStack) -> dict[str, Link]:
     return links
 
 
-def the_trajectory(pipeline: Pipeline) -> Trajectory:
+def the_trajectory(pipeline: Rig) -> Trajectory:
     """The one motion of a pipeline; raises ConfigurationError where there is none, or more."""
     if len(pipeline.trajectories) != 1:
         count = len(pipeline.trajectories)

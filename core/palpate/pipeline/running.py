@@ -13,6 +13,7 @@ from typing import Any
 
 from palpate.alignment import Aligner
 from palpate.config import Pipeline, resolved_text
+from palpate.device import Batch
 from palpate.errors import DeviceError
 from palpate.pipeline.calibration_flags import calibration_flags
 from palpate.pipeline.facts import flat_facts, run_facts
@@ -80,7 +81,16 @@ def run_pipeline(
     with interruptible() as interrupt, ExitStack() as stack:
         run = Run(folder, streams, tracks, flat_facts(facts), documents)
         outputs = Outputs(stack, pipeline, run, running, observer)
-        flow = Flow(pipeline, aligner, running, outputs, progress, interrupt)
+
+        def take(device: str, batch: Batch) -> None:
+            outputs.batch(device, batch)
+            aligner.feed(device, batch)
+            samples = aligner.samples()
+            outputs.samples(samples, running)
+            if progress is not None and len(samples):
+                progress(float(samples.time[-1]), flow.total)
+
+        flow = Flow(pipeline, take, interrupt)
         try:
             flow.run()
         except DeviceError as error:
@@ -124,7 +134,11 @@ def _result(
             )
             for r in running
         },
-        (*warnings, *calibration_flags(pipeline), *record_flags(report, settings, interrupted)),
+        (
+            *warnings,
+            *calibration_flags(pipeline, facts.get("live", {}).get("devices")),
+            *record_flags(report, settings, interrupted),
+        ),
         {name: value for d in pipeline.devices.values() for name, value in d.truth.items()},
         interrupted,
     )
