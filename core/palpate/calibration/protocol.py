@@ -25,6 +25,7 @@ _STUCK = 0.1  # [s] of exactly equal readings
 _MARGIN = 0.06  # [s]; a delay that is searched for must not leave the record
 _SHIFTED = 8.0  # standard uncertainties between the mean forces of shake and rest
 _DIFFERENT = 3.0  # standard uncertainties between two ways to one value
+_NOTED = 1.5  # times the noise at rest
 _UNEXPLAINED = 3.0  # times the noise at rest, and a tenth of the inertia, may be left over
 
 
@@ -58,7 +59,10 @@ def shaken(records: Sequence[Record], settings: CalibrationSettings) -> Session:
         refuse_broken(record)
         moving, still = shaking(record, settings.settle), resting(record)
         if not moving:
-            raise LogError("calibration: the record holds no shake of 2 s or more: no even to-and-fro motion")
+            raise LogError(
+                "calibration: the record holds no shake of 2 s or more: no even to-and-fro motion; the tip moves by "
+                f"{1e3 * float(np.ptp(record.position.values)):.3g} mm in {record.end - record.begin:.3g} s"
+            )
         fits = [shake_fit(record, segment, settings.frequencies) for segment in moving]
         shakes += fits
         if still:
@@ -236,6 +240,13 @@ def _notes(shakes: Sequence[ShakeFit], rests: Sequence[RestFit]) -> list[str]:
     if colour > 2.0:
         notes.append(
             f"coloured-noise: below a tenth of its rate the force noise is {colour:.1f} times that of white noise"
+        )
+    noise = max((item.force_std.value for rest in rests for item in rest.rests), default=math.inf)
+    left = max(shake.residual for shake in shakes)
+    if left > _NOTED * noise:
+        notes.append(
+            f"unexplained: mass and delay leave {left:.3g} N of the force, where the noise at rest is {noise:.3g} N: "
+            "something shook along, or the clocks stumbled"
         )
     lags = [shake.velocity_delay for shake in shakes if shake.velocity_delay is not None]
     if lags:

@@ -27,7 +27,7 @@ from palpate.calibration import (
     weighed,
 )
 from palpate.config import CalibrationPlan, plain_settings
-from palpate.errors import ConfigurationError
+from palpate.errors import ConfigurationError, LogError
 from palpate.pipeline.calibration_records import (
     Reach,
     Seen,
@@ -38,6 +38,8 @@ from palpate.pipeline.calibration_records import (
     record,
     with_step,
 )
+
+_MORE = 2  # attempts at a step's repeats on a live rig
 
 
 def _silent(text: str) -> None:
@@ -100,7 +102,8 @@ def _unguided(plan: CalibrationPlan, guide: Guide, seen: Seen) -> list[Record]:
     contact = plan.settings.motion == "plate"
     reach = reach_of(with_step(plan, step), contact)
     guide.say(f"{reach.words(plan.settings)}")
-    return _repeated(with_step(plan, step), plan.settings.repeats, 0, guide, seen)
+    name = "shake" if plan.settings.motion == "shake" else "press"
+    return _repeated(with_step(plan, step), name, plan.settings.repeats, 0, guide, seen)
 
 
 def _reach(plan: CalibrationPlan, name: str, step: Step | Orientations) -> Reach | None:
@@ -126,15 +129,27 @@ def _records(plan: CalibrationPlan, name: str, step: Step, number: int, guide: G
     if any(device.live for device in of_step.devices.values()):
         where = "lay a stiff plate under the tip" if name in ON_A_PLATE else "see that the tip hangs free"
         guide.ask(f"  {where}, keep clear of the robot")
-    return _repeated(of_step, step.repeats or plan.settings.repeats, 1000 * number, guide, seen)
+    return _repeated(of_step, name, step.repeats or plan.settings.repeats, 1000 * number, guide, seen)
 
 
-def _repeated(plan: CalibrationPlan, repeats: int, seed: int, guide: Guide, seen: Seen) -> list[Record]:
-    done = []
+def _repeated(plan: CalibrationPlan, name: str, repeats: int, seed: int, guide: Guide, seen: Seen) -> list[Record]:
+    """So many records that can be used; a live rig, where things happen, gets some more attempts than repeats."""
+    done: list[Record] = []
+    live = any(device.live for device in plan.devices.values())
     length = sum(trajectory.total_duration for trajectory in plan.trajectories.values())
-    for repeat in range(repeats):
-        guide.say(f"  repeat {repeat + 1} of {repeats}: {length:.0f} s of motion")
-        done.append(record(plan, seed + repeat, seen))
+    refused = 0
+    while len(done) < repeats:
+        guide.say(f"  repeat {len(done) + 1} of {repeats}: {length:.0f} s of motion")
+        found = record(plan, seed + len(done) + refused, seen)
+        try:
+            evaluated(name, [found], plan.settings)
+        except LogError as error:
+            refused += 1
+            if not live or refused > _MORE:
+                raise
+            guide.say(f"  not usable, once more: {error}")
+        else:
+            done.append(found)
     return done
 
 
