@@ -114,6 +114,22 @@ def test_what_cannot_be_calibrated_is_refused_with_the_reason(palpate, late, tmp
     assert not (tmp_path / "late.calibration.toml").exists()
 
 
+def test_a_sensor_that_is_stuck_is_refused(palpate, late):
+    """Without noise and drift it repeats one reading at rest."""
+    done = palpate("calibrate", late, *QUICK, "--set", "device.rig.force_std=0 N", "--set", "device.rig.drift=0 N/s")
+    assert done.returncode == 2
+    assert "the force sensor is stuck: it repeats one reading for" in " ".join(done.stderr.split())
+
+
+def test_a_tip_that_touches_is_refused(palpate, late, tmp_path):
+    """The skin is 3.4 mm high, and the tip is shaken through it."""
+    low = ("calibration.trajectory.height=5.5 mm", "calibration.lowest=0 mm", "device.rig.specimen.surface=3.4 mm")
+    done = palpate("calibrate", late, *QUICK, *(word for override in low for word in ("--set", override)))
+    assert done.returncode == 2, done.stdout
+    assert "contact" in done.stderr
+    assert not (tmp_path / "late.calibration.toml").exists()
+
+
 def test_an_older_file_stays_unless_told_otherwise(palpate, late, tmp_path):
     target = tmp_path / "late.calibration.toml"
     target.write_text("precious")

@@ -69,6 +69,7 @@ class Calibration(Settings):
     tip: dict[str, Any] | None = Field(default=None, description="the indenter that was mounted, where it was named")
     shake: dict[str, Any] = Field(default={}, description="frequencies [Hz], amplitudes [m], residual [N]")
     spectra: dict[str, NoiseSpectrum] = Field(default={}, description="noise at rest of force, position and velocity")
+    logs: dict[str, dict[str, str]] = Field(default={}, description="file and hash of each log, by step and device")
     notes: tuple[str, ...] = Field(default=(), description="what a user should know")
     versions: dict[str, str] = Field(default={}, description="of palpate and its libraries")
 

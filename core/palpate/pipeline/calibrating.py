@@ -183,6 +183,16 @@ def _shake(session: Session) -> dict[str, Any]:
     }
 
 
+def _logs(plan: CalibrationPlan) -> dict[str, dict[str, str]]:
+    """What the devices that only some steps have say of themselves: of a log, file and hash."""
+    return {
+        f"{name}.{device}": dict(part.provenance)
+        for name, step in plan.settings.steps.items()
+        for device, part in step.device.items()
+        if "sha256" in part.provenance
+    }
+
+
 def _calibration(plan: CalibrationPlan, session: Session, seen: Seen) -> Calibration:
     roles = ("force", "position", "velocity")
     channels = {role: s.channel for role in roles if (s := getattr(plan.alignment, role)) is not None}
@@ -205,6 +215,7 @@ def _calibration(plan: CalibrationPlan, session: Session, seen: Seen) -> Calibra
         tip=tip,
         shake=_shake(session),
         spectra={role: NoiseSpectrum.of(spectrum) for role, spectrum in session.spectra.items()},
+        logs=_logs(plan),
         notes=session.notes,
         versions={"palpate": importlib.metadata.version("palpate"), "python": platform.python_version()},
     )
