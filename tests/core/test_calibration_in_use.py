@@ -100,6 +100,13 @@ def test_the_tare_is_taken_where_it_is_asked_for(pipeline):
     assert found.alignment.tare_uncertainty == pytest.approx(1e-3)
 
 
+def test_a_robot_that_gives_way_is_known(pipeline):
+    values = calibration().values | {"compliance": value(25e-6, 1e-7, "m/N")}
+    assert pipeline(values=values).alignment.series_stiffness == pytest.approx(40e3)
+    stated = pipeline('alignment.series_stiffness="100 N/mm"', values=values)
+    assert stated.alignment.series_stiffness == pytest.approx(100e3)
+
+
 def test_what_the_file_states_stands_and_is_flagged(pipeline):
     found = pipeline('alignment.tip_mass="140 g"', 'alignment.force.delay="1 ms"', 'estimator.ekf.force_std="0.1 N"')
     assert found.alignment.tip_mass == 0.14

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 from palpate import force_over_time
+from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.design import force_slopes
-from palpate.result.flags import timing_flags
+from palpate.result.budget import systematic_terms
+from palpate.result.flags import compliance_flags, timing_flags
 from palpate.result.outcome import Found, derived_values
 from palpate.result.record import Tail
 from palpate.result.response import answer
@@ -24,6 +26,7 @@ SPHERE = Sphere(radius=0.005)
 TIME = np.arange(0.0, 2.0, 0.002)
 OMEGA = 2 * np.pi * 2.0
 DEPTH, RATE = 0.003 + 0.0008 * np.sin(OMEGA * TIME), 0.0008 * OMEGA * np.cos(OMEGA * TIME)
+REPORT = AlignmentReport({}, None, 0.25, None, 0, None, 0, 0, 0, 4.0, None)
 LATE = 2e-4  # [s]
 MODELS = {
     "hunt-crossley": (HuntCrossley(), [0.9, 6.0]),
@@ -84,7 +87,7 @@ def test_a_closed_form_stands():
 def test_flags_of_models_without_a_closed_form():
     model, theta = HuntCrossley(), np.array([0.9, 6.0])
     shifts = delay_shifts(model, *tails(theta), theta)
-    codes = [text for text in timing_flags(model, theta, shifts, None)]
+    codes = list(timing_flags(model, theta, shifts, None))
     assert len(codes) == 1
     assert codes[0].startswith("timing-undeclared")
     assert "reference_damping" in codes[0]
@@ -104,6 +107,26 @@ def test_a_derived_viscosity_says_its_delay():
     assert derived["viscosity"].budget["timing"] == pytest.approx(shear * 1e-3)
     assert derived["viscosity"].per_shear == pytest.approx(derived["viscosity"].value / shear)
     assert derived["elasticity"].systematic is None
+
+
+def test_a_robot_that_gives_way_shifts_as_predicted():
+    """The tip is F/k higher than the position says: E and eta seem lower, S1 R 5 mm by some 5 and 8 % at 100 N/mm."""
+    model, theta = DimensionalityReduction(indenter=SPHERE), np.array([282.1e3, 860.0])
+    stiffness = 2000e3
+    depth, rate = DEPTH + 0.0, RATE + 0.0
+    for _ in range(20):
+        force = force_over_time(model, TIME, depth, rate, theta)
+        depth, rate = DEPTH - force / stiffness, RATE - np.gradient(force, TIME) / stiffness
+    seen = fitted(model, theta.tolist(), force) - theta
+    settings = AlignmentSettings.model_validate({"force": "a.f", "position": "a.z", "series_stiffness": stiffness})
+    half = tails(theta)[1]
+    terms = systematic_terms(model, half, np.zeros(2), None, settings, REPORT)
+    assert terms["elasticity"]["compliance"] == pytest.approx(abs(seen[0]), rel=0.1)
+    assert terms["viscosity"]["compliance"] == pytest.approx(abs(seen[1]), rel=0.1)
+    (text,) = compliance_flags({"elasticity": 0.05, "viscosity": 0.001}, 100e3)
+    assert text.startswith("series-compliance: ")
+    assert "100 N/mm, which shifts elasticity by 5 %; it is not corrected" in text
+    assert not list(compliance_flags({"elasticity": 0.005}, 100e3))
 
 
 def test_what_cannot_be_told_has_no_shift():

@@ -41,7 +41,7 @@ class CalibrationUse:
     valid_for: float  # [s]
 
     def alignment(self, settings: AlignmentSettings) -> AlignmentSettings:
-        """The settings with mass, tare and timing of the calibration wherever the file leaves them open.
+        """The settings with mass, tare, timing and stiffness of the calibration wherever the file leaves them open.
 
         A positive delay moves the force back in time, whose stream is interpolated anyway. The velocity is moved only
         where its delay is significant: interpolation would change its noise.
@@ -50,6 +50,8 @@ class CalibrationUse:
         values = self.calibration.values
         if "mass" in values and "tip_mass" not in stated:
             changes |= {"tip_mass": values["mass"].value, "tip_mass_uncertainty": values["mass"].std}
+        if "compliance" in values and values["compliance"].value > 0 and "series_stiffness" not in stated:
+            changes["series_stiffness"] = 1.0 / values["compliance"].value
         if "offset" in values and settings.tare == "calibrated":
             changes |= {"tare": values["offset"].value, "tare_uncertainty": values["offset"].std}
         if "delay" in values and not self._timing_is_stated(settings):

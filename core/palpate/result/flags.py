@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -187,3 +187,14 @@ def timing_flags(
             yield flag(
                 "not-distinguishable-from-delay", f"{parameter.name} is within {uncertainty * 1e3:.3g} ms of none"
             )
+
+
+def compliance_flags(shares: Mapping[str, float], stiffness: float | None) -> Iterator[Flag]:
+    """Parameters that a robot which gives way shifts by more than a hundredth; `shares` of their values by name."""
+    strong = [f"{name} by {100 * share:.2g} %" for name, share in shares.items() if share > _HARDLY]
+    if stiffness is not None and strong:
+        yield flag(
+            "series-compliance",
+            f"robot and sensor give way with {1e-3 * stiffness:.3g} N/mm, which shifts {', '.join(strong)}; it is not "
+            "corrected",
+        )

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.alignment import AlignmentReport, AlignmentSettings
-from palpate.contact import ContactModel, Parameter
+from palpate.contact import ContactModel
 from palpate.estimation import Status
 from palpate.result.budget import systematic_terms
-from palpate.result.flags import alignment_flags, flag, timing_flags, track_flags, validity_flags
+from palpate.result.flags import alignment_flags, compliance_flags, flag, timing_flags, track_flags, validity_flags
 from palpate.result.record import Tail, TrackRecord
-from palpate.result.timing import delay_shifts
+from palpate.result.timing import delay_shifts, is_viscous, timing_uncertainty
 
 
 @dataclass(frozen=True)
@@ -170,6 +170,10 @@ def track_result(
         flags += timing_flags(model, last.values.mean(axis=0), shifts, timing_uncertainty(settings))
         flags += validity_flags(model, last)
         numbers = _numbers(model, record, tail, last, shifts, timing, report, settings, online)
+        shares = {
+            name: f.budget.get("compliance", 0.0) / abs(f.value or math.inf) for name, f in numbers.parameters.items()
+        }
+        flags += compliance_flags(shares, settings.series_stiffness)
     return TrackResult(
         model_name,
         estimator_name,
@@ -218,24 +222,12 @@ def _numbers(
             float(settling[i]),
             math.hypot(*budget.values()) if budget else None,
             budget,
-            float(values[i] / abs(shift)) if shift and _is_viscous(parameter) else None,
+            float(values[i] / abs(shift)) if shift and is_viscous(parameter) else None,
         )
     surface = Found(float(last.surface.mean()), float(last.surface_std[-1]), "m", way)
     seen = last.nis[np.isfinite(last.nis)]
     nis = float(seen.mean()) if len(seen) else float("nan")
     return _Numbers(parameters, surface, last.force_rms(settings.tip_mass or 0.0), nis)
-
-
-def _is_viscous(parameter: Parameter) -> bool:
-    return parameter.role == "viscous" or parameter.unit == "Pa*s"
-
-
-def timing_uncertainty(settings: AlignmentSettings) -> float | None:
-    """Standard uncertainty [s] of the time between force and motion; None where neither side declares any."""
-    motion = settings.velocity or settings.position
-    if settings.force.uncertainty is None and motion.uncertainty is None:
-        return None
-    return math.hypot(settings.force.uncertainty or 0.0, motion.uncertainty or 0.0)
 
 
 def stream_tables(report: AlignmentReport) -> dict[str, Any]:

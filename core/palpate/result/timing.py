@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import ContactModel, force_over_time
+from palpate.alignment import AlignmentSettings
+from palpate.contact import ContactModel, Parameter, force_over_time
 from palpate.design import force_slopes
 from palpate.result.record import Tail, acceleration
 from palpate.result.response import answer
@@ -65,3 +68,16 @@ def _remembered(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> 
     except ValueError:  # states that change too fast for the samples
         return None
     return np.column_stack(columns)[rows], change[rows]
+
+
+def is_viscous(parameter: Parameter) -> bool:
+    """Whether a parameter is a viscosity or a damping, which a delay looks like."""
+    return parameter.role == "viscous" or parameter.unit == "Pa*s"
+
+
+def timing_uncertainty(settings: AlignmentSettings) -> float | None:
+    """Standard uncertainty [s] of the time between force and motion; None where neither side declares any."""
+    motion = settings.velocity or settings.position
+    if settings.force.uncertainty is None and motion.uncertainty is None:
+        return None
+    return math.hypot(settings.force.uncertainty or 0.0, motion.uncertainty or 0.0)
