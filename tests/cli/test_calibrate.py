@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
@@ -61,6 +62,8 @@ def test_the_file_says_what_it_takes_to_trust_it(palpate, late, tmp_path):
     assert mass["interval"][0] < 0.163 < mass["interval"][1]
     assert len(mass["repeats"]) == 3
     assert {"fit", "type_a", "type_b", "std"} <= set(mass)
+    assert datetime.now(UTC) - table["created"] < timedelta(hours=1)
+    assert {value["unit"] for value in table["values"].values()} == {"kg", "s", "N", "N/s", "m", "m/s"}
     assert table["devices"]["rig"] == {"serial_number": "SIM-0001", "type": "sim"}
     assert table["tip"] == {"type": "sphere", "radius": 0.005}
     assert table["channels"]["force"] == "rig.wrench.z"

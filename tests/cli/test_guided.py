@@ -5,7 +5,9 @@ import tomllib
 import pytest
 import typer
 from palpate.cli.calibrate import _ask
-from palpate.errors import ConfigurationError
+from palpate.config import load_plan
+from palpate.errors import ConfigurationError, LogError, UserError
+from palpate.pipeline import Guide, run_calibration
 
 QUICK = (
     "calibration.repeats=2",
@@ -104,23 +106,23 @@ TOO_FAST = f"[calibration]\ntop_speed = '0.1 m/s'\n[calibration.rest]\n{STAY}\n[
         (TOO_FAST, "[calibration.shake] top_speed"),
     ],
 )  # fmt: skip
-def test_a_step_that_cannot_be_done_is_refused_with_the_reason(palpate, guided, steps, message):
-    done = palpate("calibrate", guided(steps))
-    assert done.returncode == 2, done.stdout + done.stderr
-    assert message in " ".join(done.stderr.split())
-    assert "Traceback" not in done.stderr
+def test_a_step_that_cannot_be_done_is_refused_with_the_reason(guided, steps, message):
+    with pytest.raises(UserError) as caught:
+        run_calibration(load_plan(guided(steps)))
+    assert message in " ".join(str(caught.value).split())
 
 
-def test_a_limit_broken_in_a_later_step_stops_before_the_first(palpate, guided):
-    assert "step 1" not in palpate("calibrate", guided(TOO_FAST)).stderr
+def test_a_limit_broken_in_a_later_step_stops_before_the_first(guided):
+    said = []
+    with pytest.raises(ConfigurationError):
+        run_calibration(load_plan(guided(TOO_FAST)), Guide(said.append))
+    assert said == []
 
 
-def test_weight_alone_gives_the_mass(palpate, guided, tmp_path):
+def test_weight_alone_gives_the_mass(guided):
     steps = f"[calibration]\nrepeats = 1\n[calibration.rest]\n{STAY}\n[calibration.orientations]\n{STAY}"
-    done = palpate("calibrate", guided(steps))
-    assert done.returncode == 0, done.stderr
-    values = tomllib.loads((tmp_path / "guided.calibration.toml").read_text())["values"]
-    assert values["mass"]["value"] == values["mass_by_weight"]["value"]
+    values = run_calibration(load_plan(guided(steps)))[1].values
+    assert values["mass"].value == values["mass_by_weight"].value
     assert "delay" not in values
 
 
@@ -166,16 +168,14 @@ def test_a_log_of_a_palpation_is_refused(palpate, guided, tmp_path):
 
 def test_a_log_with_too_few_rests_is_refused(palpate, guided, tmp_path):
     log = recorded(palpate, guided(""), 'type = "shake"\nduration = "3 s"', tmp_path / "shaken")
-    done = palpate("calibrate", guided(LOG.format(step="orientations", file=log)))
-    assert done.returncode == 2
-    assert "the log holds 2 rests; [calibration.orientations] down names 4" in " ".join(done.stderr.split())
+    with pytest.raises(LogError, match=r"the log holds 2 rests; \[calibration.orientations\] down names 4"):
+        run_calibration(load_plan(guided(LOG.format(step="orientations", file=log))))
 
 
-def test_without_a_velocity_its_noise_is_no_step(palpate, guided):
+def test_without_a_velocity_its_noise_is_no_step(guided):
     steps = '[calibration.noise]\ntrajectory = { type = "shake", frequencies = ["1 Hz"], duration = "3 s" }'
-    done = palpate("calibrate", guided(steps, **{'velocity = "rig.twist.z"\n': ""}))
-    assert done.returncode == 2
-    assert "needs [alignment] velocity" in done.stderr
+    with pytest.raises(LogError, match=r"needs \[alignment\] velocity"):
+        run_calibration(load_plan(guided(steps, **{'velocity = "rig.twist.z"\n': ""})))
 
 
 def test_nobody_there_to_answer(monkeypatch):
