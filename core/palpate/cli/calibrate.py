@@ -82,6 +82,8 @@ def calibrate(
     plan = load_plan(file, overrides or [])
     if target.exists() and not force:
         raise OutputError(f"{target}: exists already; --force writes over it, --out writes elsewhere")
+    if not target.parent.is_dir():
+        raise OutputError(f"{target}: there is no folder {target.parent}")  # before anybody has spent time at the rig
     errors, console = Console(stderr=True), Console()
 
     def say(text: str) -> None:
