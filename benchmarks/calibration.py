@@ -57,6 +57,9 @@ def truths(device: SimulatedRig, shake: Shake) -> dict[str, float]:
     }
 
 
+CLOSE = {"mass": 1e-3, "delay": 1e-4}  # [kg], [s] what a shake of 5 Hz, 3 mm and 10 s should reach
+
+
 def drawn(rng: np.random.Generator) -> SimulatedRig:
     """A rig that nobody knows; either the force or the motion is late, by any fraction of a sample."""
     late = "force_delay" if rng.random() < 0.5 else "motion_delay"
@@ -96,6 +99,9 @@ def report(found: Judged) -> None:
             f"largest {np.abs(errors).max():.3g}   stated {stated:.3g}",
             flush=True,
         )
+        if name in CLOSE:
+            close = int(np.count_nonzero(np.abs(errors) <= CLOSE[name]))
+            print(f"  {'':14} within {CLOSE[name]:g}: {close} of {len(pairs)}", flush=True)
 
 
 RIGS: list[tuple[dict[str, float], dict[str, object]]] = [

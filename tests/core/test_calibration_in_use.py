@@ -130,6 +130,18 @@ def test_an_old_one_another_sensor_and_another_tip_are_flagged(pipeline):
     assert codes(pipeline(tip=None)) == []
 
 
+def test_live_devices_are_compared_by_what_they_say(pipeline):
+    """Serial numbers of live devices are known once they are connected."""
+    found = pipeline(devices={"rig": {"type": "ur3e", "identity": "S/N: 1"}})
+
+    def codes_with(identity):
+        texts = calibration_flags(found, {"rig": {"identity": identity, "states": 7}})
+        return [text.partition(":")[0] for text in texts]
+
+    assert codes_with("S/N: 1") == []
+    assert "calibration-sensor" in codes_with("S/N: 2")
+
+
 def test_a_calibration_that_is_not_there_is_a_mistake(point_pipeline):
     with pytest.raises(ConfigurationError, match=r"\[run\] calibration: .*none.toml: cannot read"):
         load_pipeline(point_pipeline, ['run.calibration="none.toml"'])
