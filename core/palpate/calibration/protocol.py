@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.alignment import GRAVITY
-from palpate.calibration.quantity import Measured, Scatter
+from palpate.calibration.quantity import Measured, Scatter, scaled, summed
 from palpate.calibration.record import Record
 from palpate.calibration.rest import RestFit, Spectrum, rest_fit, rest_values
 from palpate.calibration.segments import Segment, resting, shaking
@@ -117,8 +117,8 @@ def joined(sessions: Sequence[Session], settings: CalibrationSettings) -> Sessio
     if "mass" not in values and "mass_by_weight" in values:
         values["mass"] = values["mass_by_weight"]
     if settings.gravity and {"mass", "offset"} <= values.keys():
-        values["weight"] = _scaled(values["mass"], GRAVITY, "N")
-        values["bias"] = _sum(values["offset"], values["weight"])
+        values["weight"] = scaled(values["mass"], GRAVITY, "N")
+        values["bias"] = summed(values["offset"], values["weight"])
     shakes = tuple(shake for session in sessions for shake in session.shakes)
     return Session(
         {name: values[name] for name in sorted(values, key=_rank)},
@@ -197,39 +197,6 @@ def _values(shakes: Sequence[ShakeFit], rests: Sequence[RestFit], settings: Cali
         # The paper's figure is a scatter without a fit of its own: only the repeats speak.
         found["paper_velocity_std"] = Measured.of([Scatter(std, 0.0) for std in paper], "m/s")
     return found
-
-
-def _scaled(measured: Measured, by: float, unit: str) -> Measured:
-    type_a = measured.type_a * by if measured.type_a is not None else None
-    return Measured(
-        measured.value * by,
-        unit,
-        tuple(value * by for value in measured.repeats),
-        measured.fit * by,
-        type_a,
-        measured.type_b * by,
-        measured.combined * by,
-        measured.factor,
-    )
-
-
-def _sum(first: Measured, second: Measured) -> Measured:
-    """The sum of two values that know nothing of each other."""
-
-    def joined(a: float, b: float) -> float:
-        return float((a**2 + b**2) ** 0.5)
-
-    repeats = tuple(a + b for a, b in zip(first.repeats, second.repeats, strict=False))
-    return Measured(
-        first.value + second.value,
-        first.unit,
-        repeats,
-        joined(first.fit, second.fit),
-        joined(first.type_a or 0.0, second.type_a or 0.0),
-        joined(first.type_b, second.type_b),
-        joined(first.combined, second.combined),
-        max(first.factor, second.factor),
-    )
 
 
 def _notes(shakes: Sequence[ShakeFit], rests: Sequence[RestFit]) -> list[str]:

@@ -80,10 +80,7 @@ def calibrate(
 
     target = out if out is not None else file.with_suffix(".calibration.toml")
     plan = load_plan(file, overrides or [])
-    if target.exists() and not force:
-        raise OutputError(f"{target}: exists already; --force writes over it, --out writes elsewhere")
-    if not target.parent.is_dir():
-        raise OutputError(f"{target}: there is no folder {target.parent}")  # before anybody has spent time at the rig
+    _refuse_target(target, force)
     errors, console = Console(stderr=True), Console()
 
     def say(text: str) -> None:
@@ -94,10 +91,7 @@ def calibrate(
             say(line)
 
     calibration, session, records = run_calibration(plan, Guide(say, _ask(say, yes), found))
-    try:
-        target.write_text(calibration.text(), encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"{target}: cannot write: {error.strerror}") from error
+    _write(calibration, target)
     if not console.is_terminal:
         console = Console(width=120)
     console.print(_table(calibration))
@@ -108,6 +102,21 @@ def calibrate(
 
         with drawing(picture):
             draw(records[0], session, plan.settings.settle, picture)
+
+
+def _refuse_target(target: Path, force: bool) -> None:
+    """Before anybody has spent time at the rig."""
+    if target.exists() and not force:
+        raise OutputError(f"{target}: exists already; --force writes over it, --out writes elsewhere")
+    if not target.parent.is_dir():
+        raise OutputError(f"{target}: there is no folder {target.parent}")
+
+
+def _write(calibration: Calibration, target: Path) -> None:
+    try:
+        target.write_text(calibration.text(), encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{target}: cannot write: {error.strerror}") from error
 
 
 def _ask(say: Callable[[str], None], yes: bool) -> Callable[[str], None]:
