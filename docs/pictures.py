@@ -1,10 +1,12 @@
-"""Draws the pictures of docs/models.md. Run: python docs/pictures.py"""
+"""Draws the pictures of docs/models.md, and one of docs/calibration.md. Run: python docs/pictures.py"""
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import matplotlib  # noqa: TID253  (a script that draws)
@@ -122,6 +124,42 @@ def draw_thickness(pyplot: Any) -> None:
     save(figure, "thickness")
 
 
+def late_runs(folder: Path) -> dict[str, tuple[Any, Any]]:
+    """Time [s] and viscosity [Pa s] of pipelines/late.toml, before its calibration and after."""
+    from palpate.config import load_pipeline, load_plan
+    from palpate.pipeline import run_calibration, run_pipeline
+
+    source = Path(__file__).parents[1] / "pipelines" / "late.toml"
+    file = folder / "late.calibration.toml"
+    file.write_text(run_calibration(load_plan(source))[0].text())
+    tracks = ['run.tracks=["dr/kinematic"]']
+    found = {}
+    for label, more in (("before", []), ("after", [f"run.calibration={file}"])):
+        result = run_pipeline(load_pipeline(source, [*tracks, *more]), folder / label)
+        with (result.folder / "estimates.csv").open() as table:
+            rows = [row for row in csv.DictReader(table) if row["dr/kinematic:viscosity"]]
+        columns = ("time_s", "dr/kinematic:viscosity", "dr/kinematic:viscosity_std")
+        time, value, std = (np.array([float(row[column]) for row in rows]) for column in columns)
+        found[label] = time - time[0], (value, std)
+    return found
+
+
+def draw_late(pyplot: Any) -> None:
+    """Viscosity over time from a force that is stamped 7 ms late, before and after `palpate calibrate`."""
+    with TemporaryDirectory() as folder:
+        runs = late_runs(Path(folder))
+    figure, axis = pyplot.subplots(figsize=(6.5, 3.6))
+    for (label, (time, (value, std))), colour in zip(runs.items(), ("C1", "C0"), strict=True):
+        axis.plot(time, value, color=colour, label=f"{label} calibration")
+        axis.fill_between(time, value - 2 * std, value + 2 * std, color=colour, alpha=0.2, linewidth=0)
+    axis.axhline(VISCOSITY, color="black", linestyle=":", label="truth")
+    axis.axhline(VISCOSITY - ELASTICITY / 3 * 7e-3, color="0.5", linestyle="--", label="truth less G times 7 ms")
+    axis.set(xlabel="time [s]", ylabel="eta [Pa s]", ylim=(0, 500))
+    axis.grid(alpha=0.3)
+    axis.legend(fontsize=8, ncols=2)
+    save(figure, "late")
+
+
 def save(figure: Any, name: str) -> None:
     """Write a picture that is the same on every run."""
     figure.tight_layout()
@@ -136,7 +174,7 @@ def main() -> None:
     from matplotlib import pyplot
 
     FOLDER.mkdir(exist_ok=True)
-    for draw in (draw_tips, draw_models, draw_thickness):
+    for draw in (draw_tips, draw_models, draw_thickness, draw_late):
         draw(pyplot)
 
 

@@ -144,6 +144,13 @@ class Device(Part, ABC):
     def refuse(self, setpoint: Setpoint) -> None:
         """Raise ConfigurationError where this device must not go; nothing moves for it. By default it goes anywhere."""
 
+    def turned(self, down: tuple[float, ...]) -> Device | None:
+        """This device with the tool turned so that gravity points along `down` in the sensor's frame.
+
+        None where a person has to turn it.
+        """
+        return None
+
     @property
     def own_motion(self) -> OwnMotion | None:
         """What it does by itself besides the motion that it is told; None where it does nothing."""

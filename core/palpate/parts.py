@@ -57,6 +57,14 @@ def nested_settings(annotation: Any) -> type[Settings] | None:
     return None
 
 
+def table_of_parts(annotation: Any) -> Any:
+    """The part that each entry of a field's table must be, or None where the field holds no table of parts."""
+    if get_origin(annotation) is dict:
+        inner = get_args(annotation)[1]
+        return inner if part_kind(inner) else None
+    return None
+
+
 def _beside_the_pipeline(value: Any, info: ValidationInfo) -> Any:
     if not isinstance(value, str | Path):
         return value

@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
@@ -61,6 +62,8 @@ def test_the_file_says_what_it_takes_to_trust_it(palpate, late, tmp_path):
     assert mass["interval"][0] < 0.163 < mass["interval"][1]
     assert len(mass["repeats"]) == 3
     assert {"fit", "type_a", "type_b", "std"} <= set(mass)
+    assert datetime.now(UTC) - table["created"] < timedelta(hours=1)
+    assert {value["unit"] for value in table["values"].values()} == {"kg", "s", "N", "N/s", "m", "m/s"}
     assert table["devices"]["rig"] == {"serial_number": "SIM-0001", "type": "sim"}
     assert table["tip"] == {"type": "sphere", "radius": 0.005}
     assert table["channels"]["force"] == "rig.wrench.z"
@@ -112,6 +115,29 @@ def test_what_cannot_be_calibrated_is_refused_with_the_reason(palpate, late, tmp
     assert message in " ".join(done.stderr.split())
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "late.calibration.toml").exists()
+
+
+def test_a_sensor_that_is_stuck_is_refused(palpate, late):
+    """Without noise and drift it repeats one reading at rest."""
+    done = palpate("calibrate", late, *QUICK, "--set", "device.rig.force_std=0 N", "--set", "device.rig.drift=0 N/s")
+    assert done.returncode == 2
+    assert "the force sensor is stuck: it repeats one reading for" in " ".join(done.stderr.split())
+
+
+def test_a_tip_that_touches_is_refused(palpate, late, tmp_path):
+    """The skin is 3.4 mm high, and the tip is shaken through it."""
+    low = ("calibration.trajectory.height=5.5 mm", "calibration.lowest=0 mm", "device.rig.specimen.surface=3.4 mm")
+    done = palpate("calibrate", late, *QUICK, *(word for override in low for word in ("--set", override)))
+    assert done.returncode == 2, done.stdout
+    assert "contact" in done.stderr
+    assert not (tmp_path / "late.calibration.toml").exists()
+
+
+def test_a_folder_that_is_not_there_is_told_before_anything_moves(palpate, late, tmp_path):
+    done = palpate("calibrate", late, "--out", tmp_path / "none" / "c.toml")
+    assert done.returncode == 2
+    assert "there is no folder" in " ".join(done.stderr.split())
+    assert "repeat" not in done.stderr
 
 
 def test_an_older_file_stays_unless_told_otherwise(palpate, late, tmp_path):

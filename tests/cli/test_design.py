@@ -1,5 +1,7 @@
 """`palpate design`: a table, a picture and a recommendation."""
 
+import math
+
 import pytest
 from palpate import OutputError
 from palpate.cli.tables import drawing
@@ -36,6 +38,50 @@ def test_limits_move_the_recommendation(palpate, file):
     assert "m/s^2" in done.stdout
     done = palpate("design", file, "--set", "design.top_speed=1e-9")
     assert "no setting keeps the limits" in done.stdout
+
+
+RELAXING = '\n[model.sls]\ntype = "standard-linear-solid"\nindenter = "tip"\n'
+
+
+def test_a_model_that_remembers_is_left_out_with_advice(palpate, file, tmp_path):
+    both = tmp_path / "both.toml"
+    both.write_text(file.read_text() + RELAXING)
+    done = palpate("design", both)
+    assert done.returncode == 0, done.stderr
+    assert "left out: sls: this model remembers" in done.stdout
+    assert "dr: recommended" in " ".join(done.stdout.split())
+    text = file.read_text()
+    begin, end = text.index("[model.dr]"), text.index("[estimator.ekf]")
+    inline = 'model = { type = "dimensionality-reduction", indenter = "tip" }'
+    both.write_text((text[:begin] + text[end:] + RELAXING).replace('model = "dr"', inline))
+    done = palpate("design", both)
+    assert done.returncode == 2
+    assert "Design for dimensionality-reduction" in " ".join(done.stderr.split())
+
+
+SAFETY = """
+[safety]
+low = ["-5 mm", "-5 mm", "-5 mm"]
+high = ["5 mm", "5 mm", "60 mm"]
+speed = "40 mm/s"
+acceleration = "0.5 m/s^2"
+stop_force = "12 N"
+force = "20 N"
+stiffness = "3 N/mm"
+"""
+
+
+def test_the_robots_own_limits_count(palpate, file, tmp_path):
+    """5 Hz and 1.5 mm, which would be best, are 1.5 m/s^2 and 5.5 mm deep."""
+    bound = tmp_path / "bound.toml"
+    bound.write_text(file.read_text() + SAFETY)
+    done = palpate("design", bound)
+    assert done.returncode == 0, done.stderr
+    words = " ".join(done.stdout.split()).partition("recommended within the limits: ")[2].split()
+    frequency, amplitude = float(words[0]), float(words[2])
+    assert (2 * math.pi * frequency) ** 2 * amplitude * 1e-3 <= 0.5
+    assert 2 * math.pi * frequency * amplitude <= 40
+    assert amplitude < 1.5
 
 
 def test_the_picture(palpate, file, tmp_path):

@@ -100,6 +100,13 @@ def test_the_tare_is_taken_where_it_is_asked_for(pipeline):
     assert found.alignment.tare_uncertainty == pytest.approx(1e-3)
 
 
+def test_a_robot_that_gives_way_is_known(pipeline):
+    values = calibration().values | {"compliance": value(25e-6, 1e-7, "m/N")}
+    assert pipeline(values=values).alignment.series_stiffness == pytest.approx(40e3)
+    stated = pipeline('alignment.series_stiffness="100 N/mm"', values=values)
+    assert stated.alignment.series_stiffness == pytest.approx(100e3)
+
+
 def test_what_the_file_states_stands_and_is_flagged(pipeline):
     found = pipeline('alignment.tip_mass="140 g"', 'alignment.force.delay="1 ms"', 'estimator.ekf.force_std="0.1 N"')
     assert found.alignment.tip_mass == 0.14
@@ -121,6 +128,18 @@ def test_an_old_one_another_sensor_and_another_tip_are_flagged(pipeline):
     assert codes(pipeline(channels={"force": "rig.wrench.x", "position": "rig.tip.z"})) == ["calibration-sensor"]
     assert codes(pipeline(tip={"type": "sphere", "radius": 0.0025})) == ["calibration-tip"]
     assert codes(pipeline(tip=None)) == []
+
+
+def test_live_devices_are_compared_by_what_they_say(pipeline):
+    """Serial numbers of live devices are known once they are connected."""
+    found = pipeline(devices={"rig": {"type": "ur3e", "identity": "S/N: 1"}})
+
+    def codes_with(identity):
+        texts = calibration_flags(found, {"rig": {"identity": identity, "states": 7}})
+        return [text.partition(":")[0] for text in texts]
+
+    assert codes_with("S/N: 1") == []
+    assert "calibration-sensor" in codes_with("S/N: 2")
 
 
 def test_a_calibration_that_is_not_there_is_a_mistake(point_pipeline):

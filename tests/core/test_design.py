@@ -149,6 +149,20 @@ def test_several_sines_share_the_amplitude_and_weaken_an_unknown_skew():
     assert several.relative(skewed, S1)["viscosity"] < 0.6 * one.relative(skewed, S1)["viscosity"]
 
 
+@pytest.mark.parametrize(("amplitude", "viscosity"), [(1e-3 / 3, 1.89), (0.4e-3, 1.66), (0.5e-3, 1.39)])
+def test_a_multi_sine_weakens_an_unknown_skew_by_its_amplitude(amplitude, viscosity):
+    """0.5, 2 and 5 Hz, 0.3 ms: 3.24 % of one sine; 1.69 % is reached at 0.39 mm each, whatever the phases are."""
+    path = sine_path(0.004, [(f, amplitude) for f in (0.5, 2.0, 5.0)], 10.0, 500.0, Loop())
+    found = cramer_rao(SPHERE, THETA, path, 0.14, 0.05, Nuisances(0.005, 0.3e-3))
+    assert percent(found)[1] == pytest.approx(viscosity, rel=0.01)
+
+
+def test_half_the_effect_of_an_unknown_skew():
+    path = sine_path(0.004, [(f, 0.394e-3) for f in (0.5, 2.0, 5.0)], 10.0, 500.0, Loop())
+    found = cramer_rao(SPHERE, THETA, path, 0.14, 0.05, Nuisances(0.005, 0.3e-3))
+    assert percent(found)[1] == pytest.approx(1.69, rel=0.05)
+
+
 def test_a_model_that_remembers_is_refused():
     with pytest.raises(ConfigurationError, match="remembers"):
         force_slopes(SimpleNamespace(memory=("branch",)), np.ones(2), np.ones(2), THETA)

@@ -15,6 +15,7 @@ from palpate_trajectories.point import Point
 from palpate_trajectories.press import Press
 from palpate_trajectories.raster import Raster
 from palpate_trajectories.shake import Shake
+from palpate_trajectories.stay import Stay
 from palpate_trajectories.surface import Surface
 from pydantic import ValidationError
 
@@ -41,6 +42,7 @@ EXAMPLES = {
     ],
     "compression": [Compression(), Compression(hold=2.0, thickness=0.03, strain=0.2, speed=0.001)],
     "multi-sine": [MultiSine(bias=0.004), MultiSine(bias=0.003, amplitudes=(1e-3,), frequencies=(3.0,))],
+    "stay": [Stay(), Stay(height=0.02, place=(0.01, 0.0), duration=2.0)],
     "shake": [Shake(), Shake(frequencies=(2.0, 5.0), amplitude=0.001, duration=3.0)],
     "chirp": [Chirp(bias=0.004), Chirp(bias=0.004, first_frequency=5.0, last_frequency=0.5, surface=TILTED)],
     "line-sweep": [

@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from palpate.parts import Settings
-from palpate.units import Force, Mass, Time, to_si
+from palpate.units import Force, Mass, Stiffness, Time, to_si
 
 # What a role's channel must be in; a channel whose unit nobody knows ("1") is taken at its word.
 SIGNAL_UNITS = {"force": "N", "position": "m", "velocity": "m/s"}
@@ -51,6 +51,11 @@ class AlignmentSettings(Settings):
     weight: Literal["tared", "removed"] = Field(
         default="tared",
         description='"tared": the tare or the recording took it; "removed": subtract tip_mass times gravity',
+    )
+    series_stiffness: Stiffness | None = Field(
+        default=None,
+        gt=0,
+        description="stiffness of robot and sensor, which give way before the material; what that shifts is told",
     )
     tare: float | Literal["free-air", "none", "calibrated"] = Field(
         default="free-air",

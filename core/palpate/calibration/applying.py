@@ -23,6 +23,15 @@ def identity_of(devices: Mapping[str, Device], channels: Mapping[str, str]) -> d
     return {name: dict(devices[name].provenance) for name in sorted(names) if name in devices}
 
 
+def identity_in(facts: Mapping[str, Any]) -> dict[str, str]:
+    """What of a live device's account says which one it is."""
+    return {key: text for key, text in facts.items() if isinstance(text, str) and _identifies(key)}
+
+
+def _identifies(key: str) -> bool:
+    return "serial" in key or key == "identity"
+
+
 @dataclass(frozen=True)
 class CalibrationUse:
     """A calibration that a pipeline names."""
@@ -32,7 +41,7 @@ class CalibrationUse:
     valid_for: float  # [s]
 
     def alignment(self, settings: AlignmentSettings) -> AlignmentSettings:
-        """The settings with mass, tare and timing of the calibration wherever the file leaves them open.
+        """The settings with mass, tare, timing and stiffness of the calibration wherever the file leaves them open.
 
         A positive delay moves the force back in time, whose stream is interpolated anyway. The velocity is moved only
         where its delay is significant: interpolation would change its noise.
@@ -41,6 +50,8 @@ class CalibrationUse:
         values = self.calibration.values
         if "mass" in values and "tip_mass" not in stated:
             changes |= {"tip_mass": values["mass"].value, "tip_mass_uncertainty": values["mass"].std}
+        if "compliance" in values and values["compliance"].value > 0 and "series_stiffness" not in stated:
+            changes["series_stiffness"] = 1.0 / values["compliance"].value
         if "offset" in values and settings.tare == "calibrated":
             changes |= {"tare": values["offset"].value, "tare_uncertainty": values["offset"].std}
         if "delay" in values and not self._timing_is_stated(settings):
@@ -72,12 +83,15 @@ class CalibrationUse:
     def flags(
         self,
         stated: AlignmentSettings,
-        devices: Mapping[str, Device],
+        devices: Mapping[str, Mapping[str, str]],
         tips: Mapping[str, Part],
         tip_table: Any,
         now: datetime,
     ) -> Iterator[tuple[str, str]]:
-        """What speaks against this calibration, as code and text; `stated` as the pipeline file has it."""
+        """What speaks against this calibration, as code and text; `stated` as the pipeline file has it.
+
+        `devices` is what each of them says of itself.
+        """
         age = (now - self.calibration.created).total_seconds()
         if age > self.valid_for:
             limit = self.valid_for / 86400
@@ -91,15 +105,16 @@ class CalibrationUse:
                 yield "calibration-tip", f"{self.path} was made with another tip: {_shown(self.calibration.tip)}"
         yield from self._conflicts(stated)
 
-    def _other_devices(self, stated: AlignmentSettings, devices: Mapping[str, Device]) -> Iterator[tuple[str, str]]:
+    def _other_devices(
+        self, stated: AlignmentSettings, devices: Mapping[str, Mapping[str, str]]
+    ) -> Iterator[tuple[str, str]]:
         channels = {"force": stated.force, "position": stated.position}
         for role, signal in channels.items():
             then = self.calibration.channels.get(role, "")
             before = self.calibration.devices.get(then.partition(".")[0], {})
-            device = devices.get(signal.channel.partition(".")[0])
-            present = dict(device.provenance) if device else {}
+            present = devices.get(signal.channel.partition(".")[0], {})
             for key in sorted(before.keys() & present.keys()):
-                if "serial" in key and before[key] != present[key]:
+                if _identifies(key) and before[key] != present[key]:
                     yield (
                         "calibration-sensor",
                         f"{self.path} was made with another {role} device: {key} {before[key]}, now {present[key]}",

@@ -10,6 +10,7 @@ from typing import Any
 from pydantic import Field, ValidationError
 
 from palpate.calibration.quantity import Measured
+from palpate.calibration.rest import Spectrum
 from palpate.errors import ConfigurationError
 from palpate.parts import Settings
 
@@ -43,6 +44,19 @@ class CalibratedValue(Settings):
         )
 
 
+class NoiseSpectrum(Settings):
+    """Noise at rest by octaves, in a calibration file."""
+
+    unit: str = Field(description="of the densities")
+    frequencies: tuple[float, ...] = Field(description="middle of each octave [Hz]")
+    densities: tuple[float, ...] = Field(description="root of the one-sided power density")
+
+    @classmethod
+    def of(cls, spectrum: Spectrum) -> NoiseSpectrum:
+        """What a file says of a spectrum."""
+        return cls(unit=spectrum.unit, frequencies=spectrum.frequencies, densities=spectrum.densities)
+
+
 class Calibration(Settings):
     """A calibration, as its file holds it."""
 
@@ -54,6 +68,8 @@ class Calibration(Settings):
     devices: dict[str, dict[str, str]] = Field(default={}, description="type, serial number, versions, file and hash")
     tip: dict[str, Any] | None = Field(default=None, description="the indenter that was mounted, where it was named")
     shake: dict[str, Any] = Field(default={}, description="frequencies [Hz], amplitudes [m], residual [N]")
+    spectra: dict[str, NoiseSpectrum] = Field(default={}, description="noise at rest of force, position and velocity")
+    logs: dict[str, dict[str, str]] = Field(default={}, description="file and hash of each log, by step and device")
     notes: tuple[str, ...] = Field(default=(), description="what a user should know")
     versions: dict[str, str] = Field(default={}, description="of palpate and its libraries")
 

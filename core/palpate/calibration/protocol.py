@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.alignment import GRAVITY
-from palpate.calibration.quantity import Measured, Scatter
+from palpate.calibration.quantity import Measured, Scatter, scaled, summed
 from palpate.calibration.record import Record
-from palpate.calibration.rest import RestFit, rest_fit
+from palpate.calibration.rest import RestFit, Spectrum, rest_fit, rest_values
 from palpate.calibration.segments import Segment, resting, shaking
 from palpate.calibration.settings import CalibrationSettings
 from palpate.calibration.shake import ShakeFit, shake_fit
 from palpate.calibration.statics import series_compliance, tap_delay
 from palpate.errors import LogError
 
+Floats = NDArray[np.float64]
+
 _STUCK = 0.1  # [s] of exactly equal readings
 _MARGIN = 0.06  # [s]; a delay that is searched for must not leave the record
 _SHIFTED = 8.0  # standard uncertainties between the mean forces of shake and rest
+_DIFFERENT = 3.0  # standard uncertainties between two ways to one value
+_NOTED = 1.5  # times the noise at rest
 _UNEXPLAINED = 3.0  # times the noise at rest, and a tenth of the inertia, may be left over
 
 
@@ -28,10 +34,11 @@ class Session:
     """What all repeats together say."""
 
     values: dict[str, Measured]  # by name, in the order in which people want them
-    shakes: tuple[ShakeFit, ...]
-    rests: tuple[RestFit, ...]
-    residual: float  # [N] the largest of the shakes
-    notes: tuple[str, ...]
+    shakes: tuple[ShakeFit, ...] = ()
+    rests: tuple[RestFit, ...] = ()
+    residual: float = 0.0  # [N] the largest of the shakes
+    notes: tuple[str, ...] = ()
+    spectra: Mapping[str, Spectrum] = field(default_factory=dict)  # of the noise at rest, by role
 
 
 def calibrate(records: Sequence[Record], settings: CalibrationSettings) -> Session:
@@ -40,14 +47,22 @@ def calibrate(records: Sequence[Record], settings: CalibrationSettings) -> Sessi
     Raises LogError with the reason where a record cannot be used: saturated, stuck, in contact, too small a motion.
     """
     if settings.motion == "plate":
-        return _plate(records)
+        return joined([tapped(records), pressed(records)], settings)
+    return joined([shaken(records, settings)], settings)
+
+
+def shaken(records: Sequence[Record], settings: CalibrationSettings) -> Session:
+    """Mass and delay from shakes in free air; offset, drift and noise where the records hold rests, too."""
     shakes: list[ShakeFit] = []
     rests: list[RestFit] = []
     for record in records:
-        _refuse_broken(record)
+        refuse_broken(record)
         moving, still = shaking(record, settings.settle), resting(record)
         if not moving:
-            raise LogError("calibration: the record holds no shake of 2 s or more: no even to-and-fro motion")
+            raise LogError(
+                "calibration: the record holds no shake of 2 s or more: no even to-and-fro motion; the tip moves by "
+                f"{1e3 * float(np.ptp(record.position.values)):.3g} mm in {record.end - record.begin:.3g} s"
+            )
         fits = [shake_fit(record, segment, settings.frequencies) for segment in moving]
         shakes += fits
         if still:
@@ -62,26 +77,84 @@ def calibrate(records: Sequence[Record], settings: CalibrationSettings) -> Sessi
     )
 
 
-def _plate(records: Sequence[Record]) -> Session:
-    """A second delay, and the compliance of the robot, from presses on a rigid plate."""
-    delays, compliances = [], []
+def tapped(records: Sequence[Record]) -> Session:
+    """A second delay, from taps on a stiff plate."""
+    delays = []
     for record in records:
-        _refuse_broken(record)
-        still = resting(record)
-        if not still:
-            raise LogError("calibration: the record holds no rest before the tip presses, so the force has no zero")
-        force, position = record.force, record.position
-        free = force.values - rest_fit(record, still[:1]).offset.value
-        inside = (force.time > position.time[0] + _MARGIN) & (force.time < position.time[-1] - _MARGIN)
-        times, readings = force.time[inside], free[inside]
-        delays.append(tap_delay((times, readings), (position.time, position.values)))
-        heights = np.interp(times - delays[-1].value, position.time, position.values)
-        compliances.append(series_compliance(readings, heights))
-    values = {"tap_delay": Measured.of(delays, "s"), "compliance": Measured.of(compliances, "m/N")}
-    return Session(values, (), (), 0.0, ())
+        times, readings = _on_plate(record)
+        delays.append(tap_delay((times, readings), (record.position.time, record.position.values)))
+    return Session({"tap_delay": Measured.of(delays, "s")})
 
 
-def _refuse_broken(record: Record) -> None:
+def pressed(records: Sequence[Record]) -> Session:
+    """The compliance of robot and sensor, from presses on a stiff plate."""
+    found = []
+    for record in records:
+        times, readings = _on_plate(record)
+        position = record.position
+        delay = tap_delay((times, readings), (position.time, position.values)).value
+        found.append(series_compliance(readings, np.interp(times - delay, position.time, position.values)))
+    return Session({"compliance": Measured.of(found, "m/N")})
+
+
+def _on_plate(record: Record) -> tuple[Floats, Floats]:
+    """Time and force, less its zero, of a press on a plate."""
+    refuse_broken(record)
+    still = resting(record)
+    if not still:
+        raise LogError("calibration: the record holds no rest before the tip presses, so the force has no zero")
+    force, position = record.force, record.position
+    free = force.values - rest_fit(record, still[:1]).offset.value
+    inside = (force.time > position.time[0] + _MARGIN) & (force.time < position.time[-1] - _MARGIN)
+    return force.time[inside], free[inside]
+
+
+def joined(sessions: Sequence[Session], settings: CalibrationSettings) -> Session:
+    """All steps together: where several say the same thing, the earlier one counts, and disagreement is noted."""
+    values: dict[str, Measured] = {}
+    for session in sessions:
+        values = session.values | values
+    if "mass" not in values and "mass_by_weight" in values:
+        values["mass"] = values["mass_by_weight"]
+    if settings.gravity and {"mass", "offset"} <= values.keys():
+        values["weight"] = scaled(values["mass"], GRAVITY, "N")
+        values["bias"] = summed(values["offset"], values["weight"])
+    shakes = tuple(shake for session in sessions for shake in session.shakes)
+    return Session(
+        {name: values[name] for name in sorted(values, key=_rank)},
+        shakes,
+        tuple(rest for session in sessions for rest in session.rests),
+        max((session.residual for session in sessions), default=0.0),
+        (*dict.fromkeys(_lasting_notes(sessions, values)), *_disagreements(values)),
+        {role: spectrum for session in reversed(sessions) for role, spectrum in session.spectra.items()},
+    )
+
+
+def _lasting_notes(sessions: Sequence[Session], values: Mapping[str, Measured]) -> Iterator[str]:
+    """The notes that no other step has made good."""
+    for session in sessions:
+        yield from (note for note in session.notes if "offset" not in values or not note.startswith("no-rest"))
+
+
+_ORDER = ("mass", "delay", "velocity_delay", "offset", "weight", "bias", "drift", "force_std", "position_std")
+
+
+def _rank(name: str) -> int:
+    return _ORDER.index(name) if name in _ORDER else len(_ORDER)
+
+
+def _disagreements(values: Mapping[str, Measured]) -> Iterator[str]:
+    """Notes on values that were found in two ways which do not agree."""
+    for first, second, code in (("mass", "mass_by_weight", "masses-differ"), ("delay", "tap_delay", "delays-differ")):
+        if not {first, second} <= values.keys():
+            continue
+        a, b = values[first], values[second]
+        if abs(a.value - b.value) > _DIFFERENT * math.hypot(a.combined, b.combined):
+            yield f"{code}: {first} is {a.value:.4g} {a.unit}, {second} is {b.value:.4g} {b.unit}"
+
+
+def refuse_broken(record: Record) -> None:
+    """Raise LogError where the force is saturated, or the sensor stuck."""
     health = record.force.health
     if health.saturated:
         raise LogError(f"calibration: the force is saturated in {health.saturated} readings")
@@ -110,67 +183,20 @@ def _refuse_shifted(record: Record, shakes: Sequence[ShakeFit], moving: Sequence
 
 def _values(shakes: Sequence[ShakeFit], rests: Sequence[RestFit], settings: CalibrationSettings) -> dict[str, Measured]:
     b = settings.type_b
-    mass = Measured.of([shake.mass for shake in shakes], "kg", b.mass)
     found = {
-        "mass": mass,
+        "mass": Measured.of([shake.mass for shake in shakes], "kg", b.mass),
         "delay": Measured.of([shake.delay for shake in shakes], "s", b.delay),
     }
     lags = [shake.velocity_delay for shake in shakes if shake.velocity_delay is not None]
     if lags:
         found["velocity_delay"] = Measured.of(lags, "s")
     if rests:
-        offset = Measured.of([rest.offset for rest in rests], "N", b.offset)
-        found["offset"] = offset
-        if settings.gravity:
-            found["weight"] = _scaled(mass, GRAVITY, "N")
-            found["bias"] = _sum(offset, found["weight"])
-        drifts = [rest.drift for rest in rests if rest.drift is not None]
-        if drifts:
-            found["drift"] = Measured.of(drifts, "N/s")
-        single = [item for rest in rests for item in rest.rests]
-        found["force_std"] = Measured.of([item.force_std for item in single], "N")
-        found["position_std"] = Measured.of([item.position_std for item in single], "m")
-        speeds = [item.velocity_std for item in single if item.velocity_std is not None]
-        if speeds:
-            found["velocity_std"] = Measured.of(speeds, "m/s")
+        found |= rest_values(rests, b.offset)
     paper = [shake.paper_velocity_std for shake in shakes if shake.paper_velocity_std is not None]
     if paper:
         # The paper's figure is a scatter without a fit of its own: only the repeats speak.
         found["paper_velocity_std"] = Measured.of([Scatter(std, 0.0) for std in paper], "m/s")
     return found
-
-
-def _scaled(measured: Measured, by: float, unit: str) -> Measured:
-    type_a = measured.type_a * by if measured.type_a is not None else None
-    return Measured(
-        measured.value * by,
-        unit,
-        tuple(value * by for value in measured.repeats),
-        measured.fit * by,
-        type_a,
-        measured.type_b * by,
-        measured.combined * by,
-        measured.factor,
-    )
-
-
-def _sum(first: Measured, second: Measured) -> Measured:
-    """The sum of two values that know nothing of each other."""
-
-    def joined(a: float, b: float) -> float:
-        return float((a**2 + b**2) ** 0.5)
-
-    repeats = tuple(a + b for a, b in zip(first.repeats, second.repeats, strict=False))
-    return Measured(
-        first.value + second.value,
-        first.unit,
-        repeats,
-        joined(first.fit, second.fit),
-        joined(first.type_a or 0.0, second.type_a or 0.0),
-        joined(first.type_b, second.type_b),
-        joined(first.combined, second.combined),
-        max(first.factor, second.factor),
-    )
 
 
 def _notes(shakes: Sequence[ShakeFit], rests: Sequence[RestFit]) -> list[str]:
@@ -181,6 +207,13 @@ def _notes(shakes: Sequence[ShakeFit], rests: Sequence[RestFit]) -> list[str]:
     if colour > 2.0:
         notes.append(
             f"coloured-noise: below a tenth of its rate the force noise is {colour:.1f} times that of white noise"
+        )
+    noise = max((item.force_std.value for rest in rests for item in rest.rests), default=math.inf)
+    left = max(shake.residual for shake in shakes)
+    if left > _NOTED * noise:
+        notes.append(
+            f"unexplained: mass and delay leave {left:.3g} N of the force, where the noise at rest is {noise:.3g} N: "
+            "something shook along, or the clocks stumbled"
         )
     lags = [shake.velocity_delay for shake in shakes if shake.velocity_delay is not None]
     if lags:

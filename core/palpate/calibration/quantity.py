@@ -63,6 +63,40 @@ class Measured:
         return cls(mean, unit, tuple(values.tolist()), fit, type_a, type_b, combined, factor)
 
 
+def scaled(measured: Measured, by: float, unit: str) -> Measured:
+    """A value times a number that is known, in another unit."""
+    type_a = measured.type_a * by if measured.type_a is not None else None
+    return Measured(
+        measured.value * by,
+        unit,
+        tuple(value * by for value in measured.repeats),
+        measured.fit * by,
+        type_a,
+        measured.type_b * by,
+        measured.combined * by,
+        measured.factor,
+    )
+
+
+def summed(first: Measured, second: Measured) -> Measured:
+    """The sum of two values that know nothing of each other."""
+
+    def joined(a: float, b: float) -> float:
+        return float((a**2 + b**2) ** 0.5)
+
+    repeats = tuple(a + b for a, b in zip(first.repeats, second.repeats, strict=False))
+    return Measured(
+        first.value + second.value,
+        first.unit,
+        repeats,
+        joined(first.fit, second.fit),
+        joined(first.type_a or 0.0, second.type_a or 0.0),
+        joined(first.type_b, second.type_b),
+        joined(first.combined, second.combined),
+        max(first.factor, second.factor),
+    )
+
+
 def _student(freedom: float) -> float:
     from scipy.stats import t
 

@@ -44,6 +44,7 @@ class Record:
     force: Track
     position: Track
     velocity: Track | None
+    origin: int = 0  # [ns] the first time-stamp
 
     @property
     def begin(self) -> float:
@@ -92,7 +93,7 @@ class Recorder:
             role: Track((series.stamps - origin) / _SECOND, series.values, self._health[key])
             for role, (key, series) in self._series.items()
         }
-        return Record(tracks["force"], tracks["position"], tracks.get("velocity"))
+        return Record(tracks["force"], tracks["position"], tracks.get("velocity"), origin)
 
 
 def _attached(

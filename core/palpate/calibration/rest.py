@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.calibration.quantity import Scatter
+from palpate.calibration.quantity import Measured, Scatter
 from palpate.calibration.record import Record
 from palpate.calibration.segments import Segment
 from palpate.calibration.sines import mean_with_std
@@ -41,6 +42,76 @@ def rest_fit(record: Record, segments: Sequence[Segment]) -> RestFit:
     """Offset, drift and noise of a record's stretches at rest; one at least."""
     rests = tuple(_rest(record, segment) for segment in segments)
     return RestFit(rests[0].offset, _drift(rests), rests)
+
+
+def long_rest_fit(record: Record, segment: Segment) -> RestFit:
+    """Offset, drift and noise of one long rest; the drift is the slope of the means of its quarters."""
+    edges = np.linspace(segment.begin, segment.end, 5)
+    parts = [_rest(record, Segment(float(a), float(b))) for a, b in pairwise(edges)]
+    whole = _rest(record, segment)
+    return RestFit(whole.offset, _drift(parts), (whole,))
+
+
+def rest_values(rests: Sequence[RestFit], offset_type_b: float) -> dict[str, Measured]:
+    """Offset, drift and noises from the rests of all repeats."""
+    found = {"offset": Measured.of([rest.offset for rest in rests], "N", offset_type_b)}
+    drifts = [rest.drift for rest in rests if rest.drift is not None]
+    if drifts:
+        found["drift"] = Measured.of(drifts, "N/s")
+    single = [item for rest in rests for item in rest.rests]
+    found["force_std"] = Measured.of([item.force_std for item in single], "N")
+    found["position_std"] = Measured.of([item.position_std for item in single], "m")
+    speeds = [item.velocity_std for item in single if item.velocity_std is not None]
+    if speeds:
+        found["velocity_std"] = Measured.of(speeds, "m/s")
+    return found
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Noise at rest by octaves."""
+
+    unit: str  # of the density, per root hertz
+    frequencies: tuple[float, ...]  # [Hz] middle of each octave
+    densities: tuple[float, ...]  # root of the one-sided power density in it
+
+
+def spectra(records: Sequence[Record], segments: Sequence[Segment]) -> dict[str, Spectrum]:
+    """Noise of force, position and velocity at rest, mean power of one stretch of each record.
+
+    The integral of the squared density over frequency is the variance, so `force_std` and its like are the same
+    numbers: the spectrum says whether they are white.
+    """
+    found = {}
+    for role, unit in (("force", "N"), ("position", "m"), ("velocity", "m/s")):
+        tracks = [getattr(record, role) for record in records]
+        if any(track is None for track in tracks):
+            continue
+        values = [track.between(s.begin, s.end)[1] for track, s in zip(tracks, segments, strict=True)]
+        found[role] = _spectrum([track.rate for track in tracks], values, unit)
+    return found
+
+
+def _spectrum(rates: Sequence[float], values: Sequence[Floats], unit: str) -> Spectrum:
+    length = min(len(one) for one in values)
+    rate = float(np.mean(rates))
+    power = np.mean([_periodogram(one[:length], rate) for one in values], axis=0)
+    grid = np.fft.rfftfreq(length, 1.0 / rate)
+    edges = rate / 2 * 2.0 ** np.arange(-int(np.log2(length / 8)), 1)
+    middles, densities = [], []
+    for low, high in pairwise([0.0, *edges]):
+        inside = (grid > low) & (grid <= high)
+        middles.append(float(np.sqrt(low * high)) if low > 0 else float(high / 2))
+        densities.append(float(np.sqrt(power[inside].mean())))
+    return Spectrum(f"{unit}/sqrt(Hz)", tuple(middles), tuple(densities))
+
+
+def _periodogram(values: Floats, rate: float) -> Floats:
+    """One-sided power density [unit^2/Hz] of a record at rest, without its straight line."""
+    line = np.linspace(-1.0, 1.0, len(values))
+    level = values - values.mean()
+    level = level - line * (line * level).sum() / (line**2).sum()
+    return np.asarray(np.abs(np.fft.rfft(level)) ** 2 * 2.0 / (rate * len(values)))
 
 
 def _rest(record: Record, segment: Segment) -> Rest:

@@ -12,6 +12,7 @@ from palpate.calibration.record import Record
 
 _WINDOW = 0.1  # [s] over which the motion is judged
 _STILL = 2e-6  # [m]; a standard deviation of the position that nobody would call a motion
+_MOVING = 2e-4  # [m]; no position at rest is as noisy as that
 _EVEN = 0.1  # change of the swing over a second that is still even
 _SHORTEST_REST = 0.4  # [s]
 _SHORTEST_SHAKE = 2.0  # [s]
@@ -36,6 +37,16 @@ def resting(record: Record) -> list[Segment]:
     edges, swing = _swing(record)
     quiet = swing < min(max(3.0 * float(np.quantile(swing, 0.02)), _STILL), 0.1 * float(swing.max()))
     return _stretches(edges, quiet, record, _SHORTEST_REST)
+
+
+def long_rest(record: Record) -> Segment | None:
+    """The longest rest of a record that may hold nothing else; None where it moves all the time."""
+    edges, swing = _swing(record)
+    noise = float(np.quantile(swing, 0.02))
+    if noise > _MOVING:
+        return None
+    found = _stretches(edges, swing < max(3.0 * noise, _STILL), record, _SHORTEST_REST)
+    return max(found, key=lambda segment: segment.length, default=None)
 
 
 def shaking(record: Record, settle: float) -> list[Segment]:

@@ -70,7 +70,7 @@ def shake_fit(record: Record, segment: Segment, frequencies: tuple[float, ...] =
     if record.velocity is not None:
         instants, speeds = record.velocity.between(segment.begin, segment.end)
         velocity = _velocity_delay(motion, sine_fit(instants, speeds, lines, middle), lines)
-        velocity_std = _against_average(speeds)
+        velocity_std = against_average(speeds)
     residual = math.sqrt(float(np.mean(force.residual**2)) + float((left**2).sum()) / 2)
     amplitudes = tuple(float(abs(z)) for z in motion.phasors[: len(lines)])
     return ShakeFit(lines, amplitudes, mass, delay, velocity, force.offset, swing, residual, velocity_std)
@@ -165,7 +165,7 @@ def _velocity_delay(motion: SineFit, velocity: SineFit, lines: tuple[float, ...]
     return _average(found)
 
 
-def _against_average(values: Floats) -> float | None:
+def against_average(values: Floats) -> float | None:
     """RMSE between a signal and its centred 21-sample mean: the paper's velocity noise."""
     if len(values) < 3 * _AVERAGED:
         return None

@@ -15,6 +15,9 @@ from palpate.errors import LogError
 
 Floats = NDArray[np.float64]
 
+_SMOOTHED = 21  # readings
+_CORRELATED = 0.1  # [s]
+
 
 @dataclass(frozen=True)
 class WeightFit:
@@ -83,8 +86,9 @@ def tap_delay(force: tuple[Floats, Floats], position: tuple[Floats, Floats]) -> 
 
     `force` and `position` are time-stamps [s] and readings. On a stiff surface the force is a function of the
     penetration alone, so the loading and unloading branches of force over position coincide at the right delay: the
-    delay is where a smooth curve through both leaves the smallest residual. The force is shifted by a model of the
-    position at the force's own instants, and the noisy force itself is never interpolated.
+    delay is where a smooth curve through both leaves the smallest residual. The position is smoothed by cubics over 21
+    readings, symmetrically and so without a delay, since its noise times the stiffness is a force; the noisy force is
+    never interpolated. The uncertainty takes the residual as correlated over a tenth of a second (Newey and West 1987).
     """
     times, readings = force
     noise = float(np.sqrt(np.mean(np.diff(readings, 2) ** 2) / 6.0))
@@ -92,8 +96,9 @@ def tap_delay(force: tuple[Floats, Floats], position: tuple[Floats, Floats]) -> 
     if touching.sum() < 20:
         raise LogError("calibration: the record holds no tap: the force does not rise for 20 readings")
     from scipy.interpolate import CubicSpline
+    from scipy.signal import savgol_filter
 
-    path = CubicSpline(*position)
+    path = CubicSpline(position[0], savgol_filter(position[1], _SMOOTHED, 3))
     t, u = times[touching], readings[touching]
 
     def residual(delay: float) -> Floats:
@@ -114,9 +119,18 @@ def tap_delay(force: tuple[Floats, Floats], position: tuple[Floats, Floats]) -> 
     )
     delay, step = float(found.x), 2e-4
     slope = (residual(delay + step) - residual(delay - step)) / (2 * step)
-    freedom = float(len(u) - 6)
-    std = math.sqrt(float((residual(delay) ** 2).sum()) / freedom / float((slope**2).sum()))
-    return Scatter(delay, std, freedom)
+    lags = max(round(_CORRELATED * len(t) / float(t[-1] - t[0])), 1)
+    std = math.sqrt(_long_variance(slope * residual(delay), lags)) / float((slope**2).sum())
+    return Scatter(delay, std, max(len(u) / lags - 6.0, 1.0))
+
+
+def _long_variance(scores: Floats, lags: int) -> float:
+    """Variance of the sum of correlated scores (n,), by Bartlett's weights; never below that of independent ones."""
+    independent = float((scores**2).sum())
+    total = independent
+    for lag in range(1, min(lags, len(scores) - 1)):
+        total += 2.0 * (1.0 - lag / lags) * float((scores[lag:] * scores[:-lag]).sum())
+    return max(total, independent)
 
 
 def series_compliance(force: Floats, position: Floats) -> Scatter:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,16 +11,17 @@ import typer
 from palpate.cli.quantities import measured
 from palpate.cli.tables import drawing
 from palpate.config import load_plan
-from palpate.errors import OutputError
+from palpate.errors import ConfigurationError, OutputError
 
 if TYPE_CHECKING:
-    from palpate.calibration import Calibration
+    from palpate.calibration import Calibration, Session
 
 # SI unit -> what people write, and how many of it one SI unit is.
 _PEOPLE = {
     "kg": ("g", 1e3),
     "s": ("ms", 1e3),
     "m": ("µm", 1e6),
+    "N*m": ("mN m", 1e3),
     "m/s": ("mm/s", 1e3),
     "N/s": ("mN/s", 1e3),
     "m/N": ("µm/N", 1e6),
@@ -38,7 +39,18 @@ _MEANING = {
     "velocity_std": "noise of one velocity, at rest",
     "tap_delay": "force later than position, on a plate",
     "compliance": "of robot and sensor, with that of the plate",
-    "paper_velocity_std": "RMSE to the 21-sample mean, shaken",
+    "mass_by_weight": "mass behind the sensor, from its weight",
+    "centre_x": "centre of that mass, in the sensor's frame",
+    "centre_y": "the same",
+    "centre_z": "the same",
+    "bias_x": "reading without the weight",
+    "bias_y": "the same",
+    "bias_z": "the same",
+    "torque_bias_x": "the same",
+    "torque_bias_y": "the same",
+    "torque_bias_z": "the same",
+    "moving_velocity_std": "noise of one velocity, while moving",
+    "paper_velocity_std": "RMSE to the 21-sample mean, while moving",
 }
 
 
@@ -54,26 +66,32 @@ def calibrate(
         Path | None, typer.Option(help="Draw force and inertia into this file (.png, .svg or .pdf; wants matplotlib).")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Write over an older calibration file.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: whoever is at the rig has prepared it.")] = False,
 ) -> None:
     """Calibrate mass, force-motion delay, tare and noise from a shake in free air; write them with uncertainties.
 
-    The tip must hang free. A robot rests, shakes the tip up and down, and rests; three times unless told otherwise.
-    A recorded log of such a motion does as well.
+    The tip must hang free. A robot rests, shakes the tip up and down, and rests; three times unless told otherwise. A
+    recorded log of such a motion does as well. [calibration.rest], orientations, shake, noise, tap and press are steps
+    that are done one after the other, each with what it found.
     """
     from rich.console import Console
 
-    from palpate.pipeline import run_calibration
+    from palpate.pipeline import Guide, run_calibration
 
     target = out if out is not None else file.with_suffix(".calibration.toml")
     plan = load_plan(file, overrides or [])
-    if target.exists() and not force:
-        raise OutputError(f"{target}: exists already; --force writes over it, --out writes elsewhere")
+    _refuse_target(target, force)
     errors, console = Console(stderr=True), Console()
-    calibration, session, records = run_calibration(plan, lambda text: errors.print(text, highlight=False))
-    try:
-        target.write_text(calibration.text(), encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"{target}: cannot write: {error.strerror}") from error
+
+    def say(text: str) -> None:
+        errors.print(text, highlight=False, markup=False, soft_wrap=True)
+
+    def found(step: str, session: Session) -> None:
+        for line in _found(session):
+            say(line)
+
+    calibration, session, records = run_calibration(plan, Guide(say, _ask(say, yes), found))
+    _write(calibration, target)
     if not console.is_terminal:
         console = Console(width=120)
     console.print(_table(calibration))
@@ -84,6 +102,45 @@ def calibrate(
 
         with drawing(picture):
             draw(records[0], session, plan.settings.settle, picture)
+
+
+def _refuse_target(target: Path, force: bool) -> None:
+    """Before anybody has spent time at the rig."""
+    if target.exists() and not force:
+        raise OutputError(f"{target}: exists already; --force writes over it, --out writes elsewhere")
+    if not target.parent.is_dir():
+        raise OutputError(f"{target}: there is no folder {target.parent}")
+
+
+def _write(calibration: Calibration, target: Path) -> None:
+    try:
+        target.write_text(calibration.text(), encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{target}: cannot write: {error.strerror}") from error
+
+
+def _ask(say: Callable[[str], None], yes: bool) -> Callable[[str], None]:
+    """Asks the person at the rig, and waits."""
+
+    def ask(text: str) -> None:
+        if yes:
+            say(text)
+            return
+        try:
+            typer.prompt(f"{text}; then press Enter", default="", show_default=False, prompt_suffix=" ", err=True)
+        except (EOFError, typer.Abort) as error:
+            raise ConfigurationError("nobody answers; --yes goes on without asking") from error
+
+    return ask
+
+
+def _found(session: Session) -> Iterator[str]:
+    """What a step found, a line for each value."""
+    for name, value in session.values.items():
+        unit, scale = _PEOPLE.get(value.unit, (value.unit, 1.0))
+        yield f"  {name}: {measured(value.value * scale, value.combined * scale)} {unit}  ({_MEANING.get(name, '')})"
+    for note in session.notes:
+        yield f"  {note}"
 
 
 def _table(calibration: Calibration) -> object:

@@ -10,6 +10,7 @@ import typer
 from palpate.cli.tables import drawing
 from palpate.config import load_pipeline
 from palpate.design import Case
+from palpate.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from palpate.design import Palpation
@@ -22,6 +23,13 @@ _CASES: dict[Case, str] = {  # what is not known, in a heading's words
     "unknown bias": "offset ?",
     "unknown both": "both ?",
 }
+
+
+_ADVICE = (
+    "{}: this model remembers, and its force does not follow from depth and rate alone: there are no bounds for it "
+    "here. Design for dimensionality-reduction with the elasticity and viscosity that the material has at the "
+    "frequency of the palpation, and add a slower or faster palpation to tell a relaxation"
+)
 
 
 def design(
@@ -42,13 +50,18 @@ def design(
     from palpate.pipeline.designing import run_design
 
     pipeline = load_pipeline(file, overrides or [])
-    designs = [run_design(pipeline, name) for name in pipeline.models]
+    remembering = [name for name, model in pipeline.models.items() if model.memory]
+    if len(remembering) == len(pipeline.models):
+        raise ConfigurationError(f"{file}: {_ADVICE.format(', '.join(remembering))}")
+    designs = [run_design(pipeline, name) for name, model in pipeline.models.items() if not model.memory]
     console = Console()
     if not console.is_terminal:
         console = Console(width=140)
     for found in designs:
         console.print(_table(found))
         console.print(_recommendation(found), highlight=False, markup=False)
+    if remembering:
+        console.print(f"left out: {_ADVICE.format(', '.join(remembering))}", highlight=False, markup=False)
     if picture is not None:
         from palpate.cli.design_picture import draw
 

@@ -115,6 +115,7 @@ def _cells(track: TrackResult, names: list[str]) -> list[str]:
     if spoiled:
         return [*([spoiled] * len(names)), "", "", "", ""]
     cells = [_shown(track.parameters[name]) if name in track.parameters else "" for name in names]
-    delays = [found.per_shear for found in track.parameters.values() if found.per_shear is not None]
+    every = [*track.parameters.values(), *(value.found for value in track.derived)]
+    delays = [found.per_shear for found in every if found.per_shear is not None]
     delay = f"{delays[0] * 1e3:.2f}" if delays else ""
     return [*cells, delay, _shown(track.surface), f"{track.force_rms:.3f}", f"{track.nis:.2f}"]

@@ -12,7 +12,7 @@ from palpate import hooks
 from palpate.config.mistakes import PLAIN_TABLES, Mistake, mistakes_of
 from palpate.config.source import Location
 from palpate.errors import PalpateError, PluginError
-from palpate.parts import Part, Settings, nested_settings, part_kind
+from palpate.parts import Part, Settings, nested_settings, part_kind, table_of_parts
 from palpate.registry import Registry, suggest
 
 
@@ -104,6 +104,9 @@ class Builder:
     def _inner(self, annotation: Any, value: Any, location: Location) -> Any:
         """A field's value: what asks for a part gets one, by its name or from a table in place."""
         kind = part_kind(annotation)
+        entry = table_of_parts(annotation)
+        if entry is not None and isinstance(value, dict):
+            return {name: self._inner(entry, item, (*location, name)) for name, item in value.items()}
         if kind is None:
             nested = nested_settings(annotation)
             return self._validated(nested, value, location) if nested and isinstance(value, dict) else value

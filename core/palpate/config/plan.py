@@ -16,6 +16,7 @@ from palpate.config.source import Source
 from palpate.contact import Indenter
 from palpate.device import Device
 from palpate.registry import Registry
+from palpate.safety import SafetySettings
 from palpate.trajectory import Trajectory
 
 
@@ -30,6 +31,7 @@ class CalibrationPlan:
     devices: Mapping[str, Device]
     trajectories: Mapping[str, Trajectory]
     indenters: Mapping[str, Indenter]
+    safety: SafetySettings | None
     registry: Registry
 
 
@@ -53,8 +55,11 @@ def load_plan(path: Path, overrides: Iterable[str] = ()) -> CalibrationPlan:
     kinds = {kind: builder.parts(kind) for kind in ("device", "trajectory", "indenter")}
     if alignment and len(kinds["device"]) == len(tables.get("device", {})):
         builder.mistakes += wrong_channels(alignment, kinds["device"])
+        for name, step in settings.steps.items() if settings else ():
+            mistakes = wrong_channels(alignment, step.device) if step.device else []
+            builder.mistakes += [Mistake(("calibration", name, "device"), mistake.problem) for mistake in mistakes]
+    safety = builder.settings(SafetySettings, ("safety",)) if "safety" in tables else None
     raise_mistakes(builder.mistakes, source)
     assert alignment is not None
-    return CalibrationPlan(
-        path, run, alignment, settings, kinds["device"], kinds["trajectory"], kinds["indenter"], registry
-    )
+    parts = (kinds["device"], kinds["trajectory"], kinds["indenter"])
+    return CalibrationPlan(path, run, alignment, settings, *parts, safety, registry)

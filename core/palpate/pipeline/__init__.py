@@ -1,6 +1,6 @@
 """The pipeline at work: devices -> alignment -> tracks -> sinks -> result."""
 
-from palpate.pipeline.calibrating import run_calibration
+from palpate.pipeline.calibrating import Guide, run_calibration
 from palpate.pipeline.continuation import continued, next_part, parts_of, recorded_pipeline, remaining_pipeline
 from palpate.pipeline.examine import Finding, examine
 from palpate.pipeline.running import Result, run_pipeline
@@ -8,6 +8,7 @@ from palpate.pipeline.tracks import start_tracks
 
 __all__ = [
     "Finding",
+    "Guide",
     "Result",
     "continued",
     "examine",

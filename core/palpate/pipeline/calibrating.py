@@ -1,97 +1,174 @@
-"""Run a calibration, from the first batch to the values."""
+"""Run a calibration step by step, from the first batch to the values."""
 
 from __future__ import annotations
 
 import importlib.metadata
 import platform
 from collections.abc import Callable
-from contextlib import ExitStack
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any
 
-import numpy as np
-
 from palpate.calibration import (
+    ON_A_PLATE,
+    STEPS,
     CalibratedValue,
     Calibration,
-    CalibrationSettings,
+    NoiseSpectrum,
+    Orientations,
     Record,
-    Recorder,
     Session,
+    Step,
     calibrate,
+    evaluated,
     identity_of,
+    joined,
+    weighed,
 )
 from palpate.config import CalibrationPlan, plain_settings
-from palpate.device import Arm
-from palpate.errors import ConfigurationError
-from palpate.pipeline.flow import merged
-from palpate.trajectory import Trajectory
+from palpate.errors import ConfigurationError, LogError
+from palpate.pipeline.calibration_records import (
+    Reach,
+    Seen,
+    moves,
+    one_pose,
+    poses_of_a_log,
+    reach_of,
+    record,
+    with_step,
+)
 
-Say = Callable[[str], None]
+_MORE = 2  # attempts at a step's repeats on a live rig
 
 
-def run_calibration(plan: CalibrationPlan, say: Say = lambda text: None) -> tuple[Calibration, Session, list[Record]]:
-    """Move and record as often as the plan says, and evaluate.
+def _silent(text: str) -> None:
+    pass
 
-    Raises ConfigurationError where the motion breaks a limit, LogError where a record cannot be used.
+
+@dataclass(frozen=True)
+class Guide:
+    """Who leads a person through a calibration."""
+
+    say: Callable[[str], None] = _silent
+    ask: Callable[[str], None] = _silent  # returns when it is done
+    found: Callable[[str, Session], None] = lambda step, session: None
+
+
+def run_calibration(plan: CalibrationPlan, guide: Guide | None = None) -> tuple[Calibration, Session, list[Record]]:
+    """Move and record as often as the plan says, and evaluate; the records are those of the shake.
+
+    Raises ConfigurationError where a motion breaks a limit, before anything moves; LogError where a record cannot be
+    used; DeviceError where a device fails.
     """
-    first, moved = _record(plan, 0, say)
-    # A recorded log has had all its repeats.
-    later = range(1, plan.settings.repeats) if moved else range(0)
-    records = [first, *(_record(plan, repeat, say)[0] for repeat in later)]
-    say("evaluating")
-    session = calibrate(records, plan.settings)
-    return _calibration(plan, session), session, records
-
-
-def _record(plan: CalibrationPlan, repeat: int, say: Say) -> tuple[Record, bool]:
-    """One repeat, and whether a device moved for it."""
-    recorder = Recorder(plan.alignment, {name: device.streams for name, device in plan.devices.items()})
-    with ExitStack() as stack:
-        seed = plan.run.seed + repeat
-        links = {name: stack.enter_context(device.connect(seed)) for name, device in plan.devices.items()}
-        arms = [link for link in links.values() if isinstance(link, Arm)]
-        if arms:
-            trajectory = _trajectory(plan)
-            refuse_beyond_limits(trajectory, plan.settings)
-            say(f"repeat {repeat + 1} of {plan.settings.repeats}: {trajectory.total_duration:.0f} s of motion in air")
-            for arm in arms:
-                stack.callback(arm.stop)
-                arm.follow(trajectory)
+    guide, seen = guide or Guide(), Seen()
+    steps = plan.settings.steps
+    if not steps:
+        one = _unguided(plan, guide, seen)
+        guide.say("evaluating")
+        session = calibrate(one, plan.settings)
+        return _calibration(plan, session, seen), session, one
+    reaches = {name: _reach(plan, name, step) for name, step in steps.items()}
+    sessions: dict[str, Session] = {}
+    records: list[Record] = []
+    for number, (name, step) in enumerate(steps.items(), 1):
+        guide.say(f"step {number} of {len(steps)}, {name}: {STEPS[name]}")
+        if (reach := reaches[name]) is not None:
+            guide.say(f"  {reach.words(plan.settings)}")
+        if isinstance(step, Orientations):
+            session = _oriented(plan, step, guide)
         else:
-            say("reading the log")
-        for name, batch in merged(links):
-            recorder.feed(name, batch)
-    return recorder.record(), bool(arms)
+            done = _records(plan, name, step, number, guide, seen)
+            session = evaluated(name, done, plan.settings)
+            records = done if name == "shake" else records
+        guide.found(name, session)
+        sessions[name] = session
+    # A slow motion shows the noise of the velocity better than a fast one.
+    ordered = sorted(sessions, key=lambda name: name == "shake" and "noise" in sessions)
+    session = joined([sessions[name] for name in ordered], plan.settings)
+    return _calibration(plan, session, seen), session, records
 
 
-def _trajectory(plan: CalibrationPlan) -> Trajectory:
-    if plan.settings.trajectory is not None:
-        return plan.settings.trajectory
-    if len(plan.trajectories) != 1:
+def _unguided(plan: CalibrationPlan, guide: Guide, seen: Seen) -> list[Record]:
+    """Rest, shake, rest, as one motion."""
+    if not moves(plan):
+        guide.say("reading the log")
+        return [record(plan)]
+    if plan.settings.trajectory is None and len(plan.trajectories) != 1:
         raise ConfigurationError(
             f'{plan.path}: a calibration needs one motion: [calibration] trajectory = {{ type = "shake" }}'
         )
-    return next(iter(plan.trajectories.values()))
+    step = Step(trajectory=plan.settings.trajectory or next(iter(plan.trajectories.values())))
+    contact = plan.settings.motion == "plate"
+    reach = reach_of(with_step(plan, step), contact)
+    guide.say(f"{reach.words(plan.settings)}")
+    name = "shake" if plan.settings.motion == "shake" else "press"
+    return _repeated(with_step(plan, step), name, plan.settings.repeats, 0, guide, seen)
 
 
-def refuse_beyond_limits(trajectory: Trajectory, settings: CalibrationSettings) -> None:
-    """Raise ConfigurationError where a motion is too fast, too sudden, too low or too high anywhere."""
-    step = 1e-3
-    setpoint = trajectory.at(np.arange(0.0, trajectory.total_duration, step))
-    speed = float(np.linalg.norm(setpoint.velocity, axis=1).max())
-    sudden = float(np.linalg.norm(np.diff(setpoint.velocity, axis=0), axis=1).max()) / step
-    heights = setpoint.position[:, 2]
-    for value, limit, key, unit in (
-        (speed, settings.top_speed, "top_speed", "m/s"),
-        (sudden, settings.top_acceleration, "top_acceleration", "m/s^2"),
-        (float(heights.max()), settings.highest, "highest", "m"),
-        (-float(heights.min()), -settings.lowest, "lowest", "m"),
-    ):
-        if value > limit:
-            raise ConfigurationError(
-                f"[calibration] {key}: the motion reaches {abs(value):.3g} {unit}, {abs(limit):.3g} is the limit"
-            )
+def _reach(plan: CalibrationPlan, name: str, step: Step | Orientations) -> Reach | None:
+    """How far, fast and sudden a step's motion is; None where it reads a log or nothing moves."""
+    of_step = with_step(plan, step)
+    if not moves(of_step):
+        return None
+    if isinstance(step, Orientations) and any(device.live for device in of_step.devices.values()):
+        return None  # a person turns the tool, and the arm is not even connected
+    if step.trajectory is None:
+        raise ConfigurationError(
+            f"{plan.path}: [calibration.{name}] needs a motion, such as "
+            f'trajectory = {{ type = "{"shake" if name in ("shake", "noise") else "stay"}" }}'
+        )
+    return reach_of(of_step, name in ON_A_PLATE, f"[calibration.{name}] ")
+
+
+def _records(plan: CalibrationPlan, name: str, step: Step, number: int, guide: Guide, seen: Seen) -> list[Record]:
+    of_step = with_step(plan, step)
+    if not moves(of_step):
+        guide.say("  reading the log")
+        return [record(of_step)]
+    if any(device.live for device in of_step.devices.values()):
+        where = "lay a stiff plate under the tip" if name in ON_A_PLATE else "see that the tip hangs free"
+        guide.ask(f"  {where}, keep clear of the robot")
+    return _repeated(of_step, name, step.repeats or plan.settings.repeats, 1000 * number, guide, seen)
+
+
+def _repeated(plan: CalibrationPlan, name: str, repeats: int, seed: int, guide: Guide, seen: Seen) -> list[Record]:
+    """So many records that can be used; a live rig, where things happen, gets some more attempts than repeats."""
+    done: list[Record] = []
+    live = any(device.live for device in plan.devices.values())
+    length = sum(trajectory.total_duration for trajectory in plan.trajectories.values())
+    refused = 0
+    while len(done) < repeats:
+        guide.say(f"  repeat {len(done) + 1} of {repeats}: {length:.0f} s of motion")
+        found = record(plan, seed + len(done) + refused, seen)
+        try:
+            evaluated(name, [found], plan.settings)
+        except LogError as error:
+            refused += 1
+            if not live or refused > _MORE:
+                raise
+            guide.say(f"  not usable, once more: {error}")
+        else:
+            done.append(found)
+    return done
+
+
+def _oriented(plan: CalibrationPlan, step: Orientations, guide: Guide) -> Session:
+    """The step in which the tool is turned: by a simulated rig, by a person, or in a log."""
+    of_step = with_step(plan, step)
+    if not moves(of_step) and not any(device.live for device in of_step.devices.values()):
+        guide.say("  reading the log")
+        repeats = [poses_of_a_log(of_step, len(step.down))]
+    else:
+        repeats = []
+        for repeat in range(step.repeats or plan.settings.repeats):
+            poses = []
+            for number, down in enumerate(step.down):
+                words = ", ".join(f"{part:.3f}" for part in down)
+                text = f"  orientation {number + 1} of {len(step.down)}: gravity along ({words}) in the sensor's frame"
+                poses.append(one_pose(of_step, step, down, 100 * repeat + number, partial(guide.ask, text)))
+            repeats.append(poses)
+    return Session(weighed(repeats, step.down, step.angle_std))
 
 
 def _shake(session: Session) -> dict[str, Any]:
@@ -106,12 +183,26 @@ def _shake(session: Session) -> dict[str, Any]:
     }
 
 
-def _calibration(plan: CalibrationPlan, session: Session) -> Calibration:
+def _logs(plan: CalibrationPlan) -> dict[str, dict[str, str]]:
+    """What the devices that only some steps have say of themselves: of a log, file and hash."""
+    return {
+        f"{name}.{device}": dict(part.provenance)
+        for name, step in plan.settings.steps.items()
+        for device, part in step.device.items()
+        if "sha256" in part.provenance
+    }
+
+
+def _calibration(plan: CalibrationPlan, session: Session, seen: Seen) -> Calibration:
     roles = ("force", "position", "velocity")
     channels = {role: s.channel for role in roles if (s := getattr(plan.alignment, role)) is not None}
-    devices = identity_of(plan.devices, channels)
+    every = dict(plan.devices)
+    for step in plan.settings.steps.values():
+        every = dict(step.device) | every
+    devices = identity_of(every, channels)
     for name in devices:
-        devices[name]["type"] = plan.registry.name_of(type(plan.devices[name]))
+        devices[name] |= seen.get(name, {})
+        devices[name]["type"] = plan.registry.name_of(type(every[name]))
     tip: dict[str, Any] | None = None
     if len(plan.indenters) == 1:
         tip = plain_settings(next(iter(plan.indenters.values())), plan.registry)
@@ -123,6 +214,8 @@ def _calibration(plan: CalibrationPlan, session: Session) -> Calibration:
         devices=devices,
         tip=tip,
         shake=_shake(session),
+        spectra={role: NoiseSpectrum.of(spectrum) for role, spectrum in session.spectra.items()},
+        logs=_logs(plan),
         notes=session.notes,
         versions={"palpate": importlib.metadata.version("palpate"), "python": platform.python_version()},
     )

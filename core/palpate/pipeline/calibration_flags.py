@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
+from typing import Any
 
+from palpate.calibration import identity_in
 from palpate.config import Pipeline, plain_settings
 from palpate.result import flag
 
 
-def calibration_flags(pipeline: Pipeline) -> tuple[str, ...]:
-    """Flags of an old calibration, of another sensor or tip, and of settings that contradict it."""
+def calibration_flags(pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]] | None = None) -> tuple[str, ...]:
+    """Flags of an old calibration, of another sensor or tip, and of settings that contradict it.
+
+    `live` is what connected devices said of themselves, by name.
+    """
     if pipeline.calibration is None or pipeline.stated is None:
         return ()
 
     def table(part: object) -> object:
         return plain_settings(part, pipeline.registry)
 
-    found = pipeline.calibration.flags(pipeline.stated, pipeline.devices, pipeline.indenters, table, datetime.now(UTC))
+    present = {
+        name: {**device.provenance, **identity_in((live or {}).get(name, {}))}
+        for name, device in pipeline.devices.items()
+    }
+    found = pipeline.calibration.flags(pipeline.stated, present, pipeline.indenters, table, datetime.now(UTC))
     return tuple(flag(code, text) for code, text in found)

@@ -32,7 +32,7 @@ class Design:
 
 def run_design(pipeline: Pipeline, name: str) -> Design:
     """Bounds for one model of a pipeline; raises ConfigurationError where something is not known that must be."""
-    model, settings = pipeline.models[name], _timed(pipeline)
+    model, settings = pipeline.models[name], _within_safety(_timed(pipeline), pipeline)
     theta = _expected(model, name, settings, pipeline)
     depth, duration = _protocol(settings, pipeline)
     found = palpations(
@@ -55,6 +55,20 @@ def _timed(pipeline: Pipeline) -> DesignSettings:
     if pipeline.design.timing_std is None and "delay" in values and values["delay"].std > 0:
         return pipeline.design.model_copy(update={"timing_std": values["delay"].std})
     return pipeline.design
+
+
+def _within_safety(settings: DesignSettings, pipeline: Pipeline) -> DesignSettings:
+    """The settings with the robot's own limits, where the file has a [safety] table and they are tighter."""
+    limits = pipeline.safety
+    if limits is None:
+        return settings
+    tighter = {
+        "top_speed": min(settings.top_speed, limits.speed),
+        "top_acceleration": min(settings.top_acceleration, limits.acceleration),
+        "top_force": min(settings.top_force, limits.stop_force),
+        "deepest": min(settings.deepest, max(-limits.low[2], 0.0)),
+    }
+    return settings.model_copy(update=tighter)
 
 
 def _expected(model: ContactModel, name: str, settings: DesignSettings, pipeline: Pipeline) -> dict[str, float]:

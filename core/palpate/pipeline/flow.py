@@ -11,44 +11,33 @@ from typing import Any
 
 import numpy as np
 
-from palpate.alignment import Aligner
-from palpate.config import Pipeline
 from palpate.device import Arm, Batch, Link, Watched
 from palpate.errors import ConfigurationError, DeviceError
 from palpate.pipeline.guard import Guard
 from palpate.pipeline.interrupt import Interrupt
 from palpate.pipeline.live import LiveLinks
-from palpate.pipeline.outputs import Outputs
-from palpate.pipeline.rest import declared_noise
+from palpate.pipeline.rig import Rig
 from palpate.pipeline.scheduling import undisturbed
 from palpate.pipeline.start import check_way, refuse_own_motion
-from palpate.pipeline.tracks import RunningTrack
 from palpate.result import finite
 from palpate.safety import demand_safe
 from palpate.trajectory import Trajectory
 
 Progress = Callable[[float, float | None], None]  # log time [s], total [s] where known
+Take = Callable[[str, Batch], float | None]  # device, batch -> how far [s] the record has become samples, if it does
+Noise = Mapping[str, tuple[float, float]]  # what estimators count on, by name: force [N], velocity [m/s]
 
 _LOOK = 5e-3  # [s] between the setpoints that devices are asked about before anything moves
 _PATIENCE = 8.0  # [s] for a retraction
 
 
 class Flow:
-    """Takes every batch to the sinks, the aligner and the tracks; keeps what a live run is to say of itself."""
+    """Gives every batch to the one who takes it; keeps what a live run is to say of itself."""
 
-    def __init__(
-        self,
-        pipeline: Pipeline,
-        aligner: Aligner,
-        running: list[RunningTrack],
-        outputs: Outputs,
-        progress: Progress | None,
-        interrupt: Interrupt,
-    ) -> None:
-        self._pipeline, self._aligner, self._running, self._outputs = pipeline, aligner, running, outputs
-        self._progress, self._interrupt = progress, interrupt
-        self._total: float | None = None
-        self._sampled = 0.0  # [s] of the record that have become samples
+    def __init__(self, rig: Rig, take: Take, interrupt: Interrupt, noise: Noise | None = None) -> None:
+        self._pipeline, self._take, self._interrupt, self._noise = rig, take, interrupt, noise or {}
+        self.total: float | None = None  # [s] how long it takes, where that is known
+        self._sampled: float | None = None  # [s] of the record that have become samples
         self.facts: dict[str, Any] = {}  # of a live run
 
     def run(self) -> None:
@@ -59,14 +48,7 @@ class Flow:
             self._run_read()
 
     def _pass_on(self, device: str, batch: Batch) -> None:
-        self._outputs.batch(device, batch)
-        self._aligner.feed(device, batch)
-        samples = self._aligner.samples()
-        self._outputs.samples(samples, self._running)
-        if len(samples):
-            self._sampled = float(samples.time[-1])
-            if self._progress is not None:
-                self._progress(self._sampled, self._total)
+        self._sampled = self._take(device, batch)
 
     def _run_read(self) -> None:
         pipeline = self._pipeline
@@ -75,7 +57,7 @@ class Flow:
             arms = [link for link in links.values() if isinstance(link, Arm)]
             if arms:
                 trajectory = the_trajectory(pipeline)
-                self._total = trajectory.total_duration
+                self.total = trajectory.total_duration
                 if pipeline.safety is not None:
                     demand_safe(trajectory, pipeline.safety, str(pipeline.path))
                 _ask_the_devices(pipeline, trajectory)
@@ -84,7 +66,7 @@ class Flow:
                     arm.follow(trajectory)
             else:
                 durations = [d.duration for d in pipeline.devices.values() if d.duration is not None]
-                self._total = max(durations, default=None)
+                self.total = max(durations, default=None)
             for device, batch in merged(links):
                 self._pass_on(device, batch)
                 if self._interrupt.reason is not None:
@@ -132,8 +114,8 @@ class Flow:
         self._rest(live, guard, rest)
         if guard.reason is not None or self._interrupt.reason is not None:
             return
-        self.facts["rest"] = guard.judge_rest(declared_noise(self._pipeline)).table()
-        if self._sampled < rest:
+        self.facts["rest"] = guard.judge_rest(self._noise).table()
+        if not self._has_sampled(rest):
             raise DeviceError(f"within {rest + _PATIENCE:g} s the streams gave no samples of {rest:g} s in common")
         for arm in arms:
             if trajectory is None:
@@ -143,7 +125,7 @@ class Flow:
         guard.begin(arms)
         for arm in arms:
             assert trajectory is not None
-            self._total = trajectory.total_duration + rest
+            self.total = trajectory.total_duration + rest
             arm.follow(trajectory)
         try:
             for item in live.to_the_end(_PATIENCE):
@@ -164,11 +146,14 @@ class Flow:
         """
         began = time.monotonic()
         # A device may be slow to begin; one that has failed trips the guard.
-        while not (guard.rested and self._sampled >= rest) and time.monotonic() - began < rest + _PATIENCE:
+        while not (guard.rested and self._has_sampled(rest)) and time.monotonic() - began < rest + _PATIENCE:
             for device, batch in live.until(max(began + rest, time.monotonic() + 0.02)):
                 self._pass_on(device, batch)
             if guard.reason is not None or self._interrupt.reason is not None:
                 return
+
+    def _has_sampled(self, span: float) -> bool:
+        return self._sampled is None or self._sampled >= span
 
     def _account(self, guard: Guard, live: LiveLinks, links: Mapping[str, Link]) -> None:
         self.facts["devices"] = {
@@ -180,7 +165,7 @@ class Flow:
             self.facts["stop"] = {"reason": guard.reason, "monotonic": guard.tripped}
 
 
-def _ask_the_devices(pipeline: Pipeline, trajectory: Trajectory) -> None:
+def _ask_the_devices(pipeline: Rig, trajectory: Trajectory) -> None:
     """Let every device refuse the motion before anything moves; they raise ConfigurationError."""
     setpoint = trajectory.at(np.arange(0.0, trajectory.total_duration, _LOOK))
     for device in pipeline.devices.values():
@@ -193,7 +178,7 @@ def _finite_table(value: Any) -> Any:
     return finite(value)
 
 
-def connected(pipeline: Pipeline, stack: ExitStack) -> dict[str, Link]:
+def connected(pipeline: Rig, stack: ExitStack) -> dict[str, Link]:
     """Links of all devices, connected side by side; those that came about are left with the stack if one fails."""
     contexts = {name: device.connect(pipeline.run.seed) for name, device in pipeline.devices.items()}
     links, failures = {}, []
@@ -210,7 +195,7 @@ def connected(pipeline: Pipeline, stack: ExitStack) -> dict[str, Link]:
     return links
 
 
-def the_trajectory(pipeline: Pipeline) -> Trajectory:
+def the_trajectory(pipeline: Rig) -> Trajectory:
     """The one motion of a pipeline; raises ConfigurationError where there is none, or more."""
     if len(pipeline.trajectories) != 1:
         count = len(pipeline.trajectories)

@@ -13,12 +13,14 @@ from typing import Any
 
 from palpate.alignment import Aligner
 from palpate.config import Pipeline, resolved_text
+from palpate.device import Batch
 from palpate.errors import DeviceError
 from palpate.pipeline.calibration_flags import calibration_flags
 from palpate.pipeline.facts import flat_facts, run_facts
 from palpate.pipeline.flow import Flow, Progress
 from palpate.pipeline.interrupt import interruptible
 from palpate.pipeline.outputs import Outputs
+from palpate.pipeline.rest import declared_noise
 from palpate.pipeline.tracks import RunningTrack, start_tracks
 from palpate.result import (
     TrackResult,
@@ -80,7 +82,21 @@ def run_pipeline(
     with interruptible() as interrupt, ExitStack() as stack:
         run = Run(folder, streams, tracks, flat_facts(facts), documents)
         outputs = Outputs(stack, pipeline, run, running, observer)
-        flow = Flow(pipeline, aligner, running, outputs, progress, interrupt)
+        sampled = 0.0
+
+        def take(device: str, batch: Batch) -> float:
+            nonlocal sampled
+            outputs.batch(device, batch)
+            aligner.feed(device, batch)
+            samples = aligner.samples()
+            outputs.samples(samples, running)
+            if len(samples):
+                sampled = float(samples.time[-1])
+                if progress is not None:
+                    progress(sampled, flow.total)
+            return sampled
+
+        flow = Flow(pipeline, take, interrupt, declared_noise(pipeline))
         try:
             flow.run()
         except DeviceError as error:
@@ -124,7 +140,11 @@ def _result(
             )
             for r in running
         },
-        (*warnings, *calibration_flags(pipeline), *record_flags(report, settings, interrupted)),
+        (
+            *warnings,
+            *calibration_flags(pipeline, facts.get("live", {}).get("devices")),
+            *record_flags(report, settings, interrupted),
+        ),
         {name: value for d in pipeline.devices.values() for name, value in d.truth.items()},
         interrupted,
     )

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from palpate.config import Pipeline
 from palpate.device import Approaching, Link
 from palpate.errors import ConfigurationError, DeviceError
+from palpate.pipeline.rig import Rig
 from palpate.safety import MotionReport, SafetySettings, check_own_motion, check_setpoints
 from palpate.trajectory import Trajectory
 
 
-def refuse_own_motion(pipeline: Pipeline, limits: SafetySettings) -> None:
+def refuse_own_motion(pipeline: Rig, limits: SafetySettings) -> None:
     """Raise ConfigurationError where what a device does by itself breaks the limits, wherever it stands."""
     lines = [
         f"  [device.{name}]: {problem}"

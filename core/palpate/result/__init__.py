@@ -9,10 +9,10 @@ from palpate.result.outcome import (
     finite_tree,
     record_flags,
     stream_tables,
-    timing_uncertainty,
     track_result,
 )
 from palpate.result.record import TrackRecord, acceleration
+from palpate.result.timing import timing_uncertainty
 
 __all__ = [
     "EstimatesFile",

@@ -9,36 +9,47 @@ from palpate.alignment import GRAVITY, AlignmentReport, AlignmentSettings
 from palpate.contact import ContactModel
 from palpate.design import force_slopes
 from palpate.result.record import Tail, acceleration
+from palpate.result.response import answer
 
 Floats = NDArray[np.float64]
 
-_INDISTINCT = 1e-6  # ratio of singular values below which parameters and surface cannot be told apart
-
 
 def systematic_terms(
-    model: ContactModel, last: Tail, timing: float | None, settings: AlignmentSettings, report: AlignmentReport
+    model: ContactModel,
+    last: Tail,
+    shifts: Floats,
+    timing: float | None,
+    settings: AlignmentSettings,
+    report: AlignmentReport,
 ) -> dict[str, dict[str, float]]:
     """Standard uncertainty [SI] of each parameter from each cause that is known, by parameter name.
 
-    Timing: |dtheta/dtau| u(tau), by the model's `delay_shift`. Mass and tare: a small error f(t) of the force shifts
-    the least-squares estimate with unknown surface by (J^T J)^-1 J^T f, J the model's derivatives along the last
-    samples; f = -u(m) z'' (and the weight, where it was removed) and f = u(tare).
+    Timing: |dtheta/dtau| u(tau), by `shifts` (k,) of `delay_shifts`. Mass and tare: a small error f(t) of the force
+    shifts the least-squares estimate with unknown surface by (J^T J)^-1 J^T f, J the model's derivatives along the last
+    samples; f = -u(m) z'' (and the weight, where it was removed) and f = u(tare). Compliance: a robot of stiffness k
+    gives way by F/k, so that the depth is F/k less than it seems, f = -(dF/dd F + dF/dd' F')/k; it is not corrected,
+    and all of the shift counts.
     """
     values = last.values.mean(axis=0)
-    shifts = model.delay_shift(list(values))
     terms: dict[str, dict[str, float]] = {parameter.name: {} for parameter in model.parameters}
     for parameter, shift in zip(model.parameters, shifts, strict=True):
         if shift and timing is not None:
-            terms[parameter.name]["timing"] = abs(shift) * timing
+            terms[parameter.name]["timing"] = float(abs(shift)) * timing
     mass, tare = settings.tip_mass_uncertainty, report.tare.offset_std if report.tare else None
-    if model.memory or (mass is None and tare is None) or not np.isfinite(values).all():
+    if (
+        model.memory
+        or (mass is None and tare is None and settings.series_stiffness is None)
+        or not np.isfinite(values).all()
+    ):
         return terms
-    jacobian, slope = _along(model, last, values)
+    jacobian, slope, given_way = _along(model, last, values)
     if mass is not None:
         weight = GRAVITY if settings.weight == "removed" else 0.0
-        _note(terms, "mass", _answer(jacobian, mass * (weight - slope)))
+        _note(terms, "mass", answer(jacobian, mass * (weight - slope)))
     if tare is not None:
-        _note(terms, "tare", _answer(jacobian, np.full(len(jacobian), tare)))
+        _note(terms, "tare", answer(jacobian, np.full(len(jacobian), tare)))
+    if settings.series_stiffness is not None:
+        _note(terms, "compliance", answer(jacobian, -given_way / settings.series_stiffness))
     return terms
 
 
@@ -48,27 +59,13 @@ def _note(terms: dict[str, dict[str, float]], cause: str, shares: Floats | None)
             table[cause] = abs(float(share))
 
 
-def _along(model: ContactModel, last: Tail, values: Floats) -> tuple[Floats, Floats]:
-    """Derivatives of the force by parameters and surface (n, k + 1), and acceleration z'' (n,) [m/s^2]."""
+def _along(model: ContactModel, last: Tail, values: Floats) -> tuple[Floats, Floats, Floats]:
+    """Derivatives of the force by parameters and surface (n, k + 1), z'' (n,) [m/s^2], dF/dd F + dF/dd' F' (n,)."""
     slope = acceleration(last.time, last.velocity)
     depth, rate = float(last.surface.mean()) - last.position, -last.velocity
     usable = np.isfinite(depth) & np.isfinite(rate) & np.isfinite(slope) & (depth > 0)
     if not usable.any():
-        return np.zeros((0, len(values) + 1)), np.zeros(0)
-    _, by_parameter, by_depth, _ = force_slopes(model, depth[usable], rate[usable], values.tolist())
-    return np.column_stack([by_parameter, by_depth]), slope[usable]
-
-
-def _answer(jacobian: Floats, error: Floats) -> Floats | None:
-    """Shift of parameters and surface (k + 1,) by an error (n,) of the force [N]; None where they are indistinct."""
-    if len(jacobian) <= jacobian.shape[1]:
-        return None
-    scale = np.linalg.norm(jacobian, axis=0)
-    if not (np.isfinite(scale).all() and (scale > 0).all()):
-        return None
-    # Sums and a small explicit inverse: the same bits on every run.
-    unit = jacobian / scale
-    normal = (unit[:, :, None] * unit[:, None, :]).sum(axis=0)
-    if np.linalg.cond(normal) > _INDISTINCT**-2:
-        return None
-    return np.asarray(np.linalg.solve(normal, (unit * error[:, None]).sum(axis=0)) / scale)
+        return np.zeros((0, len(values) + 1)), np.zeros(0), np.zeros(0)
+    force, by_parameter, by_depth, by_rate = force_slopes(model, depth[usable], rate[usable], values.tolist())
+    change = by_depth * rate[usable] - by_rate * slope[usable]
+    return np.column_stack([by_parameter, by_depth]), slope[usable], by_depth * force + by_rate * change

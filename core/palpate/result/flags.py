@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,8 @@ _STILL_MOVING = 0.02  # of a value: slope times time tracked
 _NIS_RANGE = (0.5, 1.6)  # of the mean over the last second; 0.9 to 1.1 would be one by chance alone
 _COLOURED = 0.3  # autocorrelation of innovations; 0.1 comes by chance alone
 _PAPER_NOISE = 0.05  # [N]
+_MILLISECOND = 1e-3  # [s]
+_HARDLY = 0.01  # of a parameter
 _WEAK = 5.0  # the force must swing by more than so many standard deviations of its noise
 _SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the one that the first touch says
 _LATE = 1e-3  # [s] of the velocity against the position
@@ -189,15 +191,31 @@ def validity_flags(model: ContactModel, last: Tail) -> Iterator[Flag]:
         yield flag("beyond-model-range", problem)
 
 
-def timing_flags(model: ContactModel, values: NDArray[np.float64], uncertainty: float | None) -> Iterator[Flag]:
-    """Parameters that a force or motion recorded late would shift, against the declared timing uncertainty [s]."""
-    for parameter, value, shift in zip(model.parameters, values, model.delay_shift(list(values)), strict=True):
-        if not shift:
+def timing_flags(
+    model: ContactModel, values: NDArray[np.float64], shifts: NDArray[np.float64], uncertainty: float | None
+) -> Iterator[Flag]:
+    """Parameters that a force or motion recorded late would shift, against the declared timing uncertainty [s].
+
+    `shifts` (k,) are those of `delay_shifts`. Left out: what is not viscous and moves by less than a hundredth in 1 ms.
+    """
+    for parameter, value, shift in zip(model.parameters, values.tolist(), shifts.tolist(), strict=True):
+        if not shift or (parameter.role != "viscous" and abs(shift) * _MILLISECOND <= _HARDLY * abs(value)):
             continue
         if uncertainty is None:
-            per_ms = f"{abs(shift) * 1e-3:.3g} {parameter.unit}"
+            per_ms = f"{abs(shift) * _MILLISECOND:.3g} {parameter.unit}"
             yield flag("timing-undeclared", f"no timing uncertainty is declared; 1 ms is {per_ms} of {parameter.name}")
         elif abs(value) < 2 * abs(shift) * uncertainty:
             yield flag(
                 "not-distinguishable-from-delay", f"{parameter.name} is within {uncertainty * 1e3:.3g} ms of none"
             )
+
+
+def compliance_flags(shares: Mapping[str, float], stiffness: float | None) -> Iterator[Flag]:
+    """Parameters that a robot which gives way shifts by more than a hundredth; `shares` of their values by name."""
+    strong = [f"{name} by {100 * share:.2g} %" for name, share in shares.items() if share > _HARDLY]
+    if stiffness is not None and strong:
+        yield flag(
+            "series-compliance",
+            f"robot and sensor give way with {1e-3 * stiffness:.3g} N/mm, which shifts {', '.join(strong)}; it is not "
+            "corrected",
+        )

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.contact import ContactModel
 from palpate.estimation import Status
 from palpate.result.budget import systematic_terms
-from palpate.result.flags import alignment_flags, flag, timing_flags, track_flags, validity_flags
+from palpate.result.flags import alignment_flags, compliance_flags, flag, timing_flags, track_flags, validity_flags
 from palpate.result.record import Tail, TrackRecord
+from palpate.result.timing import delay_shifts, is_viscous, timing_uncertainty
 
 
 @dataclass(frozen=True)
@@ -59,10 +61,13 @@ class Derived:
         return self.found.table() | {"caveat": self.caveat}
 
 
-def derived_values(model: ContactModel, parameters: Mapping[str, Found]) -> tuple[Derived, ...]:
+def derived_values(
+    model: ContactModel, parameters: Mapping[str, Found], shifts: Sequence[float], timing: float | None
+) -> tuple[Derived, ...]:
     """What the parameters found say of the material, with their uncertainties carried over as uncorrelated.
 
-    A value that is a parameter itself is not repeated.
+    Timing is one cause for all: its shares, `shifts` (k,) per second, are added with their signs. A value that is a
+    parameter itself is not repeated.
     """
     found = [parameters[parameter.name] for parameter in model.parameters]
     derived = []
@@ -70,9 +75,13 @@ def derived_values(model: ContactModel, parameters: Mapping[str, Found]) -> tupl
         if value.name in parameters:
             continue
         std, settling = value.std([f.std for f in found]), value.std([f.settling for f in found])
-        known = any(f.systematic is not None for f in found)
-        systematic = value.std([f.systematic or 0.0 for f in found]) if known else 0.0
-        carried = Found(value.value, std, value.unit, settling, systematic or None)
+        shift = abs(sum(slope * by for slope, by in zip(value.gradient, shifts, strict=True)))
+        budget = {"timing": shift * timing} if shift and timing is not None else {}
+        for cause in {cause: None for f in found for cause in f.budget if cause != "timing"}:
+            budget[cause] = value.std([f.budget.get(cause, 0.0) for f in found])
+        systematic = math.hypot(*budget.values()) if budget else None
+        per_shear = value.value / shift if shift and value.name == "viscosity" else None
+        carried = Found(value.value, std, value.unit, settling, systematic, budget, per_shear)
         derived.append(Derived(value.name, carried, value.caveat))
     return tuple(derived)
 
@@ -150,14 +159,21 @@ def track_result(
     average = average if online else math.inf
     model_name, _, estimator_name = name.partition("/")
     flags = list(track_flags(record, model, report, average, online))
-    tail = record.tail
+    tail, shifts = record.tail, np.zeros(len(model.parameters))
+    # A fit that looks for the delay itself has the declared timing in its std already.
+    timing = None if record.details.get("timing_included") else timing_uncertainty(settings)
     if tail is None or record.marks[Status.DIVERGED]:
         numbers = _no_numbers(model)
     else:
         last = tail.since(float(tail.time[-1]) - average)
-        flags += timing_flags(model, last.values.mean(axis=0), timing_uncertainty(settings))
+        shifts = delay_shifts(model, tail, last, last.values.mean(axis=0))
+        flags += timing_flags(model, last.values.mean(axis=0), shifts, timing_uncertainty(settings))
         flags += validity_flags(model, last)
-        numbers = _numbers(model, record, tail, last, report, settings, online)
+        numbers = _numbers(model, record, tail, last, shifts, timing, report, settings, online)
+        shares = {
+            name: f.budget.get("compliance", 0.0) / abs(f.value or math.inf) for name, f in numbers.parameters.items()
+        }
+        flags += compliance_flags(shares, settings.series_stiffness)
     return TrackResult(
         model_name,
         estimator_name,
@@ -168,7 +184,7 @@ def track_result(
         numbers.nis,
         tuple(flags),
         record.seconds / record.samples if record.samples else 0.0,
-        derived_values(model, numbers.parameters),
+        derived_values(model, numbers.parameters, shifts.tolist(), timing),
         record.details,
     )
 
@@ -184,6 +200,8 @@ def _numbers(
     record: TrackRecord,
     tail: Tail,
     last: Tail,
+    shifts: NDArray[np.float64],
+    timing: float | None,
     report: AlignmentReport,
     settings: AlignmentSettings,
     online: bool,
@@ -193,11 +211,9 @@ def _numbers(
     tracked = record.tracked if online else 0.0
     settling = tail.unsettled(tail.values, tracked) / math.sqrt(3)
     way = float(tail.unsettled(tail.surface[:, None], tracked)[0]) / math.sqrt(3)
-    # A fit that looks for the delay itself has the declared timing in its std already.
-    timing = None if record.details.get("timing_included") else timing_uncertainty(settings)
-    terms = systematic_terms(model, last, timing, settings, report)
+    terms = systematic_terms(model, last, shifts, timing, settings, report)
     parameters = {}
-    for i, (parameter, shift) in enumerate(zip(model.parameters, model.delay_shift(list(values)), strict=True)):
+    for i, (parameter, shift) in enumerate(zip(model.parameters, shifts.tolist(), strict=True)):
         budget = terms[parameter.name]
         parameters[parameter.name] = Found(
             float(values[i]),
@@ -206,20 +222,12 @@ def _numbers(
             float(settling[i]),
             math.hypot(*budget.values()) if budget else None,
             budget,
-            float(values[i] / abs(shift)) if shift else None,
+            float(values[i] / abs(shift)) if shift and is_viscous(parameter) else None,
         )
     surface = Found(float(last.surface.mean()), float(last.surface_std[-1]), "m", way)
     seen = last.nis[np.isfinite(last.nis)]
     nis = float(seen.mean()) if len(seen) else float("nan")
     return _Numbers(parameters, surface, last.force_rms(settings.tip_mass or 0.0), nis)
-
-
-def timing_uncertainty(settings: AlignmentSettings) -> float | None:
-    """Standard uncertainty [s] of the time between force and motion; None where neither side declares any."""
-    motion = settings.velocity or settings.position
-    if settings.force.uncertainty is None and motion.uncertainty is None:
-        return None
-    return math.hypot(settings.force.uncertainty or 0.0, motion.uncertainty or 0.0)
 
 
 def stream_tables(report: AlignmentReport) -> dict[str, Any]:

@@ -30,9 +30,9 @@ class McapSink(Sink):
     """Records everything: raw streams, samples, estimates of every track, the pipeline, versions and seed.
 
     Topics: ``/DEVICE/STREAM`` (WrenchStamped, PoseStamped, TwistStamped, JointState, or ``palpate_msgs`` types: a
-    header and float64 numbers), ``/palpate/samples``, ``/palpate/estimates/MODEL/ESTIMATOR``, both with the tip's x and y
-    (NaN for an offline estimator; the samples have them). A thread of its own writes the file, flushes it six times and
-    syncs it once a second, so that it opens up to the last moment after a crash.
+    header and float64 numbers), ``/palpate/samples``, ``/palpate/estimates/MODEL/ESTIMATOR``, both with the tip's x and
+    y (NaN for an offline estimator; the samples have them). A thread of its own writes the file, flushes it six times
+    and syncs it once a second, so that it opens up to the last moment after a crash.
     """
 
     file: str = Field(default="log.mcap", pattern=r"^[^/]+$", description="name of the file within the run folder")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,16 +15,28 @@ _TORQUE_NOISE = 0.02  # N*m for one newton of force noise, of the order of the r
 
 
 def sensed_wrench(
-    contact: Floats, acceleration: Floats, tip_mass: float, offset: Any, noise: Floats, noise_std: float, limit: float
+    contact: Floats,
+    acceleration: Floats,
+    tip_mass: float,
+    offset: Any,
+    noise: Floats,
+    noise_std: float,
+    limit: float,
+    down: Sequence[float] = (0.0, 0.0, -1.0),
+    centre: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Floats:
-    """Reading (n, 6) [N, N*m] = contact + inertia - weight + offset + noise, compressive positive, within the range.
+    """Reading (n, 6) [N, N*m] = contact + inertia + weight + offset + noise, compressive positive, within the range.
 
-    Contact force (n, 3) [N] is that on the tip, weight and offset [N] act along z, acceleration (n, 3) [m/s^2] is that
-    of the tip, `noise` (n, 6) is standard normal.
+    Contact force (n, 3) [N] is that on the tip, the weight acts along `down`, the offset [N] along z, acceleration
+    (n, 3) [m/s^2] is that of the tip, `centre` [m] its centre of mass in the sensor's frame, where weight and inertia
+    act, `noise` (n, 6) is standard normal.
     """
     wrench = np.zeros((len(contact), 6))
     wrench[:, :3] = contact - tip_mass * acceleration
-    wrench[:, 2] += offset - tip_mass * GRAVITY
+    weight = tip_mass * GRAVITY * np.asarray(down, np.float64)
+    wrench[:, :2] += weight[:2]
+    wrench[:, 2] += offset + weight[2]
+    wrench[:, 3:] = np.cross(np.asarray(centre, np.float64), weight - tip_mass * acceleration)
     scaled = noise * noise_std
     scaled[:, 3:] *= _TORQUE_NOISE
     return np.clip(wrench + scaled, -limit, limit)

@@ -50,6 +50,12 @@ class SimulatedRig(Device):
 
     specimen: Specimen = Field(description="what the tip presses on")
     tip_mass: Mass = Field(default=0.14, gt=0, description="mass of all that hangs behind the sensor")
+    centre_of_mass: tuple[Length, ...] = Field(
+        default=(0.0, 0.0, 0.0), min_length=3, max_length=3, description="of that mass, in the sensor's frame"
+    )
+    down: tuple[float, ...] = Field(
+        default=(0.0, 0.0, -1.0), min_length=3, max_length=3, description="direction of gravity in the sensor's frame"
+    )
     rate: Frequency = Field(default=500.0, gt=0, description="control and sampling rate of the robot")
     gain: float = Field(
         default=20.0, gt=0, allow_inf_nan=False, description="proportional gain of the position loop, in 1/s"
@@ -105,6 +111,10 @@ class SimulatedRig(Device):
     def outlines(self) -> tuple[Floats, ...]:
         """Outlines of the specimen's inclusions."""
         return tuple(inclusion.outline for inclusion in self.specimen.inclusions)
+
+    def turned(self, down: tuple[float, ...]) -> Device:
+        """The rig with its tool turned."""
+        return self.model_copy(update={"down": down})
 
     def refuse(self, setpoint: Setpoint) -> None:
         """Not through the specimen, and not beside it."""
@@ -186,7 +196,15 @@ class _Rig:
         offset = settings.bias + settings.drift * instants
         noise = self._force_noise.standard_normal((len(instants), 6))
         return sensed_wrench(
-            push, acceleration, settings.tip_mass, offset, noise, settings.force_std, settings.force_limit
+            push,
+            acceleration,
+            settings.tip_mass,
+            offset,
+            noise,
+            settings.force_std,
+            settings.force_limit,
+            settings.down,
+            settings.centre_of_mass,
         )
 
     def _kinematics(self, position: Floats, velocity: Floats) -> tuple[Floats, Floats]:

@@ -10,6 +10,7 @@ from palpate_trajectories.load_unload import Compression, LoadUnload
 from palpate_trajectories.point import Point
 from palpate_trajectories.raster import Raster
 from palpate_trajectories.shake import Shake
+from palpate_trajectories.stay import Stay
 
 
 @plugin
@@ -26,4 +27,5 @@ def palpate_trajectories() -> dict[str, type[Trajectory]]:
         "grid-points": GridPoints,
         "from-file": FromFile,
         "shake": Shake,
+        "stay": Stay,
     }

@@ -7,6 +7,7 @@ import select
 import signal
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Self
@@ -27,6 +28,7 @@ from palpate_devices.ur3e.frame import WorkFrame
 from palpate_devices.ur3e.kinematics import joints_at, matrix_of, tip
 
 _START = np.array([0.0, -1.3, -1.9, -1.5, 1.5708, 0.0])  # a posture with the tool downwards
+_UPRIGHT = (0.0, 0.0, -1.0)
 _MOST_BEHIND = 0.5  # [s]; a longer stall of this process is not made up for
 
 
@@ -47,6 +49,12 @@ class VirtualBench(Twin):
     )
     height: Length = Field(default=0.01, gt=0, description="height of the tip over the work frame at the start")
     tip_mass: Mass = Field(default=0.14, gt=0, description="mass of all that hangs behind the sensor")
+    centre_of_mass: tuple[Length, ...] = Field(
+        default=(0.0, 0.0, 0.0), min_length=3, max_length=3, description="of that mass, in the sensor's frame"
+    )
+    force_delay: Time = Field(
+        default=0.0, ge=0, le=0.1, description="how late the sensor tells what it felt; an estimator has to be told"
+    )
     position_std: Length = Field(default=5e-6, ge=0, description="noise of the measured height")
     velocity_std: Speed = Field(default=0.67e-3, ge=0, description="noise of the measured velocity")
     force_std: Force = Field(default=0.05, ge=0, description="noise of the sensor at a sinc length of 64")
@@ -90,6 +98,8 @@ class World:
         self._rng = np.random.default_rng(noise[2])
         self._rotation = settings.work.matrix[:3, :3].T
         self._before = self._tip()
+        self._past: deque[tuple[float, Any, Any, Any]] = deque(maxlen=int(settings.force_delay / TICK) + 4)
+        self.down = _UPRIGHT  # direction of gravity in the sensor's frame
         self.stalled_until = 0.0
         self.peak = 0.0
         self._done = False
@@ -107,7 +117,8 @@ class World:
         self.controller.restore(self._start())
         self.ports.restore()
         self.sensor.restore()
-        self._before, self.peak = self._tip(), 0.0
+        self._before, self.peak, self.down = self._tip(), 0.0, _UPRIGHT
+        self._past.clear()
 
     def close(self) -> None:
         """Leave no port behind."""
@@ -175,22 +186,33 @@ class World:
         position, velocity = self._before
         self._before = self._tip()
         self.sensor.poll(self.controller.now)
+        self._past.append((began, position, velocity, (self._before[1] - velocity) / TICK))
         instants = self.sensor.instants(self.controller.now)
         if len(instants):
-            self.sensor.send(instants, self._feel(instants, began, position, velocity))
+            self.sensor.send(instants, self._feel(instants))
 
-    def _feel(self, instants: Any, began: float, position: Any, velocity: Any) -> Any:
-        """The wrench (n, 6) within the tick; the acceleration is constant in it."""
+    def _feel(self, instants: Any) -> Any:
+        """The wrench (n, 6) that the sensor tells at times (n,): what it felt `force_delay` before."""
         settings = self._settings
-        acceleration = (self._before[1] - velocity) / TICK
-        elapsed = (instants - began)[:, None]
-        places = position + velocity * elapsed + 0.5 * acceleration * elapsed**2
-        speeds = velocity + acceleration * elapsed
+        places, speeds, accelerations = self._motion(instants - settings.force_delay)
         contact = settings.specimen.push(instants, places, speeds)
         self.peak = max(self.peak, float(contact.max()))
         noise = self._rng.standard_normal((len(instants), 6))
         offset = settings.bias + settings.drift * instants
         std = settings.force_std * self.sensor.noise_factor
-        rows = np.broadcast_to(acceleration, (len(instants), 3))
         push = settings.specimen.with_friction(contact, speeds)
-        return sensed_wrench(push, rows, settings.tip_mass, offset, noise, std, settings.force_limit)
+        load = settings.tip_mass, offset, noise, std, settings.force_limit
+        return sensed_wrench(push, accelerations, *load, self.down, settings.centre_of_mass)
+
+    def _motion(self, instants: Any) -> tuple[Any, Any, Any]:
+        """Places, speeds and accelerations (n, 3) at past times; the acceleration is constant within a tick."""
+        rows = []
+        for instant in instants:
+            began, position, velocity, acceleration = next(
+                (t for t in reversed(self._past) if t[0] <= instant), self._past[0]
+            )
+            elapsed = instant - began
+            place = position + velocity * elapsed + 0.5 * acceleration * elapsed**2
+            rows.append((place, velocity + acceleration * elapsed, acceleration))
+        places, speeds, accelerations = (np.array(column) for column in zip(*rows, strict=True))
+        return places, speeds, accelerations

@@ -43,6 +43,7 @@ FAULTS = {
     "corrupt FRACTION": "so large a part of the frames is damaged on the line",
     "refuse LETTER": "the sensor refuses a command",
     "sign": "the sensor counts the other way round",
+    "turn X Y Z": "the tool is turned: gravity points along X Y Z in the sensor's frame (the arm does not show it)",
     "restore": "everything is sound again, and the arm where it was at the start",
     "state": "print what the twins did so far",
     "quit": "end",
@@ -111,6 +112,9 @@ def apply_fault(world: World, words: list[str]) -> str:
                 sensor.refuse(argument)
             case "sign":
                 sensor.sign = -sensor.sign
+            case "turn":
+                x, y, z = (float(word) for word in words[1:])
+                world.down = (x, y, z)
             case "restore":
                 world.restore()
             case "state":
@@ -120,7 +124,8 @@ def apply_fault(world: World, words: list[str]) -> str:
             case _:
                 return f"unknown: {name}; help lists what there is"
     except ValueError:
-        return f"{name} wants a number, not {argument!r}"
+        wanted = "three numbers" if name == "turn" else "a number"
+        return f"{name} wants {wanted}, not {' '.join(words[1:])!r}"
     return f"done {time.monotonic():.6f} {name}"
 
 

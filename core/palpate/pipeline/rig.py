@@ -1,0 +1,47 @@
+"""What of a file it takes to move and to listen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Protocol
+
+from palpate.alignment import AlignmentSettings
+from palpate.config import RunSettings
+from palpate.device import Device
+from palpate.safety import SafetySettings
+from palpate.trajectory import Trajectory
+
+
+class Rig(Protocol):
+    """A pipeline, or the plan of a calibration."""
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        ...
+
+    @property
+    def run(self) -> RunSettings:
+        """Its [run] table."""
+        ...
+
+    @property
+    def alignment(self) -> AlignmentSettings:
+        """Its [alignment] table."""
+        ...
+
+    @property
+    def devices(self) -> Mapping[str, Device]:
+        """Its devices by name."""
+        ...
+
+    @property
+    def trajectories(self) -> Mapping[str, Trajectory]:
+        """Its motions by name."""
+        ...
+
+    @property
+    def safety(self) -> SafetySettings | None:
+        """Its [safety] table."""
+        ...
