@@ -41,7 +41,7 @@ def tails(theta):
     n, k = len(TIME), len(theta)
     nothing = np.zeros(n)
     values = np.tile(np.array(theta, float), (n, 1))
-    whole = Tail(TIME, nothing, -DEPTH, -RATE, values, np.zeros((n, k)), nothing, nothing, nothing, nothing)
+    whole = Tail(TIME, nothing, -DEPTH, -RATE, values, np.zeros((n, k)), *[nothing] * 5)
     return whole, whole.since(float(TIME[n // 2]))
 
 
