@@ -118,7 +118,9 @@ def test_what_is_no_fault(bench, short):
     assert 0 < sensor["throttled"] < sensor["readings"]
     assert sensor["unusable"] == sensor["damaged"] == 0
     assert result.streams["sensor.wrench"]["backwards"] == 0
-    assert result.tracks["dr/ekf"].parameters["elasticity"].value == pytest.approx(E_TRUE, rel=0.05)
+    elasticity = result.tracks["dr/ekf"].parameters["elasticity"]
+    # A second of sine does not settle the estimate where the machine itself stands still; it says so.
+    assert abs(elasticity.value - E_TRUE) < max(0.05 * E_TRUE, 2 * elasticity.combined)
 
 
 @pytest.mark.parametrize("case", ["twenty times stiffer", "an obstacle 5 mm too high", "the other way round"])
