@@ -21,8 +21,8 @@ _ADDRESSES = itertools.count(2)
 # A short motion with the same limits: rest, approach, a second of sine, retraction.
 SHORT = (
     "device.sensor.settle=0.1 s",
-    "safety.rest=0.3 s",
-    "alignment.tare_duration=0.2 s",
+    "safety.rest=0.2 s",
+    "alignment.tare_duration=0.15 s",
     "trajectory.press.rest=0 s",
     "trajectory.press.clearance=3 mm",
     "trajectory.press.duration=1 s",

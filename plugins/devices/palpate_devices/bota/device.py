@@ -95,7 +95,8 @@ class _BotaLink:
     def batches(self) -> Iterator[Batch]:
         """What has come, every 2 ms; raises DeviceError as soon as the sensor fails."""
         quiet = time.monotonic()
-        self._child.ring.skip()  # what came while other devices were connected
+        early = self._child.ring.early()  # what came while other devices were connected
+        self._clock.to_host(integers(early, 0) * 1000, integers(early, 1) + epoch_offset())
         while True:
             rows = self._child.ring.read()
             now = time.monotonic()

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate_devices.bota.frames import packed
+from palpate_devices.bota.frames import LENGTH, packed
 from palpate_devices.twins.corruption import KINDS, corrupted
 
 _BOOT, _SLOW_BOOT = 0.3, 2.5  # [s]; a choice, the real sensor takes less than 3 s
@@ -24,6 +24,7 @@ _QUIET = 0.03  # [s] of silence end a command that has no line end; a choice
 _TEXT = b"App Init\r\nname: BFT-SENS-SER-M8 (software)\r\nS/N: 000000\r\nFW version: 2.3 software\r\n"
 _FACTORY_SINC = 512
 _BAUD = termios.B460800
+_MOST_UNSENT = 100_000  # bytes, some 3 s: a pseudo-terminal takes 0.5 s of frames, then nothing until it is read
 _STATUS = {"throttled": 1, "overrange": 2, "saturated": 4, "raw": 8}
 
 
@@ -47,6 +48,7 @@ class VirtualSensor:
         self.fault: str | None = None  # "silent", or a name of a status bit
         self.reply_time, self.lump_time = _REPLY, 0.0  # [s]
         self._held, self._sent_at = b"", 0.0  # frames that wait for their lump
+        self._unsent = b""  # what the terminal did not take
         self._misheard = False  # the port was opened at another baud rate
         self.corruption = 0.0
         self.sign = 1.0
@@ -98,6 +100,7 @@ class VirtualSensor:
         """Start anew, with the stored settings."""
         boot = _SLOW_BOOT if self.reply_time > _REPLY else _BOOT
         self._mode, self._boot_at, self._command, self._replies, self._held = "boot", now + boot, b"", [], b""
+        self._unsent = b""
         self._sinc = self._stored["sinc"]
 
     def restore(self) -> None:
@@ -195,6 +198,8 @@ class VirtualSensor:
             if self.corruption and self._rng.random() < self.corruption:
                 frame = corrupted(frame, str(self._rng.choice(KINDS)), self._rng)
             self._held += frame
+            self.sent += bool(frame)
+            self.dropped += not frame
             if instant - self._sent_at >= self.lump_time:
                 self._write(self._held)
                 self._held, self._sent_at = b"", instant
@@ -202,15 +207,16 @@ class VirtualSensor:
     def _write(self, data: bytes) -> None:
         if self._misheard:
             data = self._rng.bytes(len(data))
+        self._unsent += data
         try:
-            if data and os.write(self._master, data) == len(data):
-                self.sent += 1
-            else:
-                self.dropped += 1
-        except BlockingIOError:  # the reader does not read
-            self.dropped += 1
+            self._unsent = self._unsent[os.write(self._master, self._unsent) :] if self._unsent else b""
+        except BlockingIOError:  # the reader does not read, or the machine does not let it
+            pass
         except OSError:
-            self._mode = "closed"
+            self._mode, self._unsent = "closed", b""
+        if len(self._unsent) > _MOST_UNSENT:
+            self.dropped += len(self._unsent) // LENGTH
+            self._unsent = b""
 
     def waiting(self) -> int:
         """Bytes that nobody has read yet."""

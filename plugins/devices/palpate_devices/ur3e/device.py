@@ -186,7 +186,8 @@ class UR3eLink:
     def batches(self) -> Iterator[Batch]:
         """The states as they come, until the motion is over; raises DeviceError as soon as the robot fails."""
         done = False
-        self._child.ring.skip()  # what came while other devices were connected
+        early = self._child.ring.early()  # what came while other devices were connected
+        self._clock.to_host(integers(early, 0), integers(early, 1) + epoch_offset())
         while not done:
             done = any(message["say"] == "done" for message in self._child.messages())
             rows = self._child.ring.read()
