@@ -70,7 +70,9 @@ def test_a_raster_gives_a_map(palpate, raster_run):
         peak = np.unravel_index(np.nanargmax(arrays["value"]), arrays["value"].shape)
         assert arrays["x"][peak[1]] == pytest.approx(-0.016, abs=2.1e-3)
         assert str(arrays["parameter"]) == "elasticity"
-    assert (raster_run / "maps" / "map.csv").read_text().startswith("x_m,y_m,elasticity,elasticity_std,covered\n")
+    assert (
+        (raster_run / "maps" / "map.csv").read_text().startswith("x_m,y_m,elasticity,elasticity_std,covered,p,stiff\n")
+    )
     assert (raster_run / "maps" / "map.svg").stat().st_size > 10_000
 
 

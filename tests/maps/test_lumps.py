@@ -132,6 +132,22 @@ def test_a_map_is_right_within_its_uncertainty(method):
         assert np.mean(error**2) == pytest.approx(1.0, abs=0.9)
 
 
+def test_the_significant_cells_are_those_of_the_lump():
+    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
+    field = make_map(area(np.random.default_rng(3), [(-0.01, 0.005, 0.005, 0.3)]), 1e-3)
+    x, y = np.meshgrid(field.x, field.y)
+    from_lump = np.hypot(x + 0.01, y - 0.005)
+    assert field.stiff[from_lump < 5e-3].all()
+    assert not field.stiff[from_lump > 1.6e-2].any()
+    assert field.p[from_lump < 5e-3].max() < 1e-4
+    assert np.isfinite(field.p).all()
+
+
+def test_homogeneous_maps_have_no_significant_cell():
+    stiff = [make_map(area(np.random.default_rng(seed), []), 2e-3, "average").stiff.any() for seed in range(20)]
+    assert sum(stiff) == 0
+
+
 def test_what_was_not_palpated_is_not_covered():
     pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
     sites = area(np.random.default_rng(3), [])

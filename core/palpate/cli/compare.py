@@ -12,9 +12,8 @@ import numpy as np
 import typer
 
 from palpate import registry as registries
-from palpate.cli.curves import Points, curves_of, points_of, tell_curves
+from palpate.cli.curves import Points, tell_runs
 from palpate.cli.log_info import pipeline_text, recording_of
-from palpate.cli.map import unit_of
 from palpate.cli.tables import result_view
 from palpate.config import Pipeline, Source, build_pipeline
 from palpate.errors import ConfigurationError
@@ -61,15 +60,9 @@ def compare(
 
 def _along(pipeline: Pipeline, result: Result, points: Path | None) -> None:
     """Curves of a sweep along a line; nothing where it was none."""
-    curves = curves_of(result.folder) if pipeline.alignment.lateral_x or pipeline.alignment.lateral_y else {}
-    if not curves:
-        if points is not None:
-            raise ConfigurationError(f"--points: {result.folder} is no sweep along a line")
-        return
-    first = next(iter(curves))
-    checked = points_of(points, result.folder) if points is not None else None
-    unit = unit_of(result.folder, first, curves[first].parameter)
-    tell_curves(curves, checked, unit, result.folder / "sweep.png")
+    aligned = pipeline.alignment
+    if points is not None or aligned.lateral_x is not None or aligned.lateral_y is not None:
+        tell_runs({"": result.folder}, result.folder, points, needed=points is not None)
 
 
 def _pipeline(log: Path, models: str | None, estimators: str | None, overrides: list[str]) -> Pipeline:

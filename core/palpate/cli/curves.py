@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from palpate.errors import LogError
+from palpate.errors import LogError, PalpateError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -31,6 +31,7 @@ class Curve:
     """What one track says along a sweep."""
 
     parameter: str
+    unit: str
     along: NDArray[np.float64]  # (n,) [m]
     sites: Sites
     lumps: tuple[Lump, ...]
@@ -52,7 +53,7 @@ def curves_of(
                 lumps: tuple[Lump, ...] = ()
                 with suppress(LogError):  # too short for lumps
                     lumps = maps.find_lumps(sites).lumps
-                curves[prefix + name] = Curve(path.parameter, along, sites, lumps)
+                curves[prefix + name] = Curve(path.parameter, unit_of(run, name, path.parameter), along, sites, lumps)
     return curves
 
 
@@ -77,6 +78,24 @@ def points_of(points: Path, folder: Path, parameter: str | None = None) -> tuple
     if along is None:
         raise LogError(f"{run}: holds no point palpations on a line")
     return along, sites
+
+
+def tell_runs(runs: Mapping[str, Path], folder: Path, points: Path | None, needed: bool = True) -> None:
+    """Draw the curves of all runs, by their labels, as ``sweep.png`` in a folder, and print their table.
+
+    Where there are none it raises LogError, or does nothing if they are not needed.
+    """
+    curves: dict[str, Curve] = {}
+    for label, run in runs.items():
+        found = curves_of(run)
+        for name, curve in found.items():
+            known = [part for part in (name if len(found) > 1 or not label else "", label) if part]
+            curves[", ".join(known)] = curve
+    if curves:
+        first = next(iter(curves.values()))
+        tell_curves(curves, points_of(points, folder) if points else None, first.unit, folder / "sweep.png")
+    elif needed:
+        raise LogError(f"{folder}: holds no sweep along a line")
 
 
 def tell_curves(curves: Mapping[str, Curve], points: tuple[Any, Sites] | None, unit: str, picture_file: Path) -> None:
@@ -126,3 +145,15 @@ def _distance(curve: Curve, points: tuple[Any, Sites]) -> float:
         return float("nan")
     apart = np.interp(points[0][on], at, value) - points[1].value[on]
     return float(np.sqrt(np.mean(apart**2)))
+
+
+def unit_of(run: Path, track: str, parameter: str) -> str:
+    """SI unit of a track's parameter, or nothing where the run's pipeline cannot be read again."""
+    from palpate.pipeline import recorded_pipeline
+
+    with suppress(PalpateError):
+        model = recorded_pipeline(run).models.get(track.partition("/")[0])
+        for known in model.parameters if model else ():
+            if known.name == parameter:
+                return known.unit
+    return ""

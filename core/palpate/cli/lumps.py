@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
-from palpate.cli.map import Parameter, Run, Track, length, unit_of
+from palpate.cli.curves import unit_of
+from palpate.cli.map import Parameter, Run, Track, length
 from palpate.errors import ConfigurationError
 
 if TYPE_CHECKING:

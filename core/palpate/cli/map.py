@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from palpate.cli.curves import Points, curves_of, points_of
+from palpate.cli.curves import Points, curves_of, points_of, unit_of
 from palpate.config import load_pipeline
 from palpate.errors import ConfigurationError, LogError, PalpateError
 from palpate.units import to_si
@@ -94,15 +94,3 @@ def outlines_of(run: Path) -> list[Any]:
         return [outline for device in recorded_pipeline(run).devices.values() for outline in device.outlines]
     except PalpateError:
         return []
-
-
-def unit_of(run: Path, track: str, parameter: str) -> str:
-    """SI unit of a track's parameter, or nothing where the run's pipeline cannot be read again."""
-    from palpate.pipeline import recorded_pipeline
-
-    with suppress(PalpateError):
-        model = recorded_pipeline(run).models.get(track.partition("/")[0])
-        for known in model.parameters if model else ():
-            if known.name == parameter:
-                return known.unit
-    return ""

@@ -18,10 +18,9 @@ from typing import Annotated, Any
 import tomli_w
 import typer
 
-from palpate.cli.curves import Curve, Points, curves_of, points_of, tell_curves
-from palpate.cli.map import unit_of
+from palpate.cli.curves import Points, tell_runs
 from palpate.config import Source, build_pipeline
-from palpate.errors import ConfigurationError, LogError, OutputError, PalpateError, UserError
+from palpate.errors import ConfigurationError, OutputError, PalpateError, UserError
 from palpate.result import make_folder, write_new
 
 
@@ -89,23 +88,17 @@ def sweep(
     if failed == len(planned):
         raise typer.Exit(1)
     if picture or points is not None:
-        _draw(planned, folder, points)
+        tell_runs(_runs(planned), folder, points)
 
 
-def _draw(planned: Sequence[Job], folder: Path, points: Path | None) -> None:
-    """One picture and one table of the curves of all combinations; raises LogError where there are none."""
-    curves: dict[str, Curve] = {}
+def _runs(planned: Sequence[Job]) -> dict[str, Path]:
+    """The latest run of each combination, by its values."""
+    runs = {}
     for job in planned:
         told = ", ".join(f"{key.rpartition('.')[2]} {value}" for key, value in job.values.items())
-        for run in sorted(folder.glob(f"{job.number:05d}*"))[-1:]:
-            found = curves_of(run)
-            curves |= {f"{name}, {told}" if len(found) > 1 else told: curve for name, curve in found.items()}
-    if not curves:
-        raise LogError(f"{folder}: holds no sweep along a line to draw")
-    first = next(iter(curves.values()))
-    run = next(iter(sorted(folder.glob("[0-9]*"))))
-    unit = unit_of(run, next(iter(curves_of(run))), first.parameter)
-    tell_curves(curves, points_of(points, folder) if points else None, unit, folder / "sweep.png")
+        for run in sorted(Path(job.folder).glob(f"{job.number:05d}*"))[-1:]:
+            runs[told] = run
+    return runs
 
 
 def combinations_of(source: Source) -> list[dict[str, Any]]:

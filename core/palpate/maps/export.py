@@ -19,13 +19,14 @@ Floats = NDArray[np.float64]
 
 
 def map_csv(field: StiffnessMap, parameter: str) -> str:
-    """One row for each cell: x, y, value, standard deviation, covered."""
-    rows = [f"x_m,y_m,{parameter},{parameter}_std,covered"]
+    """One row for each cell: x, y, value, standard deviation, covered, p-value, stiffer than the baseline."""
+    rows = [f"x_m,y_m,{parameter},{parameter}_std,covered,p,stiff"]
     for j, y in enumerate(field.y):
         for i, x in enumerate(field.x):
             known = bool(field.covered[j, i])
             cells = f"{field.value[j, i]:.6g},{field.std[j, i]:.4g}" if known else ","
-            rows.append(f"{x:.6f},{y:.6f},{cells},{int(known)}")
+            p = f"{field.p[j, i]:.3g}" if known else ""
+            rows.append(f"{x:.6f},{y:.6f},{cells},{int(known)},{p},{int(field.stiff[j, i])}")
     return "\n".join(rows) + "\n"
 
 
@@ -39,7 +40,7 @@ def sweep_csv(series: Mapping[str, tuple[Floats, Sites]], parameter: str) -> str
 
 
 def map_npz(field: StiffnessMap, parameter: str) -> bytes:
-    """Arrays x, y, value, std, covered, sites, and the parameter's name."""
+    """Arrays x, y, value, std, covered, p, stiff, sites, and the parameter's name."""
     file = io.BytesIO()
     np.savez_compressed(
         file,
@@ -48,6 +49,8 @@ def map_npz(field: StiffnessMap, parameter: str) -> bytes:
         value=field.value,
         std=field.std,
         covered=field.covered,
+        p=field.p,
+        stiff=field.stiff,
         sites=field.sites,
         parameter=np.array(parameter),
     )

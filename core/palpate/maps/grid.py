@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import ConfigurationError, LogError
+from palpate.maps.baseline import discoveries, find_baseline
+from palpate.maps.findings import LumpSettings
 from palpate.maps.sites import Sites, merged
 
 Floats = NDArray[np.float64]
@@ -30,6 +32,8 @@ class StiffnessMap:
     value: Floats  # (ny, nx) [SI]
     std: Floats  # (ny, nx) [SI]
     covered: NDArray[np.bool_]  # (ny, nx) near enough to a site
+    p: Floats  # (ny, nx) chance that a place without a lump is as stiff; NaN where not covered
+    stiff: NDArray[np.bool_]  # (ny, nx) stiffer than the baseline, with false discoveries controlled
     sites: Floats  # (n, 2) [m] where it was palpated
     method: str
     length: float  # [m] over which it was interpolated
@@ -64,7 +68,31 @@ def make_map(
     nearest = _nearest(sites.place, nodes)
     covered = (nearest <= (reach if reach is not None else 1.2 * pitch)).reshape(shape)
     value: Floats = np.where(covered, np.exp(mean).reshape(shape), np.nan)
-    return StiffnessMap(x, y, value, value * std.reshape(shape), covered, sites.place, method, length)
+    p, stiff = _significance(sites, mean, std, covered.ravel())
+    spread = value * std.reshape(shape)
+    return StiffnessMap(
+        x, y, value, spread, covered, p.reshape(shape), stiff.reshape(shape), sites.place, method, length
+    )
+
+
+def _significance(sites: Sites, mean: Floats, std: Floats, covered: NDArray[np.bool_]) -> tuple[Floats, Any]:
+    """p-value of each cell (m,) against the baseline sites, and which are discoveries by the default settings of lumps.
+
+    t = (mean - baseline)/sqrt(spread^2 (1 + 1/k) + std^2) with k - 1 degrees of freedom; Benjamini and Hochberg's
+    control over the covered cells, which holds for neighbours that are alike (Benjamini and Yekutieli 2001).
+    """
+    from scipy import stats
+
+    settings = LumpSettings()
+    baseline = find_baseline(merged(sites, settings.width).log, floor=settings.spread)
+    p, stiff = np.where(covered, 1.0, np.nan), np.zeros(len(mean), bool)
+    if baseline.count >= 4:
+        noise = np.sqrt(baseline.spread**2 * (1 + 1 / baseline.count) + std**2)
+        found = stats.t.sf((mean - baseline.mean) / noise, baseline.count - 1)
+        p[covered] = found[covered]
+        stiff[covered] = discoveries(p[covered], settings.rate)
+        stiff &= mean - baseline.mean >= np.log1p(settings.contrast)
+    return p, stiff
 
 
 def _axis(values: Floats, cell: float) -> Floats:

@@ -49,7 +49,10 @@ def save(figure: Any, path: Path) -> None:
 def map_picture(
     field: StiffnessMap, label: str, unit: str, findings: Findings | None, outlines: Sequence[Floats]
 ) -> Any:
-    """Value and relative standard deviation side by side, with sites, lumps, and outlines where they are known."""
+    """Value and relative standard deviation side by side, with sites, lumps, and outlines where they are known.
+
+    A red line surrounds what is significantly stiffer than the baseline.
+    """
     figure, axes = _figure(2)
     name, factor = people(unit)
     extent = [1e3 * edge for edge in (*_edges(field.x), *_edges(field.y))]
@@ -59,6 +62,8 @@ def map_picture(
         shown = axis.imshow(values, origin="lower", extent=extent, cmap=colours, aspect="equal")
         figure.colorbar(shown, ax=axis, shrink=0.8)
         axis.plot(*(1e3 * field.sites.T), ".", color="white", markersize=1, alpha=0.5)
+        if field.stiff.any() and min(field.stiff.shape) > 1:
+            axis.contour(1e3 * field.x, 1e3 * field.y, field.stiff, [0.5], colors="red", linewidths=0.8)
         _mark(axis, findings, outlines)
         axis.set(title=title, xlabel="x [mm]", ylabel="y [mm]", xlim=extent[:2], ylim=extent[2:])
     return figure
