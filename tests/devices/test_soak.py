@@ -52,7 +52,7 @@ def test_nothing_is_lost(soaked):
     stamps, values = recorded(soaked, "sensor", "wrench")
     assert len(stamps) == sensor["readings"] == soaked.table["streams"]["sensor.wrench"]["samples"]
     assert np.isfinite(values).all()
-    np.testing.assert_allclose(np.diff(stamps), PERIOD, atol=0.9 * PERIOD)  # none is missing between two
+    assert np.diff(stamps).max() < 1.9 * PERIOD  # none is missing between two
     arm = soaked.table["run"]["live"]["devices"]["arm"]
     assert len(recorded(soaked, "arm", "tip")[0]) == arm["states"]
     # What the servo loop did not do it says, and whose fault it was.
