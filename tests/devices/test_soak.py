@@ -55,10 +55,9 @@ def test_nothing_is_lost(soaked):
     assert np.diff(stamps).max() < 1.9 * PERIOD  # none is missing between two
     arm = soaked.table["run"]["live"]["devices"]["arm"]
     assert len(recorded(soaked, "arm", "tip")[0]) == arm["states"]
-    # What the servo loop did not do it says, and whose fault it was.
+    # What the servo loop did not do it says.
     commands, wanted = arm["commands"], 60 * MINUTES / 0.002
     assert commands["cycles"] + commands["periods_lost"] > wanted
-    assert commands["periods_lost_to_host"] <= commands["missed"] * 100
 
 
 def test_the_clocks_stay_together(soaked):
