@@ -142,6 +142,8 @@ class _Log:
         for name, text in run.documents.items():
             self._log.add_attachment(0, 0, name, "application/toml", text.encode())
         self._flushed = self._synced = time.monotonic()
+        self._syncing = threading.Thread()
+        self._unsynced: OSError | None = None
 
     def _channel(self, topic: str, kind: MessageType, facts: dict[str, str] | None = None) -> int:
         if kind.name not in self._schemas:
@@ -196,11 +198,23 @@ class _Log:
         self._log.flush()  # type: ignore[no-untyped-call]
         self._file.flush()
         self._flushed = now
-        if now - self._synced >= _SYNC_EVERY:
-            os.fsync(self._file.fileno())
+        if self._unsynced is not None:
+            raise self._unsynced
+        if now - self._synced >= _SYNC_EVERY and not self._syncing.is_alive():
+            self._syncing = threading.Thread(target=self._sync, name="mcap sync", daemon=True)
+            self._syncing.start()
             self._synced = now
 
+    def _sync(self) -> None:
+        """A busy disk takes some 0.3 s for this, in which the writer must go on flushing."""
+        try:
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            self._unsynced = error
+
     def finish(self) -> None:
+        if self._syncing.is_alive():
+            self._syncing.join()
         self._log.finish()  # type: ignore[no-untyped-call]
         self._file.flush()
         os.fsync(self._file.fileno())
