@@ -169,3 +169,16 @@ Frequency = Annotated[float, Quantity("Hz")]
 Speed = Annotated[float, Quantity("m/s")]
 Acceleration = Annotated[float, Quantity("m/s^2")]
 Angle = Annotated[float, Quantity("rad")]
+
+
+# SI unit -> what people write, and how many of it one SI unit is.
+_PEOPLE = {"Pa": ("kPa", 1e-3), "m": ("mm", 1e3), "Pa*s": ("Pa s", 1.0)}
+
+
+def people(unit: str) -> tuple[str, float]:
+    """The unit that people write for an SI unit, and how many of it one SI unit is.
+
+    >>> people("Pa")
+    ('kPa', 0.001)
+    """
+    return _PEOPLE.get(unit, (unit, 1.0))

@@ -17,6 +17,7 @@ from palpate.cli.log_info import pipeline_text, recording_of
 from palpate.cli.tables import result_view
 from palpate.config import Pipeline, Source, build_pipeline
 from palpate.errors import ConfigurationError
+from palpate.units import people
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -158,12 +159,13 @@ def _draw_parameter(
     axes: Any, columns: Mapping[str, Any], parameter: str, result: Result, reference: str | None
 ) -> None:
     units = {name: found.unit for track in result.tracks.values() for name, found in track.parameters.items()}
+    unit, factor = people(units.get(parameter, ""))
     settled: list[Any] = []
     for label in result.tracks:
         value, std = columns.get(f"{label}:{parameter}"), columns.get(f"{label}:{parameter}_std")
         if value is None or std is None:
             continue
-        time = columns[f"{label}:time"]
+        time, value, std = columns[f"{label}:time"], value * factor, std * factor
         style = {"color": "black", "linewidth": 2.0} if label == reference else {"linewidth": 1.0}
         name = f"{label} (reference)" if label == reference else label
         (line,) = axes.plot(time, value, label=name, **style)
@@ -174,7 +176,7 @@ def _draw_parameter(
         low, high = np.concatenate(settled).min(), np.concatenate(settled).max()
         margin = max(high - low, 0.25 * max(abs(low), abs(high)))
         axes.set_ylim(low - margin, high + margin)
-    axes.set_ylabel(f"{parameter} [{units.get(parameter, '')}]")
+    axes.set_ylabel(f"{parameter} [{unit}]")
     axes.set_xlabel("time [s]")
     axes.grid(alpha=0.3)
     axes.legend()

@@ -116,7 +116,7 @@ def tell_curves(curves: Mapping[str, Curve], points: tuple[Any, Sites] | None, u
 def _table(curves: Mapping[str, Curve], points: tuple[Any, Sites] | None, unit: str) -> Any:
     from rich.table import Table
 
-    from palpate.maps.picture import people
+    from palpate.units import people
 
     word, factor = people(unit)
     table = Table(title="along the sweep", title_justify="left")

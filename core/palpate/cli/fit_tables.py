@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from palpate.cli.quantities import measured, people
+from palpate.cli.quantities import measured
 from palpate.result import TrackResult
+from palpate.units import people
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -50,7 +50,7 @@ def lumps(
 
 
 def _view(findings: Findings, track: str, unit: str) -> str:
-    from palpate.maps.picture import people
+    from palpate.units import people
 
     name, factor = people(unit)
     head = f"{track}: background {findings.background * factor:.4g} {name}, by {findings.method}"

@@ -86,7 +86,7 @@ def draw_repeatability(document: Mapping[str, Any], path: Path) -> None:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise UserError("--picture needs matplotlib: pip install matplotlib") from error
-    from palpate.cli.quantities import people
+    from palpate.units import people
 
     word, factor = people(document["unit"])
     figure = Figure(figsize=(15, 4.5), layout="constrained")

@@ -4,14 +4,6 @@ from __future__ import annotations
 
 import math
 
-# SI unit -> what people write, and how many of it one SI unit is.
-_PEOPLE = {"Pa": ("kPa", 1e-3), "m": ("mm", 1e3), "Pa*s": ("Pa s", 1.0)}
-
-
-def people(unit: str) -> tuple[str, float]:
-    """The unit that people write for an SI unit, and how many of it one SI unit is."""
-    return _PEOPLE.get(unit, (unit, 1.0))
-
 
 def measured(value: float, std: float) -> str:
     """A value and its uncertainty, to two digits of the uncertainty.

@@ -10,11 +10,12 @@ from typing import Annotated, Any
 
 import typer
 
-from palpate.cli.quantities import measured, people
+from palpate.cli.quantities import measured
 from palpate.errors import ConfigurationError, LogError
 from palpate.registry import suggest
 from palpate.result import finite_tree
 from palpate.result.repeatability import WINDOW, repeatability
+from palpate.units import people
 
 _BAR = 40  # characters of the tallest bar
 _CAUTION = (

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.cli.fit_tables import comparison, evidence
-from palpate.cli.quantities import measured, people
+from palpate.cli.quantities import measured
 from palpate.errors import OutputError
 from palpate.result import Found, TrackResult
+from palpate.units import people
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

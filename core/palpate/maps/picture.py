@@ -13,16 +13,9 @@ from palpate.errors import ConfigurationError, OutputError
 from palpate.maps.findings import Findings
 from palpate.maps.grid import StiffnessMap
 from palpate.maps.sites import Sites
+from palpate.units import people
 
 Floats = NDArray[np.float64]
-
-# SI unit -> what people read, and how many of it one SI unit is.
-_PEOPLE = {"Pa": ("kPa", 1e-3), "Pa*s": ("Pa s", 1.0)}
-
-
-def people(unit: str) -> tuple[str, float]:
-    """The unit that people read, and the factor to it."""
-    return _PEOPLE.get(unit, (unit, 1.0))
 
 
 def _figure(columns: int, rows: int = 1, width: float = 6.0, height: float = 4.5) -> tuple[Any, Any]:
