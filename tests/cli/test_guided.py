@@ -82,6 +82,22 @@ def test_every_step_finds_what_the_rig_hides(palpate, root, tmp_path):
     assert spectrum["densities"][-1] == pytest.approx(0.05 * (2 / 800) ** 0.5, rel=0.1)
 
 
+def test_what_the_steps_before_a_failure_found_is_kept(palpate, guided, tmp_path):
+    steps = """
+[calibration]
+repeats = 1
+[calibration.rest]
+trajectory = { type = "stay", duration = "4 s" }
+[calibration.shake]
+trajectory = { type = "shake", amplitude = "0.02 mm", frequencies = ["5 Hz"], duration = "2 s" }
+"""
+    done = palpate("calibrate", guided(steps), "--out", tmp_path / "found.toml")
+    assert done.returncode == 2
+    assert not (tmp_path / "found.toml").exists()
+    assert str(tmp_path / "found.part.toml") in done.stderr.replace("\n", "")
+    assert "offset" in tomllib.loads((tmp_path / "found.part.toml").read_text())["values"]
+
+
 STAY = 'trajectory = { type = "stay", duration = "3 s" }'
 SHAKE = 'trajectory = { type = "shake", amplitude = "5 mm", duration = "4 s", rest = "1 s" }'
 

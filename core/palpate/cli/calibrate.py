@@ -90,8 +90,15 @@ def calibrate(
         for line in _found(session):
             say(line)
 
-    calibration, session, records = run_calibration(plan, Guide(say, _ask(say, yes), found))
+    part = target.with_suffix(".part.toml")
+
+    def keep(calibration: Calibration) -> None:
+        _write(calibration, part)
+        say(f"  kept in {part}")
+
+    calibration, session, records = run_calibration(plan, Guide(say, _ask(say, yes), found, keep))
     _write(calibration, target)
+    part.unlink(missing_ok=True)
     if not console.is_terminal:
         console = Console(width=120)
     console.print(_table(calibration))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
@@ -53,6 +53,7 @@ class Guide:
     say: Callable[[str], None] = _silent
     ask: Callable[[str], None] = _silent  # returns when it is done
     found: Callable[[str, Session], None] = lambda step, session: None
+    keep: Callable[[Calibration], None] = lambda calibration: None  # what the steps until now come to
 
 
 def run_calibration(plan: CalibrationPlan, guide: Guide | None = None) -> tuple[Calibration, Session, list[Record]]:
@@ -83,10 +84,15 @@ def run_calibration(plan: CalibrationPlan, guide: Guide | None = None) -> tuple[
             records = done if name == "shake" else records
         guide.found(name, session)
         sessions[name] = session
+        guide.keep(_calibration(plan, _joined(plan, sessions), seen))
+    session = _joined(plan, sessions)
+    return _calibration(plan, session, seen), session, records
+
+
+def _joined(plan: CalibrationPlan, sessions: Mapping[str, Session]) -> Session:
     # A slow motion shows the noise of the velocity better than a fast one.
     ordered = sorted(sessions, key=lambda name: name == "shake" and "noise" in sessions)
-    session = joined([sessions[name] for name in ordered], plan.settings)
-    return _calibration(plan, session, seen), session, records
+    return joined([sessions[name] for name in ordered], plan.settings)
 
 
 def _unguided(plan: CalibrationPlan, guide: Guide, seen: Seen) -> list[Record]:
