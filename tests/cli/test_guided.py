@@ -117,7 +117,7 @@ TOO_FAST = f"[calibration]\ntop_speed = '0.1 m/s'\n[calibration.rest]\n{STAY}\n[
         (f"[calibration.rest]\n{STAY}\ndevice = {{ rig = 'nothing' }}", "there is no [device.nothing]"),
         (
             '[calibration.press]\ntrajectory = { type = "point", bias = "4 mm" }',
-            "[calibration.press] deepest: the motion reaches 0.005 m, 0.001 is the limit",
+            "[calibration.press] deepest: the motion reaches -0.005 m, -0.001 is the limit",
         ),
         (TOO_FAST, "[calibration.shake] top_speed"),
     ],

@@ -64,7 +64,7 @@ def test_the_doctor(palpate, live, tmp_path):
     sets = ["--set", f"device.arm.host={HOST}", "--set", f"device.sensor.port={tmp_path / 'sensor'}"]
     twin_sets = ["--set", f"twin.bench.host={HOST}", "--set", f"twin.bench.port={tmp_path / 'sensor'}"]
     sick = palpate("doctor", live, *sets)
-    assert sick.returncode == 1
+    assert sick.returncode == 2
     assert "the RTDE port 30004 cannot be reached" in sick.stdout
     command = [sys.executable, "-c", "from palpate.cli import main; main()", "twin", str(live), *twin_sets]
     twin = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)

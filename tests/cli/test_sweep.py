@@ -2,7 +2,12 @@
 
 import csv
 import json
+import os
 import shutil
+import signal
+import subprocess
+import sys
+import time
 
 import pytest
 
@@ -102,3 +107,24 @@ def test_info_says_which_kernel_runs_and_why(palpate):
     done = palpate("info", PALPATE_KERNEL="quick")
     assert done.returncode == 2
     assert "'quick' is none of" in done.stderr
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_ctrl_c_ends_a_sweep_and_leaves_no_half_result(palpate, point_pipeline, tmp_path, jobs):
+    file, out = with_sweep(point_pipeline, '[sweep]\n"run.seed" = [1, 2, 3]\n'), tmp_path / "out"
+    command = [sys.executable, "-c", "from palpate.cli import main; main()", "sweep", str(file), "--out", str(out)]
+    command += ["--jobs", str(jobs), "--set", "device.rig.pace=real-time"]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    deadline = time.monotonic() + 30
+    while not list(out.glob("0000*/log.mcap")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(1.5)
+    os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 130, errors
+    assert not (out / "sweep.csv").exists() or rows(out) == []
+    again = palpate("sweep", file, "--out", out)
+    assert "3 combinations, 0 failed" in again.stdout
+    assert all("interrupted" not in row["flags"] for row in rows(out))

@@ -102,7 +102,7 @@ def calibrate(
     if not console.is_terminal:
         console = Console(width=120)
     console.print(_table(calibration))
-    for line in _lines(calibration, target):
+    for line in _lines(calibration, target, file):
         console.print(line, highlight=False, markup=False)
     if picture is not None and session.shakes:
         from palpate.cli.calibrate_picture import draw
@@ -172,12 +172,13 @@ def _table(calibration: Calibration) -> object:
     return table
 
 
-def _lines(calibration: Calibration, target: Path) -> Iterator[str]:
+def _lines(calibration: Calibration, target: Path, file: Path) -> Iterator[str]:
     shake = calibration.shake
     if shake:
         yield _shaken(shake)
     yield from calibration.notes
-    yield f'written to {target}; a pipeline takes it by [run] calibration = "{target.name}"'
+    named = target.name if target.resolve().parent == file.resolve().parent else target.resolve()
+    yield f'written to {target}; a pipeline takes it by [run] calibration = "{named}"'
 
 
 def _shaken(shake: Mapping[str, Any]) -> str:

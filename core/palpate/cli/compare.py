@@ -34,6 +34,8 @@ def compare(
     overrides: Annotated[
         list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override a setting; can be repeated.")
     ] = None,
+    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="What is the time in a CSV file.")] = None,
+    rate: Annotated[str | None, typer.Option(help="Rate of a CSV file without a time, such as '500 Hz'.")] = None,
     points: Points = None,
 ) -> None:
     """Run every model with every estimator on one log, read once; print one table, draw one picture.
@@ -44,7 +46,8 @@ def compare(
 
     from palpate.pipeline import run_pipeline
 
-    pipeline = _pipeline(log, models, estimators, overrides or [])
+    choices = {role: text for role, text in (("time", time), ("rate", rate)) if text is not None}
+    pipeline = _pipeline(_source(log, choices), models, estimators, overrides or [])
     names = [track.name for track in pipeline.tracks]
     if reference is not None and reference not in names:
         raise ConfigurationError(f"--reference: there is no track {reference!r} (there are: {', '.join(names)})")
@@ -66,12 +69,15 @@ def _along(pipeline: Pipeline, result: Result, points: Path | None) -> None:
         tell_runs({"": result.folder}, result.folder, points, needed=points is not None)
 
 
-def _pipeline(log: Path, models: str | None, estimators: str | None, overrides: list[str]) -> Pipeline:
+def _source(log: Path, choices: Mapping[str, str]) -> Source:
+    """A pipeline file, or what is suggested for a log."""
     if log.suffix == ".toml":
-        source = Source.read(log)
-    else:
-        suggestion = recording_of(log).suggest(log, {})
-        source = Source(pipeline_text(suggestion, log), Path(f"{log.name}.toml"))
+        return Source.read(log)
+    suggestion = recording_of(log).suggest(log, choices)
+    return Source(pipeline_text(suggestion, log), Path(f"{log.name}.toml"))
+
+
+def _pipeline(source: Source, models: str | None, estimators: str | None, overrides: list[str]) -> Pipeline:
     for kind, given in (("model", models), ("estimator", estimators)):
         if given is not None:
             source.tables[kind] = {name: _table(kind, name, source.tables) for name in _names(given)}

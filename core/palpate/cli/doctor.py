@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from palpate.config import load_pipeline
-from palpate.errors import DeviceError
+from palpate.errors import UserError
 
 _MARKS = {"good": "ok  ", "note": "note", "bad": "BAD "}
 
@@ -28,4 +28,4 @@ def doctor(
         bad += finding.verdict == "bad"
         typer.echo(f"{_MARKS[finding.verdict]} {finding.subject}: {finding.text}")
     if bad:
-        raise DeviceError(f"{bad} finding{'s' if bad > 1 else ''} to mend")
+        raise UserError(f"{bad} finding{'s' if bad > 1 else ''} to mend")

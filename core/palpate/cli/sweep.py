@@ -53,12 +53,18 @@ def sweep(
         task = bar.add_task(f"{len(planned)} combinations", total=len(planned), completed=len(found))
         with closing(on_all_cores(rest, jobs)) as running:
             for job, result in running:
+                if "interrupted" in result:
+                    break
                 found[job.number] = result
                 bar.advance(task)
-    rows = [row for job in planned for row in rows_of(job, found[job.number])]
-    write_rows(folder, rows)
-    failed = sum("error" in result for result in found.values())
-    earlier = len(planned) - len(rest)
+    write_rows(folder, [row for job in planned if job.number in found for row in rows_of(job, found[job.number])])
+    failures = {number: result["error"] for number, result in sorted(found.items()) if "error" in result}
+    for number, reason in failures.items():
+        typer.echo(f"combination {number} failed: {reason}", err=True)
+    if len(found) < len(planned):
+        typer.echo(f"stopped after {len(found)} of {len(planned)} combinations; go on with --out {folder}", err=True)
+        raise typer.Exit(130)
+    failed, earlier = len(failures), len(planned) - len(rest)
     typer.echo(
         f"{len(planned)} combinations, {failed} failed"
         + (f", {earlier} found in the folder" if earlier else "")

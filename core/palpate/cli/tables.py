@@ -88,14 +88,16 @@ def _fits(result: Result) -> list[RenderableType]:
 
 
 def _track_lines(result: Result) -> Iterator[str]:
-    """Flags by track; what concerns all of them alike, an undeclared timing, is said once."""
-    said = False
+    """Flags by track; an undeclared timing, which concerns most of them, is said once, with their names."""
+    undeclared = {label: text for label, track in result.tracks.items() for text in track.flags if _undeclared(text)}
+    for text in list(undeclared.values())[:1]:
+        yield f"  {', '.join(undeclared)}: {text}"
     for label, track in result.tracks.items():
-        for text in track.flags:
-            undeclared = text.startswith("timing-undeclared")
-            if not (undeclared and said):
-                yield f"  {label}: {text}"
-            said = said or undeclared
+        yield from (f"  {label}: {text}" for text in track.flags if not _undeclared(text))
+
+
+def _undeclared(text: str) -> bool:
+    return text.startswith("timing-undeclared")
 
 
 def _scaled(value: float, unit: str) -> float:

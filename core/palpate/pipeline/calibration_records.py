@@ -85,8 +85,9 @@ def reach_of(plan: CalibrationPlan, contact: bool, where: str = "[calibration] "
         (-reach.low, -lowest[1], lowest[0], "m"),
     ):
         if value > limit + 1e-12:
+            sign = -1.0 if key == lowest[0] else 1.0  # heights below the skin are negative
             raise ConfigurationError(
-                f"{where}{key}: the motion reaches {abs(value):.3g} {unit}, {abs(limit):.3g} is the limit"
+                f"{where}{key}: the motion reaches {sign * value:.3g} {unit}, {sign * limit:.3g} is the limit"
             )
     if any(device.live for device in plan.devices.values()) and plan.safety is not None:
         demand_safe(trajectory, plan.safety, f"{plan.path}: {where}".strip())

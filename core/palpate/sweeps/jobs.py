@@ -41,10 +41,13 @@ def built(job: Job) -> Pipeline:
 
 
 def run_job(job: Job) -> dict[str, Any]:
-    """Run one combination; its ``result.json``, or ``{"error": reason}``. For any process on any machine."""
+    """Run one combination; its ``result.json``, or ``{"error": reason}``. For any process on any machine.
+
+    ``{"interrupted": reason}`` where somebody stopped it: what was found until then is no result of the combination.
+    """
     try:
-        pipeline = built(job)
-        return run_pipeline(pipeline, _free(job)).table()
+        done = run_pipeline(built(job), _free(job))
+        return done.table() if done.interrupted is None else {"interrupted": done.interrupted}
     except PalpateError as error:
         return {"error": str(error)}
     except Exception as error:  # one broken plugin must not end a night's sweep

@@ -61,7 +61,7 @@ def untyped(topic: str, names: Sequence[str], logged: Floats, values: Floats) ->
     clocks = [k for k in moving if _runs_with(values[:, k], logged)]
     time = values[:, clocks[0]] if clocks else logged
     found = [Candidate("time", topic, names[k], "runs with the clock of the recorder") for k in clocks[:1]]
-    rest = [k for k in moving if k not in clocks]
+    rest = [k for k in moving if k not in clocks and ".stamp." not in f".{names[k]}"]
     pair = _position_and_velocity(time, values, rest)
     if pair is None:
         return found

@@ -77,11 +77,12 @@ def _field(text: str) -> dict[str, Any]:
 
 
 def _looked(container: Container) -> Looked:
-    """The beginning of every topic that holds numbers; what palpate itself computed is no measurement."""
+    """The beginning of every topic that holds numbers; what palpate itself computed or asked for is no measurement."""
     blocks: dict[str, Any] = {}
     names: dict[str, tuple[str, ...]] = {}
     for topic, columns, batch in tables_of(container):
-        if topic.startswith("/palpate/") or len(columns) > _COLUMNS:
+        commanded = topic.endswith("/setpoint") and container.topics[topic].type.startswith("palpate_msgs")
+        if topic.startswith("/palpate/") or commanded or len(columns) > _COLUMNS:
             continue
         names[topic] = columns
         kept = blocks.setdefault(topic, [])
