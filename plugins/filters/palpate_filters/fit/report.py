@@ -222,7 +222,7 @@ def _misfit(fit: Fit, found: Scatter) -> Iterator[str]:
     if found.correlation_time > _LONG_CORRELATION:
         yield (
             f"correlated-residuals: they hang together over {found.correlation_time:.3g} samples, so {found.samples} "
-            f"count as {found.effective_samples:.3g}; the std says so, but something is not in the model"
+            f"count as {found.effective_samples:.3g}; the std knows of it, but something is not in the model"
         )
 
 
