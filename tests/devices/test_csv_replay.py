@@ -136,3 +136,10 @@ def test_no_file(tmp_path):
 def test_settings_that_make_no_sense(tmp_path, changes, words):
     with pytest.raises(ValidationError, match=words):
         log(tmp_path / "a.csv", NUMBERS, **changes)
+
+
+def test_a_file_that_is_cut_within_a_line_is_refused(tmp_path):
+    whole = "".join(f"{i},{2 * i},3,4\n" for i in range(100))
+    assert len(rows(log(tmp_path / "whole.csv", whole))[0]) == 100
+    with pytest.raises(LogError, match=r"cut\.csv:100: the last line has 3 of 4 cells, so the file was cut there"):
+        rows(log(tmp_path / "cut.csv", whole[:-3]))

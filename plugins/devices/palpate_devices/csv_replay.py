@@ -124,6 +124,7 @@ class _CsvLink:
         self._wanted = [column for column, _ in wanted]
         self._scales = np.array([scale for _, scale in wanted])
         self._header: list[str] | None = None
+        self._widths = 0, 0, 0  # cells of the longest line, of the latest one, and its number
 
     def batches(self) -> Iterator[Batch]:
         """The rows of the file in order, some thousand at a time."""
@@ -157,13 +158,24 @@ class _CsvLink:
                             places = self._places(cells)
                             if self._header is not None:
                                 continue
+                        self._widths = max(self._widths[0], len(cells)), len(cells), number
                         block.append(self._row(cells, places, number))
                     if block:
                         yield np.array(block)
+                self._refuse_cut()
         except (OSError, EOFError) as error:
             raise LogError(f"{path}: cannot be read: {error}") from error
         except (UnicodeDecodeError, csv.Error) as error:
             raise LogError(f"{path}: is not a CSV text: {error}") from error
+
+    def _refuse_cut(self) -> None:
+        """A last line with fewer cells than the others was not written to its end, nor was its last number."""
+        whole, last, line = self._widths
+        if last < whole:
+            raise LogError(
+                f"{self._log.file}:{line}: the last line has {last} of {whole} cells, so the file was cut there; "
+                "remove that line to read the others"
+            )
 
     def _places(self, cells: list[str]) -> list[int]:
         """Where the wanted columns are, by the first line, which is a header where none of it is a number."""
