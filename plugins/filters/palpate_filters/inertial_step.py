@@ -130,11 +130,11 @@ def rate_update(predicted: Predicted, rate: Any, variance: Any, seen: Any) -> tu
     mean, column = predicted.mean, predicted.spread
     innovation = ca.if_else(seen, rate, mean[1]) - mean[1]
     if column is None:
-        gain, updated, spread = entry_update(predicted.covariance, 1, variance, seen)
+        gain, updated, weight = entry_update(predicted.covariance, 1, variance, seen)
     else:  # the gain is not the one that the covariance asks for: Joseph's form
-        spread = column[1] + variance
-        gain = column * (seen / spread)
+        weight = 1 / (column[1] + variance)
+        gain = column * (seen * weight)
         kept = ca.SX.eye(mean.shape[0])
         kept[:, 1] -= gain
         updated = mirrored(kept @ predicted.covariance @ kept.T + gain @ gain.T * variance)
-    return mean + gain * innovation, updated, innovation / ca.sqrt(spread)
+    return mean + gain * innovation, updated, innovation * ca.sqrt(weight)

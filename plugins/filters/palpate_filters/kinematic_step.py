@@ -59,9 +59,9 @@ def kinematic_step(
     total, seen_count = ca.SX(0), ca.SX(0)
     for axis, measured, std in ((0, height, noise.position), (1, velocity, noise.velocity)):
         seen = ca.fabs(measured) <= _LARGEST
-        gain, P, spread = entry_update(P, axis, std**2, seen)
+        gain, P, weight = entry_update(P, axis, std**2, seen)
         innovation = ca.if_else(seen, measured, x[axis]) - x[axis]
-        x, total, seen_count = x + gain * innovation, total + innovation**2 / spread, seen_count + seen
+        x, total, seen_count = x + gain * innovation, total + innovation**2 * weight, seen_count + seen
     seen = ca.fabs(force) <= _LARGEST
     x, P, surprise = _force_update(process, x, P, force, noise.force**2, seen, iterations, student)
     total, seen_count = total + surprise**2, seen_count + seen
@@ -170,9 +170,9 @@ def _force_update(
         if student is not None:
             plain = innovation**2 / (ca.dot(row, covariance @ row) + variance)
             used = variance * ca.fmax((student + plain) / (student + 1.0), 1.0)
-        gain, P, spread = vector_update(covariance, row, used, seen)
+        gain, P, weight = vector_update(covariance, row, used, seen)
         at = x = mean + gain * innovation
-        surprise = innovation / ca.sqrt(spread)
+        surprise = innovation * ca.sqrt(weight)
     return x, P, surprise
 
 

@@ -20,18 +20,18 @@ def congruence(left: Any, matrix: Any) -> Any:
 
 
 def entry_update(covariance: Any, axis: int, variance: Any, seen: Any) -> tuple[Any, Any, Any]:
-    """Gain, covariance after, and variance of the innovation, when entry `axis` of the state was measured.
+    """Gain, covariance after, and inverse variance of the innovation, when entry `axis` of the state was measured.
 
     With c the column of that entry and S = c_axis + R: P - c c^T/S, whose own row is P R/S, without cancellation.
     Where nothing was seen (0), the gain is 0 and the covariance stays.
     """
     column = covariance[:, axis]
-    spread = column[axis] + variance
-    gain = column * (seen / spread)
+    weight = 1 / (column[axis] + variance)
+    gain = column * (seen * weight)
     after = mirrored(covariance - gain @ column.T)
-    row = column * ((variance + (1 - seen) * column[axis]) / spread)
+    row = column * ((variance + (1 - seen) * column[axis]) * weight)
     after[:, axis], after[axis, :] = row, row.T
-    return gain, after, spread
+    return gain, after, weight
 
 
 def vector_update(covariance: Any, row: Any, variance: Any, seen: Any) -> tuple[Any, Any, Any]:
@@ -39,9 +39,9 @@ def vector_update(covariance: Any, row: Any, variance: Any, seen: Any) -> tuple[
     import casadi as ca
 
     column = covariance @ row
-    spread = ca.dot(row, column) + variance
-    gain = column * (seen / spread)
-    return gain, mirrored(covariance - gain @ column.T), spread
+    weight = 1 / (ca.dot(row, column) + variance)
+    gain = column * (seen * weight)
+    return gain, mirrored(covariance - gain @ column.T), weight
 
 
 def cholesky(matrix: Any) -> tuple[Any, Any]:
