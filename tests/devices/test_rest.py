@@ -18,8 +18,9 @@ def test_noise_that_the_filter_was_not_told(bench, short, tmp_path):
     assert "[estimator.ekf] force_std = 0.05 N" in str(caught.value)
     assert twin.state()["height"] == pytest.approx(before, abs=1e-6)
     assert (tmp_path / "refused" / "log.mcap").exists()
-    result = twin.run("estimator.ekf.noise=measure")
-    again = twin.replay(tmp_path / "out" / "log.mcap", "again", "estimator.ekf.noise=measure")
+    measured = ("estimator.ekf.noise=measure", "estimator.kinematic.noise=measure")
+    result = twin.run(*measured)
+    again = twin.replay(tmp_path / "out" / "log.mcap", "again", *measured)
     ours, theirs = (json.loads((folder / "result.json").read_text()) for folder in (result.folder, again.folder))
     noise, rest = ours["tracks"]["dr/ekf"]["details"]["noise"], ours["run"]["live"]["rest"]
     assert noise["from"] == "rest"
