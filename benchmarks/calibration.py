@@ -13,8 +13,11 @@ import argparse
 from collections.abc import Iterable
 
 import numpy as np
-from palpate.alignment import GRAVITY, AlignmentSettings
-from palpate.calibration import CalibrationSettings, Measured, Record, Recorder, calibrate
+from palpate.alignment import GRAVITY, AlignmentSettings, Ports
+from palpate_calibration.protocol import calibrate
+from palpate_calibration.quantity import Measured
+from palpate_calibration.record import CalibrationRecord, CalibrationRecorder
+from palpate_calibration.settings import CalibrationSettings
 from palpate_devices.sim import SimulatedRig
 from palpate_models import DimensionalityReduction, Sphere
 from palpate_trajectories.shake import Shake
@@ -32,9 +35,9 @@ def rig(**settings: object) -> SimulatedRig:
     return SimulatedRig.model_validate({"specimen": specimen, **settings})
 
 
-def record(device: SimulatedRig, shake: Shake, seed: int, channels: AlignmentSettings = CHANNELS) -> Record:
+def record(device: SimulatedRig, shake: Shake, seed: int, channels: AlignmentSettings = CHANNELS) -> CalibrationRecord:
     """One repeat."""
-    recorder = Recorder(channels, {"rig": device.streams})
+    recorder = CalibrationRecorder(channels, Ports.of(channels, {"rig": device.streams}))
     with device.connect(seed) as link:
         link.follow(shake)  # type: ignore[attr-defined]
         for batch in link.batches():

@@ -16,7 +16,9 @@ from pathlib import Path
 import numpy as np
 from palpate import Channel, Stream
 from palpate.alignment import GRAVITY, Health
-from palpate.calibration import CalibrationSettings, Record, Track, calibrate
+from palpate_calibration.protocol import calibrate
+from palpate_calibration.record import CalibrationRecord, Trace
+from palpate_calibration.settings import CalibrationSettings
 from palpate_devices.twins.bench import VirtualBench, World
 from palpate_devices.ur3e.kinematics import pose_of
 from palpate_models import DimensionalityReduction, Sphere
@@ -34,7 +36,7 @@ def seen(delay: float) -> float:
     return delay + float(places.mean()) - TICK / 2
 
 
-def record(bench: VirtualBench, seed: int) -> Record:
+def record(bench: VirtualBench, seed: int) -> CalibrationRecord:
     """One shake, tick by tick."""
     world = World(bench, seed)
     try:
@@ -43,7 +45,7 @@ def record(bench: VirtualBench, seed: int) -> Record:
         world.close()
 
 
-def _shaken(world: World, bench: VirtualBench) -> Record:
+def _shaken(world: World, bench: VirtualBench) -> CalibrationRecord:
     sensor, readings, heights = world.sensor, [], []
     sensor._sinc, sensor._mode, sensor._next = 64, "run", 0.0
     sensor.poll = lambda now: None  # type: ignore[method-assign]
@@ -59,8 +61,8 @@ def _shaken(world: World, bench: VirtualBench) -> Record:
     tracks = []
     for name, unit, rows in (("wrench", "N", readings), ("tip", "m", heights)):
         table = np.array(rows)
-        tracks.append(Track(table[:, 0], table[:, 1], Health(Stream(name, (Channel("z", unit),), 800.0))))
-    return Record(tracks[0], tracks[1], None)
+        tracks.append(Trace(table[:, 0], table[:, 1], Health(Stream(name, (Channel("z", unit),), 800.0))))
+    return CalibrationRecord(tracks[0], tracks[1], None)
 
 
 def main() -> None:

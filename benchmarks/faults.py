@@ -24,6 +24,7 @@ _SURFACE = 0.0003  # [m]
 _FAULTS = (
     *("protective-stop", "safeguard-stop", "emergency-stop", "stop-program", "pause-program"),
     *("freeze", "half", "stall 0.4", "close", "reset", "gone"),
+    *("stuck-pose", "nan-pose", "jam", "mute-control"),
     *("unplug", "silent", "reboot", "overrange", "saturated", "raw"),
 )
 
@@ -55,7 +56,7 @@ def measured(twin, fault: str, folder: Path) -> dict | None:
     thread.start()
     text = "nothing"
     try:
-        twin.run(out=folder.name, patient=False)
+        twin.run('run.tracks=["dr/ekf"]', out=folder.name, limits=())
     except DeviceError as error:
         text = str(error).split(" (what was found")[0]
     time.sleep(0.3)
@@ -76,6 +77,7 @@ def measured(twin, fault: str, folder: Path) -> dict | None:
         "still": min(still, turned) - began,
         "free": free - began,
         "deeper": deeper,
+        "peak": twin.state()["peak_force"] / 1e3,
     }
 
 
@@ -137,11 +139,45 @@ def force_limits(repeats: int) -> None:
         print(f"| {case} | {' | '.join(cells)} |", flush=True)
 
 
+_TRICKS = (  # what, the tip's start [mm, deg], elasticity [Pa], overrides of the run
+    ("tool off by 3 deg", (0, 0, 4, 3, 0, 0), 112.5e3, ()),
+    ("tool off by 8 deg", (0, 0, 4, 8, 0, 0), 112.5e3, ()),
+    ("tool off by 90 deg about its axis", (0, 0, 4, 0, 0, 90), 112.5e3, ()),
+    ("5 mm deep at the start, 18 N", (0, 0, -5, 0, 0, 0), 366e3, ()),
+    ("the same, a rest of 50 N allowed", (0, 0, -5, 0, 0, 0), 366e3, ("safety.rest_force=50 N",)),
+    ("the same, 60 N allowed", (0, 0, -5, 0, 0, 0), 366e3, ("safety.rest_force=50 N", "safety.force=60 N")),
+    ("a joint may turn at 2 deg/s", (0, 0, 4, 0, 0, 0), 112.5e3, ("device.arm.joint_speed=2 deg/s",)),
+)
+
+
+def tricks() -> None:
+    """Starts that no limit allows: how it ended, and what the arm truly did."""
+    module = devices_conftest()
+    print("| trick | what the user sees | fastest tip mm/s | joint deg/s | lowest mm | peak N |")
+    with tempfile.TemporaryDirectory() as name:
+        twin = module.Bench(Path(name), module.SHORT)
+        try:
+            for i, (what, start, elasticity, overrides) in enumerate(_TRICKS):
+                for words in (f"start {' '.join(map(str, start))}", f"elasticity {elasticity}", "restore", "mark"):
+                    twin.fault(words)
+                text = "runs"
+                try:
+                    twin.run('run.tracks=["dr/ekf"]', *overrides, out=f"trick{i}")
+                except DeviceError as error:
+                    text = str(error).split(" (what was found")[0]
+                state = twin.state()
+                joint, tip = 57.3 * state["fastest_joint"], 1e3 * state["fastest_tip"]
+                low, peak = 1e3 * state["low"][2], state["peak_force"]
+                print(f"| {what} | {text} | {tip:.1f} | {joint:.1f} | {low:.2f} | {peak:.1f} |", flush=True)
+        finally:
+            twin.close()
+
+
 def main() -> None:
     """All of them, some times each; ``faults.py 5 force`` and ``faults.py 1 start`` for other tables."""
     repeats = int(sys.argv[1]) if len(sys.argv) > 1 else 3
     if sys.argv[2:]:
-        {"force": force_limits, "start": starts}[sys.argv[2]](repeats)
+        {"force": force_limits, "start": starts, "tricks": lambda _: tricks()}[sys.argv[2]](repeats)
         return
     with tempfile.TemporaryDirectory() as name:
         module = devices_conftest()
@@ -160,7 +196,7 @@ def main() -> None:
                     if len(rows) == repeats:
                         break
                 cells = []
-                for key in ("learnt", "still", "free", "deeper"):
+                for key in ("learnt", "still", "free", "deeper", "peak"):
                     values = sorted(1e3 * row[key] for row in rows)
                     cells.append(f"{values[len(values) // 2]:.3g} ({values[-1]:.3g})")
                 print(f"| {fault} | {rows[0]['text']} | {' | '.join(cells)} |", flush=True)

@@ -12,17 +12,15 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Problem, Samples
+from palpate import Floats, Problem, Samples
 from palpate_filters.fit import CasadiFit
 from palpate_filters.fit.first_guess import first_guess, linear_places
-from palpate_filters.fit.loss import Loss
+from palpate_filters.fit.loss import LossFunction
 from palpate_filters.fit.residual import Residual
 from palpate_filters.fit.solvers import build_ipopt, solve_ipopt, solve_trf, solve_varpro
 from palpate_models import DimensionalityReduction, Sphere
 from scipy.optimize import curve_fit
 
-Floats = NDArray[np.float64]
 RADIUS, ELASTICITY, VISCOSITY, SURFACE = 5e-3, 112.5e3, 362.0, 0.3e-3
 REPEATS = 15
 
@@ -73,7 +71,7 @@ def solvers(n: int = 20_000) -> None:
     model = DimensionalityReduction(indenter=Sphere(radius=RADIUS))
     tracker = CasadiFit(profile=False, unknowns=()).start(Problem(model, None))
     fit = tracker.fit(palpation(n))  # type: ignore[attr-defined]
-    record, unknowns, loss = fit.record, fit.unknowns, Loss()
+    record, unknowns, loss = fit.record, fit.unknowns, LossFunction()
     linear = linear_places(model, unknowns)
     residual, projected = Residual(model, unknowns.free), Residual(model, linear)
     start = solve_trf(residual, unknowns, record.thinned(1000), first_guess(model, unknowns, record), loss).x

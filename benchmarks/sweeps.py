@@ -14,13 +14,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from palpate import TrackName
 from palpate.alignment import Aligner
 from palpate.config import Pipeline, load_pipeline
 from palpate.device import Batch
 from palpate.estimation import Samples, Status
-from palpate.maps import Findings, LumpSettings, Path2D, find_lumps, read_path, sites_along
 from palpate.pipeline import run_pipeline, start_tracks
 from palpate.pipeline.flow import the_trajectory
+from palpate_maps.analysis import Findings, LumpSettings, Path2D, find_lumps, read_path, sites_along
 
 PIPELINE = Path(__file__).parent.parent / "pipelines" / "sweep.toml"
 LUMPS = (-0.014, 0.014)  # [m] where the line crosses the sphere, and the horseshoe's bow
@@ -53,7 +54,7 @@ def samples_of(given: Pipeline) -> Samples:
         link.follow(the_trajectory(given))  # type: ignore[attr-defined]
         for batch in link.batches():
             batches.setdefault(batch.stream, []).append(batch)
-    aligner = Aligner(given.alignment, {name: rig.streams})
+    aligner = Aligner(given.alignment, given.ports)
     for stream, group in batches.items():
         time, received, values = (
             np.concatenate([getattr(b, key) for b in group]) for key in ("time", "received", "values")
@@ -147,7 +148,7 @@ def roc(seeds: Sequence[int]) -> None:
     columns = [(track, method) for method in METHODS for track in tracks]
     print(
         "| depth mm | stiffness ratio | contrast % | "
-        + " | ".join(f"{t.split('/')[1]}, {m}" for t, m in columns)
+        + " | ".join(f"{TrackName.parse(t).estimator}, {m}" for t, m in columns)
         + " |"
     )
     print("|---|---|---|" + "---|" * len(columns))
@@ -173,8 +174,8 @@ def _listed(tracks: Sequence[str]) -> str:
 
 def search(seeds: Sequence[int]) -> None:
     """Time to a checked sphere of 5 mm radius anywhere in 60 mm x 40 mm: two coarse lines, then points by suspicion."""
-    from palpate.cli.search import visit
-    from palpate.maps import propose, settled, surest
+    from palpate_maps.analysis import propose, settled, surest
+    from palpate_maps.commands.search import visit
 
     raster = PIPELINE.with_name("raster.toml")
     whole = next(iter(load_pipeline(raster).trajectories.values())).total_duration

@@ -11,6 +11,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from palpate import TrackName
 from palpate.config import Source, build_pipeline
 from palpate.pipeline import run_pipeline
 
@@ -74,7 +75,7 @@ def elasticities(folder: Path, name: str, radius: str, motion: str, force: str) 
     with tempfile.TemporaryDirectory() as out:
         result = run_pipeline(build_pipeline(Source(text, Path("pipeline.toml"))), Path(out) / "run")
     found = {label: track.parameters["elasticity"] for label, track in result.tracks.items()}
-    return {label.split("/")[0]: (e.value / 1e3, e.std / 1e3) for label, e in found.items()}
+    return {TrackName.parse(label).model: (e.value / 1e3, e.std / 1e3) for label, e in found.items()}
 
 
 def main() -> None:

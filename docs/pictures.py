@@ -15,6 +15,7 @@ from palpate import ContactModel, Indenter, contact_force, force_over_time, tip_
 from palpate_models import (
     Compression,
     DimensionalityReduction,
+    DimensionalityReductionMaxwell,
     FreeHuntCrossley,
     HuntCrossley,
     KelvinVoigt,
@@ -54,6 +55,10 @@ def models(tip: Indenter) -> dict[str, tuple[ContactModel, list[float]]]:
     settings: dict[str, tuple[ContactModel, list[float]]] = {
         "dimensionality-reduction": (DimensionalityReduction(indenter=tip), [ELASTICITY, VISCOSITY]),
         "standard-linear-solid": (StandardLinearSolid(indenter=tip), [ELASTICITY, 60e3, 0.1]),
+        "dimensionality-reduction-maxwell": (
+            DimensionalityReductionMaxwell(indenter=tip),
+            [ELASTICITY, VISCOSITY, 60e3, 0.1],
+        ),
         "maxwell": (Maxwell(indenter=tip), [ELASTICITY, 30e3]),
         "kelvin-voigt": (KelvinVoigt(), [1000.0, 15.0]),
         "hunt-crossley": (HuntCrossley(), [0.45, 5.0]),
@@ -97,7 +102,8 @@ def draw_models(pyplot: Any) -> None:
         axis.set(title=name, xlabel="d [mm]", ylabel="F [N]")
         axis.title.set_fontsize(9)
         axis.grid(alpha=0.3)
-    axes.flat[-1].axis("off")
+    for axis in axes.flat[len(chosen) :]:
+        axis.axis("off")
     save(figure, "models")
 
 
@@ -126,8 +132,10 @@ def draw_thickness(pyplot: Any) -> None:
 
 def late_runs(folder: Path) -> dict[str, tuple[Any, Any]]:
     """Time [s] and viscosity [Pa s] of pipelines/late.toml, before its calibration and after."""
-    from palpate.config import load_pipeline, load_plan
-    from palpate.pipeline import run_calibration, run_pipeline
+    from palpate.config import load_pipeline
+    from palpate.pipeline import run_pipeline
+    from palpate_calibration.guided import run_calibration
+    from palpate_calibration.plan import load_plan
 
     source = Path(__file__).parents[1] / "pipelines" / "late.toml"
     file = folder / "late.calibration.toml"

@@ -1,5 +1,7 @@
 """What the tests share: the real command, the example pipelines, the authors' logs."""
 
+import contextlib
+import io
 import os
 import shutil
 import subprocess
@@ -7,17 +9,20 @@ import sys
 from pathlib import Path
 
 import pytest
+from palpate.cli import main
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
 
 ROOT = Path(__file__).parent.parent
-_LIVE = {"bench", "shared_bench"}  # fixtures that run a twin in real time
+_LIVE = {"bench", "shared_bench", "main_job"}  # fixtures that run a twin in real time
 
 
 def pytest_collection_modifyitems(items):
-    """Tests in real time want both cores to themselves."""
+    """A job that moves the twins wants the cores to itself, as on a rig; what only talks to them runs beside others."""
     for item in items:
-        if _LIVE & set(getattr(item, "fixturenames", ())):
+        if item.get_closest_marker("talks"):
+            item.add_marker(pytest.mark.xdist_group("talks"))  # they wait: one worker is enough
+        elif _LIVE & set(getattr(item, "fixturenames", ())):
             item.add_marker(pytest.mark.live)
 
 
@@ -53,8 +58,8 @@ def run_point(point_pipeline, tmp_path):
 
 
 @pytest.fixture
-def palpate(tmp_path):
-    """The real command line, in a folder of its own."""
+def palpate_process(tmp_path):
+    """The real command line in a process and a folder of its own: for what only a process shows."""
 
     def call(*arguments, cwd=tmp_path, timeout=300, **environment):
         command = [sys.executable, "-c", "from palpate.cli import main; main()", *map(str, arguments)]
@@ -62,5 +67,32 @@ def palpate(tmp_path):
         return subprocess.run(
             command, cwd=cwd, env=env, capture_output=True, text=True, timeout=timeout, stdin=subprocess.DEVNULL
         )
+
+    return call
+
+
+@pytest.fixture
+def palpate(tmp_path, monkeypatch, palpate_process):
+    """The command line in a folder of its own, called as a function: the same `main`, without a second of imports.
+
+    With environment variables that are read at the start of a process (all but the terminal's width) it is a process.
+    """
+
+    def call(*arguments, cwd=tmp_path, timeout=300, COLUMNS="140", **environment):
+        if environment:
+            return palpate_process(*arguments, cwd=cwd, timeout=timeout, COLUMNS=COLUMNS, **environment)
+        arguments = ["palpate", *map(str, arguments)]
+        out, errors, code = io.StringIO(), io.StringIO(), 0
+        with monkeypatch.context() as patch, Path(os.devnull).open() as nothing:
+            patch.chdir(cwd)
+            patch.setenv("COLUMNS", COLUMNS)
+            patch.setattr(sys, "argv", arguments)
+            patch.setattr(sys, "stdin", nothing)
+            with contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
+                try:
+                    main()
+                except SystemExit as end:
+                    code = end.code or 0
+        return subprocess.CompletedProcess(arguments, code, out.getvalue(), errors.getvalue())
 
     return call

@@ -10,12 +10,12 @@ import pytest
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory, root):
-    """A folder on the import path into which pip has installed the distribution."""
+    """A folder on the import path into which pip has installed the distributions."""
     target = tmp_path_factory.mktemp("site")
-    source = root / "tests" / "third_party" / "palpate-punch"
+    strangers = [root / "tests" / "third_party" / name for name in ("palpate-punch", "palpate-histogram")]
     command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
     environment = {**os.environ, "PIP_DISABLE_PIP_VERSION_CHECK": "1", "PIP_ROOT_USER_ACTION": "ignore"}
-    subprocess.run([*command, "--target", target, source], check=True, env=environment, timeout=120)
+    subprocess.run([*command, "--target", target, *strangers], check=True, env=environment, timeout=120)
     return target
 
 
@@ -62,6 +62,36 @@ def test_its_parts_pass_the_checks(installed):
     )
     environment = {**os.environ, "PYTHONPATH": str(installed)}
     subprocess.run([sys.executable, "-c", script], check=True, env=environment, timeout=60)
+
+
+def test_an_analysis_of_a_stranger_stands_beside_ours(palpate, installed, point_pipeline, tmp_path):
+    environment = {"PYTHONPATH": str(installed)}
+    assert "histogram" in palpate("--help", **environment).stdout
+    point_pipeline.write_text(point_pipeline.read_text() + "\n[histogram]\nbins = 1\n")
+    short = ["--set", "trajectory.press.duration=2 s", "--set", 'run.tracks=["dr/ekf"]']
+    done = palpate("run", point_pipeline, "--out", tmp_path / "out", *short, **environment)
+    assert done.returncode == 0, done.stderr
+    assert "histogram: 1 tracks to count" in done.stdout
+    shown = palpate("histogram", tmp_path / "out", **environment)
+    assert shown.returncode == 0, shown.stderr
+    assert "elasticity of dr/ekf" in shown.stdout
+    assert " 1 " in shown.stdout
+    wrong = palpate("check", point_pipeline, "--set", "histogram.bins=0", **environment)
+    assert wrong.returncode == 2
+    assert "[histogram] bins" in wrong.stderr
+    unknown = palpate("check", point_pipeline)
+    assert unknown.returncode == 2
+    assert "[histogram]: unknown table" in unknown.stderr
+
+
+def test_a_stranger_cannot_take_a_command_of_ours(palpate, tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "from palpate import Command, plugin\n"
+        "@plugin\ndef palpate_commands():\n    return {'run': Command('mine:run', 'My own.')}\n"
+    )
+    done = palpate("--plugin", tmp_path / "mine.py", "--help")
+    assert done.returncode == 2
+    assert "command 'run' is the core's own" in done.stderr
 
 
 def test_two_distributions_that_claim_one_name(palpate, installed, tmp_path):

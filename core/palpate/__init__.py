@@ -1,87 +1,190 @@
 """palpate: elasticity and viscosity of soft material from robotic palpation, each with its uncertainty."""
 
-from palpate.contact import (
-    ContactModel,
-    Indenter,
-    MaterialValue,
-    Parameter,
-    arctan,
-    contact_force,
-    force_over_time,
-    log,
-    select,
-    sqrt,
-    tanh,
-    tip_profile,
-)
-from palpate.device import Approaching, Arm, Batch, Channel, Device, Link, Retractable, Stream, Watched
-from palpate.errors import ConfigurationError, DeviceError, LogError, OutputError, PalpateError, PluginError, UserError
-from palpate.estimation import (
-    Belief,
-    Estimates,
-    Estimator,
-    Moment,
-    Problem,
-    Samples,
-    Status,
-    Tracker,
-    track_by_step,
-)
-from palpate.hooks import plugin
-from palpate.kernel import Kernel, Step, compile_step
-from palpate.parts import File, Part, Settings
-from palpate.process import InertialProcess, KinematicProcess
-from palpate.recording import Recording, Suggestion, Survey, TopicSurvey
-from palpate.sink import Run, Sink, Writer
-from palpate.trajectory import OwnMotion, Setpoint, Trajectory
-from palpate.twin import Twin
-from palpate.units import (
-    Acceleration,
-    Angle,
-    Damping,
-    Force,
-    ForceDrift,
-    Frequency,
-    Length,
-    Mass,
-    Pressure,
-    Speed,
-    Stiffness,
-    Time,
-    Viscosity,
-    is_number,
-    to_si,
+from typing import TYPE_CHECKING
+
+from palpate.extensions import lazily
+
+if TYPE_CHECKING:
+    from palpate.alignment.change_point import ChangePoint, change_point
+    from palpate.contact import (
+        ContactModel,
+        Indenter,
+        MaterialValue,
+        Parameter,
+        arctan,
+        contact_force,
+        force_over_time,
+        log,
+        select,
+        sqrt,
+        tanh,
+        tip_profile,
+    )
+    from palpate.device import (
+        Approaching,
+        Arm,
+        Attending,
+        Batch,
+        Channel,
+        Device,
+        Link,
+        Observable,
+        Refusing,
+        Retractable,
+        SelfMoving,
+        Simulated,
+        Stream,
+        Turnable,
+        Watched,
+    )
+    from palpate.diagnosis import Diagnosed, Kept, TrackEvidence
+    from palpate.errors import (
+        ConfigurationError,
+        DeviceError,
+        LogError,
+        OutputError,
+        PalpateError,
+        PluginError,
+        UserError,
+    )
+    from palpate.estimation import (
+        Belief,
+        Estimates,
+        Estimator,
+        Moment,
+        Problem,
+        Samples,
+        Status,
+        Tracker,
+        track_by_step,
+    )
+    from palpate.extensions import Command, Diagnosis, ReportSection, Template
+    from palpate.fit_report import BudgetRow, Effect, FitReport, Unknown
+    from palpate.flags import Flag, FlagMeaning
+    from palpate.hooks import plugin
+    from palpate.kernel import Kernel, Step, compile_step
+    from palpate.limiting import ArmLimits, ForceWatch, Limited, Retreating, Shareable, SharedReadings, Sharing
+    from palpate.migration import Migration
+    from palpate.parts import File, Part, Settings
+    from palpate.printed import printable
+    from palpate.process import InertialProcess, KinematicProcess
+    from palpate.recording import Attached, FieldSurvey, Recording, Suggestion, Survey, TopicSurvey
+    from palpate.sink import GuardState, Run, Sink, TakesFlags, TakesGuard, TakesHealth, TakesResult, Writer
+    from palpate.track_name import TrackName
+    from palpate.trajectory import OwnMotion, Resumable, Setpoint, Trajectory
+    from palpate.twin import Twin
+    from palpate.units import (
+        Acceleration,
+        Angle,
+        AngularSpeed,
+        Damping,
+        Delay,
+        Depth,
+        Force,
+        ForceDrift,
+        ForceWalk,
+        Frequency,
+        Length,
+        Mass,
+        Pressure,
+        Speed,
+        Stiffness,
+        Time,
+        TipMass,
+        Viscosity,
+        is_number,
+        to_si,
+    )
+    from palpate.vectors import Floats, Layout
+
+# Where each name is: importing palpate imports none of them, for most of them want numpy and pydantic.
+__getattr__ = lazily(
+    "palpate",
+    {
+        "palpate.alignment.change_point": "ChangePoint change_point",
+        "palpate.contact": "ContactModel Indenter MaterialValue Parameter arctan contact_force "
+        "force_over_time log select sqrt tanh tip_profile",
+        "palpate.device": "Approaching Arm Attending Batch Channel Device Link Observable Refusing "
+        "Retractable SelfMoving Simulated Stream Turnable Watched",
+        "palpate.diagnosis": "Diagnosed Kept TrackEvidence",
+        "palpate.errors": "ConfigurationError DeviceError LogError OutputError PalpateError PluginError UserError",
+        "palpate.estimation": "Belief Estimates Estimator Moment Problem Samples Status Tracker track_by_step",
+        "palpate.extensions": "Command Diagnosis ReportSection Template",
+        "palpate.fit_report": "BudgetRow Effect FitReport Unknown",
+        "palpate.flags": "Flag FlagMeaning",
+        "palpate.hooks": "plugin",
+        "palpate.kernel": "Kernel Step compile_step",
+        "palpate.limiting": "ArmLimits ForceWatch Limited Retreating Shareable SharedReadings Sharing",
+        "palpate.migration": "Migration",
+        "palpate.parts": "File Part Settings",
+        "palpate.printed": "printable",
+        "palpate.process": "InertialProcess KinematicProcess",
+        "palpate.recording": "Attached FieldSurvey Recording Suggestion Survey TopicSurvey",
+        "palpate.sink": "GuardState Run Sink TakesFlags TakesGuard TakesHealth TakesResult Writer",
+        "palpate.track_name": "TrackName",
+        "palpate.trajectory": "OwnMotion Resumable Setpoint Trajectory",
+        "palpate.twin": "Twin",
+        "palpate.units": "Acceleration Angle AngularSpeed Damping Delay Depth Force ForceDrift "
+        "ForceWalk Frequency Length Mass Pressure Speed Stiffness Time TipMass "
+        "Viscosity is_number to_si",
+        "palpate.vectors": "Floats Layout",
+    },
 )
 
 __all__ = [
     "Acceleration",
     "Angle",
+    "AngularSpeed",
     "Approaching",
     "Arm",
+    "ArmLimits",
+    "Attached",
+    "Attending",
     "Batch",
     "Belief",
+    "BudgetRow",
+    "ChangePoint",
     "Channel",
+    "Command",
     "ConfigurationError",
     "ContactModel",
     "Damping",
+    "Delay",
+    "Depth",
     "Device",
     "DeviceError",
+    "Diagnosed",
+    "Diagnosis",
+    "Effect",
     "Estimates",
     "Estimator",
+    "FieldSurvey",
     "File",
+    "FitReport",
+    "Flag",
+    "FlagMeaning",
+    "Floats",
     "Force",
     "ForceDrift",
+    "ForceWalk",
+    "ForceWatch",
     "Frequency",
+    "GuardState",
     "Indenter",
     "InertialProcess",
+    "Kept",
     "Kernel",
     "KinematicProcess",
+    "Layout",
     "Length",
+    "Limited",
     "Link",
     "LogError",
     "Mass",
     "MaterialValue",
+    "Migration",
     "Moment",
+    "Observable",
     "OutputError",
     "OwnMotion",
     "PalpateError",
@@ -91,11 +194,20 @@ __all__ = [
     "Pressure",
     "Problem",
     "Recording",
+    "Refusing",
+    "ReportSection",
+    "Resumable",
     "Retractable",
+    "Retreating",
     "Run",
     "Samples",
+    "SelfMoving",
     "Setpoint",
     "Settings",
+    "Shareable",
+    "SharedReadings",
+    "Sharing",
+    "Simulated",
     "Sink",
     "Speed",
     "Status",
@@ -104,22 +216,35 @@ __all__ = [
     "Stream",
     "Suggestion",
     "Survey",
+    "TakesFlags",
+    "TakesGuard",
+    "TakesHealth",
+    "TakesResult",
+    "Template",
     "Time",
+    "TipMass",
     "TopicSurvey",
+    "TrackEvidence",
+    "TrackName",
     "Tracker",
     "Trajectory",
+    "Turnable",
     "Twin",
+    "Unknown",
     "UserError",
     "Viscosity",
     "Watched",
     "Writer",
     "arctan",
+    "change_point",
     "compile_step",
     "contact_force",
     "force_over_time",
     "is_number",
+    "lazily",
     "log",
     "plugin",
+    "printable",
     "select",
     "sqrt",
     "tanh",

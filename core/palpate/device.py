@@ -36,6 +36,7 @@ class Stream:
     clock: str = "device"  # streams of one clock have comparable time-stamps
     frame: str = ""  # coordinate frame of the numbers
     estimated: bool = False  # computed by the device from something else, not measured
+    delay: float = 0.0  # [s] by which the device's own filter holds a reading back, nominally
 
 
 @dataclass(frozen=True)
@@ -109,6 +110,16 @@ class Watched(Protocol):
         ...
 
 
+@runtime_checkable
+class Attending(Protocol):
+    """A link whose readings are received by another process than the one that takes its batches."""
+
+    @property
+    def attended(self) -> int:
+        """When that process last looked for readings [ns], on the clock of `Batch.received`."""
+        ...
+
+
 class Device(Part, ABC):
     """Settings of a device; `connect` gives the link for as long as it is needed, and cleans up after it."""
 
@@ -132,31 +143,6 @@ class Device(Part, ABC):
         return False
 
     @property
-    def truth(self) -> Mapping[str, float]:
-        """What a simulated device knows and an estimator should find, by parameter name [SI]; else empty."""
-        return {}
-
-    @property
-    def outlines(self) -> tuple[NDArray[np.float64], ...]:
-        """Closed outlines (k, 2) [m] of what a simulated device hides below the skin, for pictures; else none."""
-        return ()
-
-    def refuse(self, setpoint: Setpoint) -> None:
-        """Raise ConfigurationError where this device must not go; nothing moves for it. By default it goes anywhere."""
-
-    def turned(self, down: tuple[float, ...]) -> Device | None:
-        """This device with the tool turned so that gravity points along `down` in the sensor's frame.
-
-        None where a person has to turn it.
-        """
-        return None
-
-    @property
-    def own_motion(self) -> OwnMotion | None:
-        """What it does by itself besides the motion that it is told; None where it does nothing."""
-        return None
-
-    @property
     def provenance(self) -> Mapping[str, str]:
         """What a record must say of this device to be redone: file and hash, serial number, firmware."""
         return {}
@@ -175,3 +161,73 @@ class Device(Part, ABC):
 def address(device: str, stream: Stream, channel: Channel) -> str:
     """How a pipeline names a channel: ``rig.wrench.z``, or ``log.fz`` where the stream has no name."""
     return ".".join(part for part in (device, stream.name, channel.name) if part)
+
+
+@runtime_checkable
+class Simulated(Protocol):
+    """A device that knows what an estimator should find."""
+
+    @property
+    def truth(self) -> Mapping[str, float]:
+        """By parameter name [SI]."""
+        ...
+
+    @property
+    def outlines(self) -> tuple[NDArray[np.float64], ...]:
+        """Closed outlines (k, 2) [m] of what is hidden below the skin, for pictures."""
+        ...
+
+
+@runtime_checkable
+class Turnable(Protocol):
+    """A device whose tool can be turned without a person."""
+
+    def turned(self, down: tuple[float, ...]) -> Device:
+        """This device with its tool turned so that gravity points along `down` in the sensor's frame."""
+        ...
+
+
+@runtime_checkable
+class SelfMoving(Protocol):
+    """An arm that moves by itself besides the motion that it is told."""
+
+    @property
+    def own_motion(self) -> OwnMotion:
+        """How far, fast and sudden."""
+        ...
+
+
+@runtime_checkable
+class Observable(Protocol):
+    """A device that can be listened to without disturbing what it is doing."""
+
+    def observe(self, seed: int) -> AbstractContextManager[Link]:
+        """A link that only listens."""
+        ...
+
+
+@runtime_checkable
+class Refusing(Protocol):
+    """A device that does not go everywhere."""
+
+    def refuse(self, setpoint: Setpoint) -> None:
+        """Raise ConfigurationError where this device must not go; nothing moves for it."""
+        ...
+
+
+def truth_of(devices: Mapping[str, Device]) -> dict[str, float]:
+    """What the simulated ones among devices know, by parameter name [SI]."""
+    simulated = [device for device in devices.values() if isinstance(device, Simulated)]
+    return {name: value for device in simulated for name, value in device.truth.items()}
+
+
+def ask_devices(devices: Mapping[str, Device], setpoint: Setpoint) -> None:
+    """Let every device refuse setpoints before anything moves; raises ConfigurationError."""
+    for device in devices.values():
+        if isinstance(device, Refusing):
+            device.refuse(setpoint)
+
+
+def own_motions(devices: Mapping[str, Device]) -> dict[str, OwnMotion]:
+    """What arms among devices do by themselves, by name."""
+    return {name: device.own_motion for name, device in devices.items() if isinstance(device, SelfMoving)}

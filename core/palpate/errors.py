@@ -4,6 +4,7 @@
 
     PalpateError                exit code 1: not the user's doing
     ├── DeviceError             a robot, sensor or link failed while in use
+    ├── StoppedError            exit code 128 + signal: somebody stopped it, what there is is partial
     └── UserError               exit code 2: something the user can mend
         ├── ConfigurationError  a pipeline file or a command line says something impossible
         ├── PluginError         a plugin cannot be loaded, clashes, or breaks its interface
@@ -20,6 +21,14 @@ class PalpateError(Exception):
 
 class DeviceError(PalpateError):
     """A robot, a sensor or the link to it failed while in use."""
+
+
+class StoppedError(PalpateError):
+    """A signal ended a run before its end."""
+
+    def __init__(self, message: str, number: int) -> None:
+        super().__init__(message)
+        self.exit_code = 128 + number
 
 
 class UserError(PalpateError):

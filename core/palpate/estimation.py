@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import ContactModel
+from palpate.fit_report import FitReport
+from palpate.flags import Flag
 from palpate.parts import Part
-
-Floats = NDArray[np.float64]
+from palpate.vectors import Floats
 
 
 @dataclass(frozen=True)
@@ -77,15 +78,21 @@ class Estimates:
     force: Floats  # (n,) [N] contact force of the model at the estimate
     nis: Floats  # (n,) normalised innovation squared; 1 on average where model and noise are right
     status: NDArray[np.uint32]  # (n,) of Status
-    # What an estimator has to say beyond its numbers, in plain data that JSON can hold; it goes into result.json.
+    # What only the estimator's own readers know, in plain data that JSON can hold; it goes into result.json as it is.
     details: Mapping[str, Any] = field(default_factory=dict)
-    flags: tuple[str, ...] = ()  # "code: sentence", of the block as a whole; they join those of the track
-    # (n,) innovation over its own standard deviation, with its sign; white where model and noise are right
+    flags: tuple[Flag, ...] = ()  # of the block as a whole; they join those of the track
+    # (n,) innovation over its own standard deviation, with its sign; white where model and noise are right. Of a fit it
+    # is the residual over the standard deviation of all residuals.
     innovation: Floats = field(default_factory=lambda: np.zeros(0))
+    report: FitReport | None = None  # of an offline fit that was made
+    timing_included: bool = False  # whether std holds the uncertainty between force and motion already
 
     def __post_init__(self) -> None:
         if len(self.innovation) != len(self.time):
             object.__setattr__(self, "innovation", np.full(len(self.time), np.nan))
+        for flag in self.flags:
+            if not isinstance(flag, Flag):
+                raise TypeError(f"a flag is a palpate.Flag(code, message), not {flag!r}")
 
     def __len__(self) -> int:
         return len(self.time)
@@ -107,6 +114,7 @@ class Problem:
     tip_mass: float | None  # [kg] of all that hangs behind the sensor; None where it is not declared
     timing_uncertainty: float | None = None  # [s] standard uncertainty between force and motion; None: not declared
     rest: float | None = None  # [s] at the beginning of the record that the tip hangs still in free air; None: unknown
+    others: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # parameters of the other models, by their name
 
 
 class Tracker(Protocol):
@@ -127,6 +135,16 @@ class Estimator(Part, ABC):
     def declared_noise(self) -> tuple[float, float] | None:
         """Standard deviations of force [N] and velocity [m/s] that it counts on; None where it does not ask for any."""
         return None
+
+    @property
+    def follows_changes(self) -> bool:
+        """Whether it is set to follow a material that changes along the way, rather than to find one value."""
+        return False
+
+    @property
+    def robust(self) -> bool:
+        """Whether single readings that are far off move its estimates little."""
+        return False
 
     @abstractmethod
     def start(self, problem: Problem) -> Tracker:

@@ -1,7 +1,8 @@
 """The whole plugin interface: what a plugin's module may offer.
 
 A plugin is a module named in the entry-point group ``palpate`` of its distribution, or a file named in
-``[run] plugins``. It offers parts by functions of the names below, each marked ``@palpate.plugin``::
+``[run] plugins``. It offers parts, commands and more by functions of the names below, each marked
+``@palpate.plugin``::
 
     from palpate import plugin
 
@@ -12,16 +13,24 @@ A plugin is a module named in the entry-point group ``palpate`` of its distribut
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import pluggy
 
-from palpate.contact import ContactModel, Indenter
-from palpate.device import Device
-from palpate.estimation import Estimator
-from palpate.sink import Sink
-from palpate.trajectory import Trajectory
-from palpate.twin import Twin
+from palpate.extensions import imported
+
+if TYPE_CHECKING:
+    from palpate.contact import ContactModel, Indenter
+    from palpate.device import Device
+    from palpate.estimation import Estimator
+    from palpate.extensions import Command, Diagnosis, ReportSection, Template
+    from palpate.flags import FlagMeaning
+    from palpate.migration import Migration
+    from palpate.parts import Part, Settings
+    from palpate.sink import Sink
+    from palpate.trajectory import Trajectory
+    from palpate.twin import Twin
 
 PROJECT = "palpate"
 plugin = pluggy.HookimplMarker(PROJECT)
@@ -63,13 +72,76 @@ def palpate_twins() -> Mapping[str, type[Twin]]:  # type: ignore[empty-body]
     """Devices in software, by the name that ``[twin.*] type = "..."`` gives them."""
 
 
-# Kind of part -> (hook, class that its parts derive from).
-KINDS = {
-    "indenter": ("palpate_indenters", Indenter),
-    "model": ("palpate_models", ContactModel),
-    "estimator": ("palpate_estimators", Estimator),
-    "device": ("palpate_devices", Device),
-    "trajectory": ("palpate_trajectories", Trajectory),
-    "sink": ("palpate_sinks", Sink),
-    "twin": ("palpate_twins", Twin),
+@_hook
+def palpate_diagnoses() -> Mapping[str, Diagnosis]:  # type: ignore[empty-body]
+    """Functions that judge what the tracks of a run found, by name; each is called once when a run has ended.
+
+    What they answer joins the track's flags and its budget of uncertainty, and ``diagnoses.NAME`` of its result.
+    """
+
+
+@_hook
+def palpate_commands() -> Mapping[str, Command]:  # type: ignore[empty-body]
+    """Subcommands of ``palpate`` by name; their modules are imported when they are called."""
+
+
+@_hook
+def palpate_tables() -> Mapping[str, type[Settings]]:  # type: ignore[empty-body]
+    """Tables of a pipeline file by name, such as ``[design]``: settings of an analysis, found in `Pipeline.tables`."""
+
+
+@_hook
+def palpate_report_sections() -> Mapping[str, ReportSection]:  # type: ignore[empty-body]
+    """Sections that are shown of a result besides its table of tracks, by name."""
+
+
+@_hook
+def palpate_templates() -> Mapping[str, Template]:  # type: ignore[empty-body]
+    """Texts for a user to begin with, such as a commented pipeline, by name."""
+
+
+@_hook
+def palpate_flags() -> Mapping[str, FlagMeaning]:  # type: ignore[empty-body]
+    """Severity, meaning and remedy of each flag that the plugin's parts raise, by the flag's code.
+
+    Flags that the core registers (`palpate describe`, docs/flags.md) may be raised by any part and are not repeated.
+    """
+
+
+@_hook
+def palpate_migrations() -> Sequence[Migration]:  # type: ignore[empty-body]
+    """What was renamed among the plugin's parts: pipelines that were written before are read by the old names."""
+
+
+_EXTENSIONS = {
+    "command": ("palpate_commands", "palpate.extensions:Command"),
+    "table": ("palpate_tables", "palpate.parts:Settings"),
+    "report section": ("palpate_report_sections", "palpate.extensions:ReportSection"),
+    "template": ("palpate_templates", "palpate.extensions:Template"),
+    "diagnosis": ("palpate_diagnoses", "palpate.extensions:Diagnosis"),
+    "flag": ("palpate_flags", "palpate.flags:FlagMeaning"),
 }
+_KINDS = {
+    "indenter": ("palpate_indenters", "palpate.contact:Indenter"),
+    "model": ("palpate_models", "palpate.contact:ContactModel"),
+    "estimator": ("palpate_estimators", "palpate.estimation:Estimator"),
+    "device": ("palpate_devices", "palpate.device:Device"),
+    "trajectory": ("palpate_trajectories", "palpate.trajectory:Trajectory"),
+    "sink": ("palpate_sinks", "palpate.sink:Sink"),
+    "twin": ("palpate_twins", "palpate.twin:Twin"),
+}
+
+if TYPE_CHECKING:
+    # What a plugin offers besides parts -> (hook, class that each must be, or derive from where it is a class).
+    EXTENSIONS: Mapping[str, tuple[str, type]]
+    # Kind of part -> (hook, class that its parts derive from).
+    KINDS: Mapping[str, tuple[str, type[Part]]]
+
+
+def __getattr__(name: str) -> Any:
+    """KINDS and EXTENSIONS with their classes, which are imported when they are first asked for."""
+    tables = {"KINDS": _KINDS, "EXTENSIONS": _EXTENSIONS}
+    if name not in tables:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = found = {key: (hook, imported(root)) for key, (hook, root) in tables[name].items()}
+    return found

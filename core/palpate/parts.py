@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, ClassVar, Union, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Self, Union, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationInfo, model_validator
 
@@ -17,8 +17,19 @@ def _tuples(value: Any) -> Any:
     return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
 
 
+def _forget_derived(settings: BaseModel) -> None:
+    """What settings have computed from their fields is not theirs any more once a copy has other fields."""
+    kept = vars(settings)
+    for name in kept.keys() - type(settings).model_fields.keys():
+        del kept[name]
+
+
 class Settings(BaseModel):
-    """A table of a pipeline file: frozen, strict, and closed to keys that it does not know."""
+    """A table of a pipeline file: frozen, strict, and closed to keys that it does not know.
+
+    What follows from the fields may be kept in a `cached_property`, never in a private attribute: a copy with other
+    values (`model_copy`) computes it anew.
+    """
 
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid", protected_namespaces=())
 
@@ -26,6 +37,16 @@ class Settings(BaseModel):
     @classmethod
     def _freeze_lists(cls, data: Any) -> Any:
         return {key: _tuples(value) for key, value in data.items()} if isinstance(data, dict) else data
+
+    def __copy__(self) -> Self:
+        copied = super().__copy__()
+        _forget_derived(copied)
+        return copied
+
+    def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self:
+        copied = super().__deepcopy__(memo)
+        _forget_derived(copied)
+        return copied
 
 
 class Part(Settings):
@@ -74,3 +95,24 @@ def _beside_the_pipeline(value: Any, info: ValidationInfo) -> Any:
 
 File = Annotated[Path, BeforeValidator(_beside_the_pipeline)]
 """A path; where it is relative, relative to the pipeline file that names it."""
+
+
+def numbers_of(part: Settings, above: tuple[str, ...] = ()) -> list[tuple[tuple[str, ...], float, str]]:
+    """Every number among the keys of settings and of what is nested in them: path, value, SI unit."""
+    found: list[tuple[tuple[str, ...], float, str]] = []
+    for name, described in type(part).model_fields.items():
+        value = getattr(part, name)
+        if isinstance(value, Settings):
+            found += numbers_of(value, (*above, name))
+        elif isinstance(value, float):
+            units = (getattr(item, "unit", None) for item in described.metadata)
+            found.append(((*above, name), value, next((unit for unit in units if isinstance(unit, str)), "1")))
+    return found
+
+
+def with_number(part: Any, path: tuple[str, ...], change: float) -> Any:
+    """Settings with a number among their keys changed by so much; not validated, for derivatives."""
+    name, *rest = path
+    inner = getattr(part, name)
+    changed = with_number(inner, tuple(rest), change) if rest else inner + change
+    return part.model_copy(update={name: changed})

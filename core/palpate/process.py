@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import factorial
 from typing import Any
 
 from palpate.contact import ContactModel, contact_force
+from palpate.vectors import Layout
 
 
 def advance_memory(
@@ -51,21 +53,26 @@ class InertialProcess:
     mass: Any  # [kg]
     order: int = 0
 
+    @cached_property
+    def layout(self) -> Layout:
+        """Where depth, rate, memory, parameters and their derivatives stand in the state."""
+        count = len(self.model.parameters)
+        return Layout(depth=1, rate=1, memory=len(self.model.memory), parameters=count, derivatives=self.order * count)
+
     @property
     def states(self) -> int:
         """Length of the state."""
-        return 2 + len(self.model.memory) + (1 + self.order) * len(self.model.parameters)
+        return self.layout.size
 
     @property
     def parameters(self) -> slice:
         """Where the contact model's parameters stand in the state."""
-        first = 2 + len(self.model.memory)
-        return slice(first, first + len(self.model.parameters))
+        return self.layout["parameters"]
 
     def force(self, state: Sequence[Any]) -> Any:
         """Contact force [N] in a state."""
-        first = self.parameters.start
-        return contact_force(self.model, state[0], state[1], state[self.parameters], state[2:first])
+        depth, rate = state[self.layout.at("depth")], state[self.layout.at("rate")]
+        return contact_force(self.model, depth, rate, state[self.parameters], state[self.layout["memory"]])
 
     def predict(self, state: Sequence[Any], force: Any, interval: Any) -> list[Any]:
         """The state one interval [s] later under a measured force [N]."""
@@ -77,12 +84,13 @@ class InertialProcess:
         Linear in state and excess for a model without memory: all that bends is the contact force.
         """
         to_depth, to_rate = self.gain(interval)
-        depth = state[0] + interval * state[1] + to_depth * excess
-        rate = state[1] + to_rate * excess
-        first = self.parameters.start
-        theta, memory = state[self.parameters], state[2:first]
-        remembered = advance_memory(self.model, (state[0], state[1]), (depth, rate), theta, memory, interval)
-        return [depth, rate, *remembered, *self._evolved(state[first:], interval)]
+        before = state[self.layout.at("depth")], state[self.layout.at("rate")]
+        depth = before[0] + interval * before[1] + to_depth * excess
+        rate = before[1] + to_rate * excess
+        theta, memory = state[self.parameters], state[self.layout["memory"]]
+        remembered = advance_memory(self.model, before, (depth, rate), theta, memory, interval)
+        chain = state[self.layout.span("parameters", "derivatives")]
+        return [depth, rate, *remembered, *self._evolved(chain, interval)]
 
     def _evolved(self, chain: Sequence[Any], interval: Any) -> list[Any]:
         """Parameters and their derivatives one interval [s] later."""
@@ -104,46 +112,58 @@ class KinematicProcess:
     """The tip moves as the robot wants; position, velocity and force are measured, and the force is an output.
 
     State: height z [m] of the tip, its velocity and acceleration (driven by white jerk), height s [m] of the surface,
-    on a sweep its slope along the path [m/s], a force bias [N] where wanted, the contact model's internal states, its
-    parameters on a chart, and on a sweep the trend [1/s] of the first of them. Depth is s - z, the force sensor reads
-    F(d, d') - m z'' + bias. The chart keeps signs: parameter 0 is exp(c_0), others that the force is proportional to
-    are exp(c_0 + c_i), so that c_i is the logarithm of their ratio to it; what remains is exp(c_i) where its lower
-    bound is not negative, else c_i itself.
+    on a sweep its slope along the path [m/s], a force bias [N] and its constant drift [N/s] where wanted, the contact
+    model's internal states, its parameters on a chart, and on a sweep the trend [1/s] of the first of them. Depth is
+    s - z, the force sensor reads F(d, d') - m z'' + bias. The chart keeps signs: parameter 0 is exp(c_0), others that
+    the force is proportional to are exp(c_0 + c_i), so that c_i is the logarithm of their ratio to it; what remains is
+    exp(c_i) where its lower bound is not negative, else c_i itself.
     """
 
     model: ContactModel
     mass: Any  # [kg]
     sweeping: bool = False
     biased: bool = False
+    drifting: bool = False  # only with `biased`
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Where everything stands in the state."""
+        return Layout(
+            height=1,
+            velocity=1,
+            acceleration=1,
+            surface=1,
+            slope=int(self.sweeping),
+            bias=int(self.biased),
+            drift=int(self.drifting),
+            memory=len(self.model.memory),
+            chart=len(self.model.parameters),
+            trend=int(self.sweeping),
+        )
 
     @property
     def states(self) -> int:
         """Length of the state."""
-        return int(self.chart.stop) + int(self.sweeping)
+        return self.layout.size
 
     @property
-    def bias(self) -> int:
-        """Where the force bias stands, if there is one."""
-        return 4 + self.sweeping
-
-    @property
-    def memory(self) -> slice:
-        """Where the contact model's internal states stand."""
-        first = self.bias + self.biased
-        return slice(first, first + len(self.model.memory))
+    def motion(self) -> slice:
+        """Where height, velocity and acceleration of the tip stand."""
+        return self.layout.span("height", "acceleration")
 
     @property
     def chart(self) -> slice:
         """Where the parameters stand, on their chart."""
-        return slice(self.memory.stop, self.memory.stop + len(self.model.parameters))
+        return self.layout["chart"]
 
     def depth(self, state: Sequence[Any]) -> Any:
         """Depth [m] of the tip below the surface."""
-        return state[3] - state[0]
+        return state[self.layout.at("surface")] - state[self.layout.at("height")]
 
     def rate(self, state: Sequence[Any]) -> Any:
         """Rate of the depth [m/s]."""
-        return (state[4] if self.sweeping else 0.0) - state[1]
+        slope = state[self.layout.at("slope")] if self.sweeping else 0.0
+        return slope - state[self.layout.at("velocity")]
 
     def parameters(self, chart: Sequence[Any], exp: Any) -> list[Any]:
         """The contact model's parameters from their chart, with an exponential for the kind of number at hand."""
@@ -168,23 +188,26 @@ class KinematicProcess:
     def contact(self, state: Sequence[Any], exp: Any) -> Any:
         """Contact force [N] in a state."""
         theta = self.parameters(state[self.chart], exp)
-        return contact_force(self.model, self.depth(state), self.rate(state), theta, state[self.memory])
+        memory = state[self.layout["memory"]]
+        return contact_force(self.model, self.depth(state), self.rate(state), theta, memory)
 
     def reading(self, state: Sequence[Any], exp: Any) -> Any:
         """What the force sensor reads [N] in a state, without noise."""
-        force = self.contact(state, exp) - self.mass * state[2]
-        return force + state[self.bias] if self.biased else force
+        force = self.contact(state, exp) - self.mass * state[self.layout.at("acceleration")]
+        return force + state[self.layout.at("bias")] if self.biased else force
 
     def predict(self, state: Sequence[Any], interval: Any, exp: Any) -> list[Any]:
         """The state one interval [s] later."""
-        height, velocity, acceleration, surface = state[:4]
-        after = list(state)
-        after[0] = height + interval * velocity + 0.5 * interval**2 * acceleration
-        after[1] = velocity + interval * acceleration
+        at, after = self.layout.at, list(state)
+        velocity, acceleration = state[at("velocity")], state[at("acceleration")]
+        after[at("height")] = state[at("height")] + interval * velocity + 0.5 * interval**2 * acceleration
+        after[at("velocity")] = velocity + interval * acceleration
         if self.sweeping:
-            after[3] = surface + interval * state[4]
-            after[self.chart.start] = state[self.chart.start] + interval * state[-1]
-        theta = self.parameters(state[self.chart], exp)
+            after[at("surface")] = state[at("surface")] + interval * state[at("slope")]
+            after[self.chart.start] = state[self.chart.start] + interval * state[at("trend")]
+        if self.drifting:
+            after[at("bias")] = state[at("bias")] + interval * state[at("drift")]
+        theta, memory = self.parameters(state[self.chart], exp), self.layout["memory"]
         ends = [(self.depth(motion), self.rate(motion)) for motion in (state, after)]
-        after[self.memory] = advance_memory(self.model, ends[0], ends[1], theta, state[self.memory], interval)
+        after[memory] = advance_memory(self.model, ends[0], ends[1], theta, state[memory], interval)
         return after

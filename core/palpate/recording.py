@@ -4,12 +4,28 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from palpate.device import Batch, Device
 from palpate.errors import LogError
+
+
+@dataclass(frozen=True)
+class FieldSurvey:
+    """What one number of the messages of a topic does over the record, as recorded."""
+
+    name: str
+    low: float
+    high: float
+    std: float
+    noise: float  # of what is left when all that is smooth is taken away
+    odd: int = 0  # values that are not finite
+    course: str = ""  # its course in a few characters
 
 
 @dataclass(frozen=True)
@@ -27,6 +43,7 @@ class TopicSurvey:
     longest: float = 0.0  # [s] the longest pause
     lateness: tuple[float, float] | None = None  # [s] log time minus stamp: median, 99th percentile
     fields: tuple[str, ...] = ()  # numbers that a mapping can name
+    numbers: tuple[FieldSurvey, ...] = ()  # statistics of those
     note: str = ""  # why it cannot be read, or what is odd about it
 
 
@@ -47,6 +64,18 @@ class Suggestion:
     device: Mapping[str, Any]
     alignment: Mapping[str, Any]
     reasons: tuple[str, ...]
+    doubts: tuple[str, ...] = ()  # what is a guess, and what else it could be
+    blanks: tuple[str, ...] = ()  # what no file can say, and a person must fill in
+    hints: tuple[str, ...] = ()  # what else was found, such as a delay
+    views: Mapping[str, Any] = field(default_factory=dict)  # by role: times [s], values as recorded, unit, sign
+
+
+@dataclass(frozen=True)
+class Attached:
+    """What a log carries besides its messages: texts, never code."""
+
+    documents: Mapping[str, str] = field(default_factory=dict)  # by name: the pipeline as given and as resolved
+    facts: Mapping[str, str] = field(default_factory=dict)  # versions, seed, hashes
 
 
 class Recording(Device, ABC):
@@ -75,6 +104,21 @@ class Recording(Device, ABC):
     @abstractmethod
     def tables(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
         """Every topic that holds numbers, in blocks: its name, the names of its columns, the numbers as recorded."""
+
+    @classmethod
+    def attached(cls, path: Path) -> Attached:
+        """The texts that a log carries; none where the format, or this log, has none. Raises LogError."""
+        return Attached()
+
+    @classmethod
+    def playback(cls, path: Path, device: str) -> dict[str, Any]:
+        """The table of a device that plays back what the device of that name has recorded in a log."""
+        raise LogError(f"{path}: a log of this format cannot stand for the devices of a pipeline")
+
+    @classmethod
+    def texts(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], NDArray[np.int64], list[tuple[str, ...]]]]:
+        """Every topic that holds texts, in blocks: its name, the names of the texts, stamps [ns] (n,), n rows."""
+        return iter(())
 
     @classmethod
     def recover(cls, path: Path, out: Path) -> str:

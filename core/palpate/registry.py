@@ -5,21 +5,28 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import sys
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
-from inspect import isabstract
+from inspect import isabstract, isfunction
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pluggy
 
-from palpate import hooks
+from palpate import core_flags, hooks
 from palpate.errors import PluginError
-from palpate.parts import Part
+from palpate.extensions import Command, Diagnosis, ReportSection, Template
+from palpate.flags import Flag, FlagMeaning
+from palpate.migration import Migration
+
+if TYPE_CHECKING:
+    from palpate.parts import Part, Settings
 
 _SHOWN = 12  # names in a message
+_DISTRIBUTION = "palpate"
+_PREFIX = "palpate_"
 
 
 @dataclass(frozen=True)
@@ -27,6 +34,8 @@ class Plugin:
     """Where parts come from: a distribution's entry point, or a file."""
 
     name: str  # "palpate-punch 1.0 (punch)" or the file's path
+    place: str = ""  # file of its module
+    own: bool = False  # of palpate's own distribution
 
 
 @dataclass(frozen=True)
@@ -38,12 +47,39 @@ class Entry:
 
 
 @dataclass(frozen=True)
+class FlagEntry:
+    """What a flag's code means, and who registered it."""
+
+    meaning: FlagMeaning
+    plugin: Plugin
+
+
+@dataclass(frozen=True)
 class Registry:
-    """Every part, by kind and name, and the plugins that could not be loaded, with the reason."""
+    """Every part, by kind and name, every flag, and the plugins that could not be loaded, with the reason."""
 
     parts: Mapping[str, Mapping[str, Entry]]
     plugins: tuple[Plugin, ...] = ()
     failures: Mapping[str, str] = field(default_factory=dict)
+    oddities: tuple[str, ...] = ()  # of plugins that were loaded, and of which something is not as it was meant
+    commands: Mapping[str, Command] = field(default_factory=dict)
+    tables: Mapping[str, type[Settings]] = field(default_factory=dict)  # of a pipeline file, besides the core's own
+    sections: Mapping[str, ReportSection] = field(default_factory=dict)
+    templates: Mapping[str, Template] = field(default_factory=dict)
+    flags: Mapping[str, FlagEntry] = field(default_factory=dict)
+    diagnoses: Mapping[str, Diagnosis] = field(default_factory=dict)  # by name
+    migrations: tuple[Migration, ...] = ()
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """What is wrong with plugins and does not stop anything."""
+        lost = (f"plugin {plugin} could not be loaded: {reason}" for plugin, reason in self.failures.items())
+        return (*lost, *self.oddities)
+
+    def judged(self, flags: Iterable[Flag]) -> tuple[Flag, ...]:
+        """Flags with their severity; one that nobody has registered is doubtful."""
+        entries = ((flag, self.flags.get(flag.code)) for flag in flags)
+        return tuple(replace(flag, severity=entry.meaning.severity if entry else "doubtful") for flag, entry in entries)
 
     def find(self, kind: str, name: str) -> type[Part]:
         """The part of a kind and name; raises PluginError with what there is, and what may have been meant."""
@@ -52,6 +88,13 @@ class Registry:
             return entries[name].part
         failed = "".join(f"; plugin {plugin} could not be loaded: {why}" for plugin, why in self.failures.items())
         raise PluginError(f"there is no {kind} {name!r}{suggest(name, entries)}{failed}")
+
+    def command(self, name: str) -> Command:
+        """A subcommand; raises PluginError with what there is, and what may have been meant."""
+        if name not in self.commands:
+            failed = "".join(f"; plugin {plugin} could not be loaded: {why}" for plugin, why in self.failures.items())
+            raise PluginError(f"there is no command {name!r}{suggest(name, self.commands)}{failed}")
+        return self.commands[name]
 
     def name_of(self, part: type[Part]) -> str:
         """The name by which a pipeline asks for a part."""
@@ -73,8 +116,81 @@ def load(files: Iterable[Path] = ()) -> Registry:
     A distribution whose plugin fails to import is noted in `failures` and does not stop the others. Raises PluginError
     where two plugins claim one name, where a plugin offers something that is no part, or where a file fails to import.
     """
+    manager, failures = _loaded(files)
+    plugins = _plugins(manager)
+    parts = {
+        kind: _collect(manager, plugins, hook, root, kind, _refuse_abstract)
+        for kind, (hook, root) in hooks.KINDS.items()
+    }
+    entries = {
+        kind: {name: Entry(part, plugin) for name, (part, plugin) in found.items()} for kind, found in parts.items()
+    }
+    offered = {
+        kind: {name: offer for name, (offer, _) in _collect(manager, plugins, hook, root, kind).items()}
+        for kind, (hook, root) in hooks.EXTENSIONS.items()
+        if kind != "flag"  # the core registers flags, too
+    }
+    hook, root = hooks.EXTENSIONS["flag"]
+    every = {core_flags: Plugin("palpate"), **plugins}
+    flags = {
+        code: FlagEntry(meaning, plugin)
+        for code, (meaning, plugin) in _collect(manager, every, hook, root, "flag").items()
+    }
+    return Registry(
+        entries,
+        tuple(plugins.values()),
+        failures,
+        tuple(odd for module, plugin in plugins.items() for odd in _oddities(module, plugin)),
+        commands=offered["command"],
+        tables=offered["table"],
+        sections=offered["report section"],
+        templates=offered["template"],
+        flags=flags,
+        diagnoses=offered["diagnosis"],
+        migrations=_collect_migrations(manager, plugins),
+    )
+
+
+def load_commands(own: Mapping[str, Command], files: Iterable[Path] = ()) -> Registry:
+    """Only commands: the core's `own`, those of every installed plugin and of the given files; raises like `load`."""
+    manager, failures = _loaded(files)
+    plugins = _plugins(manager)
+    found = _collect(manager, plugins, "palpate_commands", Command, "command")
+    for name in own.keys() & found.keys():
+        raise PluginError(f"command {name!r} is the core's own; plugin {found[name][1].name} cannot claim it")
+    commands = {**own, **{name: offer for name, (offer, _) in found.items()}}
+    return Registry({}, tuple(plugins.values()), failures, commands=commands)
+
+
+def _plugins(manager: pluggy.PluginManager) -> dict[Any, Plugin]:
+    """Every plugin but the core itself, by its module."""
+    mine = f"{_DISTRIBUTION} {importlib.metadata.version(_DISTRIBUTION)} ("
+    return {
+        module: Plugin(name, getattr(module, "__file__", None) or "", name.startswith(mine))
+        for name, module in manager.list_name_plugin()
+        if module is not core_flags
+    }
+
+
+def _oddities(module: Any, plugin: Plugin) -> Iterator[str]:
+    """Functions that look like hooks and are none, and a plugin without any."""
+    known = {name for name in vars(hooks) if name.startswith(_PREFIX)}
+    marked = {name for name, item in vars(module).items() if hasattr(item, f"{hooks.PROJECT}_impl")}
+    named = {name for name, item in vars(module).items() if isfunction(item) and name.startswith(_PREFIX)}
+    for name in sorted(marked - known):
+        yield f"plugin {plugin.name}: {name} is no hook{suggest(name, known)}"
+    for name in sorted(named - marked):
+        hint = "" if name in known else f", and is no hook{suggest(name, known)}"
+        yield f"plugin {plugin.name}: {name} is not marked @palpate.plugin{hint}"
+    if not marked & known and not marked | named:
+        yield f"plugin {plugin.name} offers nothing: it has no function marked @palpate.plugin, such as palpate_models"
+
+
+def _loaded(files: Iterable[Path]) -> tuple[pluggy.PluginManager, dict[str, str]]:
+    """A manager with every plugin that could be loaded, and why others could not."""
     manager = pluggy.PluginManager(hooks.PROJECT)
     manager.add_hookspecs(hooks)
+    manager.register(core_flags, "palpate")
     failures: dict[str, str] = {}
     for entry in importlib.metadata.entry_points(group=hooks.PROJECT):
         # pluggy's own loader drops a second distribution's entry of a taken name without a word: load them here.
@@ -85,7 +201,7 @@ def load(files: Iterable[Path] = ()) -> Registry:
             failures[name] = f"{type(error).__name__}: {error}"
     for path in files:
         manager.register(_import_file(path), str(path))
-    return Registry(_collect(manager), tuple(Plugin(name) for name, _ in manager.list_name_plugin()), failures)
+    return manager, failures
 
 
 def _import_file(path: Path) -> ModuleType:
@@ -104,28 +220,52 @@ def _import_file(path: Path) -> ModuleType:
     return module
 
 
-def _collect(manager: pluggy.PluginManager) -> dict[str, dict[str, Entry]]:
-    parts: dict[str, dict[str, Entry]] = {kind: {} for kind in hooks.KINDS}
-    plugins = {module: Plugin(name) for name, module in manager.list_name_plugin()}
-    for kind, (hook, root) in hooks.KINDS.items():
-        for module, plugin in plugins.items():
-            others = [other for other in plugins if other is not module]
-            for offer in manager.subset_hook_caller(hook, others)():
-                for name, part in _checked(offer, hook, root, plugin):
-                    if name in parts[kind]:
-                        first = parts[kind][name].plugin.name
-                        raise PluginError(f"{kind} {name!r} is claimed by two plugins: {first} and {plugin.name}")
-                    parts[kind][name] = Entry(part, plugin)
-    return parts
+def _collect(
+    manager: pluggy.PluginManager,
+    plugins: Mapping[Any, Plugin],
+    hook: str,
+    root: type,
+    kind: str,
+    check: Callable[[str, Any, Plugin], None] | None = None,
+) -> dict[str, tuple[Any, Plugin]]:
+    """Everything of a kind by name, with the plugin it comes from; raises PluginError where two claim one name."""
+    found: dict[str, tuple[Any, Plugin]] = {}
+    for module, plugin in plugins.items():
+        others = [other for _, other in manager.list_name_plugin() if other is not module]
+        for offer in manager.subset_hook_caller(hook, others)():
+            for name, item in _checked(offer, hook, root, plugin):
+                if check is not None:
+                    check(name, item, plugin)
+                if name in found:
+                    first = found[name][1].name
+                    raise PluginError(f"{kind} {name!r} is claimed by two plugins: {first} and {plugin.name}")
+                found[name] = item, plugin
+    return found
 
 
-def _checked(offer: Any, hook: str, root: type[Part], plugin: Plugin) -> Iterable[tuple[str, type[Part]]]:
+def _collect_migrations(manager: pluggy.PluginManager, plugins: Mapping[Any, Plugin]) -> tuple[Migration, ...]:
+    migrations: list[Migration] = []
+    for module, plugin in plugins.items():
+        others = [other for _, other in manager.list_name_plugin() if other is not module]
+        for offer in manager.subset_hook_caller("palpate_migrations", others)():
+            if not all(isinstance(migration, Migration) for migration in offer):
+                raise PluginError(
+                    f"plugin {plugin.name}: palpate_migrations returns {offer!r}, not a list of Migration"
+                )
+            migrations += offer
+    return tuple(migrations)
+
+
+def _checked(offer: Any, hook: str, root: type, plugin: Plugin) -> Iterable[tuple[str, Any]]:
     if not isinstance(offer, Mapping):
-        raise PluginError(f"plugin {plugin.name}: {hook} returns {offer!r}, not a mapping of names to classes")
-    for name, part in offer.items():
-        if not (isinstance(part, type) and issubclass(part, root)):
+        raise PluginError(f"plugin {plugin.name}: {hook} returns {offer!r}, not a mapping of names")
+    for name, item in offer.items():
+        if not (isinstance(item, root) or (isinstance(item, type) and issubclass(item, root))):
             raise PluginError(f"plugin {plugin.name}: {hook} offers {name!r}, which is no {root.__name__}")
-        if isabstract(part):
-            missing = ", ".join(sorted(part.__abstractmethods__))
-            raise PluginError(f"plugin {plugin.name}: {name!r} ({part.__name__}) does not define {missing}")
     return list(offer.items())
+
+
+def _refuse_abstract(name: str, part: Any, plugin: Plugin) -> None:
+    if isabstract(part):
+        missing = ", ".join(sorted(part.__abstractmethods__))
+        raise PluginError(f"plugin {plugin.name}: {name!r} ({part.__name__}) does not define {missing}")

@@ -4,26 +4,97 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
 from palpate.errors import ConfigurationError
+from palpate.limiting import ArmLimits
 from palpate.parts import Settings
 from palpate.trajectory import OwnMotion, Setpoint, Trajectory
-from palpate.units import Acceleration, Force, Length, Speed, Stiffness, Time
+from palpate.units import Acceleration, Angle, AngularSpeed, Force, Length, Speed, Stiffness, Time
 
 _STEP = 0.002  # [s] between the instants that are checked
 _TOLERANCE = 1e-9
+_ROUNDING = 1e-9
+_CONTRADICTION = 1e-3  # [m/s] between stated velocity and what the positions do
+
+
+@dataclass(frozen=True)
+class Reach:
+    """What a motion asks of an arm."""
+
+    low: NDArray[np.float64]  # (3,) [m]
+    high: NDArray[np.float64]  # (3,) [m]
+    speed: float  # [m/s]
+    acceleration: float  # [m/s^2]
+
+    @classmethod
+    def of(cls, times: NDArray[np.float64], setpoint: Setpoint) -> Reach:
+        """Of setpoints at times (n,) [s]: what the positions do counts as much as the stated velocity."""
+        position, velocity, step = setpoint.position, setpoint.velocity, np.diff(times)[:, None]
+        moved = np.diff(position, axis=0) / step
+        sudden = max(_largest(np.diff(velocity, axis=0) / step), _largest(np.diff(moved, axis=0) / step[1:]))
+        speed = max(_largest(velocity), _largest(moved)) + setpoint.fastest_turn * setpoint.lever
+        return cls(position.min(axis=0), position.max(axis=0), speed, sudden)
+
+
+@dataclass(frozen=True)
+class Excess:
+    """One limit that a motion breaks."""
+
+    what: Literal["low", "high", "speed", "acceleration"]
+    axis: str  # x, y or z; of speed and acceleration none
+    value: float  # [SI]
+    limit: float  # [SI]
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """How far, fast and sudden a tip may go: the same for a run, a calibration and a design."""
+
+    low: tuple[float, ...]  # (3,) [m]
+    high: tuple[float, ...]  # (3,) [m]
+    speed: float  # [m/s]
+    acceleration: float  # [m/s^2]
+
+    @classmethod
+    def of_heights(cls, low: float, high: float, speed: float, acceleration: float) -> MotionLimits:
+        """Limits that are the same all over the skin; heights in [m]."""
+        return cls((-math.inf, -math.inf, low), (math.inf, math.inf, high), speed, acceleration)
+
+    def tighter(self, other: MotionLimits) -> MotionLimits:
+        """The tighter of two limits each."""
+        return MotionLimits(
+            tuple(map(max, self.low, other.low)),
+            tuple(map(min, self.high, other.high)),
+            min(self.speed, other.speed),
+            min(self.acceleration, other.acceleration),
+        )
+
+    def excesses(self, reach: Reach) -> list[Excess]:
+        """Every limit that a motion breaks."""
+        found = []
+        for i, axis in enumerate("xyz"):
+            if reach.low[i] < self.low[i] - _TOLERANCE:
+                found.append(Excess("low", axis, float(reach.low[i]), self.low[i]))
+            if reach.high[i] > self.high[i] + _TOLERANCE:
+                found.append(Excess("high", axis, float(reach.high[i]), self.high[i]))
+        if reach.speed > self.speed + _TOLERANCE:
+            found.append(Excess("speed", "", reach.speed, self.speed))
+        if reach.acceleration > self.acceleration + _TOLERANCE:
+            found.append(Excess("acceleration", "", reach.acceleration, self.acceleration))
+        return found
 
 
 class SafetySettings(Settings):
     """The ``[safety]`` table: limits of a motion, and what stops it. A live robot does not move without one.
 
-    Between a reading at `stop_force` and the tip at rest lie the latency tau and the braking at deceleration a. Against
-    a material of stiffness K the force rises by K (v tau + v^2/2a) in that time: where this exceeds `force` for the
-    fastest inward speed v, the motion is refused.
+    Between a force of `stop_force` on the skin and the tip at rest lie the time tau, which is the delay of the sensor's
+    filter and the latency, and the braking at deceleration a. Against a material of stiffness K the force rises by
+    K (v tau + v^2/2a) in that time: where this exceeds `force` for the fastest inward speed v, the motion is refused.
     """
 
     low: tuple[Length, ...] = Field(
@@ -32,33 +103,65 @@ class SafetySettings(Settings):
         description="corner of the workspace box in the work frame; its z is the depth limit",
     )
     high: tuple[Length, ...] = Field(min_length=3, max_length=3, description="the opposite corner")
-    speed: Speed = Field(default=0.05, gt=0, description="fastest tip")
-    acceleration: Acceleration = Field(default=1.0, gt=0, description="largest acceleration of the tip")
-    force: Force = Field(gt=0, description="force that must not be exceeded")
-    stop_force: Force = Field(gt=0, description="force that stops the motion, along any axis, tared")
-    stiffness: Stiffness = Field(gt=0, description="stiffest material that the tip may meet")
+    speed: Speed = Field(default=0.05, gt=0, le=1.0, description="fastest tip")
+    acceleration: Acceleration = Field(default=1.0, gt=0, le=50.0, description="largest acceleration of the tip")
+    orientation: Angle = Field(
+        default=math.radians(5.0),
+        gt=0,
+        le=0.5,
+        description="largest angle between the tool and the work frame, at the start and in motion",
+    )
+    angular_speed: AngularSpeed = Field(
+        default=math.radians(10.0), gt=0, le=1.0, description="fastest turn of the tool, on the way to the start"
+    )
+    force: Force = Field(gt=0, le=1e4, description="force that must not be exceeded")
+    stop_force: Force = Field(gt=0, le=1e4, description="force that stops the motion, along any axis, tared")
+    stiffness: Stiffness = Field(ge=1.0, le=1e9, description="stiffest material that the tip may meet")
     latency: Time = Field(default=0.05, gt=0, description="longest time from a reading to the beginning of braking")
+    sensor_delay: Time | None = Field(
+        default=None,
+        ge=0,
+        le=1.0,
+        description="of the sensor's filter; left out: what the force's delay or the device says",
+    )
     deceleration: Acceleration = Field(default=1.0, gt=0, description="of braking")
     stale: Time = Field(default=0.1, gt=0, description="a sensor or robot that is silent for longer stops the motion")
+    held_up: Time = Field(
+        default=0.5, gt=0, description="this program being held up for longer, by others or by itself, stops the motion"
+    )
     rest: Time = Field(default=1.0, ge=0.2, description="rest in free air before the motion: tare and noise")
-    rest_force: Force = Field(default=20.0, gt=0, description="largest reading at rest, weight and offset together")
+    rest_force: Force = Field(default=5.0, gt=0, description="largest reading at rest, weight and offset together")
     rest_noise: Force = Field(default=0.6, gt=0, description="largest standard deviation of the force at rest")
     rest_speed: Speed = Field(default=0.005, gt=0, description="largest standard deviation of the velocity at rest")
-
     rest_excess: float = Field(
         default=3.0, gt=1, description="how many times the noise that a filter was told the noise at rest may be"
     )
 
+    @property
+    def reaction(self) -> float:
+        """Time [s] from a force on the skin to the beginning of braking: delay of the sensor's filter and latency."""
+        return self.latency + (self.sensor_delay or 0.0)
+
     def overshoot(self, speed: float) -> float:
         """Force [N] by which the limit is overrun at an inward speed [m/s]: K (v tau + v^2/2a)."""
-        return self.stiffness * (speed * self.latency + speed**2 / (2.0 * self.deceleration))
+        return self.stiffness * (speed * self.reaction + speed**2 / (2.0 * self.deceleration))
+
+    @property
+    def motion(self) -> MotionLimits:
+        """Of the motion alone, without the force."""
+        return MotionLimits(self.low, self.high, self.speed, self.acceleration)
 
     @property
     def fastest(self) -> float:
         """Inward speed [m/s] at which the overshoot just fits between `stop_force` and `force`."""
         way = max(self.force - self.stop_force, 0.0) / self.stiffness
-        a, tau = self.deceleration, self.latency
+        a, tau = self.deceleration, self.reaction
         return a * (math.sqrt(tau**2 + 2.0 * way / a) - tau)
+
+    @property
+    def of_an_arm(self) -> ArmLimits:
+        """What an arm has to keep by itself."""
+        return ArmLimits(self.low, self.high, self.speed, self.acceleration, self.orientation, self.angular_speed)
 
 
 @dataclass(frozen=True)
@@ -83,50 +186,72 @@ def check_motion(trajectory: Trajectory, limits: SafetySettings) -> MotionReport
 
 def check_setpoints(times: NDArray[np.float64], setpoint: Setpoint, limits: SafetySettings) -> MotionReport:
     """Setpoints at times (n,) [s] against the limits."""
-    position, velocity = setpoint.position, setpoint.velocity
-    speed = np.linalg.norm(velocity, axis=1)
-    acceleration = np.linalg.norm(np.diff(velocity, axis=0), axis=1) / np.diff(times)
-    hardest = float(acceleration.max(initial=0.0))
-    inward = float(np.maximum(-velocity[:, 2], 0.0).max())
-    finite = bool(np.isfinite(position).all() and np.isfinite(velocity).all())
+    reach, moved = Reach.of(times, setpoint), np.diff(setpoint.position, axis=0) / np.diff(times)[:, None]
+    inward = max(float((-column[:, 2]).max(initial=0.0)) for column in (setpoint.velocity, moved))
+    finite = bool(np.isfinite(setpoint.position).all() and np.isfinite(setpoint.velocity).all())
     problems = [] if finite else ["a setpoint is not a finite number"]
-    for axis, name in enumerate("xyz"):
-        least, most = float(position[:, axis].min()), float(position[:, axis].max())
-        if least < limits.low[axis] - _TOLERANCE:
-            problems.append(f"{name} goes to {1e3 * least:.2f} mm, below the limit of {1e3 * limits.low[axis]:.2f} mm")
-        if most > limits.high[axis] + _TOLERANCE:
-            problems.append(f"{name} goes to {1e3 * most:.2f} mm, above the limit of {1e3 * limits.high[axis]:.2f} mm")
-    problems += _too_fast(float(speed.max()), inward, limits)
-    if hardest > limits.acceleration:
-        problems.append(f"the acceleration is {hardest:.2f} m/s^2, over {limits.acceleration:.2f} m/s^2")
+    problems += [_sentence(excess) for excess in limits.motion.excesses(reach)]
+    problems += _contradiction(moved, setpoint.velocity, limits.acceleration * np.diff(times))
+    problems += _too_hard(inward, limits)
+    if setpoint.fastest_turn > limits.angular_speed * (1.0 + _ROUNDING):
+        turn, most = math.degrees(setpoint.fastest_turn), math.degrees(limits.angular_speed)
+        problems.append(f"the tool turns at {turn:.1f} deg/s, over the limit of {most:.1f} deg/s")
     return MotionReport(
         float(times[-1] - times[0]),
-        position.min(axis=0),
-        position.max(axis=0),
-        float(speed.max()),
+        reach.low,
+        reach.high,
+        reach.speed,
         inward,
-        hardest,
+        reach.acceleration,
         limits.stop_force + limits.overshoot(inward),
         tuple(problems),
     )
 
 
-def _too_fast(speed: float, inward: float, limits: SafetySettings) -> list[str]:
-    problems = []
-    if speed > limits.speed:
-        problems.append(f"the speed is {1e3 * speed:.1f} mm/s, over the limit of {1e3 * limits.speed:.1f} mm/s")
+def _largest(vectors: NDArray[np.float64]) -> float:
+    return float(np.linalg.norm(vectors, axis=1).max(initial=0.0))
+
+
+def _contradiction(moved: NDArray[np.float64], velocity: NDArray[np.float64], change: NDArray[np.float64]) -> list[str]:
+    """Where positions do not move as the stated velocity says; within a step it may change by so much (n,)."""
+    stated = 0.5 * (velocity[1:] + velocity[:-1])
+    apart = np.linalg.norm(moved - stated, axis=1) - change
+    if not len(apart) or not float(np.nanmax(apart, initial=0.0)) > _CONTRADICTION:
+        return []
+    worst = int(np.nanargmax(apart))
+    told, seen = (1e3 * float(np.linalg.norm(column[worst])) for column in (stated, moved))
+    return [f"the setpoints move at {seen:.1f} mm/s where their stated velocity is {told:.1f} mm/s"]
+
+
+def _sentence(excess: Excess) -> str:
+    value, limit = excess.value, excess.limit
+    match excess.what:
+        case "low":
+            return f"{excess.axis} goes to {1e3 * value:.2f} mm, below the limit of {1e3 * limit:.2f} mm"
+        case "high":
+            return f"{excess.axis} goes to {1e3 * value:.2f} mm, above the limit of {1e3 * limit:.2f} mm"
+        case "speed":
+            return f"the speed is {1e3 * value:.1f} mm/s, over the limit of {1e3 * limit:.1f} mm/s"
+        case "acceleration":
+            return f"the acceleration is {value:.2f} m/s^2, over {limit:.2f} m/s^2"
+
+
+def _too_hard(inward: float, limits: SafetySettings) -> list[str]:
     peak = limits.stop_force + limits.overshoot(inward)
-    if peak > limits.force:
-        problems.append(
-            f"at {1e3 * inward:.1f} mm/s inwards the force could reach {peak:.1f} N before the tip stands, over "
-            f"{limits.force:g} N; with these limits {1e3 * limits.fastest:.1f} mm/s is the fastest approach"
-        )
-    return problems
+    if peak <= limits.force:
+        return []
+    return [
+        f"at {1e3 * inward:.1f} mm/s inwards the force could reach {peak:.1f} N before the tip stands, over "
+        f"{limits.force:g} N; with these limits {1e3 * limits.fastest:.1f} mm/s is the fastest approach"
+    ]
 
 
 def check_own_motion(own: OwnMotion, limits: SafetySettings) -> tuple[str, ...]:
     """What an arm does by itself against the limits, as far as that is known before it says where it stands."""
-    problems = [f"the way to the start: {problem}" for problem in _too_fast(own.speed, own.speed, limits)]
+    problems = _too_hard(own.speed, limits)
+    if own.speed > limits.speed:
+        problems.insert(0, _sentence(Excess("speed", "", own.speed, limits.speed)))
+    problems = [f"the way to the start: {problem}" for problem in problems]
     if own.deceleration < limits.deceleration - _TOLERANCE:
         problems.append(
             f"the arm brakes at {own.deceleration:g} m/s^2, but the force limit counts on the deceleration of "

@@ -3,27 +3,39 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
 from palpate.contact import Parameter
 from palpate.device import Batch, Stream
 from palpate.estimation import Estimates, Samples
+from palpate.flags import Flag
 from palpate.parts import Part
+
+Extent = tuple[tuple[float, ...], tuple[float, ...]]  # lowest and highest x, y, z
+
+
+def _never(reason: str) -> None:
+    """Nothing runs that could be stopped."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """What a sink knows of the run that it writes down."""
+    """What a sink knows of the run that it writes down, and how it can end it."""
 
     folder: Path
     streams: Mapping[str, tuple[Stream, ...]]  # by device
     tracks: Mapping[str, tuple[Parameter, ...]]  # parameters by track
     facts: Mapping[str, str]  # versions, seed, hashes: what it takes to redo the run
     documents: Mapping[str, str]  # files by name: the pipeline as given and as resolved
+    name: str = ""
+    duration: float | None = None  # [s] as planned, of the record; None where nobody knows
+    extent: Extent | None = None  # [m] box of the planned motion; None where nothing moves
+    # Ends the run with a reason, from any thread, at once: the guard lets the arm retract. It is no emergency stop.
+    stop: Callable[[str], None] = _never
 
 
 class Writer(Protocol):
@@ -42,6 +54,51 @@ class Writer(Protocol):
         ...
 
 
+@runtime_checkable
+class TakesHealth(Protocol):
+    """A writer that wants to know how a live run is doing."""
+
+    def health(self, health: Mapping[str, Any]) -> None:
+        """Once a second: time of the record [s], how far the estimates are behind [s], streams, devices, tare."""
+        ...
+
+
+@runtime_checkable
+class TakesFlags(Protocol):
+    """A writer that wants to know of flags as they rise, and fall again."""
+
+    def flags(self, track: str | None, flags: tuple[Flag, ...]) -> None:
+        """All that now speaks against a track, or the record as a whole; told when it has become more or less."""
+        ...
+
+
+@dataclass(frozen=True)
+class GuardState:
+    """What the guard of a live run does."""
+
+    phase: Literal["rest", "motion", "tripped", "over"]
+    reason: str | None = None  # why it tripped
+    peak_force: float = 0.0  # [N] largest tared reading until now
+
+
+@runtime_checkable
+class TakesGuard(Protocol):
+    """A writer that wants to know what the guard does."""
+
+    def guard(self, state: GuardState) -> None:
+        """Its state, whenever it has changed."""
+        ...
+
+
+@runtime_checkable
+class TakesResult(Protocol):
+    """A writer that wants the result."""
+
+    def result(self, table: Mapping[str, Any]) -> None:
+        """The contents of ``result.json``; nothing comes after it."""
+        ...
+
+
 class Sink(Part, ABC):
     """Settings of a sink."""
 
@@ -49,4 +106,8 @@ class Sink(Part, ABC):
 
     @abstractmethod
     def open(self, run: Run) -> AbstractContextManager[Writer]:
-        """A writer that lives as long as the context; raises OutputError where it cannot write."""
+        """A writer that lives as long as the context; raises OutputError where it cannot write.
+
+        Threads and processes of a sink are started here: what a run starts later, while a robot moves, inherits the
+        real-time scheduling of the thread that starts it.
+        """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,13 @@ class Setpoint:
     position: NDArray[np.float64]  # (n, 3) [m]
     velocity: NDArray[np.float64]  # (n, 3) [m/s]
     measuring: NDArray[np.bool_]  # (n,) in the part of the motion that is meant for estimation
+    turning: NDArray[np.float64] | None = None  # (n,) [rad/s] of the tool; None: it keeps its orientation
+    lever: float = 0.0  # [m] from the tip to what moves farthest when the tool turns about its tip
+
+    @property
+    def fastest_turn(self) -> float:
+        """[rad/s]."""
+        return float(np.abs(self.turning).max(initial=0.0)) if self.turning is not None else 0.0
 
 
 @dataclass(frozen=True)
@@ -28,6 +35,7 @@ class OwnMotion:
     speed: float  # [m/s] at most, on the way from where it stands to the first setpoint
     distance: float  # [m] that this way may be long
     deceleration: float  # [m/s^2] of braking
+    blind: float = 0.0  # [s] that it may go on where the host stands still and it cannot watch the force by itself
 
 
 class Trajectory(Part, ABC):
@@ -44,9 +52,14 @@ class Trajectory(Part, ABC):
     def at(self, time: NDArray[np.float64]) -> Setpoint:
         """Setpoints at times (n,) [s] since the start; before it and after the end, the resting places."""
 
+
+@runtime_checkable
+class Resumable(Protocol):
+    """A trajectory that can be gone on with where it was stopped; others can only be done as one."""
+
     def after(self, elapsed: float) -> Trajectory | None:
         """The motion that does what was not finished when this one was stopped `elapsed` [s] after its start.
 
-        None where nothing whole is left, or where it can only be done as one.
+        None where nothing whole is left.
         """
-        return None
+        ...

@@ -14,7 +14,13 @@ from pydantic_core import PydanticCustomError, core_schema
 if TYPE_CHECKING:
     import pint
 
-_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-zµμΩ°%].*)?", re.DOTALL)
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-zµμΩ°%].*)?", re.DOTALL)
+_SQUARE_ROOT = re.compile(r"sqrt\((\w+)\)")  # pint writes s^0.5
+
+# One unit: names, multiplied and divided, each with one small exponent. pint would compute whatever it is given.
+_NAME = r"\(*[A-Za-zµμΩ°%_][A-Za-z0-9µμΩ°%_]*(?:(?:\*\*|\^)\s*[+-]?\d(?:\.5)?)?\)*"
+_UNIT = re.compile(rf"{_NAME}(?:(?:\s*[*/·]\s*|\s+){_NAME})*")
+_LONGEST = 100  # characters of a quantity
 
 # What the dimension of a unit is called when a message has to say so.
 _NAMES = {
@@ -30,7 +36,9 @@ _NAMES = {
     "N*s/m": "damping",
     "N/m": "stiffness",
     "N/s": "force drift",
+    "N/s^0.5": "random walk of a force",
     "rad": "angle",
+    "rad/s": "angular speed",
     "1": "pure number",
 }
 _EXAMPLES = {
@@ -46,8 +54,29 @@ _EXAMPLES = {
     "N*s/m": "10 N*s/m",
     "N/m": "100 N/mm",
     "N/s": "1.5 N/h",
+    "N/s^0.5": "0.1 N/sqrt(h)",
     "rad": "30 deg",
+    "rad/s": "10 deg/s",
     "1": "1.5",
+}
+
+
+# What people write for each SI unit: a schema can say that one of another dimension is wrong.
+_WRITTEN = {
+    "m": "m mm cm um µm",
+    "kg": "kg g mg",
+    "s": "s ms us µs min h",
+    "N": "N mN kN",
+    "Pa": "Pa kPa MPa",
+    "Pa*s": "Pa*s kPa*s",
+    "Hz": "Hz kHz",
+    "m/s": "m/s mm/s um/s cm/s",
+    "m/s^2": "m/s^2 mm/s^2",
+    "N*s/m": "N*s/m",
+    "N/m": "N/m N/mm",
+    "N/s": "N/s N/h",
+    "rad": "rad deg",
+    "rad/s": "rad/s deg/s",
 }
 
 
@@ -98,15 +127,25 @@ def to_si(value: object, unit: str) -> float:
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f'a {dimension(unit)} is wanted, a number in {unit} or a text such as "{example(unit)}"')
-    number = float(value) if isinstance(value, int | float) else _parse(value, unit)
+    try:
+        number = float(value) if isinstance(value, int | float) else _parse(value, unit)
+    except OverflowError:  # a whole number of 400 digits
+        number = math.inf
     if not math.isfinite(number):
-        raise ValueError(f"{value!r} is not a finite {dimension(unit)}")
+        raise ValueError(f"{_brief(value)} is not a finite {dimension(unit)}")
     return number
 
 
+def _brief(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
 def _parse(text: str, unit: str) -> float:
-    match = _QUANTITY.fullmatch(text)
     wanted = f'write for example "{example(unit)}"'
+    if len(text) > _LONGEST:
+        raise ValueError(f"{_brief(text)} is too long for a {dimension(unit)}; {wanted}")
+    match = _QUANTITY.fullmatch(text)
     if not match:
         raise ValueError(f"{text!r} is not a {dimension(unit)}; {wanted}")
     number, written = float(match[1]), (match[2] or "").strip()
@@ -114,6 +153,9 @@ def _parse(text: str, unit: str) -> float:
         return number
     if not written:
         raise ValueError(f"{text!r} has no unit; {wanted}, or a plain number for {unit}")
+    written = _SQUARE_ROOT.sub(r"\1^0.5", written)
+    if not _UNIT.fullmatch(written):
+        raise ValueError(f"{text!r}: {written!r} is not one unit; {wanted}")
     registry = _registry()
     try:
         given = registry.Unit(written)
@@ -132,11 +174,58 @@ def _dimension_of(given: pint.Unit) -> str:
     return f"in {given}"
 
 
-class Quantity:
-    """Marks a float field as a physical quantity held in one SI unit, and readable from ``"5 mm"``."""
+# SI unit -> the smallest and largest number that somebody who writes no unit may well have meant, 0 aside.
+_PLAUSIBLE = {
+    "m": (0.0, 2.0),
+    "kg": (0.0, 20.0),
+    "N": (0.0, 2e3),
+    "Pa": (500.0, 1e12),
+    "m/s": (0.0, 2.0),
+    "m/s^2": (0.0, 100.0),
+    "N/m": (1.0, 1e9),
+    "rad": (0.0, 6.3),
+    "rad/s": (0.0, 6.3),
+}
+# SI unit -> (unit that was perhaps meant, how many SI units one of it is).
+_MEANT = {
+    "m": ("mm", 1e-3),
+    "kg": ("g", 1e-3),
+    "s": ("ms", 1e-3),
+    "N": ("mN", 1e-3),
+    "Pa": ("kPa", 1e3),
+    "m/s": ("mm/s", 1e-3),
+    "m/s^2": ("mm/s^2", 1e-3),
+    "N/m": ("N/mm", 1e3),
+    "rad": ("deg", math.pi / 180),
+    "rad/s": ("deg/s", math.pi / 180),
+}
 
-    def __init__(self, unit: str) -> None:
+
+class Quantity:
+    """Marks a float field as a physical quantity held in one SI unit, and readable from ``"5 mm"``.
+
+    A number without a unit is doubted where it is beyond `most` [SI], or beyond what is plausible for the unit.
+    """
+
+    def __init__(self, unit: str, most: float | None = None) -> None:
         self.unit = unit
+        self.most = most
+
+    def doubt(self, number: float) -> str:
+        """Why a number without a unit was hardly meant, with what may have been; empty where it may well be.
+
+        >>> Quantity("m").doubt(4)
+        '4 without a unit is 4 m; did you mean "4 mm"? (write "4 m" where it is meant)'
+        """
+        least, most = _PLAUSIBLE.get(self.unit, (0.0, math.inf))
+        most = most if self.most is None else self.most
+        size = abs(number)
+        if size == 0 or least <= size <= most or not math.isfinite(size):
+            return ""
+        unit, factor = _MEANT.get(self.unit, ("", 0.0))
+        meant = f'; did you mean "{number:g} {unit}"?' if least <= size * factor <= most else ", which is implausible"
+        read = f"{number:g} {self.unit}"
+        return f'{number:g} without a unit is {read}{meant} (write "{read}" where it is meant)'
 
     def _validate(self, value: Any) -> float:
         try:
@@ -150,17 +239,32 @@ class Quantity:
     def __get_pydantic_json_schema__(
         self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        return {
-            "anyOf": [{"type": "number"}, {"type": "string"}],
-            "description": f'a {dimension(self.unit)}: "{example(self.unit)}", or a number in {self.unit}',
-        }
+        return quantity_schema(self.unit)
+
+
+def quantity_schema(unit: str) -> JsonSchemaValue:
+    """JSON schema of what `to_si` reads: a number, or a text with a unit that is not one of another dimension."""
+    number = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*"
+    others = "|".join(re.escape(text) for other in _WRITTEN if other != unit for text in _WRITTEN[other].split())
+    text = {
+        "pattern": number + ("" if unit == "1" else "[A-Za-zµμΩ°%]"),
+        "not": {"pattern": f"{number}({others})\\s*$"},
+    }
+    return {
+        "anyOf": [{"type": "number"}, {"type": "string", **text}],
+        "description": f'a {dimension(unit)}: "{example(unit)}", or a number in {unit}',
+    }
 
 
 Length = Annotated[float, Quantity("m")]
+Depth = Annotated[float, Quantity("m", most=0.3)]  # of tips, specimens and palpations
 Mass = Annotated[float, Quantity("kg")]
+TipMass = Annotated[float, Quantity("kg", most=4.0)]
 Time = Annotated[float, Quantity("s")]
+Delay = Annotated[float, Quantity("s", most=2.0)]  # between signals
 Force = Annotated[float, Quantity("N")]
 ForceDrift = Annotated[float, Quantity("N/s")]
+ForceWalk = Annotated[float, Quantity("N/s^0.5")]
 Pressure = Annotated[float, Quantity("Pa")]
 Viscosity = Annotated[float, Quantity("Pa*s")]
 Damping = Annotated[float, Quantity("N*s/m")]
@@ -169,6 +273,7 @@ Frequency = Annotated[float, Quantity("Hz")]
 Speed = Annotated[float, Quantity("m/s")]
 Acceleration = Annotated[float, Quantity("m/s^2")]
 Angle = Annotated[float, Quantity("rad")]
+AngularSpeed = Annotated[float, Quantity("rad/s")]
 
 
 # SI unit -> what people write, and how many of it one SI unit is.

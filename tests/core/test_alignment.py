@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from palpate import Batch, Channel, LogError, Stream
-from palpate.alignment import Aligner, AlignmentSettings
+from palpate.alignment import Aligner, AlignmentSettings, Ports
 from palpate.estimation import Samples
 
 FORCE = Stream("wrench", (Channel("z", "N", (-50.0, 50.0)),), 800.0)
@@ -14,6 +14,11 @@ RIG = {"rig": (FORCE, MOTION)}
 def settings(**changes):
     table = {"force": "rig.wrench.z", "position": "rig.tip.z", "velocity": "rig.tip.vz", "tare": "none"}
     return AlignmentSettings.model_validate({**table, **changes})
+
+
+def aligner_of(streams, **changes):
+    made = settings(**changes)
+    return Aligner(made, Ports.of(made, streams))
 
 
 def stamps(rate, duration, offset=0.0):
@@ -47,7 +52,7 @@ def record(duration=2.0, force_late=0.0, motion_late=0.0):
 
 
 def aligned(batches, **changes):
-    aligner = Aligner(settings(**changes), RIG)
+    aligner = aligner_of(RIG, **changes)
     for item in batches:
         aligner.feed("rig", item)
     return aligner.samples(final=True), aligner.report
@@ -89,7 +94,7 @@ def test_samples_do_not_depend_on_how_the_record_is_cut(size):
     force, motion = record()
     quiet = [Batch("wrench", force.time, force.time, force.values * (force.time > 5e8)[:, None]), motion]
     whole, _ = aligned(quiet, **changes)
-    aligner = Aligner(settings(**changes), RIG)
+    aligner = aligner_of(RIG, **changes)
     blocks = []
     longest = max(len(b.time) for b in quiet)
     for start in range(0, longest, size):
@@ -273,7 +278,7 @@ def test_the_tips_place_comes_along_or_is_unknown():
     """A stream of its own and slower, in front of the motion's."""
     place = Stream("place", (Channel("x", "m"), Channel("y", "m")), 100.0)
     time = stamps(100.0, 2.0)
-    aligner = Aligner(settings(lateral_y="rig.place.y"), {"rig": (*RIG["rig"], place)})
+    aligner = aligner_of({"rig": (*RIG["rig"], place)}, lateral_y="rig.place.y")
     for item in [batch("place", time, time / 1e9, 0.004 * time / 1e9), *record()]:
         aligner.feed("rig", item)
     samples = aligner.samples(final=True)

@@ -4,14 +4,15 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 from palpate import ConfigurationError
-from palpate.calibration import CalibratedValue, Calibration, Measured, Scatter, read_calibration
+from palpate.calibration import Calibration, read_calibration
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
 from palpate.pipeline.calibration_flags import calibration_flags
+from palpate_calibration.quantity import Measured, RepeatValue, calibrated_value
 
 
 def value(number, std, unit):
-    return CalibratedValue.of(Measured.of([Scatter(number, std)], unit))
+    return calibrated_value(Measured.of([RepeatValue(number, std)], unit))
 
 
 def calibration(**changes):
@@ -49,7 +50,7 @@ def pipeline(point_pipeline, tmp_path):
 
 
 def codes(pipeline):
-    return [text.partition(":")[0] for text in calibration_flags(pipeline)]
+    return [flag.code for flag in calibration_flags(pipeline)]
 
 
 def test_a_file_reads_back_as_it_was_written(tmp_path):
@@ -136,7 +137,7 @@ def test_live_devices_are_compared_by_what_they_say(pipeline):
 
     def codes_with(identity):
         texts = calibration_flags(found, {"rig": {"identity": identity, "states": 7}})
-        return [text.partition(":")[0] for text in texts]
+        return [flag.code for flag in texts]
 
     assert codes_with("S/N: 1") == []
     assert "calibration-sensor" in codes_with("S/N: 2")
@@ -157,7 +158,7 @@ def test_its_uncertainties_reach_the_result(pipeline, tmp_path):
     found = result.tracks["dr/ekf"].parameters
     eta, elasticity = found["viscosity"], found["elasticity"]
     assert eta.budget["timing"] == pytest.approx(elasticity.value / 3 * 2e-4, rel=1e-6)
-    assert set(elasticity.budget) == {"mass", "tare"}
+    assert set(elasticity.budget) == {"timing", "mass", "tare", "radius", "poisson"}
     assert eta.systematic == pytest.approx(sum(share**2 for share in eta.budget.values()) ** 0.5)
     assert eta.combined >= eta.systematic
     table = eta.table()

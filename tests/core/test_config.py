@@ -121,7 +121,7 @@ def test_the_schema_knows_every_part_and_key():
     for kind in KINDS:
         for name, entry in registry.parts[kind].items():
             table = schema["$defs"][f"{kind}:{name}"]
-            assert set(table["properties"]) == {"type", *entry.part.model_fields}
+            assert set(table["properties"]) == {"type", "unchecked", *entry.part.model_fields}
 
 
 def test_a_plugin_beside_the_pipeline(point_pipeline):

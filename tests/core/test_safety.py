@@ -1,13 +1,18 @@
 """Limits of a motion, and the guard."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from palpate import Batch, Channel, ConfigurationError, DeviceError, OwnMotion, Setpoint, Stream
-from palpate.alignment import AlignmentSettings
+from palpate.alignment import AlignmentSettings, Ports
+from palpate.config.wired_safety import contradictions, wired
 from palpate.pipeline.guard import Guard
-from palpate.safety import SafetySettings, check_motion, check_own_motion, check_setpoints, demand_safe
+from palpate.pipeline.readying import compared, refuse_contact, refuse_preload
+from palpate.safety import Reach, SafetySettings, check_motion, check_own_motion, check_setpoints, demand_safe
+from palpate_calibration.settings import CalibrationSettings
+from palpate_studies.design.settings import DesignSettings
 from palpate_trajectories.point import Point
 
 LIMITS = {
@@ -92,6 +97,7 @@ def test_a_way_of_one_setpoint_is_judged_too():
 WRENCH = Stream("wrench", tuple(Channel(axis, "N", (-500.0, 500.0)) for axis in "xyz"), 800.0)
 TIP = Stream("tip", (Channel("z", "m"),), 500.0)
 ALIGNMENT = AlignmentSettings.model_validate({"force": "s.wrench.z", "position": "r.tip.z"})
+PORTS = Ports.of(ALIGNMENT, {"s": (WRENCH,), "r": (TIP,)})
 
 
 class _Arm:
@@ -124,7 +130,8 @@ def height(z):
 
 @pytest.fixture
 def guard():
-    made = Guard(limits(stale=0.15), ALIGNMENT, {"s": (WRENCH,), "r": (TIP,)})
+    """A guard after its rest; this test may be held up for long, where the machine is."""
+    made = Guard(limits(stale=0.15, held_up=600.0), PORTS)
     made.arm = _Arm()
     rng = np.random.default_rng(0)
     made.check("s", force(*(1.0 + 0.05 * rng.standard_normal(100))))
@@ -132,7 +139,7 @@ def guard():
     found = made.judge_rest()
     assert found.force == pytest.approx(1.0, abs=0.02)
     assert found.force_std == pytest.approx(0.05, rel=0.2)
-    made.begin([made.arm])
+    made.begin({"r": made.arm})
     yield made
     made.close()
 
@@ -145,6 +152,7 @@ def guard():
         ("s", force(np.nan, 1.0), "over range or invalid"),
         ("s", force(500.0), "at the end of its range"),
         ("r", height(-0.008), "below the limit"),
+        ("r", height(np.nan), "a reading of r.tip.z is invalid"),
     ],
 )
 def test_the_guard_trips_at_once(guard, device, batch, words):
@@ -156,6 +164,15 @@ def test_the_guard_trips_at_once(guard, device, batch, words):
     assert len(guard.arm.retracted) == 1
 
 
+@pytest.mark.parametrize(("deeper", "hint"), [(True, True), (False, False)])
+def test_a_force_that_falls_on_the_way_in_asks_for_the_sign(guard, deeper, hint):
+    guard.check("r", height(0.002))
+    guard.check("r", height(-0.001 if deeper else 0.003))
+    guard.check("s", force(1.0, -12.0))
+    assert ("force sign = -1" in guard.reason) == hint
+    assert "the force is 13.0 N" in guard.reason
+
+
 def test_the_guard_lets_pass_what_is_in_order(guard):
     guard.check("s", force(1.0, 12.9, -10.9))
     guard.check("r", height(-0.0069))
@@ -163,13 +180,131 @@ def test_the_guard_lets_pass_what_is_in_order(guard):
     assert guard.peak == pytest.approx(11.9, abs=0.02)
 
 
-def test_silence_trips_the_guard(guard):
-    deadline = time.monotonic() + 5
-    while guard.reason is None and time.monotonic() < deadline:
-        guard.check("r", height(0.0))
-        time.sleep(0.005)
-    assert guard.reason.startswith("s.wrench.z is silent")
+@pytest.mark.parametrize(
+    ("units", "column", "trips"),
+    [
+        (("N*m", "N*m", "N*m", "N", "N", "N"), 5, True),  # torques first
+        (("N*m", "N*m", "N*m", "N", "N", "N"), 3, True),  # across: a force, too
+        (("N*m", "N*m", "N*m", "N", "N", "N"), 0, False),
+        (("1",) * 5 + ("N", "1", "1"), 5, True),  # one of the channels of a DAQ
+        (("1",) * 5 + ("N", "1", "1"), 2, False),
+        (("1",) * 8, 7, True),  # nobody declared a unit: the channel that is named
+        (("1",) * 8, 6, False),
+    ],
+)
+def test_the_guard_watches_every_force_that_a_stream_declares(units, column, trips):
+    stream = Stream("daq", tuple(Channel(f"c{i}", unit) for i, unit in enumerate(units)), 800.0)
+    named = "N" if "N" in units else "1"
+    last = len(units) - 1 - units[::-1].index(named)
+    alignment = ALIGNMENT.model_validate({"force": f"s.daq.c{last}", "position": "r.tip.z"})
+    guard = Guard(limits(), Ports.of(alignment, {"s": (stream,), "r": (TIP,)}))
+    stamps = np.arange(20, dtype=np.int64)
+    still = np.full((20, len(units)), 0.5)
+    guard.check("s", Batch("daq", stamps, stamps, still))
+    guard.check("r", height(0.01))
+    guard.judge_rest()
+    pushed = still.copy()
+    pushed[-1, column] = 400.0
+    guard.check("s", Batch("daq", stamps, stamps, pushed))
+    assert (guard.reason is not None) == trips
+
+
+def test_a_height_that_counts_downwards_keeps_its_depth_limit():
+    alignment = ALIGNMENT.model_validate({"force": "s.wrench.z", "position": {"channel": "r.tip.z", "sign": -1}})
+    guard = Guard(limits(), Ports.of(alignment, {"s": (WRENCH,), "r": (TIP,)}))
+    guard.check("s", force(*np.linspace(0.9, 1.1, 20)))
+    guard.check("r", height(-0.01))
+    guard.judge_rest()
+    guard.check("r", height(-0.02))
+    assert guard.reason is None
+    guard.check("r", height(0.008))
+    assert "the tip is at -8.00 mm, below the limit" in guard.reason
+
+
+def test_calibration_and_design_are_limited_by_the_same_rules_as_a_run():
+    wide = limits(low=(-1.0, -1.0, -1.0), high=(1.0, 1.0, 1.0))
+    free, plate = CalibrationSettings().limits(contact=False), CalibrationSettings().limits(contact=True)
+    assert (free.low[2], plate.low[2]) == (0.001, -0.001)
+    times = np.arange(0.0, PRESS.total_duration, 1e-3)
+    deep = [excess.what for excess in plate.excesses(Reach.of(times, PRESS.at(times)))]
+    assert deep == ["low"]
+    for table in (free, DesignSettings().limits):
+        both = table.tighter(wide.motion)
+        assert both == wide.motion.tighter(table)
+        assert both.speed == 0.04
+        assert both.acceleration == 0.5
+        assert both.low[2] == table.low[2]
+    assert DesignSettings().within(wide.motion, 12.0).top_force == 12.0
+
+
+NOTHING = Batch("wrench", np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)))
+STILL = Batch("tip", np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 1)))
+MS = 1_000_000  # [ns]
+
+
+def at(batch, received):
+    """The batch, as received at a time [ms]."""
+    return replace(batch, received=np.full(len(batch.time), received * MS))
+
+
+def test_silence_is_what_the_receiving_process_says_it_is(guard):
+    """Its own stamps count: it looked, and there was nothing; how late this program asks does not matter."""
+    guard.check("s", at(force(1.0), 1000), 1000 * MS)
+    for looked in range(1010, 1150, 10):
+        guard.check("s", NOTHING, looked * MS)
+    assert guard.reason is None
+    guard.check("s", NOTHING, 1170 * MS)
+    guard.check("s", NOTHING, 1180 * MS)
+    assert guard.reason == "s.wrench.z is silent for 170 ms"
     assert guard.arm.retracted
+
+
+def test_a_program_that_comes_late_takes_no_silence_from_that(guard):
+    """What came while it was held up is there, of one stream after the other."""
+    guard.check("s", at(force(1.0), 1000), 1000 * MS)
+    status = replace(NOTHING, stream="status", time=np.zeros(1, np.int64), values=np.zeros((1, 3)))
+    for stream in ("status", "other", "third"):
+        guard.check("s", at(replace(status, stream=stream), 1000), 1000 * MS)
+    for stream in ("status", "other", "third"):  # 400 ms later
+        guard.check("s", at(replace(status, stream=stream), 1400), 1400 * MS)
+    guard.check("s", at(force(1.0), 1400), 1400 * MS)
+    guard.check("s", NOTHING, 1410 * MS)
+    assert guard.reason is None
+
+
+def test_a_stream_that_stops_while_another_of_its_device_goes_on_is_silent(guard):
+    guard.check("s", at(force(1.0), 1000), 1000 * MS)
+    status = replace(NOTHING, stream="status", time=np.zeros(1, np.int64), values=np.zeros((1, 3)))
+    for received in range(1010, 1200, 10):
+        guard.check("s", at(status, received), received * MS)
+    assert guard.reason.startswith("s.wrench.z is silent for 1")
+
+
+def test_being_held_up_is_a_fault_of_its_own(guard):
+    """Nobody asks the sensor's link: with or without readings, the arm must not go on unwatched."""
+    guard._looked["s"] = time.monotonic() - 601.0
+    deadline = time.monotonic() + 60
+    while guard.reason is None and time.monotonic() < deadline:
+        time.sleep(0.005)
+    assert "this program was held up: it has not come to look at s for 601" in guard.reason
+    assert "held_up = 600000 ms" in guard.reason
+    assert guard.arm.retracted
+
+
+def test_a_motion_that_is_done_is_no_longer_watched(guard):
+    guard.ended("r")
+    assert guard.state.phase == "over"
+    guard.check("s", force(1.0, 400.0))
+    guard.check("r", height(-0.1))
+    for looked in range(1000, 2000, 10):
+        guard.check("s", NOTHING, looked * MS)
+    assert guard.reason is None
+
+
+def test_a_sensor_that_ends_does_not_end_the_watch_of_the_arm(guard):
+    guard.ended("s")
+    guard.check("r", height(-0.1))
+    assert "below the limit" in guard.reason
 
 
 @pytest.mark.parametrize(
@@ -181,7 +316,7 @@ def test_silence_trips_the_guard(guard):
     ],
 )
 def test_an_implausible_rest_is_refused_with_advice(values, words):
-    guard = Guard(limits(), ALIGNMENT, {"s": (WRENCH,), "r": (TIP,)})
+    guard = Guard(limits(), PORTS)
     guard.check("s", force(*values))
     guard.check("r", height(0.01))
     with pytest.raises(DeviceError, match=words):
@@ -203,7 +338,7 @@ def test_noise_that_a_filter_does_not_expect_is_refused_with_advice(told, words)
     twist = Stream("twist", (Channel("z", "m/s"),), 500.0)
     alignment = ALIGNMENT.model_validate({**ALIGNMENT.model_dump(), "velocity": "r.twist.z"})
     for factor, refused in ((0.98, False), (1.02, True)):
-        guard = Guard(limits(), alignment, {"s": (WRENCH,), "r": (TIP, twist)})
+        guard = Guard(limits(), Ports.of(alignment, {"s": (WRENCH,), "r": (TIP, twist)}))
         guard.check("s", force(*(factor * 0.03 * noise)))
         guard.check("r", height(0.01))
         stamps = np.arange(400, dtype=np.int64)
@@ -214,3 +349,105 @@ def test_noise_that_a_filter_does_not_expect_is_refused_with_advice(told, words)
             assert 'set noise = "measure"' in str(caught.value)
         else:
             assert guard.judge_rest({"ekf": told}).velocity_std == pytest.approx(2.94e-4)
+
+
+def setpoints(position, velocity=None, **more):
+    times = 0.002 * np.arange(len(position))
+    velocity = np.gradient(position, 0.002, axis=0) if velocity is None else velocity
+    return times, Setpoint(position, velocity, np.zeros(len(position), bool), **more)
+
+
+def test_positions_count_as_much_as_the_stated_velocity():
+    """Zero stated, and a jump of 10 mm: speed, acceleration and the contradiction are told."""
+    position = np.zeros((100, 3))
+    position[50:, 2] = -0.005
+    report = check_setpoints(*setpoints(position, np.zeros((100, 3))), limits())
+    text = "; ".join(report.problems)
+    assert "the speed is 2500.0 mm/s" in text
+    assert "move at 2500.0 mm/s where their stated velocity is 0.0 mm/s" in text
+    assert "the acceleration is" in text
+    assert report.inward_speed == pytest.approx(2.5)
+    honest = PRESS.at(np.arange(0.0, PRESS.total_duration, 0.002))
+    assert not check_setpoints(*setpoints(honest.position, honest.velocity), limits()).problems
+    drifting = setpoints(honest.position, honest.velocity + np.array([0.0, 0.002, 0.0]))
+    assert any("stated velocity" in problem for problem in check_setpoints(*drifting, limits()).problems)
+
+
+def test_a_turn_of_the_tool_counts_as_speed():
+    position, still = np.zeros((100, 3)), np.zeros((100, 3))
+    turning = np.full(100, np.radians(9.0))
+    slow = check_setpoints(*setpoints(position, still, turning=turning, lever=0.12), limits())
+    assert slow.problems == ()
+    assert slow.speed == pytest.approx(np.radians(9.0) * 0.12)
+    fast = check_setpoints(*setpoints(position, still, turning=2 * turning, lever=0.5), limits())
+    assert any("turns at 18.0 deg/s, over the limit of 10.0 deg/s" in problem for problem in fast.problems)
+    assert any("the speed is" in problem for problem in fast.problems)
+
+
+def test_the_sensor_s_delay_is_part_of_the_overshoot():
+    """K (v tau + v^2/2a) with tau from the force on the skin, not from the reading."""
+    late = limits(sensor_delay="10 ms")
+    assert late.overshoot(0.02) - limits().overshoot(0.02) == pytest.approx(3000 * 0.02 * 0.01)
+    assert late.fastest < limits().fastest
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("speed", "40 m/s"), ("stiffness", "1e-6 N/mm"), ("stop_force", "12 kN"), ("orientation", 3.0)]
+)
+def test_limits_that_are_slips_of_the_pen(key, value):
+    with pytest.raises(ValueError, match=key):
+        limits(**{key: value})
+
+
+def test_contact_is_felt_by_what_a_retreat_takes_away():
+    rng = np.random.default_rng(0)
+    noise = rng.normal(0.6, 0.05, 2000)
+    assert abs(compared(noise[:800], noise[800:1040], 1).change) < 0.02
+    felt = compared(noise[:800], noise[800:1040] - 0.05, 1)
+    assert felt.change == pytest.approx(0.05, abs=0.02)
+    with pytest.raises(DeviceError, match=r"touches something: s\.wrench\.z fell by 0\.0"):
+        refuse_contact(felt, "s.wrench.z")
+    with pytest.raises(DeviceError, match=r"rose by .*sign = -1"):
+        refuse_contact(compared(noise[:800], noise[800:1040] + 0.05, 1), "s.wrench.z")
+    assert compared(noise[:800], noise[:5], 1) is None
+
+
+def test_free_air_is_hardly_ever_taken_for_contact():
+    """White noise, and noise through a filter of 10 readings: no false alarm in 1000."""
+    rng = np.random.default_rng(1)
+    for _ in range(500):
+        white = rng.normal(0.0, 0.05, 1100)
+        for noise in (white, np.convolve(white, np.ones(10) / 10, "valid")):
+            refuse_contact(compared(noise[:800], noise[-240:], 1), "f")
+
+
+def test_a_preload_that_the_tare_would_hide_is_refused():
+    streams = {"s": (WRENCH,), "r": (TIP,)}
+    port = Ports.of(ALIGNMENT, streams)["force"]
+    refuse_preload(2.0, limits(), port)
+    with pytest.raises(DeviceError, match=r"could feel 29\.8 N, over force = 20 N"):
+        refuse_preload(-17.8, limits(), port)
+    # With a known offset the force on the skin is known: an offset is none, and a light touch is seen.
+    refuse_preload(-17.8, limits(), port, -17.7)
+    with pytest.raises(DeviceError, match=r"reads 2\.00 N at rest, 1\.40 N from the known offset: the tip touches"):
+        refuse_preload(2.0, limits(), port, 0.6)
+
+
+def device(channel, **facts):
+    streams = (Stream("wrench", (channel,), 800.0, delay=0.003),)
+    return type("Rig", (), {"streams": streams, **facts})()
+
+
+def test_the_wiring_adds_its_own_delays():
+    arm = device(Channel("z", "m"), own_motion=OwnMotion(0.02, 0.03, 1.0, 0.25))
+    alignment = AlignmentSettings.model_validate({"force": "s.wrench.z", "position": "r.wrench.z"})
+    sensor = device(Channel("z", "N", (-500.0, 500.0)), shared_streams=("wrench",))
+    table = wired(limits(), alignment, {"r": arm, "s": sensor})
+    assert (table.sensor_delay, table.latency) == (0.003, 0.06)
+    alone = device(Channel("z", "N", (-500.0, 500.0)))
+    assert wired(limits(), alignment, {"r": arm, "s": alone}).latency == 0.25
+    stated = wired(limits(sensor_delay="9 ms"), alignment, {"r": arm, "s": sensor})
+    assert stated.sensor_delay == pytest.approx(0.009)
+    assert not contradictions(limits(), alignment, {"r": arm, "s": sensor})
+    problems = contradictions(limits(stop_force=500.0, force=600.0), alignment, {"r": arm, "s": sensor})
+    assert "ends at 500 N" in problems[0].problem

@@ -1,9 +1,12 @@
-"""Makes the files of ``corpus``, each with one thing wrong that no reader must fall for; run it to make them anew."""
+"""Makes the files of `corpus`, each with one thing wrong that no reader must fall for; those that are there stay."""
 
 import gzip
 import io
+import sqlite3
 import struct
+import sys
 import zlib
+from contextlib import closing
 from pathlib import Path
 
 import lz4.frame
@@ -61,6 +64,48 @@ def cyclic():
     return f"lab/A a{line}MSG: lab/A\nlab/B b{line}MSG: lab/B\nlab/A a"
 
 
+def databases():
+    """Names, and what is done to the tables of a bag after they are filled, or instead of it."""
+    endless = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i AS id, 1 AS topic_id, "
+    yield (
+        "endless_view.db3",
+        "DROP TABLE messages; CREATE VIEW messages AS " + endless + "i AS timestamp, x'00' AS data FROM n;",
+        "",
+    )
+    yield "topics_are_a_view.db3", "", "ALTER TABLE topics RENAME TO t; CREATE VIEW topics AS SELECT * FROM t;"
+    yield (
+        "computed_column.db3",
+        "ALTER TABLE messages ADD COLUMN seconds AS (timestamp / 1e9);"
+        "ALTER TABLE topics ADD COLUMN short AS (substr(name, 2));",
+        "",
+    )
+    yield (
+        "index_of_words.db3",
+        "",
+        "CREATE VIRTUAL TABLE words USING fts5(note); INSERT INTO words VALUES ('soft'), ('hard');"
+        "CREATE TABLE notes(a, b UNIQUE, c AS (a || b)); INSERT INTO notes VALUES (1, 2);",
+    )
+
+
+def database(before, after):
+    """A bag of 200 messages."""
+    path = FOLDER / "whole.db3"
+    write_bag(path, [("/data", "std_msgs/msg/Float64MultiArray", [(i, array_message([i, i])) for i in range(200)])])
+    with closing(sqlite3.connect(path)) as opened:
+        rows = opened.execute("SELECT id, topic_id, timestamp, data FROM messages").fetchall()
+        if before:
+            opened.executescript(before)
+        if "DROP" not in before:
+            opened.execute("DELETE FROM messages")
+            opened.executemany("INSERT INTO messages(id, topic_id, timestamp, data) VALUES (?, ?, ?, ?)", rows)
+        opened.commit()
+        opened.executescript(after)
+        opened.execute("VACUUM")
+    raw = path.read_bytes()
+    path.unlink()
+    return raw
+
+
 def files():
     """Bytes by name."""
     whole, zeros = log(), bytes(1 << 24)
@@ -100,6 +145,33 @@ def files():
     yield "no_pages.db3", bag[:100]
     yield "text.db3", b"this is a letter, and no database\n" * 10
     yield "bomb.db3.gz", gzip.compress(zeros, mtime=0)
+    yield "name_of_no_text.db3", bag.replace(b"/data", b"/\xff\xfe\xb1a")
+    yield "schema_of_no_text.db3", bag.replace(b"TABLE messages(", b"TABLE mess\xff\xfe\xb1(")
+    for name, before, after in databases():
+        yield name, database(before, after)
+    packed = bytearray(gzip.compress(b"0.1,0.2,0.3\n" * 4000, mtime=0))
+    packed[40:60] = bytes(20)
+    yield "damaged.csv.gz", bytes(packed)
+    packed = bytearray(gzip.compress(bag, mtime=0))
+    packed[400:440] = bytes(40)
+    yield "damaged.db3.gz", bytes(packed)
+    zeros = b"SQLite format 3\0" + bytes(1 << 27)
+    yield "bomb_that_begins_well.db3.zstd", zstandard.ZstdCompressor().compress(zeros)
+    yield (
+        "spike.csv",
+        b"time_s,force_N,z_m\n"
+        + b"".join(
+            b"%.3f,%s,%.4f\n" % (i / 500, b"1e155" if i == 200 else b"%.2f" % (i % 7), i / 1e4) for i in range(400)
+        ),
+    )
+    yield "brackets.csv", b"[" * 80_000 + b",z_m\n1,2\n"
+    yield "underscores.csv", b"t,force_N,z_m\n0.001,1_5,0.1\n0.002,2,0.2\n"
+    yield "one_cell_too_many.csv", b"0.001,1,0.1\n" * 30 + b"0.002,7,1,0.1\n" + b"0.003,1,0.1\n" * 30
+    yield (
+        "times_of_no_number.csv",
+        b"t,force_N,z_m\n"
+        + b"".join(b"%s,1,0.1\n" % (b"inf" if i % 5 == 0 else b"nan" if i % 7 == 0 else b"%d" % i) for i in range(100)),
+    )
     yield "commas.csv", b"t;z\n0,1;1,5\n0,2;1,6\n"
     yield "ragged.csv", b"t,force_N,z_m\n0.1,1\n0.2,1,2,3,4\n\n,,\n"
     yield "bytes.csv", bytes(range(256))
@@ -109,4 +181,5 @@ def files():
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
     for name, raw in files():
-        (FOLDER / name).write_bytes(raw)
+        if "--all" in sys.argv or not (FOLDER / name).exists():
+            (FOLDER / name).write_bytes(raw)

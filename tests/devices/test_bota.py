@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from palpate import DeviceError
 from palpate_devices.bota.device import BotaSensor
-from palpate_devices.bota.frames import LENGTH, Decoder, Unwrapped, crc_x25, packed
+from palpate_devices.bota.frames import LENGTH, FrameDecoder, Unwrapped, crc_x25, packed
 from palpate_devices.process.clock import ClockMap
 from palpate_devices.twins.corruption import KINDS, corrupted, is_intact
+
+pytestmark = pytest.mark.talks
 
 FIRST = bytes.fromhex(
     "aa 00 00 00 00 80 3f 00 00 00 40 00 00 40 40 cd cc cc 3d cd cc 4c 3e 9a 99 99 3e 15 cd 5b 07 00 00 cc 41 5e bf"
@@ -22,10 +24,10 @@ SECOND = bytes.fromhex(
 def test_known_frames():
     assert crc_x25(b"123456789") == 0x906E
     assert packed(0, (1, 2, 3, 0.1, 0.2, 0.3), 123456789, 25.5) == FIRST
-    (frame,) = Decoder().feed(FIRST + FIRST)[:1]
+    (frame,) = FrameDecoder().feed(FIRST + FIRST)[:1]
     assert frame.wrench == pytest.approx((1, 2, 3, 0.1, 0.2, 0.3))
     assert (frame.status, frame.stamp, frame.temperature) == (0, 123456789, 25.5)
-    frame = Decoder().feed(SECOND + SECOND)[0]
+    frame = FrameDecoder().feed(SECOND + SECOND)[0]
     assert (frame.status, frame.wrench[2], frame.stamp) == (2, -5.25, 0xFFFFFFFF)
 
 
@@ -49,7 +51,7 @@ def stream(kind, frames, rng, part=0.05):
 def test_no_intact_frame_is_lost_and_no_damaged_one_taken(kind):
     rng = np.random.default_rng(KINDS.index(kind))
     data, intact, damaged = stream(kind, 4000, rng)
-    decoder, found, at = Decoder(), [], 0
+    decoder, found, at = FrameDecoder(), [], 0
     while at < len(data):
         size = int(rng.integers(1, 200))
         found += [frame.stamp for frame in decoder.feed(data[at : at + size])]
@@ -64,7 +66,7 @@ def test_it_begins_in_the_middle():
     frames = [packed(0, (1.0,) * 6, 1250 * i, 30.0) for i in range(1, 20)]
     data = b"".join(frames)
     for cut in range(1, LENGTH):
-        found = [frame.stamp for frame in Decoder().feed(data[cut:])]
+        found = [frame.stamp for frame in FrameDecoder().feed(data[cut:])]
         assert found == [1250 * i for i in range(2, 20)]
 
 
@@ -90,6 +92,17 @@ def test_the_clock_map_finds_the_smallest_delay():
     assert error.max() < 0.25e-3  # 0.1 ms of it is the smallest delay, which nobody can know
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_the_clock_map_takes_lumps_for_what_they_are(seed):
+    """An adapter that passes frames on every 16 ms: after two lumps the time is that of the sensor's clock."""
+    rng = np.random.default_rng(seed)
+    device = np.arange(800, dtype=np.int64) * 1_250_000
+    lump = np.ceil((device + rng.uniform(0, 16e6)) / 16e6) * 16e6
+    received = (lump + 1e5 + np.repeat(rng.exponential(5e4, 800), 1)).astype(np.int64)
+    mapped = ClockMap().to_host(device, np.maximum.accumulate(received))
+    np.testing.assert_allclose(np.diff(mapped[40:]), 1.25e6, atol=0.3e6)
+
+
 def gathered(device, count):
     with device.connect(0) as link:
         found = []
@@ -101,8 +114,13 @@ def gathered(device, count):
     return None
 
 
+def sensor(twin, **changes):
+    """The twin's sensor, with patience for a machine that is busy."""
+    return BotaSensor.model_validate({"port": str(twin.port), "settle": 0.1, "silence": 5.0, **changes})
+
+
 def test_rate_noise_and_identity_come_from_the_sensor(restored):
-    device = BotaSensor(port=str(restored.port), sinc=128, settle=0.1)
+    device = sensor(restored, sinc=128)
     stamps, wrench, health = gathered(device, 200)
     late = stamps[len(stamps) // 2 :]  # the first readings may have waited, and the clock's map with them
     assert np.median(np.diff(late)) == pytest.approx(128 / 51200 * 1e9, rel=1e-3)
@@ -113,7 +131,7 @@ def test_rate_noise_and_identity_come_from_the_sensor(restored):
 def test_corruption_on_the_line_is_counted_and_nothing_else_is_lost(restored):
     restored.fault("corrupt 0.02")
     before = restored.state()["frames"]
-    stamps, wrench, health = gathered(BotaSensor(port=str(restored.port), settle=0.1), 800)
+    stamps, wrench, health = gathered(sensor(restored), 800)
     assert health["damaged"] > 2
     assert np.isfinite(wrench).all()
     steps = np.rint(np.diff(stamps) / 1.25e6)
@@ -132,38 +150,37 @@ def test_corruption_on_the_line_is_counted_and_nothing_else_is_lost(restored):
 def test_start_faults_are_told_in_words(restored, changes, words):
     if "refuse" in changes:
         restored.fault(f"refuse {changes.pop('refuse')}")
-    device = BotaSensor(**{"port": str(restored.port), "settle": 0.1, **changes})
+    device = sensor(restored, **changes)
     with pytest.raises(DeviceError, match=re.escape(words)):
         gathered(device, 10)
 
 
 def test_a_wrong_baud_rate_is_suspected(restored):
-    device = BotaSensor(port=str(restored.port), baud=115200, boot=0.5, settle=0.1)
+    device = sensor(restored, baud=115200, boot=0.5)
     with pytest.raises(DeviceError, match=r"\d+ bytes that hold no answer came at 115200 baud; check .* baud rate"):
         gathered(device, 10)
 
 
 def test_a_slow_sensor_is_waited_for(restored):
     restored.fault("slow 1.0")
-    stamps, wrench, _ = gathered(BotaSensor(port=str(restored.port), settle=0.1), 50)
+    stamps, wrench, _ = gathered(sensor(restored), 50)
     assert len(stamps) > 50
     assert np.isfinite(wrench).all()
 
 
 def test_a_port_that_somebody_reads_is_refused(restored):
-    device = BotaSensor(port=str(restored.port), settle=0.1)
+    device = sensor(restored)
     with device.connect(0), pytest.raises(DeviceError, match="cannot be opened"):
         gathered(device, 10)
 
 
 def test_lumps_and_left_out_measurements_lose_nothing(restored):
-    """An adapter with a latency timer of 16 ms: every reading comes, and its time is that of the sensor's clock."""
+    """An adapter with a latency timer of 16 ms: every reading comes."""
     restored.fault("lumps 0.016")
     restored.fault("throttled")
-    stamps, wrench, health = gathered(BotaSensor(port=str(restored.port), settle=0.1), 400)
+    stamps, wrench, health = gathered(sensor(restored), 400)
     assert np.isfinite(wrench).all()
-    # None missing, and after the first lumps the map moves by less than what is declared.
-    np.testing.assert_allclose(np.diff(stamps[40:]), 1.25e6, atol=0.3e6)
+    assert np.diff(stamps).max() < 1.9 * 1.25e6  # none missing
     assert health["throttled"] == health["readings"]
     assert health["unusable"] == 0
 
@@ -172,7 +189,7 @@ def test_lumps_and_left_out_measurements_lose_nothing(restored):
 def test_readings_that_the_sensor_does_not_vouch_for_are_none(restored, fault):
     """Not a number, on which the guard stops a motion; `test_live` has one of the three in contact."""
     restored.fault(fault)
-    _, wrench, health = gathered(BotaSensor(port=str(restored.port), settle=0.1), 50)
+    _, wrench, health = gathered(sensor(restored), 50)
     assert np.isnan(wrench).all()
     assert health["unusable"] == health["readings"]
 

@@ -113,7 +113,7 @@ def test_estimates_stay_right(tmp_path, name):
     elasticity, flags, _ = result_on(path, tmp_path / "out")
     assert elasticity == pytest.approx(TRUTH, rel=0.08)
     if name in SAID:
-        assert any(SAID[name] in text for text in flags), flags
+        assert any(SAID[name] in str(flag) for flag in flags), flags
 
 
 @pytest.mark.parametrize("kind", ["wrapped", "restarted"])
@@ -126,10 +126,10 @@ def test_stamps_that_jump_back_are_said(tmp_path, kind):
     path = write_log(tmp_path / "log.mcap", stamps, true_stamps())
     elasticity, flags, result = result_on(path, tmp_path / "stamp")
     if kind == "restarted":
-        assert any("backwards" in text for text in flags), flags
+        assert any("backwards" in str(flag) for flag in flags), flags
         assert result.streams["log.wrench"]["backwards"] > 900
     else:
-        assert any("backwards" in text or "gap" in text for text in flags), flags
+        assert any(flag.code in ("backwards", "gaps") for flag in flags), flags
     # The log time is what helps.
     elasticity, _, _ = result_on(path, tmp_path / "log", clock="log")
     assert elasticity == pytest.approx(TRUTH, rel=0.08)
@@ -143,11 +143,11 @@ def test_a_force_whose_clock_runs_otherwise_than_that_of_the_motion_is_said(tmp_
     arrival = np.sort(stamps + random.integers(50_000, 1_000_000, len(stamps)))
     path = write_log(tmp_path / "log.mcap", stamps, arrival, force_stamps=drifted)
     elasticity, flags, _ = result_on(path, tmp_path / "out")
-    assert any("clock-drift" in text for text in flags) == said, flags
+    assert any(flag.code == "clock-drift" for flag in flags) == said, flags
     assert said or elasticity == pytest.approx(TRUTH, rel=0.08)
     elasticity, flags, _ = result_on(path, tmp_path / "log", clock="log")
     assert elasticity == pytest.approx(TRUTH, rel=0.08)
-    assert not any("clock-drift" in text for text in flags)
+    assert not any(flag.code == "clock-drift" for flag in flags)
 
 
 @pytest.mark.parametrize("seed", [11, 12, 13])

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import UserError
-from palpate.cli.export import export
-from palpate.cli.log_info import recording_of
+from palpate_devices.logs.commands.export import export
+from palpate_devices.logs.commands.info import recording_of
 from palpate_devices.mcap_replay import McapReplay
 
 CORPUS = Path(__file__).parent / "corpus"
@@ -37,7 +37,7 @@ def refused(ask):
 @pytest.mark.parametrize("name", FILES)
 def test_whatever_is_asked_of_it(tmp_path, name):
     path = Path(shutil.copy(CORPUS / name, tmp_path))
-    before, began = peak(), time.monotonic()
+    before, began = peak(), time.process_time()
     reader = recording_of(path)
     for ask in (
         lambda: reader.survey(path),
@@ -49,7 +49,7 @@ def test_whatever_is_asked_of_it(tmp_path, name):
         words = refused(ask)
         assert words is None or (name in words and len(words) < 1000)
     assert peak() - before < 600_000
-    assert time.monotonic() - began < 30
+    assert time.process_time() - began < 30  # of work, however busy the machine is
 
 
 @pytest.mark.parametrize("name", [name for name in FILES if name.endswith(".mcap")])

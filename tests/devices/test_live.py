@@ -15,37 +15,43 @@ from palpate.pipeline.outputs import Outputs
 from palpate_devices.mcap_replay import McapReplay
 
 E_TRUE, ETA_TRUE = 112.5e3, 362.0
-IN_CONTACT = 1.0  # [N]
+PERIOD = 1.25e6  # [ns] of the sensor
 
 
-def touching(state):
+def touching(state, folder=None):
     return state["height"] < -0.002
 
 
-def test_the_main_job_live_and_replayed(bench, tmp_path):
-    twin = bench()
-    result = twin.run("device.sensor.settle=0.1 s")
-    state = twin.state()
+def test_the_main_job_live_and_replayed(main_job):
+    twin, _, result = main_job
     assert result.tracks["dr/ekf"].parameters["elasticity"].value == pytest.approx(E_TRUE, rel=0.02)
     track = result.tracks["dr/kinematic"]
     elasticity, viscosity = track.parameters["elasticity"], track.parameters["viscosity"]
     assert elasticity.value == pytest.approx(E_TRUE, rel=0.02)
     # What the declared timing leaves open, at two standard uncertainties; the paper's filter has a bias of its own.
     assert abs(viscosity.value - ETA_TRUE) < 2 * viscosity.combined
-    live = result.run["live"]
-    commands, sensor = live["devices"]["arm"]["commands"], live["devices"]["sensor"]
-    assert commands["cycles"] > 6000
-    assert sensor["damaged"] == sensor["unusable"] == state["frames_dropped"] == 0
-    stamps = np.concatenate([b.time for b in readings(tmp_path / "out" / "log.mcap", "sensor", "wrench")])
-    # None lost: the sensor's own clock has no gap.
-    assert np.diff(stamps).max() < 2.4e6
-    assert state["eeprom_writes"] == 0
-    assert live["peak_force"] < 12
-    again = twin.replay(tmp_path / "out" / "log.mcap", "again")
+    assert result.run["live"]["peak_force"] < 12
+    log = result.folder / "log.mcap"
+    again = twin.replay(log, "again")
     ours, theirs = (json.loads((folder / "result.json").read_text()) for folder in (result.folder, again.folder))
     for key in ("parameters", "surface", "force_rms", "nis", "samples"):
         assert all(ours["tracks"][name][key] == theirs["tracks"][name][key] for name in ours["tracks"])
     assert (result.folder / "estimates.csv").read_bytes() == (again.folder / "estimates.csv").read_bytes()
+
+
+def test_the_main_job_loses_nothing(main_job):
+    """What the twins sent is in the log, and what the servo loop did not do it says."""
+    _, state, result = main_job
+    live, log = result.run["live"], result.folder / "log.mcap"
+    commands, sensor = live["devices"]["arm"]["commands"], live["devices"]["sensor"]
+    assert sensor["damaged"] == sensor["unusable"] == 0
+    assert state["frames_dropped"] == state["eeprom_writes"] == 0
+    assert commands["cycles"] + commands["periods_lost"] > 6000
+    stamps, values = joined(readings(log, "sensor", "wrench"))
+    assert len(stamps) == sensor["readings"] == result.streams["sensor.wrench"]["samples"]
+    assert np.isfinite(values).all()
+    assert np.diff(stamps).max() < 1.9 * PERIOD  # none is missing between two
+    assert len(joined(readings(log, "arm", "tip"))[0]) == live["devices"]["arm"]["states"]
 
 
 def readings(log, device, stream, cut=False):
@@ -62,10 +68,10 @@ ROBOT = {
     "pause-program": "program was paused",
     "freeze": "silent",
     "half": "silent",
-    "close": "closed the link|program|silent|loses the link",
-    "reset": "closed the link|program|silent|loses the link",
-    "gone": "closed the link|program|silent|loses the link",
-    "stall 0.4": "silent",
+    "close": "closed the link|program|silent|loses the link|no sign of life",
+    "reset": "closed the link|program|silent|loses the link|no sign of life",
+    "gone": "closed the link|program|silent|loses the link|no sign of life",
+    "stall 1.5": "silent",
 }
 SENSOR = {
     "unplug": "disconnected|Input/output",
@@ -75,29 +81,34 @@ SENSOR = {
 }
 
 
-def check_record(folder, learnt, fault_time):
-    """The log opens and reaches the fault."""
-    batches = readings(folder / "log.mcap", "sensor", "wrench")
-    offset = time.time() - time.monotonic()
-    assert batches[-1].received[-1] / 1e9 - offset > fault_time - 0.06
-    busy = os.getloadavg()[0] > (os.cpu_count() or 1)
-    assert learnt - fault_time < (0.5 if busy else 0.15)
+def joined(batches):
+    """Stamps [ns] and values of a stream."""
+    return np.concatenate([b.time for b in batches]), np.concatenate([b.values for b in batches])
+
+
+def check_record(folder, table):
+    """The log opens, reaches the fault, and holds all that came."""
+    devices = table["run"]["live"]["devices"]
+    _, pose = joined(readings(folder / "log.mcap", "arm", "tip"))
+    assert len(pose) == devices["arm"]["states"]
+    assert pose[:, 2].min() < -0.0015
+    assert len(joined(readings(folder / "log.mcap", "sensor", "wrench"))[0]) == devices["sensor"]["readings"]
 
 
 @pytest.mark.parametrize("fault", [*ROBOT, *SENSOR])
-def test_faults_in_contact(restored, tmp_path, fault):
+def test_faults_in_contact(restored, alert, patient, fault):
+    """The cause is named, the record is whole, the arm stands or leaves; how soon, `benchmarks/faults.py` measures."""
     twin = restored
-    silent = fault in ("freeze", "half", "stall 0.4", "silent", "gone", "close", "reset", "reboot")
-    error, fault_time, table, folder = twin.run_into(fault, touching, patient=not silent)
+    silent = fault in ("freeze", "half", "stall 1.5", "silent", "gone", "close", "reset", "reboot")
+    error, table, folder = twin.run_into(fault, touching, limits=alert if silent else patient)
+    found = twin.at_fault["height"]
     assert re.search((ROBOT | SENSOR)[fault], error), error
-    stop = table["run"]["live"]["stop"]
-    check_record(folder, stop["monotonic"], fault_time)
-    assert any(flag.startswith("interrupted") for flag in table["tracks"]["dr/ekf"]["flags"])
-    state = twin.wait(lambda state: state["joint_speed"] < 1e-3, 3.0)
+    check_record(folder, table)
+    assert any(flag["code"] == "interrupted" for flag in table["tracks"]["dr/ekf"]["flags"])
     if fault in ROBOT:  # it stands: a law that reads frozen positions must not have driven it on
-        assert state["height"] > twin.fault_height - 0.0012
+        assert twin.wait_at_rest()["height"] > found - 0.0012
     if fault in SENSOR:  # the robot is well: it has left the material by itself
-        assert state["height"] > 0.002
+        assert twin.wait_at_rest()["height"] > 0.002
 
 
 def test_what_is_no_fault(bench, short):
@@ -126,67 +137,86 @@ def test_what_is_no_fault(bench, short):
 
 @pytest.mark.parametrize("case", ["twenty times stiffer", "an obstacle 5 mm too high", "the other way round"])
 def test_the_force_limit(bench, short, force_limit, tmp_path, case):
+    """It stops every run and lets go; the declared latency is kept, unless the host itself was late, five times."""
     overrides, options, elasticity = force_limit.cases[case]
-    twin = bench(*short, *overrides)
-    for attempt in range(5):  # a machine that stands still can stop a run before the force does
+    twin, latency = bench(*short, *overrides), np.inf
+    for attempt in range(5):
         twin.fault("restore")
         if case == "the other way round":
             twin.fault("sign")
         with pytest.raises(DeviceError) as caught:
             twin.run(*options, out=f"out{attempt}")
-        if "silent" not in str(caught.value):
+        assert twin.wait_at_rest()["height"] > 0.002
+        if "silent" in str(caught.value):
+            continue  # a machine that stood still, before the force did it
+        assert re.search(r"the force is .* N, over the limit of 12 N", str(caught.value))
+        speed, _, latency = force_limit.overrun(tmp_path / f"out{attempt}")
+        assert 0.004 < speed < 0.02
+        if latency < force_limit.latency:
             break
-    assert re.search(r"the force is .* N, over the limit of 12 N", str(caught.value))
-    state = twin.wait(lambda state: state["joint_speed"] < 1e-3, 3.0)
-    speed, _, latency = force_limit.overrun(tmp_path / f"out{attempt}")
-    assert 0.004 < speed < 0.02
     assert latency < force_limit.latency
-    assert state["peak_force"] < force_limit.bound(elasticity, speed)
-    assert state["height"] > 0.002
+    assert twin.state()["peak_force"] < force_limit.bound(elasticity, speed)
 
 
 def test_an_exception_in_the_job_itself(restored, monkeypatch, tmp_path):
     """A bug, a full disk: the arm leaves the material before the error is shown."""
-    write = Outputs.samples
+    write = Outputs.write
 
-    def broken(self, samples, running):
+    def broken(self, samples, estimates):
         if len(samples) and restored.state()["height"] < -0.002:
             raise OutputError("the disk is full")
-        write(self, samples, running)
+        write(self, samples, estimates)
 
-    monkeypatch.setattr(Outputs, "samples", broken)
+    monkeypatch.setattr(Outputs, "write", broken)
     with pytest.raises(OutputError, match="the disk is full"):
         restored.run()
-    assert restored.wait(lambda state: state["joint_speed"] < 1e-3, 3.0)["height"] > 0.002
+    assert restored.wait_at_rest()["height"] > 0.002
     assert readings(tmp_path / "out" / "log.mcap", "arm", "tip")
 
 
-def test_control_c(restored, short, patient, tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals(restored, short, patient, tmp_path, number):
     twin = restored
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
-    job, folder = twin.start_job(touching, (*short, *patient), tmp_path / "out", **pipes)
-    job.send_signal(signal.SIGINT)
-    text, _ = job.communicate(timeout=30)
-    assert job.returncode == 130, text
-    assert twin.wait(lambda state: state["joint_speed"] < 1e-3, 3.0)["height"] > 0.002
+    pipes["preexec_fn"] = lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL)  # whoever runs the tests may ignore it
+    long = "trajectory.press.duration=30 s"  # a machine that stands still must not let it end before the signal
+    job, folder = twin.start_job(touching, (*short, *patient, long), tmp_path / "out", **pipes)
+    job.send_signal(number)
+    text, _ = job.communicate(timeout=120)
+    assert job.returncode == 128 + number, text
+    assert twin.wait_at_rest()["height"] > 0.002
     assert readings(folder / "log.mcap", "arm", "tip")
 
 
 @pytest.mark.parametrize("group", [False, True], ids=["main process", "every process of it"])
 def test_kill_9(restored, short, patient, tmp_path, group):
+    """The arm stands, and the record until then opens.
+
+    By the right cause: the worker sees that its parent is gone and ends the program; where it is gone as well, the
+    controller's watchdog does.
+    """
     twin = restored
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "start_new_session": True}
+
+    def recording(state, folder):
+        log = folder / "log.mcap"
+        return state["height"] < -0.001 and log.exists() and log.stat().st_size > 50_000
+
     limits = [limit for limit in patient if "watchdog" not in limit]
-    job, folder = twin.start_job(lambda state: state["height"] < -0.001, (*short, *limits), tmp_path / "out", **quiet)
-    killed, wall = time.monotonic(), time.time()
+    job, folder = twin.start_job(recording, (*short, *limits), tmp_path / "out", **quiet)
+    before = twin.state()["complaints"]
     if group:
         os.killpg(job.pid, signal.SIGKILL)
     else:
         job.kill()
     job.wait()
-    state = twin.wait(lambda state: state["tip_speed"] < 1e-4, 3.0)
-    busy = os.getloadavg()[0] > (os.cpu_count() or 1)
-    assert state["time"] - killed < (0.6 if busy else 0.2)
+    state = twin.wait_at_rest()
+    if group:
+        after = twin.wait(lambda state: state["complaints"] != before)["complaints"]
+        assert after[-1] == "the watchdog found no command in time"
+    else:
+        time.sleep(0.5)  # five times what the watchdog waits
+        assert twin.state()["complaints"] == before
     assert twin.state()["height"] == pytest.approx(state["height"], abs=2e-4)
-    last = readings(folder / "log.mcap", "sensor", "wrench", cut=True)[-1].received[-1] / 1e9
-    assert wall - last < (0.6 if busy else 0.3)
+    stamps, _ = joined(readings(folder / "log.mcap", "sensor", "wrench", cut=True))
+    assert stamps[-1] - stamps[0] > 0.1e9

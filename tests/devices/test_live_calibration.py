@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 from palpate.calibration import identity_in
-from palpate.config import load_plan
 from palpate.errors import ConfigurationError
-from palpate.pipeline import Guide, run_calibration
+from palpate_calibration.guided import Guide, run_calibration
+from palpate_calibration.plan import load_plan
 
 PIPELINE = Path(__file__).parents[2] / "pipelines" / "calibrate_ur3e.toml"
 # The real bench of point_ur3e.toml, with what nobody knows hidden in it.

@@ -149,7 +149,7 @@ def test_a_cut_log_is_refused_with_what_is_whole_and_opens_on_request(recording,
     with pytest.raises(LogError, match=r"the log is cut: .* [0-9]+ messages over .* accept_cut = true"):
         _ = McapReplay(file=cut).streams
     result = run_pipeline(replay_of(cut, point_pipeline, accept_cut=True), tmp_path / "replay")
-    assert any("cut" in text for text in result.flags)
+    assert any("cut" in flag.message for flag in result.flags)
     assert result.streams["rig.wrench"]["samples"] > 500
 
 
@@ -235,3 +235,12 @@ def test_the_readers_of_npm_find_the_same(recording):
         assert found[topic][0] == count
         if np.isfinite(total):
             assert found[topic][1] == pytest.approx(total, rel=1e-9, abs=1e-9)
+
+
+def test_a_log_of_a_newer_palpate_is_refused_by_name(monkeypatch, run_point, tmp_path):
+    from palpate_devices import mcap_sink
+
+    monkeypatch.setattr(mcap_sink, "LOG_SCHEMA", 7)
+    folder = run_point("trajectory.press.duration=1 s").folder
+    with pytest.raises(LogError, match=r"newer palpate, with schema 7; this one reads up to 1"):
+        McapReplay(file=folder / "log.mcap").streams  # noqa: B018

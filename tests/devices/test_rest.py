@@ -11,7 +11,7 @@ NOISY = "twin.bench.force_std=0.2 N"  # four times what the filter is told
 
 def test_noise_that_the_filter_was_not_told(bench, short, tmp_path):
     """Refused before anything moves; measured and used where the filter asks for it, and the same in a replay."""
-    twin = bench(*short, NOISY)
+    twin = bench(*short, NOISY, "safety.rest=0.6 s")  # 480 readings
     before = twin.state()["height"]
     with pytest.raises(DeviceError, match=r"times what the filter was told .*set noise = \"measure\"") as caught:
         twin.run(out="refused")
@@ -36,28 +36,31 @@ def test_an_offset_that_no_tip_explains(bench, short):
     twin = bench(*short, "twin.bench.bias=25 N")
     before = twin.state()["height"]
     with pytest.raises(
-        DeviceError, match=r"reads 2\d\.\d+ N at rest, over \[safety\] rest_force = 20 N: is the tip free"
+        DeviceError, match=r"reads 2\d\.\d+ N at rest, over \[safety\] rest_force = 5 N: is the tip free"
     ):
         twin.run()
     assert twin.state()["height"] == pytest.approx(before, abs=1e-6)
 
 
-def test_the_way_to_the_start_keeps_the_box(bench, short):
+def test_the_way_to_the_start_keeps_the_box(bench, short, patient):
     """The tip stands over the box, near enough to the start: nothing moves, and the doctor says it before."""
     twin = bench(*short, "twin.bench.height=25 mm")
-    bad = [finding for finding in examine(twin.pipeline(), 0.5) if finding.verdict == "bad"]
+    patient = (*patient, "alignment.gap=5 s")
+    bad = [finding for finding in examine(twin.pipeline(*patient), 0.5) if finding.verdict == "bad"]
     assert ["mm, above the limit of 20.00 mm" in finding.text for finding in bad] == [True]
     with pytest.raises(
         DeviceError, match=r"the way from where .* breaks the limits .*by hand:\n  z goes to 2[45]\.\d+ mm"
     ):
         twin.run()
     assert twin.state()["height"] == pytest.approx(0.025, abs=1e-5)
-    well = [finding.text for finding in examine(twin.pipeline("safety.high=[5e-3, 5e-3, 26e-3]"), 0.5)]
+    well = [finding.text for finding in examine(twin.pipeline(*patient, "safety.high=[5e-3, 5e-3, 26e-3]"), 0.5)]
     assert any("the way to the start of press, 22.0 mm in 2.1 s, keeps the limits" in text for text in well)
 
 
-def test_a_way_that_is_too_fast_is_refused_before_anything_is_connected(bench, short):
-    twin = bench(*short)
+@pytest.mark.talks
+def test_a_way_that_is_too_fast_is_refused_before_anything_is_connected(restored):
+    twin = restored
+    before = twin.state()["uploads"]
     with pytest.raises(ConfigurationError, match=r"\[device.arm\]: the way to the start: the speed is 50.0 mm/s"):
         twin.run("device.arm.approach_speed=50 mm/s")
-    assert twin.state()["uploads"] == 0
+    assert twin.state()["uploads"] == before

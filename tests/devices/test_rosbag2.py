@@ -226,11 +226,14 @@ def test_two_wrenches_are_never_picked_by_accident(tmp_path):
             ("/pose", "geometry_msgs/msg/PoseStamped", poses),
         ],
     )
-    with pytest.raises(LogError, match=r"could be the force: /bota/wrench:wrench\.force\.z and /ur/wrench:") as refusal:
-        Rosbag2Replay.suggest(path, {})
-    assert "--force TOPIC:FIELD" in str(refusal.value)
+    (doubt,) = [text for text in Rosbag2Replay.suggest(path, {}).doubts if text.startswith("force:")]
+    assert "is a guess" in doubt
+    assert "it could be --force /" in doubt
+    assert "/bota/wrench:wrench.force.z" in doubt
+    assert "/ur/wrench:wrench.force.z" in doubt
     chosen = Rosbag2Replay.suggest(path, {"force": "/bota/wrench"})
     assert chosen.device["signals"]["force"]["topic"] == "/bota/wrench"
+    assert not [text for text in chosen.doubts if text.startswith("force:")]
     assert chosen.alignment["position"] == {"channel": "log.pose.position", "sign": 1}
     with pytest.raises(LogError, match="topic '/none' holds no numbers"):
         Rosbag2Replay.suggest(path, {"force": "/none"})

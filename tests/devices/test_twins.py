@@ -5,16 +5,18 @@ import struct
 
 import numpy as np
 import pytest
-from palpate_devices.twins.arm import TICK, Arm
-from palpate_devices.twins.rtde import Session, packet, packets
+from palpate_devices.twins.arm import TICK, SimulatedArm
+from palpate_devices.twins.rtde import ClientSession, packet, packets
 from palpate_devices.ur3e.kinematics import matrix_of, tip
+
+pytestmark = pytest.mark.talks
 
 START = np.array([0.0, -1.3, -1.9, -1.5, 1.5708, 0.0])
 
 
 def session():
     written = {}
-    return Session((5, 12, 4, 1101661), lambda s, n: n != "input_int_register_9", written.update), written
+    return ClientSession((5, 12, 4, 1101661), lambda s, n: n != "input_int_register_9", written.update), written
 
 
 def test_rtde_byte_by_byte():
@@ -50,7 +52,7 @@ def test_a_rate_below_500_is_decimated():
 
 
 def test_the_arm_follows_what_its_limits_allow():
-    arm = Arm(START.copy(), matrix_of([0, 0, 0.12, 0, 0, 0]))
+    arm = SimulatedArm(START.copy(), matrix_of([0, 0, 0.12, 0, 0, 0]))
     goal = START + 0.02
     arm.servo(goal, 0.03, 2000.0)
     positions = []
@@ -65,7 +67,7 @@ def test_the_arm_follows_what_its_limits_allow():
 
 
 def test_moves_end_where_they_should():
-    arm = Arm(START.copy(), matrix_of([0, 0, 0.12, 0, 0, 0]))
+    arm = SimulatedArm(START.copy(), matrix_of([0, 0, 0.12, 0, 0, 0]))
     goal = tip(START.tolist(), arm.tcp)[0]
     goal[2, 3] += 0.05
     assert arm.move_linear([*goal[:3, 3], *[3.14159265, 0, 0]], 0.25, 1.2)
@@ -77,7 +79,7 @@ def test_moves_end_where_they_should():
 
 
 def ask(host, text):
-    with socket.create_connection((host, 29999), timeout=2) as link:
+    with socket.create_connection((host, 29999), timeout=60) as link:
         lines = link.makefile("rw", newline="\n")
         greeting = lines.readline()
         lines.write(text + "\n")

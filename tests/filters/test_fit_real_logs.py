@@ -122,7 +122,7 @@ def test_point_palpations_give_what_least_squares_gives(
     track = run_pipeline(load_pipeline(tmp_path / "point.toml"), tmp_path / "out").tracks["dr/fit"]
     assert track.parameters["elasticity"].value == pytest.approx(published, rel=0.03)
     viscosity = track.parameters["viscosity"]
-    assert viscosity.systematic == pytest.approx(track.parameters["elasticity"].value / 3 * 0.5e-3, rel=1e-6)
+    assert viscosity.budget["timing"] == pytest.approx(track.parameters["elasticity"].value / 3 * 0.5e-3, rel=1e-6)
     assert 200 < viscosity.value < 500
 
 
@@ -147,7 +147,7 @@ def test_the_foam_is_touched_before_the_force_says_so(press):
 
 
 def test_a_deep_load_and_unload_prefers_hunt_and_crossley(press):
-    from palpate.cli.fit_tables import evidence
+    from palpate_filters.fit.tables import evidence
 
     result = press("ur3e_load_unload_soft_1.db3.gz", [0, 3, 4, 5], "cycle")
     details = {name: track.details for name, track in result.tracks.items()}

@@ -12,7 +12,8 @@ from pydantic import ValidationError
 
 MODEL = DimensionalityReduction(indenter=Sphere(radius=5e-3))
 TRUTH = [1.1e5, 360.0]
-FILTERS = ("ekf", "afekf", "ukf", "afukf", "filterpy", "kinematic-ekf", "iekf", "kinematic-smoother")
+FILTERS = ("ekf", "afekf", "ukf", "afukf", "filterpy", "kinematic-ekf", "kinematic-smoother")
+UNBOUNDED = {"theta": 0.0, "alpha_max": 1.5, "covariance_cap": 1e12}
 ESTIMATORS = {name: palpate_estimators()[name] for name in FILTERS}
 
 
@@ -59,20 +60,20 @@ def test_abuse_is_survived_and_told(name, abuse):
 def test_fading_without_end_is_contained(name):
     """A threshold below the noise keeps alpha at its maximum for ever."""
     samples = record(10.0)
-    contained = run(name, samples, theta=0.0, alpha_max=1.5)
+    contained = run(name, samples, fading={"theta": 0.0, "alpha_max": 1.5})
     assert told(contained)
     assert np.nanmax(contained.std[:, 0]) < 1e6
 
 
 def test_winding_up_ends_in_a_status_not_in_a_number():
-    unbounded = run("afukf", record(10.0), theta=0.0, alpha_max=1.5, covariance_cap=1e12)
+    unbounded = run("afukf", record(10.0), fading=UNBOUNDED)
     assert unbounded.status[-1] & Status.DIVERGED
     assert np.isnan(unbounded.values[-1]).all()
 
 
 def test_what_has_diverged_stays_so():
     samples = record(10.0)
-    tracker = ESTIMATORS["afukf"](theta=0.0, alpha_max=1.5, covariance_cap=1e12).start(Problem(MODEL, 0.14))
+    tracker = ESTIMATORS["afukf"](fading=UNBOUNDED).start(Problem(MODEL, 0.14))
     status = tracker.run(samples).status & Status.DIVERGED
     assert (np.diff(status.astype(int)) >= 0).all()
     assert (tracker.run(record()).status & Status.DIVERGED).all()

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from palpate import ContactModel, KinematicProcess, Problem, Samples, contact_force
 from palpate.testing import synthetic_samples
-from palpate_filters.kinematic_filter import KinematicFilter, KinematicSettings, kinematic_recursion, noises
+from palpate_filters.kinematic_filter import KinematicFilter, kinematic_recursion, noises
+from palpate_filters.kinematic_settings import KinematicSettings
+from palpate_filters.recursion import Carry
 from palpate_filters.smoother import KinematicSmoother
-from palpate_filters.tracking import Carry
 from palpate_models.dimensionality_reduction import DimensionalityReduction
 from palpate_models.indenters import Power, Sphere
 

@@ -58,7 +58,7 @@ def test_the_authors_logs_give_the_published_numbers(shared, tmp_path, name, rad
     found = result.tracks["dr/ekf"].parameters
     assert found["elasticity"].value == pytest.approx(elasticity * 1e3, rel=0.02)
     assert found["viscosity"].value == pytest.approx(viscosity, rel=0.08)
-    assert any(text.startswith("timing-undeclared") for text in result.tracks["dr/ekf"].flags)
+    assert any(flag.code == "timing-undeclared" for flag in result.tracks["dr/ekf"].flags)
     assert result.streams["log"]["rate"] == pytest.approx(500.0)
 
 
@@ -78,7 +78,7 @@ def test_its_faults_are_those_of_the_paper(run_point, silicone):
         track = result.tracks["dr/ekf"]
         found = track.parameters
         errors.append([found["elasticity"].value / elasticity / 1e3 - 1, found["viscosity"].value / viscosity - 1])
-        assert any(text.startswith("not-converged") for text in track.flags)
+        assert any(flag.code == "not-converged" for flag in track.flags)
         assert abs(found["elasticity"].value - elasticity * 1e3) < 2 * found["elasticity"].combined
         assert 0.5 < track.nis < 1.6
         assert track.force_rms < 0.06
@@ -90,7 +90,9 @@ def test_its_faults_are_those_of_the_paper(run_point, silicone):
 def test_it_comes_to_rest_in_the_end(run_point):
     track = run_point("trajectory.press.duration=60 s").tracks["dr/ekf"]
     assert track.parameters["elasticity"].value == pytest.approx(112.5e3, rel=0.005)
-    assert not any(text.startswith("not-converged: still moving") and "elasticity" in text for text in track.flags)
+    assert not any(
+        str(flag).startswith("not-converged: still moving") and "elasticity" in str(flag) for flag in track.flags
+    )
 
 
 @pytest.mark.parametrize(
@@ -98,7 +100,7 @@ def test_it_comes_to_rest_in_the_end(run_point):
     [
         (["device.rig.specimen.surface=-3.3 mm"], {"touched-again"}),
         (["estimator.ekf.start_depth=8 mm"], {"not-converged", "inconsistent", "surface-mismatch"}),
-        (["device.rig.specimen.elasticity=2 kPa", "device.rig.specimen.viscosity=10 Pa*s"], {"no-contact"}),
+        (["device.rig.specimen.elasticity=2 kPa", "device.rig.specimen.viscosity=10 Pa*s"], {"not-identifiable"}),
         (["device.rig.specimen.elasticity=5 kPa", "device.rig.specimen.viscosity=20 Pa*s"], {"not-identifiable"}),
         (["device.rig.specimen.elasticity=1.5 MPa"], {"too-stiff", "inconsistent"}),
         (["device.rig.specimen.surface=-8 mm"], {"no-contact"}),
@@ -111,7 +113,7 @@ def test_it_comes_to_rest_in_the_end(run_point):
 def test_what_it_cannot_do_is_flagged_and_never_nan(run_point, overrides, expected, seed):
     result = run_point(*overrides, f"run.seed={seed}", 'sink.log={type = "csv"}')
     track = result.tracks["dr/ekf"]
-    flags = {text.partition(":")[0] for text in (*result.flags, *track.flags)}
+    flags = {flag.code for flag in (*result.flags, *track.flags)}
     assert expected <= flags
     if "no-contact" not in flags:
         for found in track.parameters.values():
@@ -121,7 +123,7 @@ def test_what_it_cannot_do_is_flagged_and_never_nan(run_point, overrides, expect
 def test_soft_material_found_by_a_finer_touch_is_still_not_identifiable(run_point):
     overrides = ["device.rig.specimen.elasticity=2 kPa", "device.rig.specimen.viscosity=10 Pa*s"]
     track = run_point(*overrides, "alignment.touch_force=0.02 N").tracks["dr/ekf"]
-    assert {"not-identifiable", "no-contact"} & {text.partition(":")[0] for text in track.flags}
+    assert {"not-identifiable", "no-contact"} & {flag.code for flag in track.flags}
 
 
 @pytest.mark.parametrize("tip", [Sphere(radius=0.005), Flat(radius=0.003), Power(exponent=4, coefficient=1e7)])

@@ -10,6 +10,7 @@ import pytest
 from palpate import ContactModel, Problem, Samples
 from palpate.testing import synthetic_samples
 from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
+from palpate_filters.fading import Fading, StrongFading
 from palpate_filters.filterpy_filter import FilterpyFilter
 from palpate_filters.predictions import sigma_directions
 from palpate_filters.ukf import AdaptiveFadingUkf, UnscentedKalmanFilter
@@ -81,13 +82,13 @@ def reference(settings: Any, model: ContactModel, samples: Samples) -> np.ndarra
     from filterpy.kalman import ExtendedKalmanFilter as Ekf
     from filterpy.kalman import MerweScaledSigmaPoints
     from filterpy.kalman import UnscentedKalmanFilter as Ukf
-    from palpate import InertialProcess
-    from palpate_filters.filterpy_kinds import Rig
+    from palpate import InertialProcess, Problem
+    from palpate_filters.filterpy_kinds import ScaledProcess
     from palpate_filters.inertial_filter import first_state
 
     process = InertialProcess(model, 0.14, settings.order)
-    start = first_state(settings, process, settings.evolution_time)
-    rig, n = Rig(process, start, settings.force_std, settings.velocity_std), process.states
+    start = first_state(settings, process, Problem(model, 0.14), settings.evolution_time, settings.derivative_std)
+    rig, n = ScaledProcess(process, start, settings.force_std, settings.velocity_std), process.states
     row = np.eye(n)[1:2]
     unscented = isinstance(settings, AdaptiveFadingUkf)
     if unscented:
@@ -110,9 +111,10 @@ def reference(settings: Any, model: ContactModel, samples: Samples) -> np.ndarra
                 filter_.x = rig.ahead(before, samples.interval[i], force)
         rate = -samples.velocity[i] / rig.scale[1]
         surprise = abs(rate - filter_.x[1]) * rig.scale[1] if np.isfinite(rate) else 0.0
-        up = surprise > settings.theta
-        alpha = min(settings.alpha_max, alpha + settings.step_up) if up else max(1.0, alpha - settings.step_down)
-        scale = np.sqrt(np.minimum(alpha, np.maximum(settings.covariance_cap**2 / np.diag(filter_.P), 1.0)))
+        up = surprise > settings.fading.theta
+        fading = settings.fading
+        alpha = min(fading.alpha_max, alpha + fading.step_up) if up else max(1.0, alpha - fading.step_down)
+        scale = np.sqrt(np.minimum(alpha, np.maximum(fading.covariance_cap**2 / np.diag(filter_.P), 1.0)))
         filter_.P = filter_.P * np.outer(scale, scale)
         if np.isfinite(rate) and unscented:
             filter_.sigmas_f = points.sigma_points(filter_.x, filter_.P)
@@ -126,7 +128,10 @@ def reference(settings: Any, model: ContactModel, samples: Samples) -> np.ndarra
 
 @pytest.mark.parametrize(
     ("settings", "count"),
-    [(AdaptiveFadingEkf(theta=8e-4, **START), 20_000), (AdaptiveFadingUkf(theta=8e-4, spread=0.5, **START), 20_000)],
+    [
+        (AdaptiveFadingEkf(fading=StrongFading(theta=8e-4), **START), 20_000),
+        (AdaptiveFadingUkf(fading=Fading(theta=8e-4), spread=0.5, **START), 20_000),
+    ],
     ids=["afekf", "afukf"],
 )
 def test_adaptive_fading_is_what_the_paper_writes(settings: Any, count: int) -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from palpate.maps.cusum import Cusum, run_length, slack, threshold
+from palpate_maps.cusum import Cusum, run_length, slack, threshold
 
 
 @pytest.mark.parametrize(

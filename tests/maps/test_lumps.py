@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import LogError
-from palpate.maps import (
+from palpate_maps.analysis import (
     Findings,
     Lump,
     LumpSettings,

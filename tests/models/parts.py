@@ -30,6 +30,7 @@ _SPHERE_TIP = TIPS["exact-sphere"]
 _MODELS = {
     "dimensionality-reduction": ({"indenter": _SPHERE_TIP}, [1e5, 300.0]),
     "standard-linear-solid": ({"indenter": _SPHERE_TIP}, [1e5, 2e4, 0.1]),
+    "dimensionality-reduction-maxwell": ({"indenter": _SPHERE_TIP}, [1e5, 300.0, 2e4, 0.1]),
     "maxwell": ({"indenter": _SPHERE_TIP}, [1e5, 2e4]),
     "kelvin-voigt": ({"indenter": TIPS["flat"]}, [1000.0, 10.0]),
     "hunt-crossley": ({"indenter": TIPS["sphere"]}, [1.0, 10.0]),

@@ -99,6 +99,7 @@ def test_material_says_what_it_can():
     assert said == {
         "dimensionality-reduction": both,
         "standard-linear-solid": both,
+        "dimensionality-reduction-maxwell": both | {"instant_elasticity"},
         "maxwell": both,
         "kelvin-voigt": both,
         "hunt-crossley": {"elasticity"},

@@ -114,7 +114,7 @@ def test_a_range_that_is_left_is_flagged(tmp_path):
     thin = THICK.replace("22 mm", "12 mm")
     model = f'type = "dimensionality-reduction"\nindenter = "tip"\n{thin}'
     track = run(tmp_path, model, 'elasticity = "112 kPa"\nviscosity = "362 Pa*s"')
-    assert any(flag.startswith("beyond-model-range: the depth is 4") for flag in track.flags)
+    assert any(str(flag).startswith("beyond-model-range: the depth is 4") for flag in track.flags)
 
 
 def test_geometry_explains_the_authors_soft_silicone():

@@ -4,6 +4,8 @@ The samples do not depend on how the streams were cut into batches, so a replaye
 """
 
 from palpate.alignment.aligner import Aligner, AlignmentReport
+from palpate.alignment.intake import Intake
+from palpate.alignment.ports import Port, Ports, channels, signals
 from palpate.alignment.series import Health, Series
 from palpate.alignment.settings import SIGNAL_UNITS, AlignmentSettings, Signal
 from palpate.alignment.touch import GRAVITY
@@ -15,6 +17,11 @@ __all__ = [
     "AlignmentReport",
     "AlignmentSettings",
     "Health",
+    "Intake",
+    "Port",
+    "Ports",
     "Series",
     "Signal",
+    "channels",
+    "signals",
 ]

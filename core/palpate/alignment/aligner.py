@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.alignment.consistency import VelocityCheck
-from palpate.alignment.series import Health, Series
-from palpate.alignment.settings import AlignmentSettings, Signal
-from palpate.alignment.touch import Tare, TouchFinder
-from palpate.device import Batch, Stream, address
+from palpate.alignment.intake import Intake
+from palpate.alignment.ports import Ports
+from palpate.alignment.series import Health
+from palpate.alignment.settings import AlignmentSettings
+from palpate.alignment.tare import Tare
+from palpate.alignment.touch import TouchFinder
+from palpate.device import Batch
 from palpate.estimation import Samples
 
 _SECOND = 1_000_000_000  # [ns]
@@ -34,48 +37,32 @@ class AlignmentReport:
     missing_velocity: int
     duration: float  # [s] between the first sample and the last
     velocity_delay: tuple[float, float] | None  # [s] of the velocity against the position, and its uncertainty
+    by_change_point: bool = False  # the first touch is where contact began; else where touch_force was passed
+    pull: float = 0.0  # [N] how far below none the force stays for a few samples, at the most
 
 
 class Aligner:
     """Joins the streams of the devices; one for each run."""
 
-    def __init__(self, settings: AlignmentSettings, streams: Mapping[str, tuple[Stream, ...]]) -> None:
+    def __init__(self, settings: AlignmentSettings, ports: Ports) -> None:
         self._settings = settings
-        self._health = {(d, s.name): Health(s) for d, group in streams.items() for s in group}
-        self._series: dict[tuple[str, str], list[Series]] = {key: [] for key in self._health}
-        roles = ("force", "position", "velocity", "measuring", *_LATERAL)
-        signals = {role: signal for role in roles if (signal := getattr(settings, role)) is not None}
-        self._roles = {role: self._attach(role, signal, streams) for role, signal in signals.items()}
+        self._intake = Intake(ports, settings.gap)
+        self._roles = self._intake.series
         self._touch = TouchFinder(settings)
         self._check = VelocityCheck()
         self._origin: int | None = None
         self._previous: tuple[int, float] | None = None  # stamp [ns] and position [m] of the last instant served
         self._counts = {"samples": 0, "force": 0, "velocity": 0}
 
-    def _attach(self, role: str, signal: Signal, streams: Mapping[str, tuple[Stream, ...]]) -> Series:
-        for device, group in streams.items():
-            for stream in group:
-                for column, channel in enumerate(stream.channels):
-                    if address(device, stream, channel) == signal.channel:
-                        limit = self._settings.force_limit
-                        limits = (-limit, limit) if role == "force" and limit is not None else channel.limits
-                        # A slow stream has long pauses by nature.
-                        gap = max(self._settings.gap, 5.0 / stream.rate if stream.rate else 0.0)
-                        series = Series(signal, column, gap, limits, watched=role == "force")
-                        self._series[device, stream.name].append(series)
-                        return series
-        raise KeyError(signal.channel)  # the configuration has checked every name
-
     def feed(self, device: str, batch: Batch) -> None:
         """Take in the readings of one of a device's streams."""
-        health = self._health[device, batch.stream]
-        health.invalid += int(np.count_nonzero(~batch.valid))
-        gap = round(max(self._settings.gap, 5.0 / health.stream.rate if health.stream.rate else 0.0) * _SECOND)
-        health.arrived(batch.time, batch.received)
-        rows = health.in_order(batch.time, gap)
-        for series in self._series[device, batch.stream]:
-            stamps = batch.time if series.signal.time == "stamp" else batch.received
-            series.feed(stamps, batch, rows, health)
+        self._intake.feed(device, batch)
+
+    def aligned(self, arrivals: Iterable[tuple[str, Batch]], final: bool = False) -> Samples:
+        """The samples that some batches, each with its device, have made ready."""
+        for device, batch in arrivals:
+            self.feed(device, batch)
+        return self.samples(final)
 
     def samples(self, final: bool = False) -> Samples:
         """The samples that have become ready; with `final`, all that the record still holds."""
@@ -148,13 +135,17 @@ class Aligner:
         return velocity[1:] if self._previous is not None else velocity
 
     @property
+    def reached(self) -> float:
+        """Time [s] that the record has been joined up to; samples may still be held back."""
+        if self._previous is None or self._origin is None:
+            return 0.0
+        return (self._previous[0] - self._origin) / _SECOND
+
+    @property
     def report(self) -> AlignmentReport:
         """What has been found out so far."""
-        duration = 0.0
-        if self._previous is not None and self._origin is not None:
-            duration = (self._previous[0] - self._origin) / _SECOND
         touch, counts = self._touch, self._counts
-        streams = {".".join(part for part in key if part): health for key, health in self._health.items()}
+        streams = {".".join(part for part in key if part): health for key, health in self._intake.health.items()}
         return AlignmentReport(
             streams,
             touch.tare,
@@ -165,6 +156,8 @@ class Aligner:
             counts["samples"],
             counts["force"],
             counts["velocity"],
-            duration,
+            self.reached,
             self._check.delay,
+            touch.by_change_point,
+            touch.pull,
         )

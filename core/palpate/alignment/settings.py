@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, WithJsonSchema, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from palpate.parts import Settings
-from palpate.units import Force, Mass, Stiffness, Time, to_si
+from palpate.units import Delay, Force, Stiffness, Time, TipMass, quantity_schema, to_si
 
 # What a role's channel must be in; a channel whose unit nobody knows ("1") is taken at its word.
 SIGNAL_UNITS = {"force": "N", "position": "m", "velocity": "m/s"}
@@ -19,8 +19,8 @@ class Signal(Settings):
 
     channel: str = Field(description='device, stream and column, such as "rig.wrench.z"')
     sign: Literal[1, -1] = Field(default=1, description="-1 where the channel counts the other way round")
-    delay: Time = Field(default=0.0, description="declared lateness: the true time is the time-stamp minus this")
-    uncertainty: Time | None = Field(
+    delay: Delay = Field(default=0.0, description="declared lateness: the true time is the time-stamp minus this")
+    uncertainty: Delay | None = Field(
         default=None, ge=0, description="standard uncertainty of the delay; undeclared: unknown"
     )
     time: Literal["stamp", "received"] = Field(
@@ -31,6 +31,9 @@ class Signal(Settings):
     @classmethod
     def _from_text(cls, data: Any) -> Any:
         return {"channel": data} if isinstance(data, str) else data
+
+
+_TARE = {"anyOf": [{"enum": ["free-air", "none", "calibrated"]}, quantity_schema("N")]}
 
 
 class AlignmentSettings(Settings):
@@ -46,8 +49,8 @@ class AlignmentSettings(Settings):
     measuring: Signal | None = Field(default=None, description="above 0.5 while the motion is meant for estimation")
     lateral_x: Signal | None = Field(default=None, description="x of the tip along the surface, for sweeps and maps")
     lateral_y: Signal | None = Field(default=None, description="y of the tip along the surface, for sweeps and maps")
-    tip_mass: Mass | None = Field(default=None, gt=0, description="mass of all that hangs behind the sensor")
-    tip_mass_uncertainty: Mass | None = Field(default=None, ge=0, description="its standard uncertainty")
+    tip_mass: TipMass | None = Field(default=None, gt=0, description="mass of all that hangs behind the sensor")
+    tip_mass_uncertainty: TipMass | None = Field(default=None, ge=0, description="its standard uncertainty")
     weight: Literal["tared", "removed"] = Field(
         default="tared",
         description='"tared": the tare or the recording took it; "removed": subtract tip_mass times gravity',
@@ -57,7 +60,7 @@ class AlignmentSettings(Settings):
         gt=0,
         description="stiffness of robot and sensor, which give way before the material; what that shifts is told",
     )
-    tare: float | Literal["free-air", "none", "calibrated"] = Field(
+    tare: Annotated[float | Literal["free-air", "none", "calibrated"], WithJsonSchema(_TARE)] = Field(
         default="free-air",
         description='"free-air": mean of the first tare_duration, at rest in air; "calibrated": the offset of '
         '[run] calibration; "none"; or a force',
@@ -67,6 +70,13 @@ class AlignmentSettings(Settings):
     )
     tare_duration: Time = Field(
         default=0.9, gt=0, description="length of the free-air window at the beginning of the record"
+    )
+    touch_lag: Time = Field(
+        default=0.5,
+        ge=0,
+        le=0.5,
+        description="how long samples are held back until the first touch, to find where contact began; 0: contact "
+        "begins where the force passes touch_force",
     )
     touch_force: Force | None = Field(
         default=None, gt=0, description="force that counts as touch; left out: 5 sigma of the free air, or 0.25 N"

@@ -1,53 +1,68 @@
-"""Tare and touch: what the sensor reads in free air, and when the tip is in contact."""
+"""Touch: when the tip is in contact, and when it began to be."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.alignment.change_point import ChangePoint, change_point
+from palpate.alignment.rise import RiseFinder
 from palpate.alignment.settings import AlignmentSettings
-from palpate.errors import LogError
+from palpate.alignment.tare import Tare, given_tare, measured_tare
 from palpate.estimation import Samples
 
 GRAVITY = 9.80665  # [m/s^2], standard
 _PAPER_NOISE = 0.05  # [N], standard deviation of the sensor in the paper; where there is no free air to measure it in
 _TOUCH_SIGMAS = 5.0
 _LEAST_TOUCH = 0.05  # [N]; a sensor without noise still feels the tip's inertia
+_LEAST_RISE = 0.03  # [N] of a tenth of a second's mean
+_BELIEVED = 0.1  # of the rise: what the law of a change point may leave, beside the noise
+_NEAR = 3.0  # touch forces, up to which contact is looked at
+_AFTER = 0.2  # of the lag: what is seen of the contact before its begin is told; the rest is looked back over
 _AIR_SAMPLES = 50  # before the first touch, to tell whether the force is none there
-_WANDER = 0.02  # [N]; less is drift
 _IN_A_ROW = 3  # samples that must agree before contact is found or lost
-
-
-@dataclass(frozen=True)
-class Tare:
-    """What was subtracted from the force, and how noisy the force was there."""
-
-    offset: float  # [N]
-    offset_std: float | None  # [N] standard uncertainty of the offset, from the scatter; None where none was measured
-    noise: float | None  # [N] standard deviation of one sample in free air
+_BASELINE = 1.0  # [s] of air that the begin of contact is told from
+_FIRST = 11  # samples, from which the interval is taken
 
 
 class TouchFinder:
-    """Takes raw force to tared force and marks the samples in contact; holds samples back until the tare is known."""
+    """Takes raw force to tared force and marks the samples in contact.
+
+    Until the first touch, samples are held back, `touch_lag` at most: a threshold is passed, or a slow rise told, later
+    than contact begins, and a change point in what is held back says when it did. The tare is what is before. After
+    the first touch nothing is held back.
+    """
 
     def __init__(self, settings: AlignmentSettings) -> None:
         self._settings = settings
-        self._waiting: list[Samples] = []
+        self._waiting: list[Samples] = []  # before the tare
+        self._held: Samples | None = None  # tared, before the first touch
+        self._past: Samples | None = None  # the latest that were given away before the first touch
+        self._lag = self._after = self._baseline = 0  # [samples] looked back over, waited for, of air before
+        self._shown: int | None = None  # index within what is held of the sample at which touch showed
+        self._rise: RiseFinder | None = None
+        self._seen = 0  # samples that touch was looked for in
         self.tare: Tare | None = None
         self.first_touch: tuple[float, float] | None = None  # time [s], position [m]
+        self.by_change_point = False  # else the first touch is where the threshold was passed
         self.touches = 0
+        self.pull = 0.0  # [N] how far below none the force stays for some samples in a row
         self._air_sum, self._air_count = 0.0, 0
         self._in_contact = False
-        self._above = self._below = 0
+        self._doubtful = False  # found by a rise; the force has not passed the threshold yet
+        self._above = self._below = self._over = 0
 
     @property
     def threshold(self) -> float:
         """Force [N] that counts as touch."""
+        return self._threshold(self.tare)
+
+    def _threshold(self, tare: Tare | None) -> float:
         if self._settings.touch_force is not None:
             return self._settings.touch_force
-        noise = self.tare.noise if self.tare and self.tare.noise else _PAPER_NOISE
+        noise = tare.noise if tare and tare.noise else _PAPER_NOISE
         return max(_TOUCH_SIGMAS * noise, _LEAST_TOUCH)
 
     def run(self, samples: Samples, final: bool = False) -> Samples:
@@ -55,65 +70,170 @@ class TouchFinder:
         if self.tare is None:
             self._waiting.append(samples)
             samples = Samples.joined(self._waiting)
-            free_air = self._settings.tare == "free-air"
-            if free_air and not final and not (len(samples) and samples.time[-1] > self._settings.tare_duration):
+            if not final and not self._enough(samples):
                 self._waiting = [samples]
                 return samples[:0]
             self._waiting = []
-            self.tare = self._measure(samples)
+            self._prepare(samples)
+        samples = self._tared(samples)
+        if self.first_touch is None:
+            return self._before_touch(samples, final)
         return self._mark(samples) if len(samples) else samples
 
-    def _measure(self, samples: Samples) -> Tare:
-        if self._settings.tare == "none":
-            return Tare(0.0, None, None)
+    def _enough(self, samples: Samples) -> bool:
+        """Whether the tare can be settled: contact that is found within the lag still shortens it."""
         if self._settings.tare != "free-air":
-            return Tare(float(self._settings.tare), self._settings.tare_uncertainty, None)
-        window = samples.force[samples.time <= self._settings.tare_duration]
-        window = window[np.isfinite(window)]
-        if len(window) < 10:
-            return Tare(0.0, None, None)
-        spread = float(window.std(ddof=1))
-        if not _at_rest(window):
-            raise LogError(
-                f"alignment: the first {self._settings.tare_duration:g} s of {self._settings.force.channel} are not at "
-                f"rest in free air (the force wanders by {spread:.2g} N), so they give no tare; set [alignment] tare = "
-                '"none", a force, or a shorter tare_duration'
-            )
-        return Tare(float(window.mean()), spread / np.sqrt(len(window)), spread)
+            return len(samples) >= _FIRST
+        return bool(len(samples) and samples.time[-1] > self._settings.tare_duration + self._settings.touch_lag)
 
-    def _mark(self, samples: Samples) -> Samples:
+    def _prepare(self, samples: Samples) -> None:
+        """Settle lag and tare on the beginning of the record, the same however much more has come."""
+        settings = self._settings
+        interval = float(np.median(samples.interval[1:_FIRST])) if len(samples) > 1 else 0.0
+        lag = int(settings.touch_lag / interval) if interval > 0 else 0
+        self._after = int(_AFTER * lag)
+        self._lag = lag - self._after
+        self._baseline = int(_BASELINE / interval) if interval > 0 else 0
+        if settings.touch_force is None and self._lag:
+            self._rise = RiseFinder(interval, _LEAST_RISE)
+        self.tare = given_tare(settings)
+        if self.tare is None:
+            head = samples[samples.time <= settings.tare_duration + settings.touch_lag]
+            self.tare = measured_tare(settings, head)
+            begin = self._touch_within(head, interval)
+            if begin < settings.tare_duration:
+                self.tare = measured_tare(settings, head, begin)
+
+    def _touch_within(self, head: Samples, interval: float) -> float:
+        """When [s] contact begins among the samples that the tare is settled on; infinite where it does not."""
+        trial = TouchFinder(self._settings)
+        trial.tare, trial._lag, trial._after, trial._baseline = self.tare, self._lag, self._after, self._baseline
+        if self._rise is not None:
+            trial._rise = RiseFinder(interval, _LEAST_RISE)
+        if self._lag and len(head):
+            trial._before_touch(trial._tared(head), final=True)
+        return trial.first_touch[0] if trial.first_touch is not None and trial.by_change_point else np.inf
+
+    def _tared(self, samples: Samples) -> Samples:
         assert self.tare is not None
         force = samples.force - self.tare.offset
         if self._settings.weight == "removed" and self._settings.tip_mass is not None:
             force = force + self._settings.tip_mass * GRAVITY
-        contact = self._contact(force)
-        self._listen_to_the_air(force[~np.logical_or.accumulate(contact)])
+        if len(force) >= _IN_A_ROW:
+            highest = np.lib.stride_tricks.sliding_window_view(force, _IN_A_ROW).max(axis=1)  # NaN where one is
+            self.pull = max(self.pull, -float(np.nanmin(highest, initial=0.0)))
+        return replace(samples, force=force)
+
+    def _before_touch(self, samples: Samples, final: bool) -> Samples:
+        """Hold samples back until the first touch is found, and mark them from where it began."""
+        held = samples if self._held is None else Samples.joined([self._held, samples])
+        if self._shown is None:
+            self._shown = self._found(samples, held)
+        if self._shown is None:
+            ready = len(held) if final else max(len(held) - self._lag, 0)
+            none = np.zeros(ready, bool)
+            given, self._held = replace(held[:ready], contact=none, active=none), held[ready:]
+            past = given if self._past is None else Samples.joined([self._past, given])
+            self._past = past[max(len(past) - self._baseline, 0) :]
+            self._listen_to_the_air(given.force)
+            return given
+        if len(held) <= self._shown + self._after and not final:
+            self._held = held
+            return held[:0]
+        return self._touched(held, self._shown)
+
+    def _touched(self, held: Samples, shown: int) -> Samples:
+        """What was held back, marked from where contact began to the sample at which it showed, and after that."""
+        after = held[shown : shown + 1 + self._after]
+        beyond = np.flatnonzero(_in_a_row(after.force > _NEAR * self.threshold, 0) >= _IN_A_ROW)
+        change = self._change(held, shown, shown + (int(beyond[0]) if len(beyond) else len(after)))
+        begin = shown
+        if change is not None:
+            first = self._earliest(held, shown)
+            above = np.flatnonzero(held.position[first : shown + 1] >= change.surface)
+            begin = min(first + int(above[-1]) + 1, shown) if len(above) else first
+        at = float(held.position[begin]) if change is None else change.surface
+        self.first_touch, self.by_change_point = (float(held.time[begin]), at), change is not None
+        self.touches, self._in_contact = 1, True
+        self._held = self._past = self._rise = None
+        self._listen_to_the_air(held.force[:begin])
+        contact = np.arange(shown + 1) >= begin
+        marked = replace(held[: shown + 1], contact=contact, active=contact & held.active[: shown + 1])
+        later = held[shown + 1 :]
+        return Samples.joined([marked, self._mark(later)]) if len(later) else marked
+
+    def _found(self, samples: Samples, held: Samples) -> int | None:
+        """Index within what is held of the sample at which touch shows; None: not yet."""
+        if not len(samples):
+            return None
+        offset = len(held) - len(samples)
+        above = _in_a_row(samples.force > self.threshold, self._above)
+        passed = np.flatnonzero(above >= _IN_A_ROW)
+        found = int(passed[0]) if len(passed) else None
+        for risen in self._rise.feed(samples.force) if self._rise is not None else ():
+            at = risen - self._seen
+            if (found is None or at < found) and self._change(held, at + offset, at + offset + 1) is not None:
+                found, self._doubtful = at, True
+                break
+        self._seen += len(samples)
+        self._above = int(above[-1 if found is None else found])
+        return None if found is None else found + offset
+
+    def _earliest(self, held: Samples, shown: int) -> int:
+        """Index within what is held of the first sample that nobody has been given when touch showed."""
+        settled = self._settings.tare_duration + self._settings.touch_lag
+        whole = self._settings.tare == "free-air" and held.time[shown] <= settled
+        return 0 if whole else max(shown - self._lag, 0)
+
+    def _change(self, held: Samples, shown: int, end: int) -> ChangePoint | None:
+        """The change point in the baseline, what is looked back over, and what is held up to `end`."""
+        if not self._lag:
+            return None
+        past = held[:0] if self._past is None else self._past
+        window = Samples.joined([past, held[:end]])
+        begin = len(past) + self._earliest(held, shown) - self._baseline
+        found = change_point(window.position[max(begin, 0) :], window.force[max(begin, 0) :])
+        noise = self.threshold / _TOUCH_SIGMAS
+        return found if found is not None and found.rms < 2.0 * noise + _BELIEVED * found.rise else None
+
+    def _mark(self, samples: Samples) -> Samples:
+        """Samples after the first touch, in contact or not."""
+        contact = self._contact(samples)
         begins = contact & ~np.concatenate([[self._in_contact], contact[:-1]])
-        if self.first_touch is None and begins.any():
-            first = int(np.argmax(begins))
-            self.first_touch = float(samples.time[first]), float(samples.position[first])
         self.touches += int(np.count_nonzero(begins))
         self._in_contact = bool(contact[-1])
-        return replace(samples, force=force, contact=contact, active=contact & samples.active)
+        return replace(samples, contact=contact, active=contact & samples.active)
 
     def _listen_to_the_air(self, force: NDArray[np.float64]) -> None:
         """What the force is before the first touch, where it should be none."""
-        if self.first_touch is None:
-            known = force[np.isfinite(force)]
-            self._air_sum += float(known.sum())
-            self._air_count += len(known)
+        known = force[np.isfinite(force)]
+        self._air_sum = float(np.cumsum([self._air_sum, *known])[-1])  # one by one, however the record is cut
+        self._air_count += len(known)
 
     @property
     def air_force(self) -> float | None:
         """Mean force [N] before the first touch; None where there is too little of that."""
         return self._air_sum / self._air_count if self._air_count >= _AIR_SAMPLES else None
 
-    def _contact(self, force: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Hysteresis: on after some samples in a row above the threshold, off after as many below half of it."""
-        above = _in_a_row(force > self.threshold, self._above)
-        below = _in_a_row(force < 0.5 * self.threshold, self._below)
+    def _contact(self, samples: Samples) -> NDArray[np.bool_]:
+        """Hysteresis: on after some samples in a row above the threshold, off after as many below half of it.
+
+        After a touch that a rise told, it is off only where the tip is above the surface again, until the force has
+        passed the threshold once.
+        """
+        above = _in_a_row(samples.force > self.threshold, self._above)
+        below = _in_a_row(samples.force < 0.5 * self.threshold, self._below)
         self._above, self._below = int(above[-1]), int(below[-1])
         event = np.where(above >= _IN_A_ROW, 1, np.where(below >= _IN_A_ROW, -1, 0))
+        if self._doubtful:
+            assert self.first_touch is not None
+            over = _in_a_row(samples.position > self.first_touch[1], self._over)
+            self._over = int(over[-1])
+            settled = np.flatnonzero((above >= _IN_A_ROW) | (over >= _IN_A_ROW))
+            event[: settled[0] if len(settled) else len(event)] = 0
+            if len(settled):
+                event[settled[0]] = 1 if above[settled[0]] >= _IN_A_ROW else -1
+                self._doubtful = False
         event = np.concatenate([[1 if self._in_contact else -1], event])
         latest = np.maximum.accumulate(np.where(event != 0, np.arange(len(event)), 0))
         contact: NDArray[np.bool_] = event[latest][1:] > 0
@@ -125,11 +245,3 @@ def _in_a_row(condition: NDArray[np.bool_], before: int) -> NDArray[np.int64]:
     index = np.arange(len(condition))
     broken = np.maximum.accumulate(np.where(condition, -1, index))
     return np.where(broken < 0, index + 1 + before, index - broken)
-
-
-def _at_rest(force: NDArray[np.float64]) -> bool:
-    """Whether a record scatters within its sixths rather than wandering from one to the next."""
-    parts = np.array_split(force, 6)
-    between = float(np.std([part.mean() for part in parts]))
-    within = float(np.mean([part.std() for part in parts]))
-    return between <= _WANDER or between <= 1.5 * within

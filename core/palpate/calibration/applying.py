@@ -10,6 +10,7 @@ from typing import Any
 from palpate.alignment import AlignmentSettings, Signal
 from palpate.calibration.file import CalibratedValue, Calibration
 from palpate.device import Device
+from palpate.flags import Flag
 from palpate.parts import Part
 
 _SIGNIFICANT = 3.0  # standard uncertainties
@@ -65,6 +66,10 @@ class CalibrationUse:
                 changes["velocity"] = _late(settings.velocity, lag)
         return settings.model_copy(update=changes)
 
+    def age(self, now: datetime) -> float:
+        """How old it is [s]."""
+        return (now - self.calibration.created).total_seconds()
+
     def estimator(self, estimator: Any) -> Any:
         """An estimator with the calibration's noise wherever it has such a setting and the file leaves it open."""
         values = self.calibration.values
@@ -87,27 +92,25 @@ class CalibrationUse:
         tips: Mapping[str, Part],
         tip_table: Any,
         now: datetime,
-    ) -> Iterator[tuple[str, str]]:
-        """What speaks against this calibration, as code and text; `stated` as the pipeline file has it.
+    ) -> Iterator[Flag]:
+        """What speaks against this calibration; `stated` as the pipeline file has it.
 
         `devices` is what each of them says of itself.
         """
-        age = (now - self.calibration.created).total_seconds()
+        age = self.age(now)
         if age > self.valid_for:
             limit = self.valid_for / 86400
-            yield "calibration-old", f"{self.path} is {age / 86400:.1f} days old; {limit:.3g} are allowed"
+            yield Flag("calibration-old", f"{self.path} is {age / 86400:.1f} days old; {limit:.3g} are allowed")
         if age < -86400:
-            yield "calibration-old", f"{self.path} is from the future: a clock is wrong"
+            yield Flag("calibration-old", f"{self.path} is from the future: a clock is wrong")
         yield from self._other_devices(stated, devices)
         if self.calibration.tip is not None and tips:
             mounted = [tip_table(tip) for tip in tips.values()]
             if self.calibration.tip not in mounted:
-                yield "calibration-tip", f"{self.path} was made with another tip: {_shown(self.calibration.tip)}"
+                yield Flag("calibration-tip", f"{self.path} was made with another tip: {_shown(self.calibration.tip)}")
         yield from self._conflicts(stated)
 
-    def _other_devices(
-        self, stated: AlignmentSettings, devices: Mapping[str, Mapping[str, str]]
-    ) -> Iterator[tuple[str, str]]:
+    def _other_devices(self, stated: AlignmentSettings, devices: Mapping[str, Mapping[str, str]]) -> Iterator[Flag]:
         channels = {"force": stated.force, "position": stated.position}
         for role, signal in channels.items():
             then = self.calibration.channels.get(role, "")
@@ -115,26 +118,26 @@ class CalibrationUse:
             present = devices.get(signal.channel.partition(".")[0], {})
             for key in sorted(before.keys() & present.keys()):
                 if _identifies(key) and before[key] != present[key]:
-                    yield (
+                    yield Flag(
                         "calibration-sensor",
                         f"{self.path} was made with another {role} device: {key} {before[key]}, now {present[key]}",
                     )
             if role == "force" and then.rpartition(".")[2] != signal.channel.rpartition(".")[2]:
-                yield "calibration-sensor", f"{self.path} is of {then}, the force here is {signal.channel}"
+                yield Flag("calibration-sensor", f"{self.path} is of {then}, the force here is {signal.channel}")
 
-    def _conflicts(self, stated: AlignmentSettings) -> Iterator[tuple[str, str]]:
+    def _conflicts(self, stated: AlignmentSettings) -> Iterator[Flag]:
         """Settings of the file that stand, although the calibration says otherwise."""
         values = self.calibration.values
         mass, delay = values.get("mass"), values.get("delay")
         if mass is not None and stated.tip_mass is not None and not _within(mass, stated.tip_mass):
-            yield (
+            yield Flag(
                 "calibration-mass",
                 f"[alignment] tip_mass is {stated.tip_mass:.4g} kg; {self.path} says {mass.value:.4g}",
             )
         if delay is not None and self._timing_is_stated(stated):
             declared = stated.force.delay - stated.position.delay
             if not _within(delay, declared):
-                yield (
+                yield Flag(
                     "calibration-delay",
                     f"[alignment] has the force {declared * 1e3:.3g} ms late; "
                     f"{self.path} says {delay.value * 1e3:.3g} ms",

@@ -9,8 +9,6 @@ from typing import Any
 
 from pydantic import Field, ValidationError
 
-from palpate.calibration.quantity import Measured
-from palpate.calibration.rest import Spectrum
 from palpate.errors import ConfigurationError
 from palpate.parts import Settings
 
@@ -29,20 +27,6 @@ class CalibratedValue(Settings):
     type_b: float = Field(default=0.0, ge=0, description="declared standard uncertainty")
     repeats: tuple[float, ...] = Field(default=(), description="the value of each repeat")
 
-    @classmethod
-    def of(cls, measured: Measured) -> CalibratedValue:
-        """What a file says of a measured value."""
-        return cls(
-            value=measured.value,
-            unit=measured.unit,
-            std=measured.combined,
-            interval=measured.interval,
-            fit=measured.fit,
-            type_a=measured.type_a,
-            type_b=measured.type_b,
-            repeats=measured.repeats,
-        )
-
 
 class NoiseSpectrum(Settings):
     """Noise at rest by octaves, in a calibration file."""
@@ -50,11 +34,6 @@ class NoiseSpectrum(Settings):
     unit: str = Field(description="of the densities")
     frequencies: tuple[float, ...] = Field(description="middle of each octave [Hz]")
     densities: tuple[float, ...] = Field(description="root of the one-sided power density")
-
-    @classmethod
-    def of(cls, spectrum: Spectrum) -> NoiseSpectrum:
-        """What a file says of a spectrum."""
-        return cls(unit=spectrum.unit, frequencies=spectrum.frequencies, densities=spectrum.densities)
 
 
 class Calibration(Settings):

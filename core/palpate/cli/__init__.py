@@ -1,102 +1,101 @@
-"""The command line: what each ``palpate`` command is, and what its exit code says."""
+"""The command line: the commands of the core and of all plugins, and what an exit code says."""
 
 from __future__ import annotations
 
-import importlib.metadata
+import contextlib
+import os
 import sys
-import traceback
-from typing import Annotated
+import warnings
+from collections.abc import Iterator, Sequence
 
-import typer
-
-from palpate.cli import (
-    calibrate,
-    compare,
-    design,
-    doctor,
-    export,
-    force,
-    inspect,
-    log_info,
-    lumps,
-    plan,
-    recover,
-    repeat,
-    resume,
-    run,
-    search,
-    sweep,
-    twin,
-)
-from palpate.cli import map as maps
-from palpate.cli.fit import fit
+from palpate.cli.commands import Invocation, help_text, parsed, version_text
 from palpate.errors import PalpateError
-
-app = typer.Typer(
-    name="palpate",
-    help="Elasticity and viscosity of soft material from robotic palpation, each with its uncertainty.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",  # rich's own markup would take [tables] for tags
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+from palpate.printed import printable
+from palpate.printing import harmless_output
+from palpate.trust import SWITCH, at_the_command_line
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        typer.echo(f"palpate {importlib.metadata.version('palpate')}")
-        raise typer.Exit
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The ``palpate`` command.
+
+    Exit code 0, 2 for what the user can mend, 1 for what they cannot, 128 and the signal's number for what stopped it:
+    130 for Ctrl-C, 143 for SIGTERM, 129 for a terminal that has gone.
+    """
+    with harmless_output(), at_the_command_line():
+        _main(sys.argv[1:] if arguments is None else arguments)
 
 
-@app.callback()
-def _options(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
-    ] = False,
-) -> None:
-    """Shared options."""
-
-
-app.command(name="run")(run.run)
-app.command(name="sweep")(sweep.sweep)
-app.command(name="fit")(fit)
-app.command(name="repeat")(repeat.repeat)
-app.command(name="calibrate")(calibrate.calibrate)
-app.command(name="design")(design.design)
-app.command(name="check")(inspect.check)
-app.command(name="plan")(plan.plan)
-app.command(name="resume")(resume.resume)
-app.command(name="map")(maps.map_run)
-app.command(name="lumps")(lumps.lumps)
-app.command(name="compare-sites")(lumps.compare)
-app.command(name="search")(search.search)
-app.command(name="list")(inspect.list_parts)
-app.command(name="describe")(inspect.describe)
-app.command(name="schema")(inspect.schema)
-app.command(name="force")(force.force)
-app.command(name="info")(log_info.info)
-app.command(name="compare")(compare.compare)
-app.command(name="export")(export.export)
-app.command(name="recover")(recover.recover)
-app.command(name="doctor")(doctor.doctor)
-app.command(name="twin")(twin.twin)
-
-
-def main() -> None:
-    """The ``palpate`` command: exit code 0, 2 for what the user can mend, 1 for what they cannot, 130 for Ctrl-C."""
+def _main(arguments: Sequence[str]) -> None:
     try:
-        app()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # numpy's: numbers out of range become flags, in words
+            try:
+                call(arguments, ends=True)
+            except SystemExit:
+                sys.stdout.flush()  # a full disk is told here, not by the interpreter
+                raise
+            sys.stdout.flush()
     except PalpateError as error:
-        typer.echo(f"palpate: {error}", err=True)
+        with contextlib.suppress(OSError):  # a terminal that has gone
+            print(f"palpate: {printable(str(error), lines=True)}", file=sys.stderr)
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
-        typer.echo("palpate: stopped", err=True)
+        print("palpate: stopped", file=sys.stderr)
         sys.exit(130)
     except BrokenPipeError:  # the reader of a pipe, such as head, has gone
         sys.stderr.close()
         sys.exit(1)
     except Exception:
+        import traceback
+
         traceback.print_exc()
-        typer.echo("palpate: this is a bug in palpate or in a plugin of yours, not in your pipeline", err=True)
+        print("palpate: this is a bug in palpate or in a plugin of yours, not in your pipeline", file=sys.stderr)
         sys.exit(1)
+
+
+def call(arguments: Sequence[str], ends: bool = False) -> None:
+    """Do what a command line asks for within this process; with `ends` the process ends with the exit code.
+
+    Raises PalpateError, and without `ends` also what the reader of the command's own arguments raises.
+    """
+    invocation = parsed(arguments)
+    with _forbidding(invocation.forbids):
+        _do(invocation, ends)
+
+
+@contextlib.contextmanager
+def _forbidding(forbids: bool) -> Iterator[None]:
+    """Within the context, and in processes that are started in it, no plugin file of a pipeline is executed."""
+    before = os.environ.get(SWITCH)
+    if forbids:
+        os.environ[SWITCH] = "off"
+    try:
+        yield
+    finally:
+        if forbids:
+            os.environ.pop(SWITCH)
+            os.environ.update({SWITCH: before} if before is not None else {})
+
+
+def _do(invocation: Invocation, ends: bool) -> None:
+    if invocation.wants == "version":
+        print(version_text())
+    elif invocation.wants == "help":
+        print(help_text(invocation.files))
+    else:
+        _call(invocation, ends)
+
+
+def _call(invocation: Invocation, ends: bool) -> None:
+    """Call a command's function with its own arguments, read by its annotations."""
+    import typer
+
+    command = invocation.command()
+    single = typer.Typer(
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode="markdown",  # rich's own markup would take [tables] for tags
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    single.command(name=invocation.name)(command.function())
+    single(args=list(invocation.arguments), prog_name=f"palpate {invocation.name}", standalone_mode=ends)

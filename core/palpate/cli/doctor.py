@@ -9,15 +9,14 @@ import typer
 
 from palpate.config import load_pipeline
 from palpate.errors import UserError
+from palpate.options import Overrides
 
 _MARKS = {"good": "ok  ", "note": "note", "bad": "BAD "}
 
 
 def doctor(
     file: Annotated[Path, typer.Argument(help="The pipeline file.")],
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override a setting; can be repeated.")
-    ] = None,
+    overrides: Overrides = None,
     duration: Annotated[float, typer.Option(help="How long to listen [s].", min=0.2)] = 2.0,
 ) -> None:
     """Connect every device and look: ports, rates, pauses, clocks, noise at rest, the limits. Nothing moves."""

@@ -15,22 +15,19 @@ import typer
 from palpate import registry as registries
 from palpate.alignment import AlignmentSettings
 from palpate.config import RunSettings, load_pipeline, pipeline_schema, resolved_text
-from palpate.errors import ConfigurationError
+from palpate.errors import ConfigurationError, OutputError
+from palpate.flags import SEVERITIES
+from palpate.options import Overrides, PluginFiles
 from palpate.parts import Part, Settings, nested_settings, part_kind
-from palpate.registry import Registry, suggest
+from palpate.registry import FlagEntry, suggest
 from palpate.units import Quantity, dimension
 
 _TABLES: dict[str, type[Settings]] = {"run": RunSettings, "alignment": AlignmentSettings}
-_PluginFiles = Annotated[
-    list[Path] | None, typer.Option("--plugin", metavar="FILE", help="A Python file with parts of your own.")
-]
 
 
 def check(
     file: Annotated[Path, typer.Argument(help="The pipeline file.")],
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override a setting; can be repeated.")
-    ] = None,
+    overrides: Overrides = None,
     resolved: Annotated[bool, typer.Option("--resolved", help="Print the pipeline with every default, in SI.")] = False,
 ) -> None:
     """Check a pipeline without running it: every mistake at once, each with its line."""
@@ -42,10 +39,16 @@ def check(
         typer.echo(resolved_text(pipeline), nl=False)
     else:
         devices = ", ".join(pipeline.devices)
+        for flag in pipeline.renamed:
+            typer.echo(f"{flag}", err=True)
+        for notice in pipeline.registry.notices:
+            typer.echo(notice, err=True)
         typer.echo(f"{file} is in order: devices {devices}; tracks {tracks}")
+        for plugin in pipeline.registry.plugins:
+            typer.echo(f"plugin {plugin.name}" + (f" from {plugin.place}" if plugin.place != plugin.name else ""))
 
 
-def list_parts(plugin: _PluginFiles = None) -> None:
+def list_parts(plugin: PluginFiles = None) -> None:
     """List every part that a pipeline can name, by kind, with the plugin it comes from."""
     registry = registries.load(plugin or [])
     width = max(len(name) for entries in registry.parts.values() for name in entries)
@@ -53,15 +56,17 @@ def list_parts(plugin: _PluginFiles = None) -> None:
         typer.echo(f"[{kind}.*]")
         for name, entry in sorted(entries.items()):
             typer.echo(f"  {name:<{width}}  {_summary(entry.part)}  ({entry.plugin.name})")
-    for name, reason in registry.failures.items():
-        typer.echo(f"plugin {name} could not be loaded: {reason}", err=True)
+    for notice in registry.notices:
+        typer.echo(notice, err=True)
 
 
 def describe(
-    part: Annotated[str, typer.Argument(help="Name of a part, as in `palpate list`; or run, alignment.")],
-    plugin: _PluginFiles = None,
+    part: Annotated[
+        str, typer.Argument(help="Name of a part, as in `palpate list`; or run, alignment; or a flag's code.")
+    ],
+    plugin: PluginFiles = None,
 ) -> None:
-    """Describe a part: what it is, and every key with unit, default and meaning."""
+    """Describe a part: what it is, and every key with unit, default and meaning; or a flag: what it means."""
     registry = registries.load(plugin or [])
     found: list[tuple[str, type[Settings]]] = []
     for kind, entries in registry.parts.items():
@@ -69,16 +74,36 @@ def describe(
             found.append((f"{part}: a type of [{kind}.*]", entries[part].part))
     if part in _TABLES:
         found.append((f"[{part}]: a table of every pipeline", _TABLES[part]))
-    if not found:
-        names = [*_TABLES, *(name for entries in registry.parts.values() for name in entries)]
-        raise ConfigurationError(f"there is no part {part!r}{suggest(part, names)}")
-    typer.echo("\n\n".join("\n".join(_description(title, settings)) for title, settings in found))
+    texts = ["\n".join(_description(title, settings)) for title, settings in found]
+    if part in registry.flags:
+        texts.append("\n".join(_flag_description(part, registry.flags[part])))
+    if not texts:
+        names = [*_TABLES, *(name for entries in registry.parts.values() for name in entries), *registry.flags]
+        raise ConfigurationError(f"there is no part or flag {part!r}{suggest(part, names)}")
+    typer.echo("\n\n".join(texts))
 
 
-def schema(plugin: _PluginFiles = None) -> None:
-    """Print the JSON schema of pipeline files, for editors."""
-    registry: Registry = registries.load(plugin or [])
-    typer.echo(json.dumps(pipeline_schema(registry), indent=2))
+def _flag_description(code: str, entry: FlagEntry) -> Iterator[str]:
+    yield f"{code}: a flag, {entry.meaning.severity} ({SEVERITIES[entry.meaning.severity]})"
+    yield ""
+    yield entry.meaning.meaning
+    yield f"What to do: {entry.meaning.remedy}"
+    yield f"Registered by {entry.plugin.name}."
+
+
+def schema(
+    plugin: PluginFiles = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write it to this file.")] = None,
+) -> None:
+    """Print the JSON schema of pipeline files, for editors that read the line `#:schema FILE` of a TOML file."""
+    text = json.dumps(pipeline_schema(registries.load(plugin or [])), indent=2)
+    if output is None:
+        typer.echo(text)
+        return
+    try:
+        output.write_text(f"{text}\n", encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{output}: cannot write: {error.strerror}") from error
 
 
 def _summary(part: type[Part]) -> str:

@@ -10,7 +10,9 @@ import typer
 
 from palpate.config import Pipeline, load_pipeline
 from palpate.contact import contact_force
+from palpate.device import ask_devices, truth_of
 from palpate.errors import ConfigurationError
+from palpate.options import Overrides
 from palpate.safety import demand_safe
 from palpate.trajectory import Setpoint, Trajectory
 from palpate.units import to_si
@@ -21,9 +23,7 @@ _MOST = 2_000_000
 
 def plan(
     file: Annotated[Path, typer.Argument(help="The pipeline file.")],
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override a setting; can be repeated.")
-    ] = None,
+    overrides: Overrides = None,
     expect: Annotated[
         list[str] | None,
         typer.Option(
@@ -35,7 +35,8 @@ def plan(
     """Check the motion of a pipeline without moving: duration, speeds, depth, expected force, and a picture."""
     import numpy as np
 
-    from palpate.maps import picture
+    from palpate.cli.plan_picture import plan_picture
+    from palpate.pictures import save_figure
 
     pipeline = load_pipeline(file, overrides or [])
     if not pipeline.trajectories:
@@ -51,10 +52,10 @@ def plan(
         if len(pipeline.trajectories) > 1:
             path = path.with_stem(f"{path.stem}-{name}")
         rows = slice(None, None, max(len(time) // 40_000, 1))
-        image = picture.plan_picture(
+        image = plan_picture(
             time[rows], setpoint.position[rows], setpoint.velocity[rows], setpoint.measuring[rows], name
         )
-        picture.save(image, path)
+        save_figure(image, path)
         typer.echo(f"  drawn in {path}")
 
 
@@ -84,7 +85,7 @@ def _facts(
         limits = [c.limits for s in device.streams if s.layout == "wrench" for c in s.channels if c.limits]
         if limits:
             yield f"limit         {name} senses forces up to {limits[0][1]:.4g} N"
-        device.refuse(setpoint)
+    ask_devices(pipeline.devices, setpoint)
     if pipeline.safety is not None:
         report = demand_safe(trajectory, pipeline.safety, str(pipeline.path))
         yield f"safety        every limit of [safety] is kept; at most {report.peak_force:.3g} N when it stops"
@@ -92,7 +93,7 @@ def _facts(
 
 def _expected(pipeline: Pipeline, model: Any, expect: list[str]) -> list[float] | None:
     """The model's parameters as expected, or as a simulated rig knows them; None where some are not known."""
-    known = {name: value for device in pipeline.devices.values() for name, value in device.truth.items()}
+    known = truth_of(pipeline.devices)
     units = {parameter.name: parameter.unit for parameter in model.parameters}
     for assignment in expect:
         name, _, text = assignment.partition("=")

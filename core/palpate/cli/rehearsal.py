@@ -8,6 +8,7 @@ import numpy as np
 import typer
 
 from palpate.config import Pipeline
+from palpate.device import own_motions
 from palpate.errors import ConfigurationError
 from palpate.safety import MotionReport, SafetySettings, check_motion, check_own_motion
 from palpate.trajectory import Trajectory
@@ -37,10 +38,7 @@ def rehearse(pipeline: Pipeline) -> None:
 
 def _own_motions(pipeline: Pipeline, limits: SafetySettings) -> Iterator[str]:
     """What arms do by themselves: what can be said of it is printed, what breaks the limits is told."""
-    for name, device in pipeline.devices.items():
-        own = device.own_motion
-        if own is None:
-            continue
+    for name, own in own_motions(pipeline.devices).items():
         typer.echo(
             f"device {name}: goes to the start by itself, straight, from at most {1e3 * own.distance:g} mm away at no "
             f"more than {1e3 * own.speed:g} mm/s; checked against the box when it is known where the tip stands"
@@ -71,5 +69,5 @@ def _lines(report: MotionReport, limits: SafetySettings) -> Iterator[str]:
     yield f"  acceleration: {report.acceleration:.3f} m/s^2 (limit {limits.acceleration:g})"
     yield (
         f"  force: stops at {limits.stop_force:g} N, at most {report.peak_force:.1f} N by computation with "
-        f"{1e-3 * limits.stiffness:g} N/mm and {1e3 * limits.latency:g} ms (limit {limits.force:g} N)"
+        f"{1e-3 * limits.stiffness:g} N/mm and {1e3 * limits.reaction:g} ms (limit {limits.force:g} N)"
     )

@@ -10,13 +10,12 @@ import typer
 
 from palpate.config import load_pipeline
 from palpate.errors import ConfigurationError
+from palpate.options import Overrides
 
 
 def twin(
     file: Annotated[Path, typer.Argument(help="The pipeline file, with a [twin.*] table.")],
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override a setting; can be repeated.")
-    ] = None,
+    overrides: Overrides = None,
     seed: Annotated[int, typer.Option(help="Seed of the twin's noise.", min=0)] = 0,
 ) -> None:
     """Serve the twin of a pipeline's rig until Ctrl-C or the end of the input; type `help` for faults to try."""

@@ -9,7 +9,9 @@ from typing import Any
 from pydantic import ValidationError
 
 from palpate import hooks
-from palpate.config.mistakes import PLAIN_TABLES, Mistake, mistakes_of
+from palpate.config.doubts import UNCHECKED, doubts
+from palpate.config.migrations import KEY
+from palpate.config.mistakes import Mistake, mistakes_of
 from palpate.config.source import Location
 from palpate.errors import PalpateError, PluginError
 from palpate.parts import Part, Settings, nested_settings, part_kind, table_of_parts
@@ -18,6 +20,11 @@ from palpate.registry import Registry, suggest
 
 class _Broken(Exception):  # noqa: N818  (a signal, never seen outside)
     """A part that another one needs cannot be built; its own mistakes are noted."""
+
+
+def _short(name: str) -> str:
+    """A name of one word for a table."""
+    return name.replace("-", "_")
 
 
 class Builder:
@@ -36,6 +43,9 @@ class Builder:
         tables = self._tables.get(kind, {})
         if not isinstance(tables, dict):
             self._note((kind,), f"is no table: name each {kind}, as in [{kind}.my_{kind}]")
+            return {}
+        if isinstance(tables.get("type"), str):
+            self._note((kind,), f"has no name: write [{kind}.NAME], such as [{kind}.{_short(tables['type'])}]")
             return {}
         found = {}
         for name in tables:
@@ -82,8 +92,10 @@ class Builder:
 
     def _validated(self, settings: type[Settings], table: Any, location: Location) -> Settings:
         broken = set()
+        doubted: list[Mistake] = []
         if isinstance(table, dict):
             table = dict(table)
+            doubted = self._doubted(settings, table, location)
             for name in settings.model_fields.keys() & table.keys():
                 try:
                     table[name] = self._inner(settings.model_fields[name].annotation, table[name], (*location, name))
@@ -91,15 +103,34 @@ class Builder:
                     broken.add((*location, name))
                     del table[name]
         try:
-            return settings.model_validate(table, context=self._context)
+            found = settings.model_validate(table, context=self._context)
         except ValidationError as error:
             # That a broken inner table is missing now is no mistake of its own.
-            found = mistakes_of(error, settings, location)
-            self.mistakes += [mistake for mistake in found if mistake.location not in broken]
+            wrong = mistakes_of(error, settings, location)
+            self.mistakes += [mistake for mistake in wrong if mistake.location not in broken]
+            told = {mistake.location for mistake in wrong}
+            self.mistakes += [mistake for mistake in doubted if mistake.location not in told]
             raise _Broken from error
         except PalpateError as error:  # a part that looks into its file
             self._note(location, str(error))
             raise _Broken from error
+        if doubted:
+            self.mistakes += doubted
+            raise _Broken
+        return found
+
+    def _doubted(self, settings: type[Settings], table: dict[str, Any], location: Location) -> list[Mistake]:
+        """Numbers without a unit that were hardly meant; takes the key `unchecked` out of the table."""
+        if UNCHECKED in settings.model_fields:
+            return []
+        meant = table.pop(UNCHECKED, [])
+        if not isinstance(meant, list) or not all(isinstance(name, str) for name in meant):
+            return [Mistake((*location, UNCHECKED), 'must be a list of keys, such as ["bias"]')]
+        unknown = [name for name in meant if name not in settings.model_fields]
+        wrong = [f"unknown key {name!r}{suggest(name, settings.model_fields)}" for name in unknown]
+        mistakes = [Mistake((*location, UNCHECKED), problem) for problem in wrong]
+        found = doubts(settings, table)
+        return mistakes + [Mistake((*location, name), doubt) for name, doubt in found.items() if name not in meant]
 
     def _inner(self, annotation: Any, value: Any, location: Location) -> Any:
         """A field's value: what asks for a part gets one, by its name or from a table in place."""
@@ -128,7 +159,11 @@ class Builder:
         raise _Broken
 
 
-def unknown_tables(tables: dict[str, Any]) -> list[Mistake]:
-    """A mistake for every top-level table that no pipeline has."""
-    allowed = (*PLAIN_TABLES, *hooks.KINDS)
-    return [Mistake((name,), f"unknown table{suggest(name, allowed)}") for name in tables if name not in allowed]
+CORE_TABLES = ("run", "alignment", "safety")
+
+
+def unknown_tables(tables: dict[str, Any], registry: Registry) -> list[Mistake]:
+    """A mistake for every top-level table that neither the core nor a plugin knows."""
+    allowed = (*CORE_TABLES, *registry.tables, *hooks.KINDS)
+    unknown = [name for name in tables if name not in (*allowed, KEY)]
+    return [Mistake((name,), f"unknown table{suggest(name, allowed)}") for name in unknown]

@@ -1,15 +1,15 @@
-"""Tips of strangers are checked before anything moves: a wrong one gives plausible and wrong numbers."""
+"""Tips and models of strangers are checked before anything moves: a wrong one gives plausible and wrong numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from palpate.contact import Indenter
+from palpate.contact import ContactModel, Indenter
 from palpate.errors import PluginError
 from palpate.parts import Settings
 from palpate.registry import Registry
-from palpate.testing import check_indenter
+from palpate.testing.contact import check_force, check_indenter, usual_values
 
 
 def check_tips(parts: Iterable[Settings], registry: Registry) -> None:
@@ -26,6 +26,23 @@ def check_tips(parts: Iterable[Settings], registry: Registry) -> None:
             except AssertionError as error:
                 where = f"plugin {entry.plugin.name}: indenter {registry.name_of(type(tip))!r}" if entry else "indenter"
                 raise PluginError(f"{where}: {error}") from error
+
+
+def check_models(models: Iterable[ContactModel], registry: Registry) -> None:
+    """Raise PluginError, which names plugin, part and depth, where a stranger's contact model breaks its interface.
+
+    Those of palpate's own distribution have been checked by its tests.
+    """
+    for model in models:
+        entry = next((e for e in registry.parts["model"].values() if e.part is type(model)), None)
+        if entry is None or entry.plugin.own:
+            continue
+        try:
+            check_force(model, usual_values(model))
+        except Exception as error:  # whatever a stranger's code raises
+            what = str(error) if isinstance(error, AssertionError) else f"{type(error).__name__}: {error}"
+            where = f"plugin {entry.plugin.name}: model {registry.name_of(type(model))!r}"
+            raise PluginError(f"{where}: {what}") from error
 
 
 def _tips(value: Any) -> Iterator[Indenter]:

@@ -11,10 +11,8 @@ from pydantic_core import ErrorDetails
 
 from palpate.config.source import Location, Source
 from palpate.errors import ConfigurationError
+from palpate.hooks import KINDS
 from palpate.registry import suggest
-
-# Tables that hold settings; all others hold named parts.
-PLAIN_TABLES = ("run", "alignment", "safety", "sweep", "calibration", "design")
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,7 @@ def _named(location: Location) -> str:
     """``[model.dr] poisson: ``, or nothing for the file as a whole."""
     if not location:
         return ""
-    depth = 1 if location[0] in PLAIN_TABLES else 2
+    depth = 2 if location[0] in KINDS else 1  # all others hold settings
     table, key = ".".join(location[:depth]), ".".join(location[depth:])
     return f"[{table}] {key}: " if key else f"[{table}]: "
 
@@ -49,7 +47,10 @@ def mistakes_of(error: ValidationError, settings: type[BaseModel], location: Loc
     """The mistakes in one table that validation found."""
     found = []
     for detail in error.errors(include_url=False):
-        inner = tuple(str(step) for step in detail["loc"] if not _is_branch(step))
+        *above, last = detail["loc"] or ("",)
+        named = detail["type"] in ("extra_forbidden", "missing")  # the last step is a key, whatever it looks like
+        inner = tuple(str(step) for step in above if not _is_branch(step))
+        inner += (str(last),) if detail["loc"] and (named or not _is_branch(last)) else ()
         key = inner[:-1] if detail["type"] == "extra_forbidden" else inner
         found.append(Mistake(location + key, _problem(detail, settings, inner)))
     return found

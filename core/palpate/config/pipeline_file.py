@@ -5,28 +5,35 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from pydantic import Field
 
 from palpate import registry as registries
-from palpate.alignment import SIGNAL_UNITS, AlignmentSettings, Signal
-from palpate.calibration import CalibrationSettings, CalibrationUse, read_calibration
+from palpate.alignment import AlignmentSettings, Ports
+from palpate.calibration import CalibrationUse, read_calibration
 from palpate.config.builder import Builder, unknown_tables
-from palpate.config.conformance import check_tips
+from palpate.config.conformance import check_models, check_tips
+from palpate.config.migrations import MIGRATIONS, migrate
 from palpate.config.mistakes import Mistake, raise_mistakes
 from palpate.config.source import Source
+from palpate.config.wired_safety import contradictions, wired
+from palpate.config.wiring import ports_of, wrong_channels, wrong_wiring
 from palpate.contact import ContactModel, Indenter
-from palpate.design import DesignSettings
-from palpate.device import Device, address
+from palpate.contact.sources import unknown_sources
+from palpate.device import Device
 from palpate.errors import PalpateError
 from palpate.estimation import Estimator
+from palpate.flags import Flag
 from palpate.parts import File, Settings
 from palpate.registry import Registry, suggest
 from palpate.safety import SafetySettings
 from palpate.sink import Sink
+from palpate.track_name import TrackName
 from palpate.trajectory import Trajectory
+from palpate.trust import demand_trust
 from palpate.twin import Twin
 from palpate.units import Time
 
@@ -43,8 +50,14 @@ class RunSettings(Settings):
         default=None, description="calibration file: mass, tare, timing and noise that this file leaves open"
     )
     calibration_valid: Time = Field(default=30 * 86400.0, gt=0, description="an older calibration is flagged")
-    seed: int = Field(default=0, ge=0, description="seed of everything that plays dice")
+    seed: int = Field(default=0, ge=0, description="seed of everything that is random")
     average: Time = Field(default=1.0, ge=0.05, description="results are means over so much time at the end")
+    uncertainties: dict[str, float | str] = Field(
+        default={},
+        description="standard uncertainties of what is taken for known, by key of the models and their tips, or "
+        '"force_scale", "position_scale": { radius = "20 um", poisson = 0.01, force_scale = 0.005 }; not declared: '
+        "a radius to 0.5 %, Poisson's ratio within 0.02 below its value",
+    )
     estimates_interval: Time = Field(
         default=0.01, ge=0, description="estimates.csv has one row in so much time; 0: every sample"
     )
@@ -54,12 +67,12 @@ class RunSettings(Settings):
 class Track:
     """A contact model and an estimator, side by side with other tracks on the same samples."""
 
-    name: str  # "dr/ekf"
+    name: TrackName
     model: ContactModel
     estimator: Estimator
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Pipeline:
     """Everything that one TOML file wires together, checked."""
 
@@ -78,72 +91,116 @@ class Pipeline:
     tracks: tuple[Track, ...]
     registry: Registry
     calibration: CalibrationUse | None = None
-    design: DesignSettings = field(default_factory=DesignSettings)
+    tables: Mapping[str, Settings] = field(default_factory=dict)  # those of analyses that the file has, by name
     stated: AlignmentSettings | None = None  # the alignment as the file has it, without the calibration
+    renamed: tuple[Flag, ...] = ()  # what the file calls by a name of an older version
+
+    @property
+    def ports(self) -> Ports:
+        """Where each signal is read."""
+        return self._ports
+
+    @cached_property
+    def _ports(self) -> Ports:
+        return ports_of(self.alignment, self.devices)
 
 
-def load_pipeline(path: Path, overrides: Iterable[str] = ()) -> Pipeline:
+def load_pipeline(path: Path, overrides: Iterable[str] = (), estimates: bool = True) -> Pipeline:
     """The pipeline in a file, with ``table.key=value`` overrides on top.
+
+    Without `estimates` the file need not name models and estimators, and takes nothing from a calibration: enough to
+    move and to record.
 
     Raises ConfigurationError with every mistake at once, each with its line; PluginError where a plugin fails.
     """
     source = Source.read(path)
     for assignment in overrides:
         source.override(assignment)
-    return build_pipeline(source)
+    return build_pipeline(source, estimates)
 
 
-def build_pipeline(source: Source) -> Pipeline:
+def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
     """The pipeline in a source; raises like `load_pipeline`."""
     tables, base = source.tables, source.path.parent
+    renamed = migrate(source, MIGRATIONS)
     first = Builder(tables, Registry({}), base)
     run = first.settings(RunSettings, ("run",))
+    demand_trust(run.plugins if run else (), base)
     registry = registries.load(run.plugins if run else ())
+    renamed += migrate(source, registry.migrations)
     builder = Builder(tables, registry, base)
-    builder.mistakes += first.mistakes + unknown_tables(tables)
+    builder.mistakes += first.mistakes + unknown_tables(tables, registry)
     alignment = None
     if "alignment" in tables:
         alignment = builder.settings(AlignmentSettings, ("alignment",))
     else:
         builder.mistakes.append(Mistake((), "the table [alignment] is missing: it says which channel is the force"))
-    design = builder.settings(DesignSettings, ("design",))
-    builder.settings(CalibrationSettings, ("calibration",))
+    extra = {name: builder.settings(part, (name,)) for name, part in registry.tables.items() if name in tables}
     safety = builder.settings(SafetySettings, ("safety",)) if "safety" in tables else None
     kinds = {kind: builder.parts(kind) for kind in registry.parts}
-    builder.mistakes += _missing_kinds(tables, registry)
-    if alignment and len(kinds["device"]) == len(tables.get("device", {})):
-        builder.mistakes += wrong_channels(alignment, kinds["device"])
+    builder.mistakes += _missing_kinds(tables, registry, ("device", "model", "estimator") if estimates else ("device",))
+    if alignment and isinstance(tables.get("device"), dict) and len(kinds["device"]) == len(tables["device"]):
+        wrong = wrong_channels(alignment, kinds["device"])
+        builder.mistakes += wrong or wrong_wiring(ports_of(alignment, kinds["device"]), safety)
     stated = alignment
-    use, problems = _calibration(run, alignment)
+    use, problems = _calibration(run, alignment) if estimates else (None, [])
     builder.mistakes += problems
     if use and alignment:
         alignment = use.alignment(alignment)
         kinds["estimator"] = {name: use.estimator(part) for name, part in kinds["estimator"].items()}
+    if run:
+        unknown = unknown_sources(kinds["model"], run.uncertainties) if kinds["model"] else {}
+        builder.mistakes += [Mistake(("run", "uncertainties", name), problem) for name, problem in unknown.items()]
     tracks, lost = _tracks(run or RunSettings(), kinds["model"], kinds["estimator"])
-    if not builder.mistakes:
+    if estimates and not builder.mistakes:
         builder.mistakes += lost
+    if safety and alignment and not builder.mistakes:
+        builder.mistakes += contradictions(safety, alignment, kinds["device"])
+        safety = wired(safety, alignment, kinds["device"])
     raise_mistakes(builder.mistakes, source)
     check_tips((*kinds["indenter"].values(), *kinds["model"].values(), *kinds["device"].values()), registry)
+    check_models(kinds["model"].values(), registry)
     assert alignment is not None
     return Pipeline(
-        source.path,
-        source.text,
-        run,
-        alignment,
-        kinds["indenter"],
-        kinds["model"],
-        kinds["estimator"],
-        kinds["device"],
-        kinds["trajectory"],
-        kinds["sink"],
-        kinds["twin"],
-        safety,
-        tracks,
-        registry,
-        use,
-        design,
-        stated,
+        path=source.path,
+        text=source.text,
+        run=run,
+        alignment=alignment,
+        indenters=kinds["indenter"],
+        models=kinds["model"],
+        estimators=kinds["estimator"],
+        devices=kinds["device"],
+        trajectories=kinds["trajectory"],
+        sinks=kinds["sink"],
+        twins=kinds["twin"],
+        safety=safety,
+        tracks=tracks,
+        registry=registry,
+        calibration=use,
+        tables=extra,
+        stated=stated,
+        renamed=renamed,
     )
+
+
+def build_parts(source: Source, kind: str, registry: Registry | None = None) -> dict[str, Any]:
+    """The parts of one kind in a source, whatever else it lacks; raises like `load_pipeline`.
+
+    Without a registry it is that of the installed plugins and of those that the source names.
+    """
+    base = source.path.parent
+    if registry is None:
+        first = Builder(source.tables, Registry({}), base)
+        run = first.settings(RunSettings, ("run",))
+        raise_mistakes(first.mistakes, source)
+        demand_trust(run.plugins, base)
+        registry = registries.load(run.plugins)
+    migrate(source, (*MIGRATIONS, *registry.migrations))
+    builder = Builder(source.tables, registry, base)
+    found = builder.parts(kind)
+    raise_mistakes(builder.mistakes, source)
+    check_tips(found.values(), registry)
+    return found
 
 
 def _calibration(
@@ -163,8 +220,8 @@ def _calibration(
     return CalibrationUse(calibration, str(run.calibration), run.calibration_valid), []
 
 
-def _missing_kinds(tables: Mapping[str, Any], registry: Registry) -> list[Mistake]:
-    missing = [kind for kind in ("device", "model", "estimator") if not tables.get(kind)]
+def _missing_kinds(tables: Mapping[str, Any], registry: Registry, needed: tuple[str, ...]) -> list[Mistake]:
+    missing = [kind for kind in needed if not tables.get(kind)]
     return [
         Mistake(
             (), f"a pipeline needs at least one [{kind}.*] table (there are: {', '.join(sorted(registry.parts[kind]))})"
@@ -173,35 +230,12 @@ def _missing_kinds(tables: Mapping[str, Any], registry: Registry) -> list[Mistak
     ]
 
 
-def wrong_channels(alignment: AlignmentSettings, devices: Mapping[str, Device]) -> list[Mistake]:
-    """A mistake for every role whose channel no device has."""
-    mistakes = []
-    units: dict[str, str] = {}
-    for name, device in devices.items():
-        try:
-            units |= {address(name, stream, c): c.unit for stream in device.streams for c in stream.channels}
-        except PalpateError as error:
-            mistakes.append(Mistake(("device", name), str(error)))
-    if mistakes:
-        return mistakes
-    for role in AlignmentSettings.model_fields:
-        signal = getattr(alignment, role)
-        if not isinstance(signal, Signal):
-            continue
-        wanted = SIGNAL_UNITS.get(role)
-        if signal.channel not in units:
-            problem = f"no device has a channel {signal.channel!r}{suggest(signal.channel, units)}"
-            mistakes.append(Mistake(("alignment", role), problem))
-        elif wanted is not None and units[signal.channel] not in (wanted, "1"):
-            problem = f"{signal.channel!r} is in {units[signal.channel]}, but {role} is wanted in {wanted}"
-            mistakes.append(Mistake(("alignment", role), problem))
-    return mistakes
-
-
 def _tracks(
     run: RunSettings, models: Mapping[str, ContactModel], estimators: Mapping[str, Estimator]
 ) -> tuple[tuple[Track, ...], list[Mistake]]:
-    every = [Track(f"{m}/{e}", model, estimator) for m, model in models.items() for e, estimator in estimators.items()]
+    every = [
+        Track(TrackName(m, e), model, estimator) for m, model in models.items() for e, estimator in estimators.items()
+    ]
     mistakes = []
     for pattern in run.tracks:
         if not any(fnmatchcase(track.name, pattern) for track in every):

@@ -7,6 +7,8 @@ from typing import Any
 
 import tomli_w
 
+from palpate.config.doubts import UNCHECKED, doubts
+from palpate.config.migrations import FORMAT, KEY
 from palpate.config.pipeline_file import Pipeline
 from palpate.parts import Part, Settings
 from palpate.registry import Registry
@@ -18,6 +20,7 @@ def resolved_text(pipeline: Pipeline) -> str:
     Paths are absolute, so that the text means the same wherever it is kept.
     """
     tables: dict[str, Any] = {
+        KEY: FORMAT,
         "run": plain_settings(pipeline.run, pipeline.registry),
         "alignment": plain_settings(pipeline.alignment, pipeline.registry),
     }
@@ -40,8 +43,11 @@ def resolved_text(pipeline: Pipeline) -> str:
 def plain_settings(value: Any, registry: Registry) -> Any:
     """Settings and parts as TOML can hold them, each part with its type."""
     if isinstance(value, Settings):
-        head = {"type": registry.name_of(type(value))} if isinstance(value, Part) else {}
+        head: dict[str, Any] = {"type": registry.name_of(type(value))} if isinstance(value, Part) else {}
         fields = {name: getattr(value, name) for name in type(value).model_fields}
+        # What is unlikely without a unit was checked when it was read.
+        meant = sorted(doubts(type(value), fields))
+        head |= {UNCHECKED: meant} if meant else {}
         return head | {name: plain_settings(field, registry) for name, field in fields.items() if field is not None}
     if isinstance(value, dict):
         return {name: plain_settings(item, registry) for name, item in value.items() if item is not None}

@@ -5,18 +5,18 @@ from __future__ import annotations
 from typing import Any
 
 from palpate.alignment import AlignmentSettings, Signal
-from palpate.calibration import CalibrationSettings
+from palpate.config.doubts import UNCHECKED
+from palpate.config.migrations import FORMAT, KEY
 from palpate.config.pipeline_file import RunSettings
-from palpate.design import DesignSettings
 from palpate.hooks import KINDS
 from palpate.parts import Settings
 from palpate.registry import Registry
 from palpate.safety import SafetySettings
 
-_SWEEP = {
-    "type": "object",
-    "description": 'for `palpate sweep`: lists of values by setting, such as "estimator.afukf.theta" = ["1 mm/s"]',
-    "properties": {"combine": {"enum": ["grid", "list"], "default": "grid"}},
+_UNCHECKED = {
+    "type": "array",
+    "items": {"type": "string"},
+    "description": "keys of this table whose numbers without a unit are meant as they are",
 }
 
 
@@ -24,27 +24,23 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
     """JSON schema (draft 2020-12) of every table, key and part that the loaded plugins know."""
     definitions: dict[str, Any] = {}
     properties: dict[str, Any] = {
-        "run": _table(RunSettings, definitions),
-        "alignment": _table(AlignmentSettings, definitions),
-        "sweep": _SWEEP,
-        "calibration": _table(CalibrationSettings, definitions),
-        "design": _table(DesignSettings, definitions),
-        "safety": _table(SafetySettings, definitions),
+        KEY: {"type": "string", "description": f'version for which the file is written; today "{FORMAT}"'},
+        "run": _table(RunSettings, "run", definitions),
+        "alignment": _table(AlignmentSettings, "alignment", definitions),
+        "safety": _table(SafetySettings, "safety", definitions),
     }
+    properties |= {name: _table(settings, name, definitions) for name, settings in registry.tables.items()}
     for kind, entries in registry.parts.items():
         choices = []
         for name, entry in entries.items():
-            table = _table(entry.part, definitions)
+            table = _table(entry.part, f"{kind}:{name}", definitions)
             table["properties"] = {"type": {"const": name}} | table.get("properties", {})
             table["required"] = ["type", *table.get("required", [])]
             definitions[f"{kind}:{name}"] = table
             choices.append({"$ref": f"#/$defs/{kind}:{name}"})
         properties[kind] = {"type": "object", "additionalProperties": {"oneOf": choices}}
         # A part in a field is the name of a table, or the table itself.
-        root = KINDS[kind][1].__name__
-        definitions[root] = {"anyOf": [{"type": "string", "description": f"the NAME of a [{kind}.NAME]"}, *choices]}
-    signal = definitions[Signal.__name__]
-    definitions[Signal.__name__] = {"anyOf": [{"type": "string", "description": "a channel"}, signal]}
+        definitions[kind] = {"anyOf": [{"type": "string", "description": f"the NAME of a [{kind}.NAME]"}, *choices]}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "palpate pipeline",
@@ -56,7 +52,17 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
     }
 
 
-def _table(settings: type[Settings], definitions: dict[str, Any]) -> dict[str, Any]:
-    schema = settings.model_json_schema(mode="validation")
-    definitions.update(schema.pop("$defs", {}))
+def _table(settings: type[Settings], owner: str, definitions: dict[str, Any]) -> dict[str, Any]:
+    """The schema of one table; what it refers to is defined under its owner's name, as two plugins may share a name."""
+    schema = settings.model_json_schema(mode="validation", ref_template=f"#/$defs/{owner}.{{model}}")
+    kinds = {root.__name__: kind for kind, (_, root) in KINDS.items()}
+    for name, inner in schema.pop("$defs", {}).items():
+        if name in kinds:
+            inner = {"$ref": f"#/$defs/{kinds[name]}"}
+        elif name == Signal.__name__:
+            inner = {"anyOf": [{"type": "string", "description": "a channel"}, inner]}
+        definitions[f"{owner}.{name}"] = inner
+    for table in (schema, *definitions.values()):
+        if table.get("additionalProperties") is False:
+            table["properties"] = {**table.get("properties", {}), UNCHECKED: _UNCHECKED}
     return schema

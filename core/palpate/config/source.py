@@ -9,8 +9,11 @@ from typing import Any
 
 from palpate.errors import ConfigurationError
 
+_BARE_QUANTITY = re.compile(r"=\s*[-+.\d]+\s*[A-Za-z]+\s*(#.*)?$")
 _TABLE = re.compile(r"\s*\[\[?([^\[\]]+)\]\]?\s*(?:#.*)?$")
 _KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*=""")
+
+_DEEPEST = 32  # tables and lists in each other
 
 Location = tuple[str, ...]  # ("device", "log", "columns", "z")
 
@@ -23,8 +26,10 @@ class Source:
         self.path = path
         try:
             self.tables: dict[str, Any] = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise ConfigurationError(f"{path}: not TOML: {error}") from error
+        except (ValueError, RecursionError) as error:  # of a number of 5000 digits, of 5000 brackets, too
+            raise ConfigurationError(_pointed(text, path, str(error))) from error
+        if _deeper(self.tables, _DEEPEST):
+            raise ConfigurationError(f"{path}: tables and lists are nested more than {_DEEPEST} deep")
         self._lines = _lines(text)
         self._overridden: set[Location] = set()
 
@@ -53,6 +58,30 @@ class Source:
         table[keys[-1]] = _toml_value(written.strip())
         self._overridden.add(keys)
 
+    def table(self, location: Location) -> dict[str, Any]:
+        """The table at a location."""
+        table: dict[str, Any] = self.tables
+        for key in location:
+            table = table[key]
+        return table
+
+    def move(self, old: Location, new: Location) -> bool:
+        """Give a key another name or place, with its line; False where something stands there already."""
+        table = self.table(old[:-1])
+        inner = self.tables
+        for key in new[:-1]:
+            inner = inner.setdefault(key, {})
+            if not isinstance(inner, dict):
+                return False
+        if new[-1] in inner:
+            return False
+        inner[new[-1]] = table.pop(old[-1])
+        if old in self._lines:
+            self._lines[new] = self._lines.pop(old)
+        if old in self._overridden:
+            self._overridden = self._overridden - {old} | {new}
+        return True
+
     def where(self, location: Location) -> str:
         """``file:line`` of a location, of the nearest table around it, or the command line that set it."""
         for length in range(len(location), 0, -1):
@@ -68,11 +97,31 @@ class Source:
         return next((self._lines[location[:n]] for n in range(len(location), 0, -1) if location[:n] in self._lines), 0)
 
 
+def _pointed(text: str, path: Path, problem: str) -> str:
+    """A message about text that is no TOML, with the line and a caret below the place."""
+    found = re.search(r"\s*\(at line (\d+), column (\d+)\)$", problem)
+    if found is None:
+        return f"{path}: not TOML: {problem}"
+    line, column = int(found[1]), int(found[2])
+    shown = text.splitlines()[line - 1].replace("\t", " ")
+    hint = "; a quantity with a unit is a text" if _BARE_QUANTITY.search(shown) else ""
+    head = f"{path}:{line}: not TOML: {problem[: found.start()]} at line {line}, column {column}{hint}"
+    return f"{head}\n  {shown}\n  {' ' * (column - 1)}^"
+
+
 def _toml_value(text: str) -> Any:
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return text
+
+
+def _deeper(value: Any, most: int) -> bool:
+    """Whether tables and lists are nested more than so deep."""
+    if not isinstance(value, dict | list):
+        return False
+    inner = value.values() if isinstance(value, dict) else value
+    return most == 0 or any(_deeper(item, most - 1) for item in inner)
 
 
 def _lines(text: str) -> dict[Location, int]:

@@ -4,6 +4,7 @@ from palpate.contact.expressions import arctan, log, select, sqrt, tanh
 from palpate.contact.history import force_over_time
 from palpate.contact.interfaces import ContactModel, Indenter, MaterialValue, Parameter, contact_force
 from palpate.contact.shape import tip_profile
+from palpate.contact.slopes import force_slopes
 
 __all__ = [
     "ContactModel",
@@ -13,6 +14,7 @@ __all__ = [
     "arctan",
     "contact_force",
     "force_over_time",
+    "force_slopes",
     "log",
     "select",
     "sqrt",

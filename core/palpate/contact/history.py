@@ -7,11 +7,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.contact.interfaces import ContactModel, contact_force
-
-Floats = NDArray[np.float64]
+from palpate.vectors import Floats
 
 _LEAST_STEPS = 4  # steps of the integration from one sample to the next
 _MOST_STEPS = 64

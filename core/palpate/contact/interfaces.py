@@ -68,7 +68,7 @@ class Parameter:
 class MaterialValue:
     """Elasticity or viscosity of the material, as a contact model's parameters imply it."""
 
-    name: Literal["elasticity", "viscosity"]  # E [Pa] or eta [Pa*s]
+    name: Literal["elasticity", "viscosity", "instant_elasticity"]  # E [Pa], eta [Pa*s], E before anything relaxed
     value: float
     gradient: tuple[float, ...]  # its derivative by each of the model's parameters
     caveat: str = ""  # what has to hold for it to be a property of the material
@@ -76,7 +76,7 @@ class MaterialValue:
     @property
     def unit(self) -> str:
         """SI unit."""
-        return {"elasticity": "Pa", "viscosity": "Pa*s"}[self.name]
+        return "Pa*s" if self.name == "viscosity" else "Pa"
 
     def std(self, parameter_std: Sequence[float]) -> float:
         """Standard deviation that follows from those of the parameters, taken as uncorrelated."""
@@ -89,6 +89,7 @@ class ContactModel(Part, ABC):
     kind: ClassVar[str] = "model"
     parameters: ClassVar[tuple[Parameter, ...]]
     memory: ClassVar[tuple[str, ...]] = ()  # names of internal states, for materials that relax
+    adhesive: ClassVar[bool] = False  # it may pull, and its force at rest may fall with depth
 
     @abstractmethod
     def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:

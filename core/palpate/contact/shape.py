@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.contact.interfaces import Indenter
-
-Floats = NDArray[np.float64]
+from palpate.vectors import Floats
 
 _PANELS = 2000
 

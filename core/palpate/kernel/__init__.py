@@ -11,10 +11,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from palpate.errors import ConfigurationError
-from palpate.estimation import Floats
 from palpate.kernel.llvm import LANES, CompiledStep
 from palpate.kernel.translation import Untranslatable
 from palpate.kernel.virtual_machine import VirtualMachine
+from palpate.vectors import Floats
 
 __all__ = ["Kernel", "Step", "compile_step", "kernel_choice", "run_grid"]
 

@@ -10,11 +10,9 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.kernel.translation import LIBRARY, Translation
-
-Floats = NDArray[np.float64]
+from palpate.vectors import Floats
 
 LANES = 8
 _ENGINES: list[Any] = []

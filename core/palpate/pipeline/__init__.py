@@ -1,22 +1,23 @@
 """The pipeline at work: devices -> alignment -> tracks -> sinks -> result."""
 
-from palpate.pipeline.calibrating import Guide, run_calibration
-from palpate.pipeline.continuation import continued, next_part, parts_of, recorded_pipeline, remaining_pipeline
+from palpate.pipeline.continuation import continued, recorded_pipeline, remaining_pipeline
 from palpate.pipeline.examine import Finding, examine
+from palpate.pipeline.flow import Flow, each, the_trajectory
+from palpate.pipeline.interrupt import interruptible
 from palpate.pipeline.running import Result, run_pipeline
 from palpate.pipeline.tracks import start_tracks
 
 __all__ = [
     "Finding",
-    "Guide",
+    "Flow",
     "Result",
     "continued",
+    "each",
     "examine",
-    "next_part",
-    "parts_of",
+    "interruptible",
     "recorded_pipeline",
     "remaining_pipeline",
-    "run_calibration",
     "run_pipeline",
     "start_tracks",
+    "the_trajectory",
 ]

@@ -8,10 +8,10 @@ from typing import Any
 
 from palpate.calibration import identity_in
 from palpate.config import Pipeline, plain_settings
-from palpate.result import flag
+from palpate.flags import Flag
 
 
-def calibration_flags(pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]] | None = None) -> tuple[str, ...]:
+def calibration_flags(pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]] | None = None) -> tuple[Flag, ...]:
     """Flags of an old calibration, of another sensor or tip, and of settings that contradict it.
 
     `live` is what connected devices said of themselves, by name.
@@ -26,5 +26,4 @@ def calibration_flags(pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]] 
         name: {**device.provenance, **identity_in((live or {}).get(name, {}))}
         for name, device in pipeline.devices.items()
     }
-    found = pipeline.calibration.flags(pipeline.stated, present, pipeline.indenters, table, datetime.now(UTC))
-    return tuple(flag(code, text) for code, text in found)
+    return tuple(pipeline.calibration.flags(pipeline.stated, present, pipeline.indenters, table, datetime.now(UTC)))

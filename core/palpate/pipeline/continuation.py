@@ -2,54 +2,90 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from palpate.config import Pipeline, load_pipeline
-from palpate.errors import ConfigurationError, LogError
-from palpate.trajectory import Trajectory
+from palpate.errors import ConfigurationError
+from palpate.result import ONLINE, RESOLVED, RunFolder
+from palpate.trajectory import Resumable, Trajectory
 
 _CAUTION = 0.5  # [s]; what ended this much before the record did is taken for finished
-
-
-def parts_of(folder: Path) -> list[Path]:
-    """The folder of a run and those of its continuations, in their order."""
-    return [folder, *sorted(folder.glob("part-*"), key=lambda part: int(part.name.rpartition("-")[2]))]
-
-
-def next_part(folder: Path) -> Path:
-    """The folder of the next continuation; not made yet."""
-    return folder / f"part-{len(parts_of(folder)) + 1}"
+_STEP = 0.05  # [s] of the search for the motion's begin in a record
+_ROWS = 2000  # of the record that are compared for it
 
 
 def recorded_pipeline(folder: Path) -> Pipeline:
     """The pipeline of a run as it was resolved; raises LogError where the folder holds none."""
-    path = folder / "resolved.toml"
-    if not path.is_file():
-        raise LogError(f"{folder}: is no run folder: it has no resolved.toml")
-    return load_pipeline(path)
+    return load_pipeline(RunFolder(folder).pipeline)
 
 
 def remaining_pipeline(folder: Path) -> Pipeline | None:
-    """The pipeline that does what an interrupted run left undone, or None where it was finished.
+    """The pipeline that does what a run and its continuations left undone, or None where all was finished.
 
-    Raises ConfigurationError where its motion can only be done as one.
+    Every part may have left something; a later part whose motion is just that has done it. Raises ConfigurationError
+    where a motion can only be done as one.
     """
-    last = parts_of(folder)[-1]
-    pipeline = recorded_pipeline(last)
-    if len(pipeline.trajectories) != 1:
-        raise ConfigurationError(f"{last}: moves nothing, so there is nothing to resume")
-    ((name, trajectory),) = pipeline.trajectories.items()
-    elapsed = recorded_time(last)
+    run = RunFolder(folder)
+    recorded_pipeline(folder)
+    left: list[tuple[Path, Pipeline, Trajectory]] = []
+    for part in run.parts:
+        if not (part.path / RESOLVED).is_file():
+            continue  # ended before it began
+        pipeline = recorded_pipeline(part.path)
+        if len(pipeline.trajectories) != 1:
+            raise ConfigurationError(f"{part.path}: moves nothing, so there is nothing to resume")
+        (trajectory,) = pipeline.trajectories.values()
+        left = [item for item in left if item[2] != trajectory]
+        remaining = _remaining(part, pipeline, trajectory)
+        if remaining is not None:
+            left.append((part.path, pipeline, remaining))
+    if not left:
+        return None
+    where, pipeline, remaining = left[0]
+    if not isinstance(remaining, Resumable):
+        (name,) = pipeline.trajectories
+        raise ConfigurationError(f"{where}: [trajectory.{name}] can only be done as one; run it again")
+    return continued(pipeline, remaining, len(run.parts))
+
+
+def _remaining(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> Trajectory | None:
+    """What of a motion a part left undone: all of it where it can only be done as one."""
+    elapsed = _elapsed(part, pipeline, trajectory)
     if elapsed >= trajectory.total_duration - _CAUTION:
         return None
-    rest = trajectory.after(elapsed - _CAUTION)
-    if rest is None:
-        if type(trajectory).after is Trajectory.after:
-            raise ConfigurationError(f"{last}: [trajectory.{name}] can only be done as one; run it again")
-        return None
-    return continued(pipeline, rest, len(parts_of(folder)))
+    return trajectory.after(elapsed - _CAUTION) if isinstance(trajectory, Resumable) else trajectory
+
+
+def _elapsed(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> float:
+    """How long [s] the motion went on. A live record begins before its motion: with the rest and the way to its start.
+
+    The delay is that at which the places that were recorded are those of the motion.
+    """
+    if not (part.path / ONLINE).is_file():
+        return 0.0
+    end = part.recorded_time
+    if not any(device.live for device in pipeline.devices.values()):
+        return end
+    time, place = part.places
+    rest = pipeline.safety.rest if pipeline.safety else 0.0
+    known = np.isfinite(place).all(axis=1)
+    if not known.any():
+        return end - rest
+    every = max(int(known.sum()) // _ROWS, 1)
+    return end - _delay(time[known][::every], place[known][::every], trajectory, rest)
+
+
+def _delay(time: NDArray[np.float64], place: NDArray[np.float64], trajectory: Trajectory, least: float) -> float:
+    """The delay [s] of a motion's begin, at least `least`, that explains recorded places (n, 2) best; the latest of
+    equals, so that nothing is taken for done that was not."""
+    delays = np.arange(least, max(float(time[-1]), least) + _STEP, _STEP)
+    apart = [float(((trajectory.at(time - delay).position[:, :2] - place) ** 2).mean()) for delay in delays]
+    best = min(apart) + 1e-12  # [m^2]: equal to a micrometre
+    return float(delays[np.flatnonzero(np.array(apart) <= best)[-1]])
 
 
 def continued(pipeline: Pipeline, trajectory: Trajectory, number: int) -> Pipeline:
@@ -57,18 +93,3 @@ def continued(pipeline: Pipeline, trajectory: Trajectory, number: int) -> Pipeli
     run = pipeline.run.model_copy(update={"seed": pipeline.run.seed + number})
     (name,) = pipeline.trajectories
     return replace(pipeline, run=run, trajectories={name: trajectory})
-
-
-def recorded_time(folder: Path) -> float:
-    """Time [s] of the last whole row of a run's table of estimates; 0 where there is none."""
-    path = folder / "estimates.csv"
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = csv.reader(file)
-            width, last = len(next(rows, [])), 0.0
-            for row in rows:
-                if len(row) == width:
-                    last = float(row[0])
-    except (OSError, ValueError) as error:
-        raise LogError(f"{path}: cannot be read: {error}") from error
-    return last

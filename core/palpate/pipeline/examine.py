@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.config import Pipeline
-from palpate.device import Batch, Link, Stream, Watched
+from palpate.device import Batch, Device, Link, Observable, Stream, Watched, own_motions
 from palpate.errors import DeviceError
+from palpate.limiting import Limited
+from palpate.pipeline.device_flags import payloads
 from palpate.pipeline.guard import Guard
 from palpate.pipeline.live import LiveLinks
 from palpate.pipeline.rest import declared_noise
@@ -43,12 +45,17 @@ def examine(pipeline: Pipeline, duration: float) -> Iterator[Finding]:
                 yield Finding("note", name, "is not live: nothing to look at")
                 continue
             try:
-                links[name] = stack.enter_context(device.connect(pipeline.run.seed))
+                links[name] = stack.enter_context(_listening(device, pipeline.run.seed))
                 yield Finding("good", name, "is connected")
             except DeviceError as error:
                 yield Finding("bad", name, str(error))
         if links:
             yield from _listened(pipeline, links, duration)
+
+
+def _listening(device: Device, seed: int) -> AbstractContextManager[Link]:
+    """A program that runs on an arm is not for us to replace."""
+    return device.observe(seed) if isinstance(device, Observable) else device.connect(seed)
 
 
 def _motion(pipeline: Pipeline) -> Iterator[Finding]:
@@ -66,9 +73,8 @@ def _motion(pipeline: Pipeline) -> Iterator[Finding]:
 
 
 def _own_motions(pipeline: Pipeline, limits: SafetySettings) -> Iterator[Finding]:
-    for name, device in pipeline.devices.items():
-        if device.own_motion is not None:
-            yield from (Finding("bad", name, problem) for problem in check_own_motion(device.own_motion, limits))
+    for name, own in own_motions(pipeline.devices).items():
+        yield from (Finding("bad", name, problem) for problem in check_own_motion(own, limits))
 
 
 def _ways(pipeline: Pipeline, links: Mapping[str, Link]) -> Iterator[Finding]:
@@ -77,6 +83,8 @@ def _ways(pipeline: Pipeline, links: Mapping[str, Link]) -> Iterator[Finding]:
         for arm, link in links.items():
             if pipeline.safety is None:
                 continue
+            if isinstance(link, Limited):
+                link.limit(pipeline.safety.of_an_arm, lambda _: None)
             try:
                 report = check_way(link, trajectory, pipeline.safety)
             except DeviceError as error:
@@ -89,14 +97,15 @@ def _ways(pipeline: Pipeline, links: Mapping[str, Link]) -> Iterator[Finding]:
 
 
 def _listened(pipeline: Pipeline, links: Mapping[str, Link], duration: float) -> Iterator[Finding]:
-    streams = {name: device.streams for name, device in pipeline.devices.items()}
-    guard = Guard(pipeline.safety, pipeline.alignment, streams)
+    streams = pipeline.ports.streams
+    guard = Guard(pipeline.safety, pipeline.ports)
     live = LiveLinks(links, guard)
     heard: dict[tuple[str, str], list[Batch]] = {(name, s.name): [] for name in links for s in streams[name]}
     live.start()
     try:
-        for name, batch in live.until(time.monotonic() + duration):
-            heard[name, batch.stream].append(batch)
+        for arrivals in live.until(time.monotonic() + duration):
+            for name, batch in arrivals:
+                heard[name, batch.stream].append(batch)
     finally:
         live.stop()
     if guard.reason is not None:
@@ -111,6 +120,7 @@ def _listened(pipeline: Pipeline, links: Mapping[str, Link], duration: float) ->
     for name, link in links.items():
         if isinstance(link, Watched):
             yield from (Finding("good", name, line) for line in _lines(link.health))
+            yield from (Finding("note", name, text) for text in payloads(pipeline.alignment, {name: link.health}))
 
 
 def _stream(name: str, stream: Stream, batches: list[Batch], gap: float) -> Iterator[Finding]:

@@ -9,9 +9,13 @@ import socket
 import sys
 from typing import Any
 
+import numpy as np
+
 from palpate.config import Pipeline
+from palpate.sink import Extent
 
 _LIBRARIES = ("casadi", "numpy", "scipy", "pydantic", "pint", "pluggy", "mcap")
+_LOOK = 0.01  # [s] between the places that count for the box of a motion
 
 
 def run_facts(pipeline: Pipeline) -> dict[str, Any]:
@@ -19,6 +23,8 @@ def run_facts(pipeline: Pipeline) -> dict[str, Any]:
     versions = {"palpate": importlib.metadata.version("palpate"), "python": platform.python_version()}
     versions |= {name: importlib.metadata.version(name) for name in _LIBRARIES}
     inputs = {f"{name}.{key}": text for name, d in pipeline.devices.items() for key, text in d.provenance.items()}
+    for own in pipeline.run.plugins:
+        inputs[f"plugin.{own.name}.sha256"] = hashlib.sha256(own.read_bytes()).hexdigest()
     if pipeline.run.calibration is not None:
         with pipeline.run.calibration.open("rb") as file:
             inputs["calibration.sha256"] = hashlib.file_digest(file, "sha256").hexdigest()
@@ -38,3 +44,22 @@ def run_facts(pipeline: Pipeline) -> dict[str, Any]:
 def flat_facts(facts: dict[str, Any]) -> dict[str, str]:
     """The facts that a log carries: versions, input hashes and seed, as texts by name."""
     return {**facts["versions"], **facts["inputs"], "seed": str(facts["seed"])}
+
+
+def planned_duration(pipeline: Pipeline) -> float | None:
+    """How long the record will be [s]: that of a log, or of rest and motion; None where nobody knows."""
+    logs = [device.duration for device in pipeline.devices.values() if device.duration is not None]
+    if logs or len(pipeline.trajectories) != 1:
+        return max(logs, default=None)
+    (trajectory,) = pipeline.trajectories.values()
+    live = any(device.live for device in pipeline.devices.values())
+    return trajectory.total_duration + (pipeline.safety.rest if live and pipeline.safety else 0.0)
+
+
+def planned_extent(pipeline: Pipeline) -> Extent | None:
+    """Box [m] of the planned motion; None where nothing moves, or more than one motion is planned."""
+    if len(pipeline.trajectories) != 1:
+        return None
+    (trajectory,) = pipeline.trajectories.values()
+    places = trajectory.at(np.arange(0.0, trajectory.total_duration + _LOOK, _LOOK)).position
+    return tuple(places.min(axis=0).tolist()), tuple(places.max(axis=0).tolist())

@@ -4,27 +4,41 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from palpate.device import Arm, Batch, Link, Watched
+from palpate.device import Arm, Batch, Link, Watched, ask_devices
 from palpate.errors import ConfigurationError, DeviceError
 from palpate.pipeline.guard import Guard
 from palpate.pipeline.interrupt import Interrupt
 from palpate.pipeline.live import LiveLinks
+from palpate.pipeline.readying import feel, hand_limits, known_offset, ready, refuse_preload
 from palpate.pipeline.rig import Rig
 from palpate.pipeline.scheduling import undisturbed
-from palpate.pipeline.start import check_way, refuse_own_motion
-from palpate.result import finite
-from palpate.safety import demand_safe
+from palpate.pipeline.start import refuse_own_motion
+from palpate.result import finite_tree
+from palpate.safety import SafetySettings, demand_safe
 from palpate.trajectory import Trajectory
 
-Progress = Callable[[float, float | None], None]  # log time [s], total [s] where known
-Take = Callable[[str, Batch], float | None]  # device, batch -> how far [s] the record has become samples, if it does
+# Log time [s], total [s] where known, how far the estimates are behind [s].
+Progress = Callable[[float, float | None, float], None]
+Arrivals = Sequence[tuple[str, Batch]]  # batches that arrived together, each with its device
+
+
+@dataclass(frozen=True)
+class Taken:
+    """How far a record has become samples and estimates."""
+
+    sampled: float  # [s]
+    behind: float = 0.0  # [s] that the estimates are behind the samples
+
+
+Take = Callable[[Arrivals], Taken | None]  # None: nobody makes samples of them
 Noise = Mapping[str, tuple[float, float]]  # what estimators count on, by name: force [N], velocity [m/s]
 
 _LOOK = 5e-3  # [s] between the setpoints that devices are asked about before anything moves
@@ -39,6 +53,9 @@ class Flow:
         self.total: float | None = None  # [s] how long it takes, where that is known
         self._sampled: float | None = None  # [s] of the record that have become samples
         self.facts: dict[str, Any] = {}  # of a live run
+        self.guard: Guard | None = None  # of a live run
+        self.links: Mapping[str, Link] = {}
+        self._live_links: LiveLinks | None = None
 
     def run(self) -> None:
         """Connect, set in motion, and pass every batch on until there are no more."""
@@ -47,8 +64,12 @@ class Flow:
         else:
             self._run_read()
 
-    def _pass_on(self, device: str, batch: Batch) -> None:
-        self._sampled = self._take(device, batch)
+    def _pass_on(self, arrivals: Arrivals) -> None:
+        taken = self._take(arrivals)
+        if taken is not None:
+            self._sampled = taken.sampled
+            if self._live_links is not None:
+                self._live_links.behind = taken.behind > 0
 
     def _run_read(self) -> None:
         pipeline = self._pipeline
@@ -60,15 +81,15 @@ class Flow:
                 self.total = trajectory.total_duration
                 if pipeline.safety is not None:
                     demand_safe(trajectory, pipeline.safety, str(pipeline.path))
-                _ask_the_devices(pipeline, trajectory)
+                _demand_willing(pipeline, trajectory)
                 for arm in arms:
                     stack.callback(arm.stop)
                     arm.follow(trajectory)
             else:
                 durations = [d.duration for d in pipeline.devices.values() if d.duration is not None]
                 self.total = max(durations, default=None)
-            for device, batch in merged(links):
-                self._pass_on(device, batch)
+            for arrival in merged(links):
+                self._pass_on([arrival])
                 if self._interrupt.reason is not None:
                     return
 
@@ -82,32 +103,35 @@ class Flow:
         if trajectory is not None and limits is not None:
             demand_safe(trajectory, limits, str(pipeline.path))
             refuse_own_motion(pipeline, limits)
-            _ask_the_devices(pipeline, trajectory)
+            _demand_willing(pipeline, trajectory)
         began, before = time.monotonic(), os.times()
-        guard = Guard(limits, pipeline.alignment, {name: d.streams for name, d in pipeline.devices.items()})
+        guard = Guard(limits, pipeline.ports)
         with ExitStack() as stack:
             self.facts["scheduling"] = stack.enter_context(undisturbed())
-            links = connected(pipeline, stack)
-            arms = [link for link in links.values() if isinstance(link, Arm)]
-            live = LiveLinks(links, guard)
+            links = self.links = connected(pipeline, stack)
+            arms = {name: link for name, link in links.items() if isinstance(link, Arm)}
+            live = self._live_links = LiveLinks(links, guard)
             stack.callback(self._account, guard, live, links)
-            for arm in arms:
+            for arm in arms.values():
                 stack.callback(arm.stop)
             stack.callback(live.stop)
             stack.callback(guard.close)
+            self.guard = guard
+            self._interrupt.trips(guard.trip)
             live.start()
             self._live(live, guard, arms, trajectory)
             guard.close()
             live.stop()
-            for device, batch in live.rest():
-                self._pass_on(device, batch)
+            for arrivals in live.remaining():
+                self._pass_on(arrivals)
+            self._live_links = None
         # Children that have ended count as well; what the devices did is all in here.
         used = sum(os.times()[:4]) - sum(before[:4])
         self.facts["cpu_cores"] = used / (time.monotonic() - began)
         if guard.reason is not None and self._interrupt.reason is None:
             raise DeviceError(guard.reason)
 
-    def _live(self, live: LiveLinks, guard: Guard, arms: list[Arm], trajectory: Trajectory | None) -> None:
+    def _live(self, live: LiveLinks, guard: Guard, arms: Mapping[str, Arm], trajectory: Trajectory | None) -> None:
         """Rest, judge the rest, move, until the arms are done or somebody has tripped the guard."""
         limits = self._pipeline.safety
         rest = limits.rest if limits else 1.0
@@ -117,27 +141,45 @@ class Flow:
         self.facts["rest"] = guard.judge_rest(self._noise).table()
         if not self._has_sampled(rest):
             raise DeviceError(f"within {rest + _PATIENCE:g} s the streams gave no samples of {rest:g} s in common")
-        for arm in arms:
-            if trajectory is None:
-                raise ConfigurationError(f"{self._pipeline.path}: a robot needs one [trajectory.*] table")
-            if limits is not None:
-                check_way(arm, trajectory, limits)
-        guard.begin(arms)
-        for arm in arms:
+        if arms and trajectory is None:
+            raise ConfigurationError(f"{self._pipeline.path}: a robot needs one [trajectory.*] table")
+        if trajectory is not None and limits is not None and arms:
+            self._make_ready(live, guard, arms, trajectory, limits)
+        else:
+            guard.begin(arms)
+        if guard.reason is not None or self._interrupt.reason is not None:
+            return
+        for arm in arms.values():
             assert trajectory is not None
             self.total = trajectory.total_duration + rest
             arm.follow(trajectory)
         try:
-            for item in live.to_the_end(_PATIENCE):
-                if item is not None:
-                    self._pass_on(*item)
+            for arrivals in live.to_the_end(_PATIENCE):
+                self._pass_on(arrivals)
                 if self._interrupt.reason is not None:
-                    guard.trip(self._interrupt.reason)
+                    guard.trip(self._interrupt.reason)  # a signal takes note, and trips nothing
         except BaseException as error:
             guard.trip(f"{type(error).__name__}: {error}")
             for _ in live.to_the_end(_PATIENCE):
                 pass  # let the arms retract
             raise
+
+    def _make_ready(
+        self, live: LiveLinks, guard: Guard, arms: Mapping[str, Arm], trajectory: Trajectory, limits: SafetySettings
+    ) -> None:
+        """Limits for the arms, the way to the start, and a retreat that feels whether the tip is free."""
+
+        def stopped() -> bool:
+            return guard.reason is not None or self._interrupt.reason is not None
+
+        refuse_preload(self.facts["rest"]["force"], limits, guard.force, known_offset(self._pipeline))
+        hand_limits(live.links, guard, limits)
+        ready(list(arms.values()), trajectory, limits)
+        guard.begin(arms)
+        felt = feel(list(arms.values()), live, guard, self._pass_on, stopped)
+        if felt is not None:
+            self.facts["felt"] = felt.table()
+            ready(list(arms.values()), trajectory, limits)
 
     def _rest(self, live: LiveLinks, guard: Guard, rest: float) -> None:
         """Pass on what comes until the samples, and not only the host's clock, say that the rest is over.
@@ -147,8 +189,8 @@ class Flow:
         began = time.monotonic()
         # A device may be slow to begin; one that has failed trips the guard.
         while not (guard.rested and self._has_sampled(rest)) and time.monotonic() - began < rest + _PATIENCE:
-            for device, batch in live.until(max(began + rest, time.monotonic() + 0.02)):
-                self._pass_on(device, batch)
+            for arrivals in live.until(max(began + rest, time.monotonic() + 0.02)):
+                self._pass_on(arrivals)
             if guard.reason is not None or self._interrupt.reason is not None:
                 return
 
@@ -157,25 +199,28 @@ class Flow:
 
     def _account(self, guard: Guard, live: LiveLinks, links: Mapping[str, Link]) -> None:
         self.facts["devices"] = {
-            name: _finite_table(link.health) for name, link in links.items() if isinstance(link, Watched)
+            name: finite_tree(link.health) for name, link in links.items() if isinstance(link, Watched)
         }
         self.facts["largest_backlog"] = live.largest_backlog
         self.facts["peak_force"] = guard.peak
+        self.facts["peak_force_untared"] = guard.peak_untared
         if guard.reason is not None and guard.tripped is not None:
             self.facts["stop"] = {"reason": guard.reason, "monotonic": guard.tripped}
 
 
-def _ask_the_devices(pipeline: Rig, trajectory: Trajectory) -> None:
-    """Let every device refuse the motion before anything moves; they raise ConfigurationError."""
-    setpoint = trajectory.at(np.arange(0.0, trajectory.total_duration, _LOOK))
-    for device in pipeline.devices.values():
-        device.refuse(setpoint)
+def each(take: Callable[[str, Batch], None]) -> Take:
+    """Takes arrivals one by one, for those who make no samples of them."""
+
+    def taken(arrivals: Arrivals) -> None:
+        for device, batch in arrivals:
+            take(device, batch)
+
+    return taken
 
 
-def _finite_table(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _finite_table(item) for key, item in value.items()}
-    return finite(value)
+def _demand_willing(pipeline: Rig, trajectory: Trajectory) -> None:
+    """Raise ConfigurationError where a device refuses the motion; nothing moves for it."""
+    ask_devices(pipeline.devices, trajectory.at(np.arange(0.0, trajectory.total_duration, _LOOK)))
 
 
 def connected(pipeline: Rig, stack: ExitStack) -> dict[str, Link]:

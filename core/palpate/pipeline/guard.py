@@ -2,87 +2,146 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.alignment import AlignmentSettings, Signal
-from palpate.device import Arm, Batch, Retractable, Stream, address
+from palpate.alignment import Port, Ports
+from palpate.device import Arm, Batch, Retractable
 from palpate.errors import DeviceError
-from palpate.pipeline.rest import Rest, refuse_unrest
+from palpate.pipeline.rest import Standstill, refuse_unrest
 from palpate.safety import SafetySettings
+from palpate.sink import GuardState
 
 _LOOK_EVERY = 0.02  # [s]
 _ENOUGH = 10  # readings
+_PULL = 0.5  # of the force that stops: so much less than none is no adhesion
+_REVERSED = (
+    "; it falls while the tip goes deeper: does the sensor count the other way round ([alignment] force sign = -1)?"
+)
 
 
-class _Column:
+class _Watch:
     """One signal on its way past the guard."""
 
-    def __init__(self, signal: Signal, streams: Mapping[str, tuple[Stream, ...]]) -> None:
-        self.device, self.stream, self.index, self.limits = _found(signal, streams)
-        self.name = signal.channel
+    def __init__(self, port: Port) -> None:
+        self.port, self.name = port, port.signal.channel
         self.rest: list[NDArray[np.float64]] = []
-        self.heard = time.monotonic()
+        self.heard: int | None = None  # [ns] the latest reading, on the clock of the process that receives it
+        self._looks: dict[str, int] = {}  # by stream of the device: when that process last looked [ns]
+
+    def of(self, batch: Batch) -> NDArray[np.float64]:
+        """Readings (n,) as the device sent them."""
+        return batch.values[:, self.port.column]
+
+    def silence(self, stream: str, looked: int, news: bool) -> float:
+        """How long [s] it has been silent for sure, when its process looked at a stream of the device.
+
+        A look counts from the next one at the same stream on: what was received before the first is here by then,
+        however late whoever takes the batches may be.
+        """
+        if news and stream == self.port.stream.name:
+            self.heard = looked
+            self._looks.clear()
+            return 0.0
+        before, self._looks[stream] = self._looks.get(stream), looked
+        self.heard = looked if self.heard is None else self.heard
+        return 0.0 if before is None else (before - self.heard) / 1e9
+
+    def begin(self) -> None:
+        """What was until now is no silence."""
+        self.heard = None
+        self._looks.clear()
 
     def at_rest(self) -> NDArray[np.float64]:
         values = np.concatenate(self.rest) if self.rest else np.zeros(0)
         return values[np.isfinite(values)]
 
 
-def _found(
-    signal: Signal, streams: Mapping[str, tuple[Stream, ...]]
-) -> tuple[str, str, int, tuple[float, float] | None]:
-    for device, group in streams.items():
-        for stream in group:
-            for index, channel in enumerate(stream.channels):
-                if address(device, stream, channel) == signal.channel:
-                    return device, stream.name, index, channel.limits
-    raise KeyError(signal.channel)  # the configuration has checked every name
-
-
 class Guard:
     """Sees every batch before anybody else does, in the thread that received it.
 
-    It trips on a force beyond `stop_force` along any axis of the sensor, a tip below the depth limit, a reading that is
-    over range or invalid, a sensor or robot that is silent, a device that fails, and on being asked. Tripping makes the
-    arms retract where they can, else stop; the first reason counts.
+    It trips on a force beyond `stop_force` in any component that the force's stream declares, a tip below the depth
+    limit, a reading that is over range or invalid, a sensor or robot that is silent, a device that fails, this program
+    being held up, and on being asked. Tripping makes the arms retract where they can, else stop; the first reason
+    counts. Silence is judged by the process that receives: that this one comes late is no silence. A device whose
+    stream has ended is no longer watched, and nothing is once all arms are done.
     """
 
-    def __init__(
-        self, limits: SafetySettings | None, alignment: AlignmentSettings, streams: Mapping[str, tuple[Stream, ...]]
-    ) -> None:
+    def __init__(self, limits: SafetySettings | None, ports: Ports) -> None:
         self._limits = limits
-        self._force = _Column(alignment.force, streams)
-        self._position = _Column(alignment.position, streams)
-        self._velocity = _Column(alignment.velocity, streams) if alignment.velocity else None
+        self._force, self._position = _Watch(ports["force"]), _Watch(ports["position"])
+        self._velocity = _Watch(ports["velocity"]) if "velocity" in ports.roles else None
+        self._components = list(ports["force"].components)
+        self._named = self._components.index(ports["force"].column)
+        self._height, self._deeper = math.inf, False  # [m] of the tip; whether it went down lately
         self._tare: NDArray[np.float64] | None = None
-        self._resting: list[NDArray[np.float64]] = []  # all channels of the force's stream
+        self._resting: list[NDArray[np.float64]] = []  # (n, components) of the force
         self._arms: list[Arm] = []
+        self._moving: set[str] = set()  # devices whose motion goes on
+        self._looked: dict[str, float] = {}  # by device: when its batches were last asked for, monotonic [s]
         self._lock = threading.Lock()
-        self._closed = threading.Event()
+        self._over = threading.Event()
         self.reason: str | None = None
         self.tripped: float | None = None  # monotonic [s]
-        self.peak = 0.0  # [N] largest tared reading along the normal
+        self.peak = 0.0  # [N] largest tared reading of any component
+        self.peak_untared = 0.0  # [N] largest reading, with all that the tare takes off
         self._watch = threading.Thread(target=self._look, daemon=True, name="guard")
 
-    def begin(self, arms: list[Arm]) -> None:
+    @property
+    def state(self) -> GuardState:
+        """What it does now."""
+        if self.reason is not None:
+            return GuardState("tripped", self.reason, self.peak)
+        phase: Literal["rest", "motion", "over"] = "motion" if self._watch.ident is not None else "rest"
+        return GuardState("over" if self._over.is_set() else phase, None, self.peak)
+
+    @property
+    def watched(self) -> tuple[tuple[int, ...], tuple[float, ...]]:
+        """Columns of the forces that are watched, and the tare [N] of each; after the rest."""
+        assert self._tare is not None
+        return tuple(self._components), tuple(self._tare.tolist())
+
+    @property
+    def force(self) -> Port:
+        """Where the force is read."""
+        return self._force.port
+
+    @property
+    def rest_force(self) -> NDArray[np.float64]:
+        """The force's readings at rest (n,)."""
+        return self._force.at_rest()
+
+    def begin(self, arms: Mapping[str, Arm]) -> None:
         """From now on the arms are to be stopped, and silence is a fault."""
-        self._arms = arms
+        self._arms, self._moving = list(arms.values()), set(arms)
+        for watch in (self._force, self._position):
+            watch.begin()
         now = time.monotonic()
-        self._force.heard = self._position.heard = now
+        self._looked = {watch.port.device: now for watch in (self._force, self._position)}
         if self.reason is not None:
             self._stop_arms()
         self._watch.start()
 
+    def ended(self, device: str) -> None:
+        """A device has no more to say: a motion that is done is no fault of it."""
+        self._looked.pop(device, None)
+        if self._moving:
+            self._moving.discard(device)
+            if not self._moving:
+                self._over.set()
+
     def close(self) -> None:
         """The motion is over."""
-        self._closed.set()
+        self._over.set()
         if self._watch.ident is not None:
             self._watch.join()
+        self._arms = []  # their links are about to go
 
     def trip(self, reason: str) -> None:
         """Stop the arms: from any thread; the first reason is kept."""
@@ -99,51 +158,73 @@ class Guard:
             else:
                 arm.stop()
 
-    def check(self, device: str, batch: Batch) -> None:
-        """Look at a batch."""
+    def check(self, device: str, batch: Batch, attended: int | None = None) -> None:
+        """Look at a batch; `attended`: when the process that receives it last looked for readings [ns]."""
+        if self._over.is_set():
+            return
+        if device in self._looked:
+            self._looked[device] = time.monotonic()
+            self._check_silence(device, batch, attended)
         if not len(batch.time):
             return
-        now = time.monotonic()
-        for column in (self._force, self._position, self._velocity):
-            if column is not None and (column.device, column.stream) == (device, batch.stream):
-                column.heard = now
-                if self._tare is None:
-                    column.rest.append(batch.values[:, column.index])
-        if self._limits is not None:
-            if (self._force.device, self._force.stream) == (device, batch.stream):
-                self._check_force(batch, self._limits)
-            if (self._position.device, self._position.stream) == (device, batch.stream):
-                lowest = float(np.nanmin(batch.values[:, self._position.index]))
-                if self._tare is not None and lowest < self._limits.low[2]:
-                    self.trip(
-                        f"the tip is at {1e3 * lowest:.2f} mm, below the limit of {1e3 * self._limits.low[2]:g} mm"
-                    )
+        key = (device, batch.stream)
+        for watch in (self._force, self._position, self._velocity):
+            if self._tare is None and watch is not None and watch.port.key == key:
+                watch.rest.append(watch.of(batch))
+        if self._limits is None:
+            return
+        if self._force.port.key == key:
+            self._check_force(batch, self._limits)
+        if self._position.port.key == key and self._tare is not None:
+            self._check_height(batch, self._limits)
+
+    def _check_silence(self, device: str, batch: Batch, attended: int | None) -> None:
+        news = len(batch.time) > 0
+        here = attended is None  # this process receives by itself
+        looked = time.monotonic_ns() if here else int(batch.received[-1]) if news else attended or 0
+        for watch in (self._force, self._position):
+            if watch.port.device == device:
+                silent = watch.silence(batch.stream, looked, news)
+                if self._limits is not None and silent > self._limits.stale:
+                    self.trip(f"{watch.name} is silent for {1e3 * silent:.0f} ms")
+
+    def _check_height(self, batch: Batch, limits: SafetySettings) -> None:
+        height = self._position.port.signal.sign * self._position.of(batch)
+        if not np.isfinite(height).all():
+            self.trip(f"a reading of {self._position.name} is invalid")
+            return
+        self._deeper, self._height = float(height[-1]) < self._height, float(height[-1])
+        if (lowest := float(height.min())) < limits.low[2]:
+            self.trip(f"the tip is at {1e3 * lowest:.2f} mm, below the limit of {1e3 * limits.low[2]:g} mm")
 
     def _check_force(self, batch: Batch, limits: SafetySettings) -> None:
-        values = batch.values[:, :3] if batch.values.shape[1] >= 3 else batch.values[:, [self._force.index]]
+        values, named = batch.values[:, self._components], self._force.of(batch)
         if self._tare is None:
             self._resting.append(values)
             return
-        if not np.isfinite(batch.values[:, self._force.index]).all():
+        if not np.isfinite(values).all():
             self.trip(f"a reading of {self._force.name} is over range or invalid")
             return
-        if (
-            self._force.limits
-            and not self._force.limits[0] < batch.values[-1, self._force.index] < self._force.limits[1]
-        ):
+        if (ends := self._force.port.limits) is not None and not ends[0] < named[-1] < ends[1]:
             self.trip(f"{self._force.name} is at the end of its range")
-        felt = np.abs(values - self._tare)
-        largest = float(np.nanmax(felt))
+        largest = float(np.abs(values - self._tare).max())
         self.peak = max(self.peak, largest)
+        self.peak_untared = max(self.peak_untared, float(np.abs(values).max()))
         if largest > limits.stop_force:
-            self.trip(f"the force is {largest:.1f} N, over the limit of {limits.stop_force:g} N that stops the motion")
+            pulled = (
+                self._force.port.signal.sign * float(named[-1] - self._tare[self._named]) < -_PULL * limits.stop_force
+            )
+            hint = _REVERSED if pulled and self._deeper else ""
+            self.trip(
+                f"the force is {largest:.1f} N, over the limit of {limits.stop_force:g} N that stops the motion{hint}"
+            )
 
     @property
     def rested(self) -> bool:
         """Whether force and position have sent enough to be judged."""
         return min(len(self._force.at_rest()), len(self._position.at_rest())) >= _ENOUGH
 
-    def judge_rest(self, declared: Mapping[str, tuple[float, float]] | None = None) -> Rest:
+    def judge_rest(self, declared: Mapping[str, tuple[float, float]] | None = None) -> Standstill:
         """Tare and noise from the rest in free air; raises DeviceError with advice where they are not plausible.
 
         `declared`: the noise of force [N] and velocity [m/s] that estimators count on, by their names.
@@ -154,7 +235,7 @@ class Guard:
             silent = self._force.name if len(force) < _ENOUGH else self._position.name
             raise DeviceError(f"{silent} gave nothing usable at rest; is the device on, and are its readings valid?")
         speed = float(velocity.std(ddof=1)) if len(velocity) > _ENOUGH else None
-        found = Rest(float(force.mean()), float(force.std(ddof=1)), speed)
+        found = Standstill(float(force.mean()), float(force.std(ddof=1)), speed)
         if self._limits is not None and self._resting:
             refuse_unrest(found, self._limits, self._force.name, declared or {})
             self._tare = np.nanmean(np.concatenate(self._resting), axis=0)
@@ -162,11 +243,13 @@ class Guard:
         return found
 
     def _look(self) -> None:
-        """Silence makes no batch: somebody has to look."""
-        while not self._closed.wait(_LOOK_EVERY):
+        """Whoever is held up does not see it: somebody else has to look."""
+        while not self._over.wait(_LOOK_EVERY):
             if self._limits is None or self.reason is not None:
                 continue
-            now = time.monotonic()
-            for column in (self._force, self._position):
-                if now - column.heard > self._limits.stale:
-                    self.trip(f"{column.name} is silent for {1e3 * (now - column.heard):.0f} ms")
+            for device, looked in list(self._looked.items()):
+                if (late := time.monotonic() - looked) > self._limits.held_up:
+                    self.trip(
+                        f"this program was held up: it has not come to look at {device} for {1e3 * late:.0f} ms, more "
+                        f"than [safety] held_up = {1e3 * self._limits.held_up:.0f} ms; is the computer too busy?"
+                    )

@@ -9,12 +9,15 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from palpate.device import Arm, Batch, Link
+from palpate.device import Arm, Attending, Batch, Link
 from palpate.errors import DeviceError
 from palpate.pipeline.guard import Guard
 
-_GATHER = 0.05  # [s]; what the guard has seen may go on in larger pieces
+# [s]; what the guard has seen may go on in larger pieces: with the next batch it has waited 10 ms at most
+_GATHER, _GATHER_BEHIND = 0.006, 0.05
+_MOST = 20_000  # pieces that wait to be recorded
 _JOIN = 2.0  # [s]
+_LOOK = 0.05  # [s] that nothing may come before somebody looks whether the run is to go on
 
 
 class LiveLinks:
@@ -27,10 +30,16 @@ class LiveLinks:
         self._moving = {name for name, link in links.items() if isinstance(link, Arm)}
         self._running = set(links)
         self.largest_backlog = 0
+        self.behind = False  # whether whoever takes the batches has more to do than to wait for them
         self._threads = [
             threading.Thread(target=self._pump, args=item, daemon=True, name=f"{item[0]} batches")
             for item in links.items()
         ]
+
+    @property
+    def links(self) -> Mapping[str, Link]:
+        """The links by name."""
+        return self._links
 
     def start(self) -> None:
         """Start the threads."""
@@ -50,9 +59,9 @@ class LiveLinks:
         sent = time.monotonic()
         try:
             for batch in link.batches():
-                self._guard.check(name, batch)
+                self._guard.check(name, batch, link.attended if isinstance(link, Attending) else None)
                 gathered.setdefault(batch.stream, []).append(batch)
-                if (now := time.monotonic()) - sent > _GATHER:
+                if (now := time.monotonic()) - sent > (_GATHER_BEHIND if self.behind else _GATHER):
                     self._hand_on(name, gathered)
                     gathered, sent = {}, now
                 if self._ending.is_set():
@@ -62,6 +71,7 @@ class LiveLinks:
         except Exception as error:  # whatever a device's code raises: the arms must stop
             self._guard.trip(f"{name}: {type(error).__name__}: {error}")
         finally:
+            self._guard.ended(name)
             self._hand_on(name, gathered)
             self._queue.put((name, None))
 
@@ -70,14 +80,16 @@ class LiveLinks:
             joined = _joined(batches)
             if len(joined.time):
                 self._queue.put((name, joined))
+        if self._queue.qsize() > _MOST:
+            self._guard.trip(f"recording cannot keep up: {_MOST} pieces wait; is the disk, or the computer, too slow?")
 
-    def until(self, deadline: float) -> Iterator[tuple[str, Batch]]:
+    def until(self, deadline: float) -> Iterator[list[tuple[str, Batch]]]:
         """What comes up to a monotonic time [s], or until a link ends."""
-        while (rest := deadline - time.monotonic()) > 0 and len(self._running) == len(self._links):
-            yield from self._next(min(rest, 0.05))
+        while (left := deadline - time.monotonic()) > 0 and len(self._running) == len(self._links):
+            yield self._next(min(left, _LOOK))
 
-    def to_the_end(self, patience: float) -> Iterator[tuple[str, Batch] | None]:
-        """What comes until every arm, or without arms every link, is done; None where there is nothing for a while.
+    def to_the_end(self, patience: float) -> Iterator[list[tuple[str, Batch]]]:
+        """What comes until every arm, or without arms every link, is done; an empty list where there is nothing.
 
         Once the guard has tripped, arms have `patience` [s] to come to rest.
         """
@@ -85,24 +97,28 @@ class LiveLinks:
             tripped = self._guard.tripped
             if tripped is not None and (not self._moving or time.monotonic() - tripped > patience):
                 return
-            yield from self._next(0.05)
-            yield None
+            yield self._next(_LOOK)
 
-    def rest(self) -> Iterator[tuple[str, Batch]]:
+    def remaining(self) -> Iterator[list[tuple[str, Batch]]]:
         """What is still in the queue after `stop`."""
         while not self._queue.empty():
-            yield from self._next(0.0)
+            yield self._next(0.0)
 
-    def _next(self, timeout: float) -> Iterator[tuple[str, Batch]]:
+    def _next(self, timeout: float) -> list[tuple[str, Batch]]:
+        """All that waits in the queue; the first of it may take until `timeout` [s] to come."""
+        found: list[tuple[str, Batch]] = []
+        self.largest_backlog = max(self.largest_backlog, self._queue.qsize() - 1)
         try:
-            name, batch = self._queue.get(timeout=timeout) if timeout else self._queue.get_nowait()
+            wait = timeout > 0 and not self.behind
+            name, batch = self._queue.get(timeout=timeout) if wait else self._queue.get_nowait()
+            while True:
+                if batch is None:
+                    self._running.discard(name)
+                else:
+                    found.append((name, batch))
+                name, batch = self._queue.get_nowait()
         except queue.Empty:
-            return
-        self.largest_backlog = max(self.largest_backlog, self._queue.qsize())
-        if batch is None:
-            self._running.discard(name)
-        else:
-            yield name, batch
+            return found
 
 
 def _joined(batches: list[Batch]) -> Batch:

@@ -11,7 +11,7 @@ from palpate.safety import SafetySettings
 
 
 @dataclass(frozen=True)
-class Rest:
+class Standstill:
     """What force and velocity are while the tip hangs still in free air."""
 
     force: float  # [N] mean
@@ -25,11 +25,13 @@ class Rest:
 
 def declared_noise(pipeline: Pipeline) -> dict[str, tuple[float, float]]:
     """The noise of force [N] and velocity [m/s] that estimators count on, by their names."""
-    told = {track.name.split("/")[-1]: track.estimator.declared_noise for track in pipeline.tracks}
+    told = {track.name.estimator: track.estimator.declared_noise for track in pipeline.tracks}
     return {name: noise for name, noise in told.items() if noise is not None}
 
 
-def refuse_unrest(rest: Rest, limits: SafetySettings, force: str, declared: Mapping[str, tuple[float, float]]) -> None:
+def refuse_unrest(
+    rest: Standstill, limits: SafetySettings, force: str, declared: Mapping[str, tuple[float, float]]
+) -> None:
     """Raise DeviceError with advice where a rest is none, or not what was expected."""
     if abs(rest.force) > limits.rest_force:
         raise DeviceError(

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
 
-from palpate.alignment import AlignmentSettings
+from palpate.alignment import AlignmentSettings, Ports
 from palpate.config import RunSettings
 from palpate.device import Device
 from palpate.safety import SafetySettings
@@ -29,6 +29,11 @@ class Rig(Protocol):
     @property
     def alignment(self) -> AlignmentSettings:
         """Its [alignment] table."""
+        ...
+
+    @property
+    def ports(self) -> Ports:
+        """Where each of its signals is read."""
         ...
 
     @property

@@ -3,35 +3,46 @@
 from __future__ import annotations
 
 import json
+import signal
 import time
-from collections.abc import Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from palpate.alignment import Aligner
+from palpate.alignment import Aligner, AlignmentReport
 from palpate.config import Pipeline, resolved_text
-from palpate.device import Batch
-from palpate.errors import DeviceError
+from palpate.device import truth_of
+from palpate.errors import DeviceError, StoppedError, UserError
+from palpate.flags import Flag
 from palpate.pipeline.calibration_flags import calibration_flags
-from palpate.pipeline.facts import flat_facts, run_facts
-from palpate.pipeline.flow import Flow, Progress
-from palpate.pipeline.interrupt import interruptible
+from palpate.pipeline.data_path import DataPath
+from palpate.pipeline.device_flags import device_flags
+from palpate.pipeline.facts import flat_facts, planned_duration, planned_extent, run_facts
+from palpate.pipeline.flow import Arrivals, Flow, Progress, Taken
+from palpate.pipeline.interrupt import Interrupt, interruptible
+from palpate.pipeline.latency import Latency
 from palpate.pipeline.outputs import Outputs
 from palpate.pipeline.rest import declared_noise
-from palpate.pipeline.tracks import RunningTrack, start_tracks
+from palpate.pipeline.telling import Telling
+from palpate.pipeline.tracks import RunningTrack, Tracks, start_tracks
 from palpate.result import (
+    SCHEMA,
+    Diagnosable,
     TrackResult,
+    diagnosed,
     finite,
     make_folder,
     record_flags,
     stream_tables,
-    track_result,
-    write_new,
+    withdraw_folder,
 )
 from palpate.sink import Run, Writer
+from palpate.writing import write_new
+
+_BEHIND = 1.0  # [s]; estimates that were less late at worst have kept up
 
 
 @dataclass(frozen=True)
@@ -42,16 +53,23 @@ class Result:
     run: Mapping[str, Any]
     streams: Mapping[str, Any]
     tracks: Mapping[str, TrackResult]
-    flags: tuple[str, ...]  # those that concern every track
+    flags: tuple[Flag, ...]  # those that concern every track
     truth: Mapping[str, float]
     interrupted: str | None
+    signal: int = signal.SIGINT  # that interrupted it
+
+    def demand_whole(self) -> None:
+        """Raise StoppedError, with the exit code of the signal, where the run was stopped before its end."""
+        if self.interrupted is not None:
+            raise StoppedError(f"{self.interrupted}: partial, in {self.folder}", self.signal)
 
     def table(self) -> dict[str, Any]:
         """The contents of ``result.json``."""
         tracks = {name: track.table() for name, track in self.tracks.items()}
         for track in tracks.values():
-            track["flags"] = [*self.flags, *track["flags"]]
+            track["flags"] = [*(flag.table() for flag in self.flags), *track["flags"]]
         return {
+            "schema": SCHEMA,
             "palpate": self.run["versions"]["palpate"],
             "run": dict(self.run),
             "streams": dict(self.streams),
@@ -67,49 +85,96 @@ def run_pipeline(
 
     Raises UserError for what the user can mend; what was recorded until then stays.
     """
-    running = start_tracks(pipeline)
+    tracks = Tracks(start_tracks(pipeline))
     started = datetime.now(UTC).astimezone()
     folder = make_folder(pipeline.run.name, out, started)
     facts = run_facts(pipeline)
     documents = {"pipeline.toml": pipeline.text, "resolved.toml": resolved_text(pipeline)}
     for name, text in documents.items():
         write_new(folder / name, text)
-    streams = {name: device.streams for name, device in pipeline.devices.items()}
-    aligner = Aligner(pipeline.alignment, streams)
-    tracks = {track.track.name: track.track.model.parameters for track in running}
+    aligner = Aligner(pipeline.alignment, pipeline.ports)
     began = time.monotonic()
     failure: DeviceError | None = None
-    with interruptible() as interrupt, ExitStack() as stack:
-        run = Run(folder, streams, tracks, flat_facts(facts), documents)
-        outputs = Outputs(stack, pipeline, run, running, observer)
-        sampled = 0.0
+    taken = False
+    with refused_leaves_nothing(folder, lambda: taken), interruptible() as interrupt, ExitStack() as stack:
+        run = Run(
+            folder=folder,
+            streams=pipeline.ports.streams,
+            tracks={track.track.name: track.track.model.parameters for track in tracks.running},
+            facts=flat_facts(facts),
+            documents=documents,
+            name=pipeline.run.name,
+            duration=planned_duration(pipeline),
+            extent=planned_extent(pipeline),
+            stop=interrupt.stop,
+        )
+        outputs = Outputs(stack, pipeline, run, tracks.online, observer)
+        live = any(device.live for device in pipeline.devices.values())
+        latency = Latency(pipeline.ports["position"]) if live else None
+        path = DataPath(aligner, tracks, outputs, latency)
+        backlog = path.backlog
 
-        def take(device: str, batch: Batch) -> float:
-            nonlocal sampled
-            outputs.batch(device, batch)
-            aligner.feed(device, batch)
-            samples = aligner.samples()
-            outputs.samples(samples, running)
-            if len(samples):
-                sampled = float(samples.time[-1])
-                if progress is not None:
-                    progress(sampled, flow.total)
-            return sampled
+        def show() -> Taken:
+            now = {"time": aligner.reached, "behind": backlog.behind}
+            telling.look(now)
+            if progress is not None and aligner.reached:
+                progress(aligner.reached, flow.total, backlog.behind)
+            return Taken(aligner.reached, backlog.behind)
+
+        def take(arrivals: Arrivals) -> Taken:
+            nonlocal taken
+            taken = True
+            path.step(arrivals)
+            return show()
 
         flow = Flow(pipeline, take, interrupt, declared_noise(pipeline))
+        telling = Telling(outputs.writers, flow, aligner, tracks, pipeline)
         try:
             flow.run()
         except DeviceError as error:
             interrupt.reason, failure = f"stopped by a device: {error}", error
-        outputs.finish(aligner, running)
-    if flow.facts:
-        facts["live"] = flow.facts
-    facts |= {"started": started.isoformat(timespec="seconds"), "duration": time.monotonic() - began}
-    result = _result(pipeline, folder, facts, aligner, running, interrupt.reason)
+        for _ in path.finish(lambda: interrupt.reason is not None):
+            show()
+        telling.last({"time": aligner.reached, "behind": 0.0})
+        if latency is not None:
+            flow.facts["estimates"] = {
+                "latency": latency.table(),
+                "largest_behind": backlog.largest,
+                "until": backlog.given_up,
+            }
+        if flow.facts:
+            facts["live"] = flow.facts
+        facts |= {"started": started.isoformat(timespec="seconds"), "duration": time.monotonic() - began}
+        result = _result(pipeline, folder, facts, aligner, tracks.running, interrupt)
+        outputs.finish(result.table())
     write_new(folder / "result.json", json.dumps(result.table(), indent=2, allow_nan=False) + "\n")
     if failure is not None:
         raise DeviceError(f"{failure} (what was found until then is in {folder})") from failure
     return result
+
+
+@contextmanager
+def refused_leaves_nothing(folder: Path, begun: Callable[[], bool]) -> Iterator[None]:
+    """Removes the folder of a run that its pipeline, its log or its output refuses before it has recorded anything."""
+    try:
+        yield
+    except UserError:
+        if not begun():
+            withdraw_folder(folder)
+        raise
+
+
+def backlog_flags(estimates: Mapping[str, Any] | None) -> Iterator[Flag]:
+    """Whether the estimates of a live run kept up."""
+    if estimates is None or estimates["largest_behind"] < _BEHIND:
+        return
+    behind = f"the estimates were up to {estimates['largest_behind']:.1f} s behind the readings"
+    if (until := estimates["until"]) is None:
+        yield Flag("backlog", f"{behind}; all of them were made in the end")
+    else:
+        yield Flag(
+            "backlog", f"{behind} and end at {until:.2f} s; the recording is whole, and its replay makes the rest"
+        )
 
 
 def _result(
@@ -117,34 +182,60 @@ def _result(
     folder: Path,
     facts: dict[str, Any],
     aligner: Aligner,
-    running: list[RunningTrack],
-    interrupted: str | None,
+    running: Sequence[RunningTrack],
+    interrupt: Interrupt,
 ) -> Result:
     report, settings = aligner.report, pipeline.alignment
     tare, touch = report.tare, report.first_touch
     facts |= {
         "samples": report.samples,
         "log_duration": report.duration,
-        "tare": {"offset": tare.offset, "std": tare.offset_std, "noise": tare.noise} if tare else None,
+        "tare": {"offset": tare.offset, "std": tare.offset_std, "noise": tare.noise, "until": tare.until}
+        if tare
+        else None,
         "velocity_delay": {"value": late[0], "std": late[1]} if (late := report.velocity_delay) else None,
-        "first_touch": {"time": touch[0], "position": touch[1]} if touch else None,
+        "first_touch": {
+            "time": touch[0],
+            "position": touch[1],
+            "by": "change-point" if report.by_change_point else "threshold",
+            "lag": settings.touch_lag,
+        }
+        if touch
+        else None,
     }
-    warnings = [f"device: {text}" for device in pipeline.devices.values() for text in device.warnings]
+    flags = pipeline.registry.judged(
+        (
+            *pipeline.renamed,
+            *(Flag("device", text) for device in pipeline.devices.values() for text in device.warnings),
+            *calibration_flags(pipeline, facts.get("live", {}).get("devices")),
+            *backlog_flags(facts.get("live", {}).get("estimates")),
+            *device_flags(settings, pipeline.ports, facts.get("live", {}).get("devices")),
+            *record_flags(report, settings, interrupt.reason),
+        )
+    )
     return Result(
         folder,
         {key: finite(value) for key, value in facts.items()},
         stream_tables(report),
-        {
-            r.track.name: track_result(
-                r.track.name, r.track.model, r.record, report, settings, pipeline.run.average, r.track.estimator.online
-            )
-            for r in running
-        },
-        (
-            *warnings,
-            *calibration_flags(pipeline, facts.get("live", {}).get("devices")),
-            *record_flags(report, settings, interrupted),
-        ),
-        {name: value for d in pipeline.devices.values() for name, value in d.truth.items()},
-        interrupted,
+        _tracks(pipeline, report, running, flags),
+        flags,
+        truth_of(pipeline.devices),
+        interrupt.reason,
+        interrupt.signal,
     )
+
+
+def _tracks(
+    pipeline: Pipeline, report: AlignmentReport, running: Sequence[RunningTrack], flags: tuple[Flag, ...]
+) -> dict[str, TrackResult]:
+    """The results of all tracks, judged by every diagnosis that is installed, and by what their flags mean."""
+    settings, average = pipeline.alignment, pipeline.run.average
+    known = pipeline.run.uncertainties
+    results: dict[str, TrackResult] = {r.track.name: r.result(report, settings, average, known) for r in running}
+    whole: dict[str, Diagnosable] = {
+        r.track.name: Diagnosable(r.track.model, r.track.estimator, r.record, results[r.track.name])
+        for r in running
+        if r.record.failure is None
+    }
+    found = {**results, **diagnosed(whole, pipeline.registry.diagnoses, settings.tip_mass, pipeline.tables)}
+    return {name: result.judged(pipeline.registry, flags) for name, result in found.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from palpate.device import Approaching, Link
+from palpate.device import Approaching, Link, own_motions
 from palpate.errors import ConfigurationError, DeviceError
 from palpate.pipeline.rig import Rig
 from palpate.safety import MotionReport, SafetySettings, check_own_motion, check_setpoints
@@ -13,9 +13,8 @@ def refuse_own_motion(pipeline: Rig, limits: SafetySettings) -> None:
     """Raise ConfigurationError where what a device does by itself breaks the limits, wherever it stands."""
     lines = [
         f"  [device.{name}]: {problem}"
-        for name, device in pipeline.devices.items()
-        if device.own_motion is not None
-        for problem in check_own_motion(device.own_motion, limits)
+        for name, own in own_motions(pipeline.devices).items()
+        for problem in check_own_motion(own, limits)
     ]
     if lines:
         raise ConfigurationError("\n".join([f"{pipeline.path}: an arm breaks the limits of [safety]:", *lines]))

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
+from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.config import Pipeline, Track
-from palpate.errors import ConfigurationError
+from palpate.errors import ConfigurationError, PalpateError, PluginError
 from palpate.estimation import Estimates, Problem, Samples, Tracker
-from palpate.result import TrackRecord, timing_uncertainty
+from palpate.pipeline.failing import Blame, judged
+from palpate.result import TrackRecord, TrackResult, timing_uncertainty, track_result
 
 
 @dataclass
@@ -19,14 +23,67 @@ class RunningTrack:
     track: Track
     tracker: Tracker
     record: TrackRecord
-    waiting: list[Samples] = field(default_factory=list)  # an offline estimator wants them all at once
+    blame: Blame
 
     def run(self, samples: Samples) -> Estimates:
-        """Estimates for a block, with the time that they took."""
+        """Estimates for a block, with the time that they took; none from where the estimator or the model raised."""
+        parameters = len(self.track.model.parameters)
+        if self.record.failure is not None:
+            return Estimates.idle(samples, parameters)
         before = time.perf_counter()
-        estimates = self.tracker.run(samples)
-        self.record.add(samples, estimates, time.perf_counter() - before)
+        try:
+            estimates = judged(self.tracker.run(samples), samples, parameters)
+            self.record.add(samples, estimates, time.perf_counter() - before)
+        except PalpateError:
+            raise  # on purpose: the user can mend it
+        except Exception as error:  # whatever a stranger's code raises: the other tracks go on
+            self.record.failure = self.blame.flag(error, samples)
+            return Estimates.idle(samples, parameters)
         return estimates
+
+    def result(
+        self, report: AlignmentReport, settings: AlignmentSettings, average: float, known: Mapping[str, Any]
+    ) -> TrackResult:
+        """What the track found."""
+        track, online = self.track, self.track.estimator.online
+        try:
+            return track_result(track.name, track.model, self.record, report, settings, average, online, known)
+        except PalpateError:
+            raise
+        except Exception as error:  # a model that cannot say what its parameters mean
+            self.record.failure = self.blame.flag(error)
+            return track_result(track.name, track.model, self.record, report, settings, average, online, known)
+
+
+class Tracks:
+    """All tracks of a run: samples in, estimates out."""
+
+    def __init__(self, running: Sequence[RunningTrack]) -> None:
+        self.running = tuple(running)
+        self.online = tuple(track for track in running if track.track.estimator.online)
+        self._offline = tuple(track for track in running if not track.track.estimator.online)
+        self._waiting: list[Samples] = []  # an offline estimator wants them all at once
+
+    def estimate(self, samples: Samples) -> dict[str, Estimates]:
+        """What the online estimators say of a block, by track."""
+        if not len(samples):
+            return {}
+        if self._offline:
+            self._waiting.append(samples)
+        return {track.track.name: track.run(samples) for track in self.online}
+
+    def estimate_offline(self) -> tuple[Samples, dict[str, Estimates]] | None:
+        """All samples, and what the offline estimators say of them; None where there are none."""
+        if not self._waiting:
+            return None
+        samples, self._waiting = Samples.joined(self._waiting), []
+        return samples, {track.track.name: track.run(samples) for track in self._offline}
+
+
+def _others(pipeline: Pipeline, model: str) -> dict[str, tuple[str, ...]]:
+    """Names of the parameters of the other models."""
+    others = {name: other for name, other in pipeline.models.items() if name != model}
+    return {name: tuple(parameter.name for parameter in other.parameters) for name, other in others.items()}
 
 
 def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
@@ -35,12 +92,18 @@ def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
     rest = pipeline.safety.rest if pipeline.safety else None
     running = []
     for track in pipeline.tracks:
-        problem = Problem(track.model, pipeline.alignment.tip_mass, timing_uncertainty(pipeline.alignment), rest)
+        blame = Blame(track, pipeline.registry)
+        timing = timing_uncertainty(pipeline.alignment)
+        problem = Problem(track.model, pipeline.alignment.tip_mass, timing, rest, _others(pipeline, track.name.model))
         try:
             tracker = track.estimator.start(problem)
         except ConfigurationError as error:
-            raise ConfigurationError(f"{pipeline.path}: [estimator.{track.name.split('/')[-1]}]: {error}") from error
+            raise ConfigurationError(f"{pipeline.path}: [estimator.{track.name.estimator}]: {error}") from error
+        except PalpateError:
+            raise
+        except Exception as error:  # whatever a stranger's code raises
+            raise PluginError(f"{pipeline.path}: track {track.name}: {blame.complaint(error)}") from error
         # An offline estimate holds for all of its samples, so all of them are looked at.
         record = TrackRecord(keep if track.estimator.online else math.inf)
-        running.append(RunningTrack(track, tracker, record))
+        running.append(RunningTrack(track, tracker, record, blame))
     return running

@@ -1,32 +1,43 @@
 """Results: what a run found, what may be wrong with it, and where it is written."""
 
-from palpate.result.flags import flag
-from palpate.result.folder import EstimatesFile, make_folder, write_new
-from palpate.result.outcome import (
-    Found,
-    TrackResult,
-    finite,
-    finite_tree,
-    record_flags,
-    stream_tables,
-    track_result,
-)
+from palpate.result.diagnosing import Diagnosable, diagnosed
+from palpate.result.differing import differences
+from palpate.result.flags import track_flags
+from palpate.result.folder import EstimatesFile, make_folder, withdraw_folder
+from palpate.result.found import Found, finite, finite_tree
+from palpate.result.outcome import TrackResult, record_flags, stream_tables, track_result
+from palpate.result.reading import SCHEMA, is_whole, read_flags, read_result, upgraded
 from palpate.result.record import TrackRecord, acceleration
+from palpate.result.run_folder import ONLINE, RESOLVED, RESULT, EstimatesTable, RunFolder, TrackTable
 from palpate.result.timing import timing_uncertainty
 
 __all__ = [
+    "ONLINE",
+    "RESOLVED",
+    "RESULT",
+    "SCHEMA",
+    "Diagnosable",
     "EstimatesFile",
+    "EstimatesTable",
     "Found",
+    "RunFolder",
     "TrackRecord",
     "TrackResult",
+    "TrackTable",
     "acceleration",
+    "diagnosed",
+    "differences",
     "finite",
     "finite_tree",
-    "flag",
+    "is_whole",
     "make_folder",
+    "read_flags",
+    "read_result",
     "record_flags",
     "stream_tables",
     "timing_uncertainty",
+    "track_flags",
     "track_result",
-    "write_new",
+    "upgraded",
+    "withdraw_folder",
 ]

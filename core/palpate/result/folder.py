@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import re
+import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import IO, Any
@@ -44,13 +46,12 @@ def make_folder(name: str, wanted: Path | None, now: datetime) -> Path:
     raise OutputError(f"{stem}: there are too many runs of this name and second")
 
 
-def write_new(path: Path, text: str) -> None:
-    """Write a file that must not exist yet; raises OutputError."""
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot write: {error.strerror}") from error
+def withdraw_folder(folder: Path) -> None:
+    """Remove the folder of a run that was refused before it recorded anything, and ``runs`` where that was all."""
+    shutil.rmtree(folder, ignore_errors=True)
+    with suppress(OSError):  # it holds other runs
+        if folder.parent.name == "runs":
+            folder.parent.rmdir()
 
 
 class EstimatesFile:
@@ -66,7 +67,7 @@ class EstimatesFile:
         header = ["time_s", "x_m", "y_m"]
         for track, parameters in tracks.items():
             header += [f"{track}:{p.name}{suffix}" for p in parameters for suffix in ("", "_std")]
-            header += [f"{track}:{name}" for name in ("surface", "surface_std", "force", "nis", "status")]
+            header += [f"{track}:{name}" for name in ("surface", "surface_std", "force", "nis", "status", "innovation")]
         csv.writer(file, lineterminator="\n").writerow(header)
         self._line = ",".join(["%.10g"] * len(header)) + "\n"
 
@@ -77,7 +78,7 @@ class EstimatesFile:
         for block in estimates.values():
             pairs = np.stack([block.values[rows], block.std[rows]], axis=2)
             columns.append(pairs.reshape(len(rows), 2 * block.values.shape[1]))
-            others = (block.surface, block.surface_std, block.force, block.nis, block.status)
+            others = (block.surface, block.surface_std, block.force, block.nis, block.status, block.innovation)
             columns += [column[rows, None] for column in others]
         table = np.concatenate(columns, axis=1)
         for begin in range(0, len(table), _ROWS):

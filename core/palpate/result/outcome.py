@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,92 +12,26 @@ from numpy.typing import NDArray
 
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.contact import ContactModel
+from palpate.contact.sources import sources_of
 from palpate.estimation import Status
-from palpate.result.budget import systematic_terms
-from palpate.result.flags import alignment_flags, compliance_flags, flag, timing_flags, track_flags, validity_flags
+from palpate.fit_report import BudgetRow, FitReport
+from palpate.flags import Flag, Verdict, verdict
+from palpate.registry import Registry
+from palpate.result.along import along
+from palpate.result.budget import Term, budget_table, per_newton, systematic_terms
+from palpate.result.flags import (
+    SWEEP,
+    alignment_flags,
+    compliance_flags,
+    tare_flags,
+    timing_flags,
+    track_flags,
+    validity_flags,
+)
+from palpate.result.found import Derived, Found, derived_values, finite, finite_tree
 from palpate.result.record import Tail, TrackRecord
 from palpate.result.timing import delay_shifts, is_viscous, timing_uncertainty
-
-
-@dataclass(frozen=True)
-class Found:
-    """A value with its uncertainty [SI]."""
-
-    value: float
-    std: float  # standard deviation, as the estimator believes it
-    unit: str
-    settling: float = 0.0  # standard uncertainty from an estimate that has not come to rest
-    systematic: float | None = None  # standard uncertainty from timing, mass and tare; None where none is known
-    budget: Mapping[str, float] = field(default_factory=dict)  # its terms by name
-    per_shear: float | None = None  # [s] shift of timing that would explain the value: eta/G
-
-    @property
-    def combined(self) -> float:
-        """Standard uncertainty of all parts together."""
-        return math.hypot(self.std, self.settling, self.systematic or 0.0)
-
-    def table(self) -> dict[str, Any]:
-        """As in ``result.json``; what is not a finite number becomes null."""
-        known: dict[str, Any] = {"value": self.value, "std": self.std, "unit": self.unit, "settling": self.settling}
-        if self.systematic is not None:
-            known["systematic"] = self.systematic
-        known["combined"] = self.combined
-        known |= {f"systematic_{term}": share for term, share in self.budget.items()}
-        if self.per_shear is not None:
-            known["equivalent_delay"] = self.per_shear
-        return {key: finite(value) for key, value in known.items()}
-
-
-@dataclass(frozen=True)
-class Derived:
-    """Elasticity or viscosity that follows from a model's parameters, which are something else [SI]."""
-
-    name: str
-    found: Found
-    caveat: str  # what has to hold for it to be a property of the material
-
-    def table(self) -> dict[str, Any]:
-        """As in ``result.json``."""
-        return self.found.table() | {"caveat": self.caveat}
-
-
-def derived_values(
-    model: ContactModel, parameters: Mapping[str, Found], shifts: Sequence[float], timing: float | None
-) -> tuple[Derived, ...]:
-    """What the parameters found say of the material, with their uncertainties carried over as uncorrelated.
-
-    Timing is one cause for all: its shares, `shifts` (k,) per second, are added with their signs. A value that is a
-    parameter itself is not repeated.
-    """
-    found = [parameters[parameter.name] for parameter in model.parameters]
-    derived = []
-    for value in model.material([f.value for f in found]):
-        if value.name in parameters:
-            continue
-        std, settling = value.std([f.std for f in found]), value.std([f.settling for f in found])
-        shift = abs(sum(slope * by for slope, by in zip(value.gradient, shifts, strict=True)))
-        budget = {"timing": shift * timing} if shift and timing is not None else {}
-        for cause in {cause: None for f in found for cause in f.budget if cause != "timing"}:
-            budget[cause] = value.std([f.budget.get(cause, 0.0) for f in found])
-        systematic = math.hypot(*budget.values()) if budget else None
-        per_shear = value.value / shift if shift and value.name == "viscosity" else None
-        carried = Found(value.value, std, value.unit, settling, systematic, budget, per_shear)
-        derived.append(Derived(value.name, carried, value.caveat))
-    return tuple(derived)
-
-
-def finite(value: Any) -> Any:
-    """A number as JSON can hold it: null where it is not finite."""
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def finite_tree(value: Any) -> Any:
-    """Plain data with null for every number that is not finite."""
-    if isinstance(value, Mapping):
-        return {key: finite_tree(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite_tree(inner) for inner in value]
-    return finite(value)
+from palpate.track_name import TrackName
 
 
 @dataclass(frozen=True)
@@ -111,25 +45,43 @@ class TrackResult:
     surface: Found
     force_rms: float  # [N]
     nis: float  # mean over the averaging window at the end
-    flags: tuple[str, ...]
+    flags: tuple[Flag, ...]
     seconds_per_sample: float
     derived: tuple[Derived, ...] = ()
     details: Mapping[str, Any] = field(default_factory=dict)  # what the estimator says beyond its numbers
+    report: FitReport | None = None  # of an offline fit that was made
+    budget: tuple[BudgetRow, ...] = ()  # every source with its effect on each parameter
+    diagnoses: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # what diagnoses say, by name
+    verdict: Verdict = "good"  # worst severity of its flags and those of the record
+
+    @property
+    def usable(self) -> bool:
+        """Whether its numbers may be used at all."""
+        return self.verdict != "invalid"
+
+    def judged(self, registry: Registry, of_record: Sequence[Flag]) -> TrackResult:
+        """The result with severities and verdict; flags of the record (judged, too) concern every track."""
+        flags = registry.judged(self.flags)
+        return replace(self, flags=flags, verdict=verdict((*of_record, *flags)))
 
     def table(self) -> dict[str, Any]:
         """As in ``result.json``."""
         return {
             "model": self.model,
             "estimator": self.estimator,
+            "verdict": self.verdict,
             "samples": self.samples,
             "parameters": {name: found.table() for name, found in self.parameters.items()},
             "derived": {value.name: value.table() for value in self.derived},
             "surface": self.surface.table(),
             "force_rms": finite(self.force_rms),
             "nis": finite(self.nis),
-            "flags": list(self.flags),
+            "budget": [finite_tree(asdict(row)) for row in self.budget],
+            "flags": [flag.table() for flag in self.flags],
             "seconds_per_sample": self.seconds_per_sample,
+            **({"fit": finite_tree(self.report.table())} if self.report else {}),
             **({"details": finite_tree(self.details)} if self.details else {}),
+            **({"diagnoses": finite_tree(self.diagnoses)} if self.diagnoses else {}),
         }
 
 
@@ -143,40 +95,61 @@ class _Numbers:
     nis: float
 
 
+def _covariance(model: ContactModel, details: Mapping[str, Any]) -> NDArray[np.float64] | None:
+    """Covariance (k, k) of the parameters as the estimator tells it in its details; None where it does not."""
+    table = details.get("covariance")
+    if not isinstance(table, Mapping):
+        return None
+    matrix, names = np.array(table["matrix"], float), list(table["names"])
+    whole = np.zeros((len(model.parameters),) * 2)
+    places = [(i, names.index(p.name)) for i, p in enumerate(model.parameters) if p.name in names]
+    for i, a in places:
+        for j, b in places:
+            whole[i, j] = matrix[a, b]
+    return whole if np.isfinite(whole).all() else None
+
+
 def track_result(
-    name: str,
+    name: TrackName,
     model: ContactModel,
     record: TrackRecord,
     report: AlignmentReport,
     settings: AlignmentSettings,
     average: float,
     online: bool = True,
+    declared: Mapping[str, Any] | None = None,
 ) -> TrackResult:
     """The result of one track: means over the last `average` seconds of its estimates, and its flags.
 
-    Estimates of an offline estimator are constant and hold for every sample that it used.
+    Estimates of an offline estimator are constant and hold for every sample that it used. `declared` are standard
+    uncertainties by key of the model.
     """
-    average = average if online else math.inf
-    model_name, _, estimator_name = name.partition("/")
-    flags = list(track_flags(record, model, report, average, online))
-    tail, shifts = record.tail, np.zeros(len(model.parameters))
-    # A fit that looks for the delay itself has the declared timing in its std already.
-    timing = None if record.details.get("timing_included") else timing_uncertainty(settings)
-    if tail is None or record.marks[Status.DIVERGED]:
-        numbers = _no_numbers(model)
-    else:
+    settling, average = average, average if online else math.inf
+    flags = list(track_flags(record, model, report, average, online, settling))
+    tail = record.tail
+    numbers, terms = _no_numbers(model), list[Term]()
+    if tail is not None and not record.marks[Status.DIVERGED] and record.failure is None:
         last = tail.since(float(tail.time[-1]) - average)
-        shifts = delay_shifts(model, tail, last, last.values.mean(axis=0))
-        flags += timing_flags(model, last.values.mean(axis=0), shifts, timing_uncertainty(settings))
+        values = last.values.mean(axis=0)
+        found = along(model, tail, last, values)
+        shifts = delay_shifts(model, found, values)
+        # A fit that looks for the delay itself has the declared timing in its std already.
+        timing = None if record.timing_included else timing_uncertainty(settings)
+        included = tuple(record.details.get("included", ()))
+        sources = sources_of(model, declared or {})
+        terms = systematic_terms(found, shifts, timing, settings, report, sources, included)
+        flags += timing_flags(model, values, shifts, timing_uncertainty(settings), record.held)
+        if "tare" not in included and (report.tare is None or report.tare.offset_std is None):
+            flags += tare_flags(model, values, per_newton(found))
         flags += validity_flags(model, last)
-        numbers = _numbers(model, record, tail, last, shifts, timing, report, settings, online)
+        numbers = _numbers(model, record, tail, last, shifts, terms, settings, online)
         shares = {
             name: f.budget.get("compliance", 0.0) / abs(f.value or math.inf) for name, f in numbers.parameters.items()
         }
         flags += compliance_flags(shares, settings.series_stiffness)
     return TrackResult(
-        model_name,
-        estimator_name,
+        name.model,
+        name.estimator,
         record.samples,
         numbers.parameters,
         numbers.surface,
@@ -184,8 +157,12 @@ def track_result(
         numbers.nis,
         tuple(flags),
         record.seconds / record.samples if record.samples else 0.0,
-        derived_values(model, numbers.parameters, shifts.tolist(), timing),
+        derived_values(model, numbers.parameters, terms, _covariance(model, record.details))
+        if record.failure is None
+        else (),
         record.details,
+        record.report,
+        budget=tuple(budget_table(model, numbers.parameters, terms)),
     )
 
 
@@ -201,20 +178,18 @@ def _numbers(
     tail: Tail,
     last: Tail,
     shifts: NDArray[np.float64],
-    timing: float | None,
-    report: AlignmentReport,
+    terms: Sequence[Term],
     settings: AlignmentSettings,
     online: bool,
 ) -> _Numbers:
     values, std = last.values.mean(axis=0), last.std[-1]
     # What is left of the way to rest lies between nothing and this: a rectangular distribution.
-    tracked = record.tracked if online else 0.0
+    tracked = record.tracked if online and record.swept <= SWEEP else 0.0
     settling = tail.unsettled(tail.values, tracked) / math.sqrt(3)
     way = float(tail.unsettled(tail.surface[:, None], tracked)[0]) / math.sqrt(3)
-    terms = systematic_terms(model, last, shifts, timing, settings, report)
     parameters = {}
     for i, (parameter, shift) in enumerate(zip(model.parameters, shifts.tolist(), strict=True)):
-        budget = terms[parameter.name]
+        budget = {term.cause: by for term in terms if (by := abs(float(term.shifts[i])))}
         parameters[parameter.name] = Found(
             float(values[i]),
             float(std[i]),
@@ -239,7 +214,7 @@ def stream_tables(report: AlignmentReport) -> dict[str, Any]:
     }
 
 
-def record_flags(report: AlignmentReport, settings: AlignmentSettings, interrupted: str | None) -> tuple[str, ...]:
+def record_flags(report: AlignmentReport, settings: AlignmentSettings, interrupted: str | None) -> tuple[Flag, ...]:
     """Flags that concern every track."""
-    ended = [flag("interrupted", interrupted)] if interrupted else []
+    ended = [Flag("interrupted", interrupted)] if interrupted else []
     return (*ended, *alignment_flags(report, settings))

@@ -9,11 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.diagnosis import Keeper
 from palpate.estimation import Estimates, Samples, Status
+from palpate.fit_report import FitReport
+from palpate.flags import Flag
 
 Floats = NDArray[np.float64]
 
 _ENOUGH = 100  # innovations to tell their autocorrelation
+_PARTS = 12  # of the tail, whose steps show a random walk
+_SIGMAS = 3.0
+_LONG = 20.0  # lengths of the tail, from which on what a filter gains in one is small against its walk
 _SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
 
 
@@ -42,14 +48,40 @@ class Tail:
         """Time tracked [s] times slope of each column of values (n, k): what may be left of its way to rest (k,).
 
         The error of a filter that settles dies away like a power of time, x(t) = x + c/t^p, so that this is p times
-        what is left of it, whatever c is. The filter's own standard deviation knows nothing of that.
+        what is left of it, whatever c is. The filter's own standard deviation knows nothing of that. After a
+        long time, a slope that a random walk has by chance says nothing of a way to rest, and counts as none.
         """
         if len(self.time) < 10:
             return np.zeros(values.shape[1])
         # Sums, not a linear solve: libraries for that do not promise the same bits twice.
         since = (self.time - self.time.mean())[:, None]
         slopes = (since * (values - values.mean(axis=0))).sum(axis=0) / (since**2).sum()
-        return np.asarray(np.abs(slopes) * tracked)
+        if tracked < _LONG * float(self.time[-1] - self.time[0]):
+            return np.asarray(np.abs(slopes) * tracked)
+        return np.asarray(np.where(np.abs(slopes) > _SIGMAS * self._by_chance(values), np.abs(slopes) * tracked, 0.0))
+
+    def _by_chance(self, values: Floats) -> Floats:
+        """Standard deviation (k,) of the slope of a random walk with the steps that the values make.
+
+        Steps are those between the means of parts of the tail. A walk with variance q per second has, over a stretch of
+        length T, a least-squares slope of variance 1.2 q/T; the means of parts of length h differ by 2/3 q h.
+        """
+        parts = [part for part in np.array_split(np.arange(len(self.time)), _PARTS) if len(part)]
+        means = np.array([values[part].mean(axis=0) for part in parts])
+        span = float(self.time[-1] - self.time[0])
+        if len(means) < 3 or span <= 0:
+            return np.zeros(values.shape[1])
+        steps = np.diff(means, axis=0)
+        steps = steps - steps.mean(axis=0)  # what is common to all is the slope that is asked about
+        square = (steps**2).sum(axis=0) / (len(steps) - 1)
+        return np.asarray(np.sqrt(1.2 * 1.5 * square * len(means)) / span)
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation [N] of white noise that would give the third differences of the measured force."""
+        third = np.diff(self.force, 3)
+        third = third[np.isfinite(third)]
+        return float(np.sqrt(np.mean(third**2) / 20.0)) if len(third) else 0.0
 
     def correlation(self) -> tuple[int, float]:
         """Lag [samples] and value of the largest autocorrelation of the innovations to lag 10; (0, 0): too few.
@@ -94,14 +126,22 @@ class TrackRecord:
     seconds: float = 0.0  # of computing
     marks: dict[Status, int] = field(default_factory=lambda: dict.fromkeys(Status, 0))
     details: Mapping[str, Any] = field(default_factory=dict)  # of the latest block that had any
-    flags: tuple[str, ...] = ()  # that the estimator itself raised
+    report: FitReport | None = None  # of the latest block that had one
+    timing_included: bool = False
+    flags: tuple[Flag, ...] = ()  # that the estimator itself raised
+    failure: Flag | None = None  # why the track ended before the record did
+    _lateral: Floats | None = None  # (2, 2) [m] least and largest x and y while tracked
+    keeper: Keeper = field(default_factory=Keeper)  # of the whole record, for diagnoses
     _blocks: list[Tail] = field(default_factory=list)
 
     def add(self, samples: Samples, estimates: Estimates, seconds: float) -> None:
         """Take in a block."""
         self.seconds += seconds
+        self.keeper.add(samples, estimates)
         self.details = estimates.details or self.details
-        self.flags += tuple(text for text in estimates.flags if text not in self.flags)
+        self.report = estimates.report or self.report
+        self.timing_included |= estimates.timing_included
+        self.flags += tuple(flag for flag in estimates.flags if flag not in self.flags)
         for mark in Status:
             self.marks[mark] += int(np.count_nonzero(estimates.status & mark))
         rows = (estimates.status & Status.IDLE) == 0
@@ -109,6 +149,12 @@ class TrackRecord:
             return
         self.samples += int(np.count_nonzero(rows))
         self.nanoseconds += int(np.rint(samples.interval[rows] * 1e9).astype(np.int64).sum())
+        place = samples.lateral[rows]
+        place = place[np.isfinite(place).any(axis=1)]
+        if len(place):
+            seen = place if self._lateral is None else np.concatenate([self._lateral, place])
+            with np.errstate(invalid="ignore"):
+                self._lateral = np.array([np.fmin.reduce(seen), np.fmax.reduce(seen)])
         rows &= samples.time >= samples.time[rows][-1] - self.keep  # what is older would be forgotten at once
         found = estimates
         columns = (found.values, found.std, found.surface, found.surface_std, found.force, found.nis, found.innovation)
@@ -116,6 +162,17 @@ class TrackRecord:
         kept = [column[rows] for column in (*measured, *columns)]
         self._blocks.append(Tail(*kept))
         self._forget(float(samples.time[rows][-1]) - self.keep)
+
+    @property
+    def held(self) -> frozenset[str]:
+        """Names of what a fit was told to hold fixed: settings, not estimates."""
+        unknowns = self.report.unknowns if self.report else {}
+        return frozenset(name for name, unknown in unknowns.items() if not unknown.free)
+
+    @property
+    def swept(self) -> float:
+        """How far apart the places are that the track was at [m]; 0 where nobody says."""
+        return 0.0 if self._lateral is None else float(np.nanmax([0.0, *(self._lateral[1] - self._lateral[0])]))
 
     @property
     def tracked(self) -> float:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from palpate.vectors import Floats
 
 _INDISTINCT = 1e-6  # ratio of singular values below which parameters and surface cannot be told apart
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -58,12 +60,42 @@ def _scales(indenter: Indenter, depths: NDArray[np.float64], radius: NDArray[np.
     )
 
 
+def usual_values(model: ContactModel) -> list[float]:
+    """A value for each parameter within its bounds: its first guess, amid the bounds, or of the order of silicone."""
+    usual = {"Pa": 1e5, "Pa*s": 300.0, "s": 0.1}
+    values = []
+    for parameter in model.parameters:
+        value = parameter.start
+        if value is None:
+            finite = math.isfinite(parameter.lower) and math.isfinite(parameter.upper)
+            value = 0.5 * (parameter.lower + parameter.upper) if finite else usual.get(parameter.unit, 1.0)
+        values.append(min(max(value, parameter.lower), parameter.upper))
+    return values
+
+
+def check_force(model: ContactModel, theta: Sequence[float], depths: NDArray[np.float64] = _DEPTHS) -> None:
+    """A contact model takes (depth, rate, theta, memory) and answers one number; at rest it grows with depth.
+
+    A model that declares `adhesive` may pull, and its force may fall with depth.
+    """
+    name = f"{type(model).__name__}.force"
+    empty = (0.0,) * len(model.memory)
+    try:
+        inspect.signature(model.force).bind(1e-3, 0.0, list(theta), empty)
+    except TypeError as error:
+        raise AssertionError(f"{name} takes (depth, rate, theta, memory): {error}") from error
+    at_rest = _values(lambda depth: contact_force(model, depth, 0.0, theta, empty), depths, name)
+    _values(lambda depth: contact_force(model, depth, 0.01, theta, empty), depths, f"{name} at a rate of 0.01 m/s")
+    if not model.adhesive:
+        _never_falls(at_rest, depths, f"{name} at rest")
+
+
 def check_model(model: ContactModel, theta: Sequence[float], depths: NDArray[np.float64] = _DEPTHS) -> None:
     """A contact model pushes when pressed, and its one formula runs on every kind of number.
 
     Checked at parameters `theta`: one per parameter, within bounds; no force out of contact; force at rest growing with
-    depth; more force when pressed faster; the same values from floats, arrays and CasADi symbols; a Jacobian that is
-    finite at every depth, 0 included.
+    depth (unless it is `adhesive`); more force when pressed faster; the same values from floats, arrays and CasADi
+    symbols; a Jacobian that is finite at every depth, 0 included.
     """
     name = type(model).__name__
     demand(len(theta) == len(model.parameters), f"{name} has {len(model.parameters)} parameters, {len(theta)} given")
@@ -73,8 +105,8 @@ def check_model(model: ContactModel, theta: Sequence[float], depths: NDArray[np.
         demand(parameter.lower <= value <= parameter.upper, f"{name}: {parameter.name} is out of its own bounds")
     empty = [0.0] * len(model.memory)
     demand(float(contact_force(model, -1e-3, -0.01, theta, empty)) == 0.0, f"{name} pushes out of contact")
+    check_force(model, theta, depths)
     at_rest = _values(lambda d: contact_force(model, d, 0.0, theta, empty), depths, f"{name}.force")
-    _never_falls(at_rest, depths, f"{name}.force at rest")
     faster = contact_force(model, depths, 0.01, theta, empty) - at_rest
     demand(np.all(faster >= 0), f"{name}.force is smaller when pressed faster")
     _same_everywhere(lambda d: contact_force(model, d, 0.01, theta, empty), depths, f"{name}.force")

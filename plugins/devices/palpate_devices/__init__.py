@@ -1,36 +1,97 @@
 """Devices and sinks: the outside world."""
 
-from palpate import Device, Sink, Twin, plugin
+from __future__ import annotations
 
-from palpate_devices.bota.device import BotaSensor
-from palpate_devices.csv_replay import CsvReplay
-from palpate_devices.csv_sink import CsvSink
-from palpate_devices.mcap_replay import McapReplay
-from palpate_devices.mcap_sink import McapSink
-from palpate_devices.rosbag2_replay import Rosbag2Replay
-from palpate_devices.sim import SimulatedRig
-from palpate_devices.twins.bench import VirtualBench
-from palpate_devices.ur3e.device import UR3e
+from typing import TYPE_CHECKING
+
+from palpate import Command, lazily, plugin
+
+if TYPE_CHECKING:
+    from palpate import Device, Sink, Twin
+
+    from palpate_devices.bota.device import BotaSensor
+    from palpate_devices.csv_replay import CsvReplay
+    from palpate_devices.csv_sink import CsvSink
+    from palpate_devices.mcap_replay import McapReplay
+    from palpate_devices.mcap_sink import McapSink
+    from palpate_devices.rdt.device import RdtSensor
+    from palpate_devices.rosbag2_replay import Rosbag2Replay
+    from palpate_devices.sim import SimulatedRig
+    from palpate_devices.twins.bench import VirtualBench
+    from palpate_devices.ur3e.device import UR
+
+__getattr__ = lazily(
+    __name__,
+    {
+        "palpate_devices.bota.device": "BotaSensor",
+        "palpate_devices.csv_replay": "CsvReplay",
+        "palpate_devices.csv_sink": "CsvSink",
+        "palpate_devices.mcap_replay": "McapReplay",
+        "palpate_devices.mcap_sink": "McapSink",
+        "palpate_devices.rdt.device": "RdtSensor",
+        "palpate_devices.rosbag2_replay": "Rosbag2Replay",
+        "palpate_devices.sim": "SimulatedRig",
+        "palpate_devices.twins.bench": "VirtualBench",
+        "palpate_devices.ur3e.device": "UR",
+    },
+)
+
+__all__ = [
+    "UR",
+    "BotaSensor",
+    "CsvReplay",
+    "CsvSink",
+    "McapReplay",
+    "McapSink",
+    "RdtSensor",
+    "Rosbag2Replay",
+    "SimulatedRig",
+    "VirtualBench",
+]
 
 
 @plugin
 def palpate_devices() -> dict[str, type[Device]]:
     """Robots, sensors, simulated rigs and logs."""
+    from palpate_devices.bota.device import BotaSensor
+    from palpate_devices.csv_replay import CsvReplay
+    from palpate_devices.mcap_replay import McapReplay
+    from palpate_devices.rdt.device import RdtSensor
+    from palpate_devices.rosbag2_replay import Rosbag2Replay
+    from palpate_devices.sim import SimulatedRig
+    from palpate_devices.ur3e.device import UR
+
     logs: dict[str, type[Device]] = {
         "csv-replay": CsvReplay,
         "mcap-replay": McapReplay,
         "rosbag2-replay": Rosbag2Replay,
     }
-    return {"sim": SimulatedRig, "ur3e": UR3e, "bota": BotaSensor, **logs}
+    return {"sim": SimulatedRig, "ur": UR, "ur3e": UR, "bota": BotaSensor, "rdt": RdtSensor, **logs}
 
 
 @plugin
 def palpate_sinks() -> dict[str, type[Sink]]:
     """Places to write to."""
+    from palpate_devices.csv_sink import CsvSink
+    from palpate_devices.mcap_sink import McapSink
+
     return {"mcap": McapSink, "csv": CsvSink}
 
 
 @plugin
 def palpate_twins() -> dict[str, type[Twin]]:
     """Robots and sensors in software that speak the protocols of the real ones."""
+    from palpate_devices.twins.bench import VirtualBench
+
     return {"ur3e-bota": VirtualBench}
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """Looking at logs."""
+    where = "palpate_devices.logs.commands"
+    return {
+        "info": Command(f"{where}.info:info", "What a log holds, and a pipeline that reads it.", "logs"),
+        "export": Command(f"{where}.export:export", "A log as CSV, NPZ, MAT or Parquet.", "logs"),
+        "recover": Command(f"{where}.recover:recover", "What is whole of a damaged log, as a new log.", "logs"),
+    }

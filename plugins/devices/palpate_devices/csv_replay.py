@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import csv
-import gzip
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
-from typing import IO, Annotated, Self
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +31,9 @@ from palpate import (
 from pydantic import Field, model_validator
 
 from palpate_devices.logs.csv_roles import suggest_csv, survey_csv, tables_csv
-from palpate_devices.logs.csv_sheet import SUFFIXES, bounded
-from palpate_devices.logs.readings import nanoseconds, si_unit
+from palpate_devices.logs.csv_sheet import SUFFIXES, bounded, number, opened
+from palpate_devices.logs.files import regular
+from palpate_devices.logs.readings import LATEST, nanoseconds, sensible, si_unit
 from palpate_devices.logs.replay import file_facts
 
 _SECOND = 1_000_000_000  # [ns]
@@ -45,6 +47,13 @@ class Column(Settings):
         description="which column: counted from 0, or its name in the header line"
     )
     unit: str = Field(min_length=1, description='unit of its numbers, such as "mm" or "N"')
+
+
+@dataclass
+class Tally:
+    """What was left out of a file."""
+
+    timeless: int = 0  # rows
 
 
 class CsvReplay(Recording):
@@ -76,10 +85,20 @@ class CsvReplay(Recording):
     @property
     def streams(self) -> tuple[Stream, ...]:
         """One stream without a name: channels are addressed as ``device.channel``."""
-        if not self.file.is_file():
-            raise LogError(f"{self.file}: there is no such file")
+        regular(self.file)
         channels = tuple(Channel(name, si_unit(column.unit)[0]) for name, column in self.columns.items())
         return (Stream("", channels, self.rate, clock="file"),)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """How many rows were left out since they have no time."""
+        count = self.tally.timeless
+        return (f"{self.file.name}: {count} rows have no finite time, and were left out",) if count else ()
+
+    @cached_property
+    def tally(self) -> Tally:
+        """What is counted while the file is read."""
+        return Tally()
 
     @property
     def provenance(self) -> Mapping[str, str]:
@@ -124,49 +143,60 @@ class _CsvLink:
         self._wanted = [column for column, _ in wanted]
         self._scales = np.array([scale for _, scale in wanted])
         self._header: list[str] | None = None
+        self._width = 0  # cells of the first line
         self._widths = 0, 0, 0  # cells of the longest line, of the latest one, and its number
 
     def batches(self) -> Iterator[Batch]:
         """The rows of the file in order, some thousand at a time."""
         row = 0
+        self._log.tally.timeless = 0
         for numbers in self._blocks():
-            values = numbers * self._scales
+            with np.errstate(over="ignore"):  # what is not finite counts as invalid
+                values = numbers * self._scales
             if self._log.time is None:
                 assert self._log.rate is not None
                 stamps = np.rint((row + np.arange(len(values))) * (_SECOND / self._log.rate)).astype(np.int64)
             else:
                 seconds, values = values[:, -1], values[:, :-1]
-                known = np.isfinite(seconds)
+                known = np.isfinite(seconds) & (np.abs(seconds) < LATEST)
+                self._log.tally.timeless += int(np.count_nonzero(~known))
                 values, stamps = values[known], nanoseconds(seconds[known])
             row += len(numbers)
-            yield Batch("", stamps, stamps, values)
+            yield Batch("", stamps, stamps, sensible(values))
         if row == 0:
             raise LogError(f"{self._log.file}: the file holds no rows of numbers")
 
     def _blocks(self) -> Iterator[NDArray[np.float64]]:
         path = self._log.file
-        try:
-            with _open_text(path) as file:
-                rows = enumerate(csv.reader(bounded(file, path), delimiter=self._log.delimiter), start=1)
-                places: list[int] | None = None
-                while lines := list(islice(rows, _BLOCK)):
-                    block = []
-                    for number, cells in lines:
-                        if not cells:
+        with opened(path) as file:
+            rows = enumerate(csv.reader(bounded(file, path), delimiter=self._log.delimiter), start=1)
+            places: list[int] | None = None
+            while lines := list(islice(rows, _BLOCK)):
+                block = []
+                for line, cells in lines:
+                    if not cells:
+                        continue
+                    if places is None:
+                        places = self._places(cells)
+                        self._width = len(cells)
+                        if self._header is not None:
                             continue
-                        if places is None:
-                            places = self._places(cells)
-                            if self._header is not None:
-                                continue
-                        self._widths = max(self._widths[0], len(cells)), len(cells), number
-                        block.append(self._row(cells, places, number))
-                    if block:
-                        yield np.array(block)
-                self._refuse_cut()
-        except (OSError, EOFError) as error:
-            raise LogError(f"{path}: cannot be read: {error}") from error
-        except (UnicodeDecodeError, csv.Error) as error:
-            raise LogError(f"{path}: is not a CSV text: {error}") from error
+                    self._check_width(cells, line)
+                    block.append(self._row(cells, places, line))
+                if block:
+                    yield np.array(block)
+            self._refuse_cut()
+
+    def _check_width(self, cells: list[str], line: int) -> None:
+        """Refuse a line with more cells than the first: what is behind the one too many is in the wrong column."""
+        count = len(cells)
+        self._widths = max(self._widths[0], count), count, line
+        if count > self._width and any(cell.strip() for cell in cells[self._width :]):
+            self._refuse_commas(cells, line)
+            raise LogError(
+                f"{self._log.file}:{line}: the line has {count} cells, and the first one {self._width}: "
+                "its numbers would be in the wrong columns"
+            )
 
     def _refuse_cut(self) -> None:
         """A last line with fewer cells than the others was not written to its end, nor was its last number."""
@@ -191,12 +221,14 @@ class _CsvLink:
             places.append(names.index(column) if isinstance(column, str) else column)
         return places
 
-    def _row(self, cells: list[str], places: list[int], line: int) -> list[float]:
+    def _refuse_commas(self, cells: list[str], line: int) -> None:
         if self._header is not None and len(cells) == 2 * len(self._header) and self._log.delimiter == ",":
             raise LogError(
                 f"{self._log.file}:{line}: {len(cells)} cells under a header of {len(self._header)}: these look like "
                 'decimal commas; write the numbers with points, or the columns with delimiter = ";"'
             )
+
+    def _row(self, cells: list[str], places: list[int], line: int) -> list[float]:
         return [self._number(cells, place, line) for place in places]
 
     def _number(self, cells: list[str], place: int, line: int) -> float:
@@ -205,14 +237,8 @@ class _CsvLink:
             raise LogError(f"{self._log.file}:{line}: there is no column {place}; {there}")
         text = cells[place].strip()
         try:
-            return float(text) if text else np.nan
+            return number(text) if text else np.nan
         except ValueError as error:
             advice = "; a decimal comma? write the numbers with points" if is_number(text.replace(",", ".", 1)) else ""
             problem = f"column {place} holds {text!r}, which is no number{advice}"
             raise LogError(f"{self._log.file}:{line}: {problem}") from error
-
-
-def _open_text(path: Path) -> IO[str]:
-    if path.suffix == ".gz":
-        return gzip.open(path, "rt", encoding="utf-8", newline="")
-    return path.open(newline="", encoding="utf-8")

@@ -5,11 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Indenter, Length, Settings
+from palpate import Floats, Indenter, Length, Settings
 from pydantic import Field
-
-Floats = NDArray[np.float64]
 
 _DEEPEST = 0.03  # [m] of the table of depths; deeper, the last value holds
 _NODES = 400

@@ -11,19 +11,20 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
-from palpate import Batch, Channel, File, Link, LogError, Recording, Stream, Suggestion, Survey, Time
+from palpate import Attached, Batch, Channel, File, Link, LogError, Recording, Stream, Suggestion, Survey, Time
 from pydantic import Field, model_validator
 
-from palpate_devices.logs.feeds import Feed, raw_feed
+from palpate_devices.logs.attachments import attached_to
+from palpate_devices.logs.feeds import Feed, raw_feed, untimed
 from palpate_devices.logs.kinematics import Kinematics, joint_feeds
 from palpate_devices.logs.mapping import Clock, MappedSignal
 from palpate_devices.logs.mcap_file import McapFile
 from palpate_devices.logs.recovery import counted, recover_mcap
-from palpate_devices.logs.replay import LogLink, described_feeds, distinct, file_facts, tables_of, window
+from palpate_devices.logs.replay import LogLink, described_feeds, distinct, file_facts, tables_of, texts_of, window
 from palpate_devices.logs.suggestion import suggestion_for
 from palpate_devices.logs.survey import survey_of
-from palpate_devices.logs.topics import Topic
-from palpate_devices.messages import JOINTS, UNITS, MessageType, joint_type, known_type
+from palpate_devices.logs.topics import Stamps, Topic
+from palpate_devices.messages import JOINTS, LOG_SCHEMA, UNITS, MessageType, joint_type, known_type
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,16 @@ class McapReplay(Recording):
             raise ValueError("give either signals, or topics and recorded")
         return self
 
+    @classmethod
+    def attached(cls, path: Path) -> Attached:
+        """Attachments that are texts, and the metadata that palpate writes; of a log that is cut, what is whole."""
+        return attached_to(path)
+
+    @classmethod
+    def playback(cls, path: Path, device: str) -> dict[str, Any]:
+        """A replay of one device's streams; a log that is cut is read as far as it is whole."""
+        return {"type": "mcap-replay", "file": str(path), "recorded": device, "accept_cut": True}
+
     @property
     def streams(self) -> tuple[Stream, ...]:
         """The log's usable topics, or those that are mapped."""
@@ -84,7 +95,8 @@ class McapReplay(Recording):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Whether the log is cut, or carries no checksums."""
-        return (self._log.trouble,) if self._log.trouble else ()
+        trouble = (self._log.trouble,) if self._log.trouble else ()
+        return (*trouble, *untimed(self._feeds, self.file.name))
 
     @property
     def provenance(self) -> Mapping[str, str]:
@@ -123,7 +135,7 @@ class McapReplay(Recording):
         return tip if tip and not found else distinct([*self._all(found), *tip], str(self.file))
 
     def _cut_message(self) -> str:
-        count, duration = counted(self._log)
+        count, duration = counted(self.file)
         if not count:
             return f"{self.file}: the log is cut: it has no end, and nothing in it is whole"
         return (
@@ -176,6 +188,11 @@ class McapReplay(Recording):
         return tables_of(McapFile(path, accept_cut=True))
 
     @classmethod
+    def texts(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Stamps, list[tuple[str, ...]]]]:
+        """See `Recording`."""
+        return texts_of(McapFile(path, accept_cut=True))
+
+    @classmethod
     def recover(cls, path: Path, out: Path) -> str:
         """See `Recording`."""
         return recover_mcap(path, out)
@@ -203,7 +220,12 @@ def _facts(topic: Topic) -> dict[str, Any]:
         facts = json.loads(topic.metadata.get("palpate", "{}"))
     except ValueError:
         return {}
-    return facts if isinstance(facts, dict) else {}
+    if not isinstance(facts, dict):
+        return {}
+    if facts.get("schema", LOG_SCHEMA) != LOG_SCHEMA:
+        what = f"topic {topic.name} was recorded by a newer palpate, with schema {facts['schema']}"
+        raise LogError(f"{what}; this one reads up to {LOG_SCHEMA}: update it")
+    return facts
 
 
 def _stream(topic: Topic, kind: MessageType, facts: Mapping[str, Any]) -> Stream:

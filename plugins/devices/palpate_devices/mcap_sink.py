@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import os
 import queue
+import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from typing import IO, Any
 
@@ -16,7 +17,8 @@ from numpy.typing import NDArray
 from palpate import Batch, Estimates, OutputError, Run, Samples, Sink, Stream, Writer
 from pydantic import Field
 
-from palpate_devices.messages import STANDARD, MessageType, numbers_type, pack
+from palpate_devices.mcap_index import keep_index_in
+from palpate_devices.messages import LOG_SCHEMA, STANDARD, MessageType, numbers_type, pack
 
 _FLUSH_EVERY = 0.15  # [s]; with what is on its way, a kill costs some 0.05 s more, on a busy machine twice that
 _SYNC_EVERY = 1.0  # [s]; what a power cut can cost
@@ -45,8 +47,8 @@ class McapSink(Sink):
     def _opened(self, run: Run) -> Iterator[Writer]:
         path = run.folder / self.file
         try:
-            with path.open("xb") as file:
-                recorder = _Recorder(_Log(file, run))
+            with path.open("xb") as file, tempfile.TemporaryFile() as index:
+                recorder = _LogWriter(_Log(file, run, index))
                 try:
                     yield recorder
                 finally:
@@ -55,7 +57,7 @@ class McapSink(Sink):
             raise OutputError(f"sink mcap: cannot write {path}: {error.strerror}") from error
 
 
-class _Recorder:
+class _LogWriter:
     """Hands everything to a thread that writes: the end of a chunk, or the disk, never holds up a control loop."""
 
     def __init__(self, log: _Log) -> None:
@@ -80,6 +82,12 @@ class _Recorder:
         """Estimates of the latest samples, or of all of them."""
         stamps, lateral = self._stamps, self._lateral
         self._put(lambda: self._log.estimates(track, estimates, stamps, lateral))
+
+    def result(self, table: Mapping[str, Any]) -> None:
+        """Until when there are estimates of the record, where they do not go to its end."""
+        until = table["run"].get("live", {}).get("estimates", {}).get("until")
+        if until is not None:
+            self._put(lambda: self._log.mark({"estimated_until": f"{until:.6f}"}))
 
     def _put(self, work: Callable[[], None] | None) -> None:
         if self._failure is not None:
@@ -118,11 +126,12 @@ def _nothing() -> None:
 class _Log:
     """The file; used by one thread at a time."""
 
-    def __init__(self, file: IO[bytes], run: Run) -> None:
+    def __init__(self, file: IO[bytes], run: Run, index: IO[bytes]) -> None:
         from mcap.writer import CompressionType, Writer
 
         self._file = file
         self._log = Writer(file, compression=CompressionType.ZSTD)
+        keep_index_in(self._log, index)
         self._log.start(profile="ros2", library=f"palpate {run.facts.get('palpate', '')}")
         self._schemas: dict[str, int] = {}
         self._streams: dict[tuple[str, str], tuple[int, Stream]] = {}
@@ -138,7 +147,7 @@ class _Log:
             names = [parameter.name for parameter in parameters]
             kind = numbers_type(_type_name(track), _estimate_fields(names))
             self._tracks[track] = self._channel(f"/palpate/estimates/{track}", kind)
-        self._log.add_metadata("palpate", dict(run.facts))
+        self._log.add_metadata("palpate", {"schema": str(LOG_SCHEMA), **run.facts})
         for name, text in run.documents.items():
             self._log.add_attachment(0, 0, name, "application/toml", text.encode())
         self._flushed = self._synced = time.monotonic()
@@ -149,6 +158,9 @@ class _Log:
         if kind.name not in self._schemas:
             self._schemas[kind.name] = self._log.register_schema(kind.name, "ros2msg", kind.definition.encode())
         return self._log.register_channel(topic, "cdr", self._schemas[kind.name], facts or {})
+
+    def mark(self, facts: Mapping[str, str]) -> None:
+        self._log.add_metadata("palpate result", dict(facts))
 
     def batch(self, device: str, batch: Batch) -> None:
         channel, stream = self._streams[device, batch.stream]
@@ -174,7 +186,8 @@ class _Log:
         if len(stamps) != len(estimates):  # an offline estimator: all samples at once
             stamps = np.rint(estimates.time * 1e9).astype(np.int64)
             lateral = np.full((len(estimates), 2), np.nan)
-        numbers = np.column_stack([estimates.time, estimates.values, estimates.std, *columns, lateral])
+        ends = (lateral, estimates.innovation)
+        numbers = np.column_stack([estimates.time, estimates.values, estimates.std, *columns, *ends])
         self._write(self._tracks[track], stamps, stamps, "surface", numbers)
 
     def _write(
@@ -223,6 +236,7 @@ class _Log:
 def _facts(device: str, stream: Stream) -> dict[str, Any]:
     """What a replay must know of a stream and the messages do not say."""
     return {
+        "schema": LOG_SCHEMA,
         "device": device,
         "stream": stream.name,
         "rate": stream.rate,
@@ -255,4 +269,5 @@ def _estimate_fields(names: Sequence[str]) -> list[str]:
         "nis",
         "status",
         *_PLACE,
+        "innovation",
     ]

@@ -74,6 +74,7 @@ JOINTS = MessageType(
     _composed("std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort"),
     (),
 )
+LOG_SCHEMA = 1  # of what we record; a log without a number has this one
 STANDARD = {"wrench": WRENCH, "pose": POSE, "twist": TWIST, "joints": JOINTS}
 UNITS = {
     WRENCH.name: ("N", "N", "N", "N*m", "N*m", "N*m"),

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
+from palpate import Floats
 
 
 @dataclass(frozen=True)
-class Motion:
+class TrackedMotion:
     """A motion that is known at every instant: commanded speed is constant within a control period."""
 
     position: Floats  # (n, 3) [m] at the control ticks
@@ -54,7 +52,7 @@ class PositionLoop:
     lag: float  # [s]
     period: float  # [s]
 
-    def track(self, position: Floats, velocity: Floats) -> Motion:
+    def track(self, position: Floats, velocity: Floats) -> TrackedMotion:
         """The motion that follows setpoints (n, 3), beginning at rest in the first."""
         n = len(position)
         actual, speed, commands = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
@@ -72,4 +70,4 @@ class PositionLoop:
                 lacking = v - command
                 z += command * self.period + lacking * slide
                 v = command + lacking * decay
-        return Motion(actual, speed, commands, self.period, self.lag)
+        return TrackedMotion(actual, speed, commands, self.period, self.lag)

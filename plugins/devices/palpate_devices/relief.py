@@ -5,11 +5,8 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Angle, Length, Settings
+from palpate import Angle, Floats, Length, Settings
 from pydantic import Field
-
-Floats = NDArray[np.float64]
 
 _WAVES = 64
 _STEEPEST = np.deg2rad(30.0)

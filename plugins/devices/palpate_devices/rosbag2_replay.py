@@ -12,14 +12,14 @@ from palpate import Batch, File, Link, LogError, Recording, Stream, Suggestion, 
 from pydantic import Field, model_validator
 
 from palpate_devices.logs.bag_folder import SUFFIXES, Bag
-from palpate_devices.logs.feeds import Feed
+from palpate_devices.logs.feeds import Feed, untimed
 from palpate_devices.logs.kinematics import Kinematics
 from palpate_devices.logs.mapping import Clock, MappedSignal
-from palpate_devices.logs.replay import LogLink, described_feeds, file_facts, tables_of, window
+from palpate_devices.logs.replay import LogLink, described_feeds, file_facts, tables_of, texts_of, window
 from palpate_devices.logs.sqlite_recovery import recover_bag
 from palpate_devices.logs.suggestion import suggestion_for
 from palpate_devices.logs.survey import survey_of
-from palpate_devices.logs.topics import Container
+from palpate_devices.logs.topics import Container, Stamps
 
 
 class Rosbag2Replay(Recording):
@@ -60,7 +60,8 @@ class Rosbag2Replay(Recording):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is amiss with the files."""
-        return (self._bag.trouble,) if self._bag.trouble else ()
+        trouble = (self._bag.trouble,) if self._bag.trouble else ()
+        return (*trouble, *untimed(self._feeds, self.file.name))
 
     @property
     def provenance(self) -> Mapping[str, str]:
@@ -117,6 +118,11 @@ class Rosbag2Replay(Recording):
     def tables(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
         """See `Recording`."""
         return tables_of(cls._opened(path))
+
+    @classmethod
+    def texts(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Stamps, list[tuple[str, ...]]]]:
+        """See `Recording`."""
+        return texts_of(cls._opened(path))
 
     @classmethod
     def recover(cls, path: Path, out: Path) -> str:

@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
+from palpate import Floats
 
 GRAVITY = 9.80665  # [m/s^2]
 _TORQUE_NOISE = 0.02  # N*m for one newton of force noise, of the order of the real sensor's

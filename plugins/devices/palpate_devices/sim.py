@@ -9,30 +9,29 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from palpate import (
     Batch,
     Channel,
+    Delay,
     Device,
+    Floats,
     Force,
     ForceDrift,
     Frequency,
     Length,
     Link,
-    Mass,
     Setpoint,
     Speed,
     Stream,
     Time,
+    TipMass,
     Trajectory,
 )
 from pydantic import Field
 
-from palpate_devices.motion import Motion, PositionLoop
+from palpate_devices.motion import PositionLoop, TrackedMotion
 from palpate_devices.sensing import sensed_wrench
 from palpate_devices.specimen import Specimen
-
-Floats = NDArray[np.float64]
 
 _SECOND = 1_000_000_000  # [ns]
 _BLOCK = 0.05  # [s] of simulated time in one round of batches
@@ -49,7 +48,7 @@ class SimulatedRig(Device):
     """
 
     specimen: Specimen = Field(description="what the tip presses on")
-    tip_mass: Mass = Field(default=0.14, gt=0, description="mass of all that hangs behind the sensor")
+    tip_mass: TipMass = Field(default=0.14, gt=0, description="mass of all that hangs behind the sensor")
     centre_of_mass: tuple[Length, ...] = Field(
         default=(0.0, 0.0, 0.0), min_length=3, max_length=3, description="of that mass, in the sensor's frame"
     )
@@ -69,8 +68,8 @@ class SimulatedRig(Device):
     bias: Force = Field(default=0.6, description="offset of the sensor")
     drift: ForceDrift = Field(default=1.5 / 3600, description="drift of the sensor's offset")
     force_limit: Force = Field(default=500.0, gt=0, description="range of the sensor; readings stop there")
-    force_delay: Time = Field(default=0.0, description="how late the wrench is stamped; an estimator has to be told")
-    motion_delay: Time = Field(
+    force_delay: Delay = Field(default=0.0, description="how late the wrench is stamped; an estimator has to be told")
+    motion_delay: Delay = Field(
         default=0.0, description="how late pose and twist are stamped; an estimator has to be told"
     )
     serial_number: str = Field(
@@ -182,12 +181,12 @@ class _Rig:
             commanded = [setpoint.position[rows], setpoint.velocity[rows], setpoint.measuring[rows][:, None]]
             yield self._batch("setpoint", ticks[rows], settings.motion_delay, np.hstack(commanded), origin)
 
-    def _contact(self, instants: Floats, motion: Motion) -> Floats:
+    def _contact(self, instants: Floats, motion: TrackedMotion) -> Floats:
         """Contact force (n,) [N] over the whole motion, which a material that remembers has to be asked for."""
         position, velocity, _ = motion.at(instants)
         return self._settings.specimen.push(instants, position, velocity)
 
-    def _wrench(self, instants: Floats, motion: Motion, contact: Floats) -> Floats:
+    def _wrench(self, instants: Floats, motion: TrackedMotion, contact: Floats) -> Floats:
         """What the sensor reads (n, 6) at true times (n,) [s]."""
         settings = self._settings
         _, velocity, _ = motion.at(instants)

@@ -19,7 +19,7 @@ from palpate import (
     force_over_time,
     to_si,
 )
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from palpate_devices.inclusions import Inclusion
 from palpate_devices.layers import Layer, layered_factors
@@ -31,6 +31,13 @@ Floats = NDArray[np.float64]
 _SLIP = 1e-4  # [m/s] of sliding over which friction comes up
 
 
+def _shorthand(schema: dict[str, Any]) -> None:
+    """Parameters beside the model, and what the paper's specimen of a name has, are no mistakes of the table."""
+    schema["additionalProperties"] = {"anyOf": [{"type": "number"}, {"type": "string"}]}
+    schema["properties"]["parameters"]["additionalProperties"] = schema["additionalProperties"]
+    schema["required"] = ["model"]
+
+
 class Specimen(Settings):
     """What the tip presses on: a contact model with its true parameters, at a height that nobody is told.
 
@@ -40,6 +47,8 @@ class Specimen(Settings):
     Left out, the specimen is homogeneous and level. With a `name`, what stands in the table replaces what the paper's
     specimen of that name has. A rigid base is felt where the model has a `thickness` correction.
     """
+
+    model_config = ConfigDict(json_schema_extra=_shorthand)
 
     name: Literal["S1", "S2", "S3", "S4", "S5"] | None = Field(
         default=None, description="the paper's specimen that it is, but for what is said otherwise"

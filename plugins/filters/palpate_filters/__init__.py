@@ -1,18 +1,59 @@
 """Filters and fits."""
 
-from palpate import Estimator, plugin
+from __future__ import annotations
 
-from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
-from palpate_filters.filterpy_filter import FilterpyFilter
-from palpate_filters.fit import CasadiFit
-from palpate_filters.kinematic_filter import IteratedKinematicFilter, KinematicFilter
-from palpate_filters.smoother import KinematicSmoother
-from palpate_filters.ukf import AdaptiveFadingUkf, UnscentedKalmanFilter
+from typing import TYPE_CHECKING
+
+from palpate import Command, ReportSection, Template, lazily, plugin
+
+if TYPE_CHECKING:
+    from palpate import Estimator, FlagMeaning, Migration
+
+    from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
+    from palpate_filters.filterpy_filter import FilterpyFilter
+    from palpate_filters.fit import FIT_FLAGS, CasadiFit
+    from palpate_filters.kinematic_filter import KinematicFilter
+    from palpate_filters.renamed import RENAMED
+    from palpate_filters.smoother import KinematicSmoother
+    from palpate_filters.ukf import AdaptiveFadingUkf, UnscentedKalmanFilter
+
+__getattr__ = lazily(
+    __name__,
+    {
+        "palpate_filters.ekf": "AdaptiveFadingEkf ExtendedKalmanFilter",
+        "palpate_filters.filterpy_filter": "FilterpyFilter",
+        "palpate_filters.fit": "FIT_FLAGS CasadiFit",
+        "palpate_filters.kinematic_filter": "KinematicFilter",
+        "palpate_filters.renamed": "RENAMED",
+        "palpate_filters.smoother": "KinematicSmoother",
+        "palpate_filters.ukf": "AdaptiveFadingUkf UnscentedKalmanFilter",
+    },
+)
+
+__all__ = [
+    "FIT_FLAGS",
+    "RENAMED",
+    "AdaptiveFadingEkf",
+    "AdaptiveFadingUkf",
+    "CasadiFit",
+    "ExtendedKalmanFilter",
+    "FilterpyFilter",
+    "KinematicFilter",
+    "KinematicSmoother",
+    "UnscentedKalmanFilter",
+]
 
 
 @plugin
 def palpate_estimators() -> dict[str, type[Estimator]]:
     """Filters and fits."""
+    from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
+    from palpate_filters.filterpy_filter import FilterpyFilter
+    from palpate_filters.fit import CasadiFit
+    from palpate_filters.kinematic_filter import KinematicFilter
+    from palpate_filters.smoother import KinematicSmoother
+    from palpate_filters.ukf import AdaptiveFadingUkf, UnscentedKalmanFilter
+
     return {
         "ekf": ExtendedKalmanFilter,
         "afekf": AdaptiveFadingEkf,
@@ -20,7 +61,40 @@ def palpate_estimators() -> dict[str, type[Estimator]]:
         "afukf": AdaptiveFadingUkf,
         "filterpy": FilterpyFilter,
         "kinematic-ekf": KinematicFilter,
-        "iekf": IteratedKinematicFilter,
         "kinematic-smoother": KinematicSmoother,
         "casadi-fit": CasadiFit,
     }
+
+
+@plugin
+def palpate_migrations() -> tuple[Migration, ...]:
+    """What was called otherwise."""
+    from palpate_filters.renamed import RENAMED
+
+    return RENAMED
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """Offline fits over models and logs."""
+    return {"fit": Command("palpate_filters.fit.command:fit", "Offline fits of models to logs, side by side.")}
+
+
+@plugin
+def palpate_report_sections() -> dict[str, ReportSection]:
+    """Offline fits among the tracks of a run."""
+    return {"offline-fits": ReportSection("palpate_filters.fit.tables:fits_of_a_run")}
+
+
+@plugin
+def palpate_templates() -> dict[str, Template]:
+    """What a pipeline needs besides a log."""
+    return {"log-analysis": Template("palpate_filters", "templates/log_analysis.toml", "tip, model and estimators")}
+
+
+@plugin
+def palpate_flags() -> dict[str, FlagMeaning]:
+    """What the flags of filters and fits mean."""
+    from palpate_filters.fit import FIT_FLAGS
+
+    return FIT_FLAGS

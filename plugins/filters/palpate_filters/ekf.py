@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from palpate import Problem, Speed, Tracker
-from pydantic import Field
+from typing import Any
 
-from palpate_filters.inertial_filter import FadingFilter, InertialFilter, inertial_tracker
+from palpate import Problem, Tracker
+from pydantic import Field, model_validator
+
+from palpate_filters.fading import PRESET, Preset, StrongFading, preset_below
+from palpate_filters.inertial_filter import InertialFilter, inertial_tracker
 from palpate_filters.predictions import linearised
 
 
@@ -23,18 +26,26 @@ class ExtendedKalmanFilter(InertialFilter):
         return inertial_tracker(self, problem, linearised)
 
 
-class AdaptiveFadingEkf(FadingFilter):
+class AdaptiveFadingEkf(InertialFilter):
     """The paper's AFEKF: the extended Kalman filter with a covariance that is inflated while innovations are large.
 
     For sweeps, where the material changes under the tip; on a point it only adds noise (2 to 7 of 50 simulated runs end
     more than 10 % off). Source: paper, section Dynamic Estimation; Kim, Lee and Park 2007.
     """
 
-    theta: Speed = Field(default=1.5e-3, ge=0, description="innovation beyond which alpha rises")
-    alpha_max: float = Field(default=1.05, ge=1, le=10, description="largest fading factor")
-    step_up: float = Field(default=0.05, ge=0, le=10, description="rise of alpha in a step")
-    step_down: float = Field(default=0.05, ge=0, le=10, description="fall of alpha in a step")
+    preset: Preset = Field(default="palpate", description=PRESET)
+    fading: StrongFading = Field(default=StrongFading(), description="how the covariance is inflated")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_preset(cls, data: Any) -> Any:
+        return preset_below(data)
+
+    @property
+    def follows_changes(self) -> bool:
+        """See `palpate.Estimator`."""
+        return True
 
     def start(self, problem: Problem) -> Tracker:
         """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
-        return inertial_tracker(self, problem, linearised)
+        return inertial_tracker(self, problem, linearised, self.fading)

@@ -6,25 +6,13 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import (
-    Belief,
-    ConfigurationError,
-    InertialProcess,
-    Moment,
-    Problem,
-    Status,
-    Tracker,
-    track_by_step,
-)
+from palpate import Belief, ConfigurationError, InertialProcess, Moment, Problem, Status, Tracker, track_by_step
 from pydantic import Field
 
-from palpate_filters.filterpy_kinds import Filter, Rig, ensemble, extended, sampled
+from palpate_filters.filterpy_kinds import Filter, ScaledProcess, ensemble, extended, sampled
 from palpate_filters.inertial_filter import PaperStart, first_state, mass_of
+from palpate_filters.opening_fit import PAUSE
 from palpate_filters.predictions import Points
-from palpate_filters.tracking import PAUSE
-
-Floats = NDArray[np.float64]
 
 _RESUME_STD = 1e-4  # [m]
 
@@ -59,8 +47,8 @@ class FilterpyFilter(PaperStart):
         except ImportError as error:
             raise ConfigurationError(f"filterpy cannot be imported ({error}); pip install filterpy") from error
         process = InertialProcess(problem.model, mass_of(problem))
-        start = first_state(self, process)
-        rig = Rig(process, start, self.force_std, self.velocity_std)
+        start = first_state(self, process, problem)
+        rig = ScaledProcess(process, start, self.force_std, self.velocity_std)
         makers: dict[str, Callable[[], Filter]] = {
             "ekf": lambda: extended(rig),
             "ukf": lambda: sampled(rig, filterpy.kalman.UnscentedKalmanFilter, points=self._points(process.states)),
@@ -80,7 +68,7 @@ class FilterpyFilter(PaperStart):
 class _Stepper:
     """The step function of the track."""
 
-    def __init__(self, rig: Rig, make: Callable[[], Filter]) -> None:
+    def __init__(self, rig: ScaledProcess, make: Callable[[], Filter]) -> None:
         self._rig, self._filter = rig, make()
         self._force = np.nan
         self._surface = np.nan
@@ -103,35 +91,37 @@ class _Stepper:
             self._filter.predict(moment.interval, self._force)
             status |= Status(0) if np.isfinite(self._force) else Status.BLIND
         rig, (mean, covariance) = self._rig, self._filter.get()
+        depth, speed = rig.process.layout.at("depth"), rig.speed
         innovation = np.nan
         if np.isfinite(moment.velocity):
-            rate = -moment.velocity / rig.scale[1]
-            innovation = float((rate - mean[1]) / np.sqrt(covariance[1, 1] + rig.variance))
+            rate = -moment.velocity / rig.scale[speed]
+            innovation = float((rate - mean[speed]) / np.sqrt(covariance[speed, speed] + rig.variance))
             self._filter.update(rate)
         else:
             status |= Status.BLIND
         self._force = moment.force
         mean, covariance = self._filter.get()
         variance = np.diag(covariance)
-        if not (np.isfinite(mean).all() and (variance >= 0).all() and abs(mean[0] * rig.scale[0]) < 0.1):
+        if not (np.isfinite(mean).all() and (variance >= 0).all() and abs(mean[depth] * rig.scale[depth]) < 0.1):
             raise FloatingPointError
         values, std = mean * rig.scale, np.sqrt(variance) * rig.scale
-        self._surface = moment.position + values[0]
+        self._surface = moment.position + values[depth]
         where = rig.process.parameters
-        status |= Status.LIFTED if values[0] <= 0 else Status(0)
-        depth, force = (float(values[0]), float(std[0])), rig.force(mean)
-        return Belief(values[where], std[where], *depth, force, innovation**2, int(status), innovation)
+        status |= Status.LIFTED if values[depth] <= 0 else Status(0)
+        height, force = (float(values[depth]), float(std[depth])), rig.force(mean)
+        return Belief(values[where], std[where], *height, force, innovation**2, int(status), innovation)
 
     def _begin(self, moment: Moment) -> Status:
         rig, depth = self._rig, self._surface - moment.position
+        place, last = rig.process.layout.at("depth"), rig.process.layout.span("memory", "derivatives")
         resumed = self._begun and depth > 0
         mean, covariance = rig.start.mean / rig.scale, np.eye(len(rig.scale))
         if resumed:
             before, spread = self._filter.get()
-            mean[2:], covariance[2:, 2:] = before[2:], spread[2:, 2:]
-            mean[0] = depth / rig.scale[0]
-            covariance[0, 0] = spread[0, 0] + (_RESUME_STD / rig.scale[0]) ** 2
-        mean[1] = -moment.velocity / rig.scale[1] if np.isfinite(moment.velocity) else 0.0
+            mean[last], covariance[last, last] = before[last], spread[last, last]
+            mean[place] = depth / rig.scale[place]
+            covariance[place, place] = spread[place, place] + (_RESUME_STD / rig.scale[place]) ** 2
+        mean[rig.speed] = -moment.velocity / rig.scale[rig.speed] if np.isfinite(moment.velocity) else 0.0
         self._filter.put(mean, covariance)
         self._begun = True
         return Status.RESUMED if resumed else Status(0)

@@ -6,13 +6,10 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import InertialProcess
+from palpate import Floats, InertialProcess
 
 from palpate_filters.inertial_filter import Start
 from palpate_filters.predictions import away
-
-Floats = NDArray[np.float64]
 
 _BLIND_STD = 1.0  # [N], how little is known of a force that is missing
 
@@ -37,7 +34,7 @@ class _Evaluated:
         return self._found.copy()
 
 
-class Rig:
+class ScaledProcess:
     """The process in units of the first standard deviations."""
 
     def __init__(self, process: InertialProcess, start: Start, force_std: float, velocity_std: float) -> None:
@@ -45,12 +42,13 @@ class Rig:
 
         self.process, self.start, self.scale = process, start, start.std
         self.force_std = force_std
-        self.variance = (velocity_std / start.std[1]) ** 2
+        self.speed = process.layout.at("rate")
+        self.variance = (velocity_std / start.std[self.speed]) ** 2
         x, u, t = ca.SX.sym("x", process.states), ca.SX.sym("u"), ca.SX.sym("T")
         state = ca.vertsplit(x)
         driven = ca.if_else(ca.fabs(u) <= 1e300, u, process.force(state))
         ahead = ca.vertcat(*process.predict(state, driven, t))
-        slope = ca.substitute(ca.jacobian(ahead, x), x, ca.vertcat(away(x[0]), x[1:]))
+        slope = ca.substitute(ca.jacobian(ahead, x), x, away(process, x))
         given, n = ca.vertcat(x, u, t), process.states
         self._ahead, self._slope = _Evaluated(given, ahead), _Evaluated(given, ca.vec(slope.T))
         self._force = _Evaluated(given, process.force(state))
@@ -65,14 +63,18 @@ class Rig:
         found = self._slope(x.ravel() * self.scale, force, interval).reshape(self._shape)
         return found * self.scale / self.scale[:, None]
 
+    def reading(self, x: Floats) -> Floats:
+        """What is measured (1,) in a state: its rate."""
+        return x[self.speed : self.speed + 1]
+
     def force(self, x: Floats) -> float:
         """Contact force [N] in a state."""
-        return float(self._force(x.ravel() * self.scale, 0.0, 0.0)[0])
+        return float(self._force(x.ravel() * self.scale, 0.0, 0.0).item())
 
     def noise(self, interval: float, force: float) -> Floats:
         """Process noise (n, n)."""
         gain = np.zeros(len(self.scale))
-        gain[:2] = self.process.gain(interval)
+        gain[self.process.layout.span("depth", "rate")] = self.process.gain(interval)
         std = self.force_std if np.isfinite(force) else _BLIND_STD
         return np.outer(gain / self.scale, gain / self.scale) * std**2
 
@@ -97,12 +99,12 @@ class Filter(Protocol):
         ...
 
 
-def extended(rig: Rig) -> Filter:
+def extended(rig: ScaledProcess) -> Filter:
     """filterpy's extended Kalman filter."""
     return _Extended(rig)
 
 
-def ensemble(rig: Rig, members: int, seed: int) -> Filter:
+def ensemble(rig: ScaledProcess, members: int, seed: int) -> Filter:
     """filterpy's ensemble Kalman filter."""
     return _Ensemble(rig, members, seed)
 
@@ -110,13 +112,13 @@ def ensemble(rig: Rig, members: int, seed: int) -> Filter:
 class _Extended:
     """filterpy.kalman.ExtendedKalmanFilter."""
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: ScaledProcess) -> None:
         from filterpy.kalman import ExtendedKalmanFilter
 
         self._rig, n = rig, rig.process.states
         self._filter = ExtendedKalmanFilter(n, 1)
         self._filter.R = np.array([[rig.variance]])
-        self._row = np.eye(n)[1:2]
+        self._row = rig.reading(np.eye(n))
 
     def get(self) -> tuple[Floats, Floats]:
         return self._filter.x.ravel(), self._filter.P
@@ -132,13 +134,13 @@ class _Extended:
         self._filter.x = self._rig.ahead(before, interval, force).reshape(-1, 1)
 
     def update(self, rate: float) -> None:
-        self._filter.update(np.array([[rate]]), lambda x: self._row, lambda x: x[1:2])
+        self._filter.update(np.array([[rate]]), lambda x: self._row, self._rig.reading)
 
 
-def sampled(rig: Rig, kind: Any, **extra: Any) -> Filter:
+def sampled(rig: ScaledProcess, kind: Any, **extra: Any) -> Filter:
     """filterpy's unscented or cubature Kalman filter."""
     n = rig.process.states
-    filter_ = kind(dim_x=n, dim_z=1, dt=1.0, hx=lambda x: x[1:2], fx=rig.ahead, **extra)
+    filter_ = kind(dim_x=n, dim_z=1, dt=1.0, hx=rig.reading, fx=rig.ahead, **extra)
     filter_.R = np.array([[rig.variance]])
     return _Sampled(rig, filter_, cubature="points" not in extra)
 
@@ -146,7 +148,7 @@ def sampled(rig: Rig, kind: Any, **extra: Any) -> Filter:
 class _Sampled:
     """filterpy.kalman.UnscentedKalmanFilter and CubatureKalmanFilter."""
 
-    def __init__(self, rig: Rig, filter_: Any, cubature: bool) -> None:
+    def __init__(self, rig: ScaledProcess, filter_: Any, cubature: bool) -> None:
         self._rig, self._filter, self._cubature = rig, filter_, cubature
         self._drawn = False
 
@@ -176,7 +178,7 @@ class _Sampled:
 class _Ensemble:
     """filterpy.kalman.EnsembleKalmanFilter, which plays dice with numpy's global generator."""
 
-    def __init__(self, rig: Rig, members: int, seed: int) -> None:
+    def __init__(self, rig: ScaledProcess, members: int, seed: int) -> None:
         self._rig, self._members = rig, members
         self._dice = np.random.RandomState(seed).get_state()
         self._interval, self._force = 0.0, 0.0
@@ -202,7 +204,7 @@ class _Ensemble:
 
         def make() -> Any:
             return EnsembleKalmanFilter(
-                x=mean, P=covariance, dim_z=1, dt=1.0, N=self._members, hx=lambda x: x[1:2], fx=self._ahead
+                x=mean, P=covariance, dim_z=1, dt=1.0, N=self._members, hx=self._rig.reading, fx=self._ahead
             )
 
         self._filter = self._own_dice(make)

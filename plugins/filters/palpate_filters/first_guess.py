@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import ConfigurationError, ContactModel, to_si
-
-Floats = NDArray[np.float64]
+from palpate import ConfigurationError, ContactModel, Floats, to_si
 
 _REFERENCE_DEPTH = 1e-3  # [m], where the paper's kappa and lambda are numerically force and damping
 
@@ -20,15 +17,16 @@ def first_guess(
     forces: Mapping[str, tuple[float, float]],
     given: Mapping[str, Any],
     given_std: Mapping[str, Any],
+    others: Mapping[str, Sequence[str]],
 ) -> tuple[Floats, Floats]:
     """First values (k,) and standard deviations (k,) of a model's parameters.
 
     `forces` holds, for "elastic" [N] and "viscous" [N s/m], the first guess of the force that such a parameter makes at
     a depth of 1 mm, and its standard deviation. A parameter of neither role starts at its own first guess, or amid its
-    bounds.
+    bounds. A guess applies to the models that have the parameter; `others` are the parameters of those beside this one.
     Raises ConfigurationError where that is impossible and nothing is given, or where what is given is not right.
     """
-    _refuse_unknown({*given, *given_std}, model)
+    _refuse_unknown({*given, *given_std}, model, others)
     guess, spread = np.zeros(len(model.parameters)), np.zeros(len(model.parameters))
     # Those of no role first: the force that the others make depends on them.
     for i, parameter in sorted(enumerate(model.parameters), key=lambda pair: pair[1].role is not None):
@@ -69,8 +67,9 @@ def _given(table: Mapping[str, Any], name: str, unit: str, default: float | None
     return default
 
 
-def _refuse_unknown(given: set[str], model: ContactModel) -> None:
+def _refuse_unknown(given: set[str], model: ContactModel, others: Mapping[str, Sequence[str]]) -> None:
     names = [parameter.name for parameter in model.parameters]
-    unknown = sorted(given - set(names))
+    unknown = sorted(given.difference(names, *others.values()))
     if unknown:
-        raise ConfigurationError(f"first guess of {unknown[0]}: the model has {', '.join(names)}")
+        beside = "".join(f"; {other} has {', '.join(others[other])}" for other in others)
+        raise ConfigurationError(f"first guess of {unknown[0]}: the model has {', '.join(names)}{beside}")

@@ -6,10 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import LogError, Samples
-
-Floats = NDArray[np.float64]
+from palpate import Floats, LogError, Samples
 
 _ENOUGH = 50  # samples
 _KEPT = 2000  # samples; the latest before contact
@@ -17,7 +14,7 @@ _STILL = 1e-4  # [m]; a tip that goes further was not at rest
 
 
 @dataclass(frozen=True)
-class Noise:
+class MeasuredNoise:
     """What was measured, and in which part of the record."""
 
     force: float  # [N]
@@ -45,21 +42,21 @@ class FreeAir:
             still = new[:, samples.time[rows] < self._rest]
             self._still = np.concatenate([self._still, still], axis=1)
 
-    def noise(self) -> Noise:
+    def noise(self) -> MeasuredNoise:
         """Standard deviations at rest, else over the free air; raises LogError where there was too little of it."""
         found = self._at_rest()
         if found is None:
-            found = Noise(_from_curvature(self._air[0]), _from_curvature(self._air[1]), "free air")
+            found = MeasuredNoise(_from_curvature(self._air[0]), _from_curvature(self._air[1]), "free air")
         if min(found.force, found.velocity) <= 0.0:
             raise LogError('noise = "measure": force or velocity is constant in free air')
         return found
 
-    def _at_rest(self) -> Noise | None:
+    def _at_rest(self) -> MeasuredNoise | None:
         """None where there was no rest, or not enough of it."""
         force, velocity, position = (values[np.isfinite(values)] for values in self._still)
         if min(len(force), len(velocity), len(position)) < _ENOUGH or np.ptp(position) > _STILL:
             return None
-        return Noise(float(force.std(ddof=1)), float(velocity.std(ddof=1)), "rest")
+        return MeasuredNoise(float(force.std(ddof=1)), float(velocity.std(ddof=1)), "rest")
 
 
 def _from_curvature(values: Floats) -> float:

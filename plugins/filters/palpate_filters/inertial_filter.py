@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from palpate import (
     ConfigurationError,
     Damping,
     Estimator,
+    Floats,
     Force,
     InertialProcess,
     Length,
@@ -24,12 +24,12 @@ from palpate import (
 )
 from pydantic import Field
 
+from palpate_filters.fading import Fading
 from palpate_filters.first_guess import first_guess
-from palpate_filters.inertial_step import Prediction, inertial_step
+from palpate_filters.inertial_step import Prediction, carried, inertial_step
 from palpate_filters.opening_fit import fit_start, fittable
-from palpate_filters.tracking import Carry, Opening, Recursion, RecursiveTracker
-
-Floats = NDArray[np.float64]
+from palpate_filters.recursion import Carry, Opening, Recursion
+from palpate_filters.tracking import RecursiveTracker
 
 _RESUME_STD = 1e-4  # [m], what a carry-over by the measured position adds to the uncertainty of the depth
 _FIT_SPREAD = (
@@ -76,38 +76,23 @@ class InertialFilter(PaperStart, ABC):
         default="guess", description='"fit": a variable-projection fit of the first start_duration of contact'
     )
     start_duration: Time = Field(default=0.5, gt=0, description="length of the fit; nothing is estimated before")
-
-    @property
-    def declared_noise(self) -> tuple[float, float] | None:
-        """See `palpate.Estimator`."""
-        return (self.force_std, self.velocity_std) if self.noise == "given" else None
-
-
-class FadingFilter(InertialFilter, ABC):
-    """Settings of adaptive fading: P is multiplied by alpha, which rises while the innovation is large.
-
-    alpha <- min(alpha_max, alpha + step_up) where |innovation| > theta, else max(1, alpha - step_down) (paper, section
-    Dynamic Estimation). `theta` must exceed the standard deviation of the innovation, some 0.9 to 1 mm/s with the
-    paper's noise, or alpha stays at its maximum.
-    """
-
-    theta: Speed = Field(default=1e-3, ge=0, description="innovation beyond which alpha rises")
-    alpha_max: float = Field(default=1.02, ge=1, le=10, description="largest fading factor")
-    step_up: float = Field(default=0.005, ge=0, le=10, description="rise of alpha in a step")
-    step_down: float = Field(default=0.005, ge=0, le=10, description="fall of alpha in a step")
-    signed: bool = Field(default=False, description="compare the innovation with its sign, to the letter of the paper")
-    covariance_cap: float = Field(
-        default=1.0,
-        gt=0,
-        allow_inf_nan=False,
-        description="fading raises no standard deviation beyond so many times its first value",
-    )
     order: int = Field(
         default=0, ge=0, le=4, description="evolution order: how many time derivatives of the parameters are states"
     )
     evolution_time: Time = Field(
         default=1.0, gt=0, description="first std of a k-th derivative: that of the parameter over this to the power k"
     )
+    derivative_std: float | None = Field(
+        default=None,
+        gt=0,
+        allow_inf_nan=False,
+        description="first std of a derivative, per s^k and as a multiple of the parameter's; replaces evolution_time",
+    )
+
+    @property
+    def declared_noise(self) -> tuple[float, float] | None:
+        """See `palpate.Estimator`."""
+        return (self.force_std, self.velocity_std) if self.noise == "given" else None
 
 
 @dataclass(frozen=True)
@@ -127,14 +112,15 @@ def mass_of(problem: Problem) -> float:
     return problem.tip_mass
 
 
-def inertial_tracker(settings: InertialFilter, problem: Problem, prediction: Prediction) -> Tracker:
-    """A tracker of a filter on the inertial process.
+def inertial_tracker(
+    settings: InertialFilter, problem: Problem, prediction: Prediction, fading: Fading | None = None
+) -> Tracker:
+    """A tracker of a filter on the inertial process, with adaptive fading where it is given.
 
     Raises ConfigurationError where no tip mass is declared or a first guess cannot be made.
     """
-    fading = settings if isinstance(settings, FadingFilter) else None
-    process = InertialProcess(problem.model, mass_of(problem), fading.order if fading else 0)
-    start = first_state(settings, process, fading.evolution_time if fading else 1.0)
+    process = InertialProcess(problem.model, mass_of(problem), settings.order)
+    start = first_state(settings, process, problem, settings.evolution_time, settings.derivative_std)
     fade = (fading.theta, fading.alpha_max, fading.step_up, fading.step_down) if fading else _NO_FADING
     cap = (fading.covariance_cap * start.std) ** 2 if fading else np.full(process.states, 1e300)
 
@@ -159,16 +145,23 @@ def _inputs(samples: Samples, interval: Floats) -> Floats:
     return np.column_stack([samples.force, -samples.velocity, interval])
 
 
-def first_state(settings: PaperStart, process: InertialProcess, evolution_time: float = 1.0) -> Start:
+def first_state(
+    settings: PaperStart,
+    process: InertialProcess,
+    problem: Problem,
+    evolution_time: float = 1.0,
+    derivative_std: float | None = None,
+) -> Start:
     """The state that the first guess gives; raises ConfigurationError where it gives none."""
     model = process.model
     forces = {
         "elastic": (settings.start_force, settings.start_force_std),
         "viscous": (settings.start_damping, settings.start_damping_std),
     }
-    guess, spread = first_guess(model, forces, settings.first_guess, settings.first_guess_std)
+    guess, spread = first_guess(model, forces, settings.first_guess, settings.first_guess_std, problem.others)
     zeros, memory = np.zeros(process.order * len(guess)), np.zeros(len(model.memory))
-    derivatives = [spread / evolution_time**k for k in range(1, process.order + 1)]
+    orders = range(1, process.order + 1)
+    derivatives = [spread * derivative_std if derivative_std else spread / evolution_time**k for k in orders]
     mean = np.concatenate([[settings.start_depth, 0.0], memory, guess, zeros])
     std = np.concatenate([[settings.start_depth_std, settings.start_rate_std], memory + 1.0, spread, *derivatives])
     return Start(mean, std)
@@ -181,7 +174,8 @@ def _fitted(process: InertialProcess, start: Start, window: Samples) -> Start | 
     if found is None:
         return None
     mean, std = start.mean.copy(), start.std.copy()
-    mean[0], std[0] = found.surface - window.position[0], min(_FIT_SPREAD * found.surface_std, std[0])
+    depth = process.layout.at("depth")
+    mean[depth], std[depth] = found.surface - window.position[0], min(_FIT_SPREAD * found.surface_std, std[depth])
     mean[values] = found.theta
     std[values] = np.where(found.theta_std > 0, np.minimum(_FIT_SPREAD * found.theta_std, std[values]), std[values])
     return Start(mean, std)
@@ -189,16 +183,17 @@ def _fitted(process: InertialProcess, start: Start, window: Samples) -> Start | 
 
 def _begin(process: InertialProcess, start: Start, carry: Carry, first: Samples) -> tuple[Floats, bool]:
     """Start afresh, or carry the last estimate over a pause by the measured position; True in this case."""
-    n = process.states
+    place, held = process.layout, carried(process)
+    depth_at, last = place.at("depth"), place.span("memory", "derivatives")
     position, rate = float(first.position[0]), -float(first.velocity[0])
     depth = carry.surface - position
     resumed = carry.state is not None and depth > 0
     mean, covariance, factor = start.mean.copy(), np.diag(start.std**2), 1.0
     if resumed:
         assert carry.state is not None
-        mean[2:] = carry.state[2:n]
-        before = carry.state[n : n + n * n].reshape(n, n)
-        covariance[2:, 2:] = before[2:, 2:]
-        mean[0], covariance[0, 0] = depth, before[0, 0] + _RESUME_STD**2
-    mean[1] = rate if np.isfinite(rate) else 0.0
+        mean[last] = carry.state[held["mean"]][last]
+        before = carry.state[held["covariance"]].reshape(covariance.shape)
+        covariance[last, last] = before[last, last]
+        mean[depth_at], covariance[depth_at, depth_at] = depth, before[depth_at, depth_at] + _RESUME_STD**2
+    mean[place.at("rate")] = rate if np.isfinite(rate) else 0.0
     return np.concatenate([mean, covariance.ravel(), [0.0, 0.0, factor]]), resumed

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import ContactModel, Samples, contact_force
+from palpate import ContactModel, Floats, Layout, Samples, contact_force
 
-Floats = NDArray[np.float64]
-
+PAUSE = 0.02  # [s]; over a longer one the measured position carries the depth, not the process
 _SPAN = 5  # samples to either side over which acceleration is differenced
 _FEWEST = 30  # samples
 _DEEPEST = 0.012  # [m] of surface above the highest position of the window
 _GRID = 49
+
+
+@dataclass(frozen=True)
+class BiasPrior:
+    """What is known beforehand of a force bias, and how noisy the force is."""
+
+    std: float  # [N]
+    noise: float  # [N]
 
 
 @dataclass(frozen=True)
@@ -26,6 +33,9 @@ class StartFit:
     surface_std: float  # [m]
     theta: Floats  # (k,)
     theta_std: Floats  # (k,); 0 where the parameter was not fitted
+    bias: float = 0.0  # [N]
+    # (2 + k, 2 + k) of the window, without the prior: surface [m], chart of `palpate.KinematicProcess`, bias [N]
+    information: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def fittable(model: ContactModel) -> bool:
@@ -33,12 +43,20 @@ def fittable(model: ContactModel) -> bool:
     return any(parameter.role is not None for parameter in model.parameters)
 
 
-def fit_start(model: ContactModel, mass: float, window: Samples, guess: Floats) -> StartFit | None:
-    """Surface height and parameters by least squares on u + m z'' = F(d, d'); None where the window does not tell.
+def fit_start(
+    model: ContactModel,
+    mass: float,
+    window: Samples,
+    guess: Floats,
+    prior: BiasPrior | None = None,
+    lenient: bool = False,
+) -> StartFit | None:
+    """Surface height and parameters by least squares on u + m z'' = F(d, d') + b; None where the window does not tell.
 
-    For every surface height the parameters that the force is proportional to follow from a linear fit, and the height
-    from a search (Golub and Pereyra 1973). Parameters without such a role keep their guess. The surface may lie within
-    the window's motion: out of contact the force is 0.
+    For every surface height the parameters that the force is proportional to, and with a prior the bias b, follow from
+    a linear fit, and the height from a search (Golub and Pereyra 1973). Parameters without such a role keep their
+    guess. The surface may lie within the window's motion: out of contact the force is 0. A `lenient` fit takes a
+    viscosity that comes out as 0 for its own standard deviation, where otherwise the window does not tell.
     """
     position, rate, force = _kinematics(mass, window)
     fitted = [i for i, parameter in enumerate(model.parameters) if parameter.role is not None]
@@ -54,24 +72,60 @@ def fit_start(model: ContactModel, mass: float, window: Samples, guess: Floats) 
             one[[j for j in range(len(guess)) if j not in fitted]] = np.delete(guess, fitted)
         return np.column_stack([contact_force(model, depth, rate, list(one), rest) for one in theta])
 
-    surface = _search(lambda height: _misfit(columns(height), force)[0], position)
-    misfit, theta = _misfit(columns(surface), force)
+    solve = partial(_misfit, force=force, prior=prior)
+    surface = _search(lambda height: solve(columns(height))[0], position)
+    misfit, theta, bias = solve(columns(surface))
     variance = misfit / (len(force) - len(fitted) - 1)
     step = 1e-6
     slope = (columns(surface + step) - columns(surface - step)) @ theta / (2 * step)
     design = np.column_stack([slope, columns(surface)])
     scale = np.linalg.norm(design, axis=0)
+    if lenient and prior is None and theta[0] > 0 and np.isfinite(design).all() and (scale > 0).all():
+        theta = np.where(theta > 0, theta, np.sqrt(variance) / scale[1:])
     if not (np.isfinite(design).all() and (scale > 0).all() and (theta > 0).all()):
         return None
+    values, deviations = guess.copy(), np.zeros(len(guess))
+    values[fitted] = theta
+    if prior is not None:
+        return _with_bias(surface, values, fitted, bias, design, prior)
     information = (design / scale).T @ (design / scale)
     if np.linalg.cond(information) > 1e14:
         return None
-    std = np.sqrt(np.diag(np.linalg.inv(information)) * variance) / scale
-    if std[1] > theta[0]:  # the first parameter is lost in noise
+    std_surface, *std = np.sqrt(np.diag(np.linalg.inv(information)) * variance) / scale
+    if std[0] > theta[0]:  # the first parameter is lost in noise
         return None
-    values, deviations = guess.copy(), np.zeros(len(guess))
-    values[fitted], deviations[fitted] = theta, std[1:]
-    return StartFit(surface, float(std[0]), values, deviations)
+    deviations[fitted] = std
+    return StartFit(surface, float(std_surface), values, deviations)
+
+
+def _with_bias(
+    surface: float, theta: Floats, fitted: list[int], bias: float, design: Floats, prior: BiasPrior
+) -> StartFit | None:
+    """The fit with a bias, and how surface, parameters and bias hang together."""
+    slope, *units = design.T
+    parts = [column * theta[i] for column, i in zip(units, fitted, strict=True)]
+    # On the chart the first logarithm multiplies the whole force, the others the part of their parameter.
+    place = Layout(surface=1, chart=len(theta), bias=1)
+    chart = np.zeros((len(slope), len(theta)))
+    for i, part in zip(fitted, parts, strict=True):
+        chart[:, i] = part
+    if fitted[0] == 0:
+        chart[:, 0] = np.sum(parts, axis=0)
+    whole = np.column_stack([slope, chart, np.ones(len(slope))]) / prior.noise
+    information = whole.T @ whole
+    told = np.r_[place.at("surface"), place["chart"].start + np.array(fitted), place.at("bias")]
+    known = information[np.ix_(told, told)].copy()
+    known[-1, -1] += 1.0 / prior.std**2
+    scale = np.sqrt(np.diag(known))
+    scaled = known / np.outer(scale, scale)
+    if np.linalg.cond(scaled) > 1e14:
+        return None
+    covariance = np.zeros((place.size, place.size))
+    covariance[np.ix_(told, told)] = np.linalg.inv(scaled) / np.outer(scale, scale)
+    std = np.sqrt(np.diag(covariance))
+    if std[place["chart"]][fitted[0]] > 1.0:  # the first parameter is lost in noise
+        return None
+    return StartFit(surface, float(std[place.at("surface")]), theta, theta * std[place["chart"]], bias, information)
 
 
 def _kinematics(mass: float, window: Samples) -> tuple[Floats, Floats, Floats]:
@@ -83,18 +137,29 @@ def _kinematics(mass: float, window: Samples) -> tuple[Floats, Floats, Floats]:
     acceleration = (window.velocity[2 * n :] - window.velocity[: -2 * n]) / span
     force = window.force[n:-n] + mass * acceleration
     position, rate = window.position[n:-n], -window.velocity[n:-n]
-    known = np.isfinite(force) & np.isfinite(rate) & np.isfinite(position)
+    pauses = np.concatenate([[0], np.cumsum(np.diff(window.time) > PAUSE)])
+    known = np.isfinite(force) & np.isfinite(rate) & np.isfinite(position) & (pauses[2 * n :] == pauses[: -2 * n])
     return position[known], rate[known], force[known]
 
 
-def _misfit(columns: Floats, force: Floats) -> tuple[float, Floats]:
+def _misfit(columns: Floats, force: Floats, prior: BiasPrior | None = None) -> tuple[float, Floats, float]:
+    """Sum of squares, parameters (none negative) and, with a prior, bias [N] that explain a force best."""
     from scipy.optimize import nnls
 
     scale = np.linalg.norm(columns, axis=0)
     if not np.isfinite(columns).all() or not (scale > 0).all():
-        return float(force @ force), np.zeros(columns.shape[1])
-    theta, residual = nnls(columns / scale, force)
-    return float(residual) ** 2, np.asarray(theta / scale, float)
+        return float(force @ force), np.zeros(columns.shape[1]), 0.0
+    if prior is None:
+        theta, residual = nnls(columns / scale, force)
+        return float(residual) ** 2, np.asarray(theta / scale, float), 0.0
+    # The bias may be negative: one column for either sign, and the prior as one more reading.
+    count, ones = columns.shape[1], np.ones((len(force), 1))
+    pull = np.zeros((1, count + 2))
+    pull[0, count:] = prior.noise / prior.std, -prior.noise / prior.std
+    design = np.vstack([np.hstack([columns / scale, ones, -ones]), pull])
+    found, residual = nnls(design, np.append(force, 0.0))
+    up, down = found[count:]
+    return float(residual) ** 2, np.asarray(found[:count] / scale, float), float(up - down)
 
 
 def _search(misfit: Callable[[float], float], position: Floats) -> float:

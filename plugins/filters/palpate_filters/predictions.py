@@ -6,8 +6,7 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import InertialProcess
+from palpate import Floats, InertialProcess
 
 from palpate_filters.inertial_step import Predicted, Prediction
 from palpate_filters.symmetric import cholesky, congruence, mirrored
@@ -15,7 +14,7 @@ from palpate_filters.symmetric import cholesky, congruence, mirrored
 _DEPTH_FLOOR = 1e-5  # [m]; the slope of sqrt(d) has a pole at 0, so Jacobians are taken no nearer
 
 Points = Literal["merwe", "julier", "simplex"]
-Directions = tuple[NDArray[np.float64], float, float]
+Directions = tuple[Floats, float, float]
 
 
 def linearised(
@@ -30,11 +29,11 @@ def linearised(
     if process.model.memory:
         symbols = ca.SX.sym("x", process.states)
         jacobian = ca.jacobian(_stepper(process)(symbols, force, interval, known), symbols)
-        jacobian = ca.substitute(jacobian, symbols, ca.vertcat(away(mean[0]), mean[1:]))
+        jacobian = ca.substitute(jacobian, symbols, away(process, mean))
     else:
         jacobian = _transition(process, interval) - (gain * known) @ slope.T
     noisy = congruence(jacobian, covariance) + gain @ gain.T * force_std**2
-    return Predicted(ahead, noisy, None, slope[0], ca.SX(0))
+    return Predicted(ahead, noisy, None, slope[process.layout.at("depth")], ca.SX(0))
 
 
 def unscented(points: Points, alpha: float, beta: float, kappa: float, redraw: bool) -> Prediction:
@@ -52,8 +51,9 @@ def unscented(points: Points, alpha: float, beta: float, kappa: float, redraw: b
             moments = _excess_moments(process, mean, covariance, root, directions, (force, interval, known))
         gain = _gain(process, interval)
         noisy = moments[1] + gain @ gain.T * force_std**2
-        column = None if redraw else moments[1][:, 1]
-        return Predicted(moments[0], noisy, column, _force_slope(process, mean)[0], repaired)
+        column = None if redraw else moments[1][:, process.layout.at("rate")]
+        stiffness = _force_slope(process, mean)[process.layout.at("depth")]
+        return Predicted(moments[0], noisy, column, stiffness, repaired)
 
     return predict
 
@@ -150,21 +150,25 @@ def _force_slope(process: InertialProcess, mean: Any) -> Any:
     import casadi as ca
 
     symbols = ca.SX.sym("x", process.states)
-    parts = ca.vertsplit(symbols)
-    force = process.model.force(parts[0], parts[1], parts[process.parameters], parts[2 : process.parameters.start])
+    parts, place = ca.vertsplit(symbols), process.layout
+    depth, rate = parts[place.at("depth")], parts[place.at("rate")]
+    force = process.model.force(depth, rate, parts[place["parameters"]], parts[place["memory"]])
     slope = ca.jacobian(force, symbols).T
-    inside = ca.vertcat(ca.fmax(mean[0], _DEPTH_FLOOR), mean[1:])
-    return ca.substitute(slope, symbols, inside) * (mean[0] > 0)
+    here, inside = mean[place.at("depth")], ca.SX(mean)
+    inside[place.at("depth")] = ca.fmax(here, _DEPTH_FLOOR)
+    return ca.substitute(slope, symbols, inside) * (here > 0)
 
 
-def away(depth: Any) -> Any:
-    """The depth at which to take a Jacobian: no nearer to the pole of sqrt(d) than the floor."""
+def away(process: InertialProcess, mean: Any) -> Any:
+    """The state at which to take a Jacobian: its depth no nearer to the pole of sqrt(d) than the floor."""
     import casadi as ca
 
-    return ca.if_else(depth > 0, ca.fmax(depth, _DEPTH_FLOOR), depth)
+    at, inside = process.layout.at("depth"), ca.SX(mean)
+    inside[at] = ca.if_else(mean[at] > 0, ca.fmax(mean[at], _DEPTH_FLOOR), mean[at])
+    return inside
 
 
 def _gain(process: InertialProcess, interval: Any) -> Any:
     import casadi as ca
 
-    return ca.vertcat(*process.gain(interval), ca.SX.zeros(process.states - 2))
+    return ca.vertcat(*process.gain(interval), ca.SX.zeros(process.states - process.layout.span("depth", "rate").stop))

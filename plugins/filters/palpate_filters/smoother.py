@@ -6,21 +6,19 @@ from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Estimates, Kernel, Problem, Samples, Status, Time, Tracker, compile_step
+from palpate import Estimates, Floats, Kernel, Problem, Samples, Status, Time, Tracker, compile_step
 from pydantic import Field
 
+from palpate_filters.backward_step import backward_step
 from palpate_filters.kinematic_filter import (
-    KinematicSettings,
     kinematic_process,
     kinematic_recursion,
     noises,
     opening,
 )
-from palpate_filters.kinematic_step import backward_step
-from palpate_filters.tracking import Passage, RecursiveTracker
-
-Floats = NDArray[np.float64]
+from palpate_filters.kinematic_settings import KinematicSettings
+from palpate_filters.recursion import Stretch, output_layout
+from palpate_filters.tracking import RecursiveTracker
 
 _HOPS = 4  # a fixed-lag smoother looks between one lag and one lag and a quarter ahead
 
@@ -53,9 +51,9 @@ class _SmoothingTracker:
         self._recursion = kinematic_recursion(settings, problem, with_state=True)
         self._opening = opening(settings, problem)
         process = kinematic_process(settings, problem)
-        self._states = process.states
+        self._place = output_layout(self._recursion.parameters, process.states)
         self._backward: Kernel = compile_step(backward_step(process))
-        self._passages: list[Passage] = []
+        self._passages: list[Stretch] = []
         self._forward = RecursiveTracker(self._recursion, self._opening, self._passages.append)
 
     def run(self, samples: Samples) -> Estimates:
@@ -72,33 +70,36 @@ class _SmoothingTracker:
         begins = [i for i, passage in enumerate(self._passages) if passage.interval[0] == 0.0]
         return list(pairwise([*begins, len(self._passages)]))
 
-    def _smooth(self, passages: list[Passage], estimates: Estimates) -> None:
-        k, n = self._recursion.parameters, self._states
+    def _smooth(self, passages: list[Stretch], estimates: Estimates) -> None:
+        place, at = self._place, self._place.at
         samples = Samples.joined([passage.samples for passage in passages])
         outputs = np.vstack([passage.outputs for passage in passages])
         interval = np.concatenate([passage.interval for passage in passages])
         rows = slice(passages[0].rows.start, passages[-1].rows.stop)
         if (estimates.status[rows] & Status.DIVERGED).any():
             return
-        filtered = outputs[:, -n - n * n :]
+        filtered = outputs[:, place.span("mean", "covariance")]
         inputs = np.column_stack([filtered[:-1], interval[1:], samples.position[:-1]])
-        found = outputs[:, : 2 * k + 3].copy()
+        found = outputs[:, place.span("values", "force")].copy()
         found[:-1] = self._backwards(filtered, inputs, samples.time)
-        if not np.isfinite(found[:, : 2 * k]).all():  # where a position is missing, so is the surface above it
+        if not np.isfinite(
+            found[:, place.span("values", "variances")]
+        ).all():  # where a position is missing, so is the surface above it
             estimates.status[rows] |= np.uint32(Status.DIVERGED)
             return
-        estimates.values[rows], estimates.std[rows] = found[:, :k], np.sqrt(np.maximum(found[:, k : 2 * k], 0.0))
-        estimates.surface[rows] = samples.position + found[:, 2 * k]
-        estimates.surface_std[rows] = np.sqrt(np.maximum(found[:, 2 * k + 1], 0.0))
-        estimates.force[rows] = found[:, 2 * k + 2]
-        estimates.nis[rows], estimates.innovation[rows] = outputs[:, 2 * k + 3], outputs[:, 2 * k + 4]
+        estimates.values[rows] = found[:, place["values"]]
+        estimates.std[rows] = np.sqrt(np.maximum(found[:, place["variances"]], 0.0))
+        estimates.surface[rows] = samples.position + found[:, at("depth")]
+        estimates.surface_std[rows] = np.sqrt(np.maximum(found[:, at("depth_variance")], 0.0))
+        estimates.force[rows] = found[:, at("force")]
+        estimates.nis[rows], estimates.innovation[rows] = outputs[:, at("nis")], outputs[:, at("innovation")]
         estimates.status[rows] &= ~np.uint32(Status.WAITING | Status.IDLE)
 
     def _backwards(self, filtered: Floats, inputs: Floats, time: Floats) -> Floats:
         """What the smoother says of every sample but the last."""
         settings = np.array(noises(self._settings, *self._forward.noise))
         if not len(inputs):
-            return np.zeros((0, 2 * self._recursion.parameters + 3))
+            return np.zeros((0, self._place.span("values", "force").stop))
         lag = self._settings.lag
         if lag is None:
             _, outputs = self._backward.run(filtered[-1], inputs[::-1], settings)

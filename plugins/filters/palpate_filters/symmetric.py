@@ -60,3 +60,23 @@ def cholesky(matrix: Any) -> tuple[Any, Any]:
             below = matrix[i, j] - ca.dot(root[i, :j], root[j, :j]) if j else matrix[i, j]
             root[i, j] = below * inverse
     return root, negative
+
+
+def solve_symmetric(matrix: Any, right: Any) -> Any:
+    """The solution of a symmetric system by its root, columns and rows first scaled to one; lost directions give 0."""
+    import casadi as ca
+
+    n = matrix.shape[0]
+    scale = 1.0 / ca.sqrt(ca.fmax(ca.diag(matrix), 1e-300))
+    root, _ = cholesky(matrix * (scale @ scale.T))
+    inverse = [ca.if_else(root[i, i] > 1e-9, 1.0 / ca.fmax(root[i, i], 1e-9), 0.0) for i in range(n)]
+    scaled = ca.diag(scale) @ right
+    forward: list[Any] = []
+    for i in range(n):
+        rest = scaled[i, :] - (root[i, :i] @ ca.vertcat(*forward) if i else 0)
+        forward.append(rest * inverse[i])
+    backward: list[Any] = [None] * n
+    for i in reversed(range(n)):
+        rest = forward[i] - (root[i + 1 :, i].T @ ca.vertcat(*backward[i + 1 :]) if i < n - 1 else 0)
+        backward[i] = rest * inverse[i]
+    return ca.diag(scale) @ ca.vertcat(*backward)

@@ -7,60 +7,22 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Estimates, Samples, Status, Step, compile_step
+from palpate import Estimates, Floats, Samples, Status, compile_step
 
-Floats = NDArray[np.float64]
+from palpate_filters.opening_fit import PAUSE
+from palpate_filters.recursion import MARKS, Carry, Opening, Recursion, Stretch, output_layout
 
-PAUSE = 0.02  # [s]; over a longer one the measured position carries the depth, not the process
-_MARKS = (Status.LIFTED, Status.RESTARTED, Status.BLIND, Status.STIFF, Status.DIVERGED, Status.REPAIRED)
+_ELSEWHERE = 1e-3  # [m] along the surface: a touch there says nothing of the height here
 _ATTEMPTS = 15  # to start on a window, which has grown fourfold by then
-_DIVERGED = _MARKS.index(Status.DIVERGED)
 
 
 @dataclass(frozen=True)
-class Carry:
-    """What is left of a stretch of contact when the next one begins."""
+class _Held:
+    """Samples that wait for a start."""
 
-    state: Floats | None  # the filter's; None before the first stretch
-    surface: float  # [m], by the latest estimate
-
-
-@dataclass(frozen=True)
-class Recursion:
-    """A filter as its tracker needs it.
-
-    The step's output: parameters (k), their variances (k), depth below the surface by the measured position [m], its
-    variance, contact force [N], NIS (negative where nothing was measured), the normalised innovation of one measurement
-    (0 where it is missing), and 0/1 for depth not positive, restarted, a measurement missing, too stiff, broken
-    numbers, covariance repaired.
-    """
-
-    step: Step
-    parameters: int
-    settings: Callable[[float | None, float | None], Floats]  # from force and velocity noise, where measured
-    # State for a stretch, and whether it resumes the last one; None where it wants a longer window, and may (True).
-    begin: Callable[[Carry, Samples, bool], tuple[Floats, bool] | None]
-    inputs: Callable[[Samples, Floats], Floats]  # the step's samples (m, nw), from samples and their intervals
-
-
-@dataclass(frozen=True)
-class Opening:
-    """How a filter gets under way."""
-
-    window: float = 0.0  # [s] of samples gathered before the first estimate
-    measure_noise: bool = False
-    rest: float | None = None  # [s] at the beginning of the record in which the tip is known to be at rest
-
-
-@dataclass(frozen=True)
-class Passage:
-    """What a filter did on samples without a pause between them."""
-
-    rows: slice  # in the block
     samples: Samples
-    interval: Floats  # (m,) [s], 0 at the first of a stretch
-    outputs: Floats  # (m, ny)
+    row: int  # of the first, in its block
+    touch: bool  # a touch begins with them
 
 
 class RecursiveTracker:
@@ -70,11 +32,12 @@ class RecursiveTracker:
         self,
         recursion: Recursion,
         opening: Opening | None = None,
-        listener: Callable[[Passage], None] | None = None,
+        listener: Callable[[Stretch], None] | None = None,
     ) -> None:
         from palpate_filters.free_air import FreeAir
 
         self._recursion = recursion
+        self._place = output_layout(recursion.parameters)
         self._listener = listener
         self._opening = opening or Opening()
         self._kernel = compile_step(recursion.step)
@@ -82,7 +45,7 @@ class RecursiveTracker:
         self.noise: tuple[float | None, float | None] = (None, None)  # of force [N] and velocity [m/s], where measured
         self._settings: Floats | None = None if self._free_air else recursion.settings(None, None)
         self._carry = Carry(None, np.nan)
-        self._gathered: list[Samples] = []
+        self._gathered: list[_Held] = []
         self._attempts = 0
         self._active = False
         self._diverged = False
@@ -149,30 +112,26 @@ class RecursiveTracker:
 
     def _advance(self, state: Floats, part: Samples, interval: Floats, settings: Floats, rows: slice) -> Floats:
         state, outputs = self._kernel.run(state, self._recursion.inputs(part, interval), settings)
-        k = self._recursion.parameters
-        self._carry = Carry(state, float(part.position[-1] + outputs[-1, 2 * k]))
+        self._carry = Carry(state, float(part.position[-1] + outputs[-1, self._place.at("depth")]))
         if self._listener is not None:
-            self._listener(Passage(rows, part, interval, outputs))
+            self._listener(Stretch(rows, part, interval, outputs))
         return outputs
 
     def _gather(self, part: Samples, rows: slice, begins: bool, settings: Floats, estimates: Estimates) -> None:
         """Hold samples until there are enough to start on; then run over them, and tell only what is now."""
-        if begins:
+        if begins and self._gathered and _elsewhere(self._gathered[-1].samples, part):
             self._gathered, self._attempts = [], 0
-        held = sum(len(block) for block in self._gathered)
-        self._gathered.append(part)
-        whole = Samples.joined(self._gathered)
+        held = sum(len(piece.samples) for piece in self._gathered)
+        self._gathered.append(_Held(part, rows.start, begins))
         estimates.status[rows] |= np.uint32(Status.WAITING)
-        found = self._opened(whole)
+        found = self._opened(Samples.joined([piece.samples for piece in self._gathered]))
         if found is None:
             return
         state, ready = found
-        self._gathered = []
-        start, window = ready - held, whole[: ready + 1]
-        interval = window.interval.copy()
-        interval[0] = 0.0
+        start = ready - held
         here = slice(rows.start + start, rows.start + start + 1)
-        outputs = self._advance(state, window, interval, settings, slice(here.stop - len(window), here.stop))
+        outputs = self._caught_up(state, ready + 1, settings)
+        self._gathered = []
         self._write(outputs[-1:], part[start : start + 1], estimates, here, before=outputs)
         if start + 1 < len(part):
             rest, after = part[start + 1 :], slice(here.stop, rows.stop)
@@ -180,9 +139,33 @@ class RecursiveTracker:
             outputs = self._advance(self._carry.state, rest, rest.interval, settings, after)
             self._write(outputs, rest, estimates, after)
 
+    def _caught_up(self, state: Floats, count: int, settings: Floats) -> Floats:
+        """Outputs of the first so many samples that were held, touch by touch."""
+        outputs: list[Floats] = []
+        for piece in self._gathered:
+            samples, count = piece.samples[:count], count - len(piece.samples[:count])
+            interval = samples.interval.copy()
+            if piece.touch:
+                interval[0] = 0.0
+                if outputs:
+                    begun = self._recursion.begin(self._carry, samples[:1], False)
+                    assert begun is not None
+                    state = begun[0]
+            outputs.append(self._advance(state, samples, interval, settings, _rows(piece.row, len(samples))))
+            assert self._carry.state is not None
+            state = self._carry.state
+        return np.concatenate(outputs)
+
     def _opened(self, whole: Samples) -> tuple[Floats, int] | None:
-        """First state and its row, as soon as a window is long and telling enough; windows grow by fifths."""
+        """First state and its row, as soon as a window is long and telling enough; windows grow by fifths.
+
+        What counts is the time in contact: touches that are each too short add up.
+        """
+        lengths = np.cumsum([len(piece.samples) for piece in self._gathered])
+        begins = [int(row) for row, piece in zip(lengths[:-1], self._gathered[1:], strict=True) if piece.touch]
         elapsed = whole.time - whole.time[0]
+        for row in begins:
+            elapsed[row:] -= whole.time[row] - whole.time[row - 1]
         while True:
             due = self._opening.window * (1.0 + 0.2 * self._attempts)
             ready = int(np.searchsorted(elapsed, due - 1e-9))
@@ -196,28 +179,36 @@ class RecursiveTracker:
     def _write(
         self, outputs: Floats, part: Samples, estimates: Estimates, rows: slice, before: Floats | None = None
     ) -> None:
-        k = self._recursion.parameters
-        marks = outputs[:, 2 * k + 5 : 2 * k + 5 + len(_MARKS)] > 0.5
+        place, at = self._place, self._place.at
         status = np.zeros(len(outputs), np.uint32)
-        for column, mark in enumerate(_MARKS):
-            status[marks[:, column]] |= np.uint32(mark)
+        for name, mark in MARKS.items():
+            status[outputs[:, at(name)] > 0.5] |= np.uint32(mark)
         if before is not None:  # what went wrong while nobody was told
-            self._diverged |= bool((before[:, 2 * k + 5 + _DIVERGED] > 0.5).any())
-        broken = np.logical_or.accumulate(marks[:, _DIVERGED] | self._diverged)
+            self._diverged |= bool((before[:, at("diverged")] > 0.5).any())
+        broken = np.logical_or.accumulate((status & Status.DIVERGED > 0) | self._diverged)
         self._diverged = bool(broken[-1])
         status[broken] |= np.uint32(Status.DIVERGED)
-        nis = outputs[:, 2 * k + 3]
+        nis, innovation = outputs[:, at("nis")], outputs[:, at("innovation")]
         columns = {
-            "values": outputs[:, :k],
-            "std": np.sqrt(np.maximum(outputs[:, k : 2 * k], 0.0)),
-            "surface": part.position + outputs[:, 2 * k],
-            "surface_std": np.sqrt(np.maximum(outputs[:, 2 * k + 1], 0.0)),
-            "force": outputs[:, 2 * k + 2],
+            "values": outputs[:, place["values"]],
+            "std": np.sqrt(np.maximum(outputs[:, place["variances"]], 0.0)),
+            "surface": part.position + outputs[:, at("depth")],
+            "surface_std": np.sqrt(np.maximum(outputs[:, at("depth_variance")], 0.0)),
+            "force": outputs[:, at("force")],
             "nis": np.where(nis < 0, np.nan, nis),
-            "innovation": np.where(outputs[:, 2 * k + 4] == 0, np.nan, outputs[:, 2 * k + 4]),
+            "innovation": np.where(innovation == 0, np.nan, innovation),
         }
         for name, found in columns.items():
             found = np.array(found)
             found[broken] = np.nan
             getattr(estimates, name)[rows] = found
         estimates.status[rows] = status
+
+
+def _rows(first: int, count: int) -> slice:
+    return slice(first, first + count)
+
+
+def _elsewhere(before: Samples, after: Samples) -> bool:
+    """Whether a touch is at another place than the one before it, as far as this is known."""
+    return bool(np.linalg.norm(after.lateral[0] - before.lateral[-1]) > _ELSEWHERE)

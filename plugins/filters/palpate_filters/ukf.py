@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from palpate import Problem, Tracker
-from pydantic import Field
+from typing import Any
 
-from palpate_filters.inertial_filter import FadingFilter, InertialFilter, inertial_tracker
+from palpate import Problem, Tracker
+from pydantic import Field, model_validator
+
+from palpate_filters.fading import PRESET, Fading, Preset, preset_below
+from palpate_filters.inertial_filter import InertialFilter, inertial_tracker
 from palpate_filters.predictions import Points, unscented
 
 _ALPHA = "spread of the sigma points around the mean (merwe)"
@@ -33,11 +36,11 @@ class UnscentedKalmanFilter(InertialFilter):
         return inertial_tracker(self, problem, prediction)
 
 
-class AdaptiveFadingUkf(FadingFilter):
+class AdaptiveFadingUkf(InertialFilter):
     """The paper's AFUKF: an unscented Kalman filter with adaptive fading on the expanded state (order 2: 8 states).
 
     For sweeps. Fading with process noise of rank one winds the covariance up where theta is below the innovation's
-    standard deviation; `covariance_cap` contains it, and what still runs away is marked as diverged.
+    standard deviation; `fading.covariance_cap` contains it, and what still runs away is marked as diverged.
     Source: paper, eq. state_space_NL_FT_plus and section Dynamic Estimation; Hu et al. 2015.
     """
 
@@ -46,11 +49,23 @@ class AdaptiveFadingUkf(FadingFilter):
     beta: float = Field(default=2.0, allow_inf_nan=False, description=_BETA)
     kappa: float = Field(default=0.0, gt=-2, allow_inf_nan=False, description=_KAPPA)
     redraw: bool = Field(default=True, description=_REDRAW)
+    preset: Preset = Field(default="palpate", description=PRESET)
+    fading: Fading = Field(default=Fading(), description="how the covariance is inflated")
     order: int = Field(
         default=2, ge=0, le=4, description="evolution order: how many time derivatives of the parameters are states"
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _from_preset(cls, data: Any) -> Any:
+        return preset_below(data, authors={"redraw": False})
+
+    @property
+    def follows_changes(self) -> bool:
+        """See `palpate.Estimator`."""
+        return True
+
     def start(self, problem: Problem) -> Tracker:
         """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
         prediction = unscented(self.points, self.spread, self.beta, self.kappa, self.redraw)
-        return inertial_tracker(self, problem, prediction)
+        return inertial_tracker(self, problem, prediction, self.fading)

@@ -1,31 +1,52 @@
 """Contact models and tips."""
 
-from palpate import ContactModel, Indenter, plugin
+from __future__ import annotations
 
-from palpate_models.compression import Compression
-from palpate_models.dimensionality_reduction import DimensionalityReduction
-from palpate_models.hunt_crossley import FreeHuntCrossley, HuntCrossley
-from palpate_models.indenters import (
-    BluntCone,
-    Cone,
-    Ellipsoid,
-    ExactSphere,
-    Flat,
-    Paraboloid,
-    Power,
-    Profile,
-    Quartic,
-    Sphere,
-    TruncatedCone,
+from typing import TYPE_CHECKING
+
+from palpate import Command, lazily, plugin
+
+if TYPE_CHECKING:
+    from palpate import ContactModel, Indenter
+
+    from palpate_models.compression import Compression
+    from palpate_models.dimensionality_reduction import DimensionalityReduction
+    from palpate_models.hunt_crossley import FreeHuntCrossley, HuntCrossley
+    from palpate_models.indenters import (
+        BluntCone,
+        Cone,
+        Ellipsoid,
+        ExactSphere,
+        Flat,
+        Paraboloid,
+        Power,
+        Profile,
+        Quartic,
+        Sphere,
+        TruncatedCone,
+    )
+    from palpate_models.kelvin_voigt import KelvinVoigt
+    from palpate_models.relaxation import DimensionalityReductionMaxwell, Maxwell, StandardLinearSolid
+
+__getattr__ = lazily(
+    __name__,
+    {
+        "palpate_models.compression": "Compression",
+        "palpate_models.dimensionality_reduction": "DimensionalityReduction",
+        "palpate_models.hunt_crossley": "FreeHuntCrossley HuntCrossley",
+        "palpate_models.indenters": "BluntCone Cone Ellipsoid ExactSphere Flat Paraboloid "
+        "Power Profile Quartic Sphere TruncatedCone",
+        "palpate_models.kelvin_voigt": "KelvinVoigt",
+        "palpate_models.relaxation": "DimensionalityReductionMaxwell Maxwell StandardLinearSolid",
+    },
 )
-from palpate_models.kelvin_voigt import KelvinVoigt
-from palpate_models.relaxation import Maxwell, StandardLinearSolid
 
 __all__ = [
     "BluntCone",
     "Compression",
     "Cone",
     "DimensionalityReduction",
+    "DimensionalityReductionMaxwell",
     "Ellipsoid",
     "ExactSphere",
     "Flat",
@@ -46,6 +67,20 @@ __all__ = [
 @plugin
 def palpate_indenters() -> dict[str, type[Indenter]]:
     """Tips."""
+    from palpate_models.indenters import (
+        BluntCone,
+        Cone,
+        Ellipsoid,
+        ExactSphere,
+        Flat,
+        Paraboloid,
+        Power,
+        Profile,
+        Quartic,
+        Sphere,
+        TruncatedCone,
+    )
+
     return {
         "sphere": Sphere,
         "exact-sphere": ExactSphere,
@@ -64,12 +99,25 @@ def palpate_indenters() -> dict[str, type[Indenter]]:
 @plugin
 def palpate_models() -> dict[str, type[ContactModel]]:
     """Contact models."""
+    from palpate_models.compression import Compression
+    from palpate_models.dimensionality_reduction import DimensionalityReduction
+    from palpate_models.hunt_crossley import FreeHuntCrossley, HuntCrossley
+    from palpate_models.kelvin_voigt import KelvinVoigt
+    from palpate_models.relaxation import DimensionalityReductionMaxwell, Maxwell, StandardLinearSolid
+
     return {
         "dimensionality-reduction": DimensionalityReduction,
         "standard-linear-solid": StandardLinearSolid,
+        "dimensionality-reduction-maxwell": DimensionalityReductionMaxwell,
         "maxwell": Maxwell,
         "kelvin-voigt": KelvinVoigt,
         "hunt-crossley": HuntCrossley,
         "hunt-crossley-free": FreeHuntCrossley,
         "compression": Compression,
     }
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """Forces without a palpation."""
+    return {"force": Command("palpate_models.force_command:force", "Force of a model and a tip over a ramp or a sine.")}

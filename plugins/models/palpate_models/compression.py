@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, ClassVar, Self
 
-from palpate import ContactModel, Length, MaterialValue, Parameter
+from palpate import ContactModel, Depth, MaterialValue, Parameter
 from pydantic import Field, model_validator
 
 from palpate_models.parameters import ELASTICITY
@@ -27,8 +27,8 @@ class Compression(ContactModel):
 
     parameters: ClassVar[tuple[Parameter, ...]] = (ELASTICITY,)
 
-    diameter: Length = Field(gt=0, description="diameter D of the specimen")
-    height: Length = Field(gt=0, description="height H of the specimen")
+    diameter: Depth = Field(gt=0, description="diameter D of the specimen")
+    height: Depth = Field(gt=0, description="height H of the specimen")
     factor: float | None = Field(
         default=None, ge=1, lt=10, description="c; left out: 1.75, which is for a diameter/height of 2.32"
     )

@@ -6,12 +6,23 @@ from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Self
 
 from palpate import ContactModel, Indenter, MaterialValue, Parameter
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, model_validator
+from pydantic_core import CoreSchema
 
 from palpate_models.parameters import ELASTICITY, VISCOSITY
 from palpate_models.thickness import Thickness, contact_validity, corrected_contact
 
-OptionalThickness = Annotated[Thickness | None, BeforeValidator(lambda value: None if value == "none" else value)]
+
+class _NoneInTheSchema:
+    """Says in the JSON schema that "none" is allowed."""
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"anyOf": [{"const": "none"}, handler(schema)]}
+
+
+OptionalThickness = Annotated[
+    Thickness | None, BeforeValidator(lambda value: None if value == "none" else value), _NoneInTheSchema()
+]
 
 
 class DimensionalityReduction(ContactModel):

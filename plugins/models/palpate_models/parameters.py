@@ -72,3 +72,12 @@ FLOW_VISCOSITY = Parameter(
     start=10e3,
     start_std=50e3,
 )
+DASHPOT_VISCOSITY = Parameter(
+    VISCOSITY.name,
+    "eta",
+    VISCOSITY.unit,
+    "shear viscosity of the damper beside spring and arm",
+    role="viscous",
+    start=VISCOSITY.start,
+    start_std=VISCOSITY.start_std,
+)

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from palpate_models.dimensionality_reduction import OptionalThickness
 from palpate_models.parameters import (
+    DASHPOT_VISCOSITY,
     FLOW_VISCOSITY,
     INSTANT_ELASTICITY,
     LASTING_ELASTICITY,
@@ -69,6 +70,61 @@ class StandardLinearSolid(ContactModel):
         return (
             MaterialValue("elasticity", theta[0], (1.0, 0.0, 0.0), slow),
             MaterialValue("viscosity", theta[1] * theta[2] * per_modulus, gradient, slow),
+        )
+
+    def validity(self, depth: float) -> str:
+        """What does not hold of tip or thickness correction at a depth [m]."""
+        return contact_validity(self.indenter, self.thickness, depth)
+
+
+class DimensionalityReductionMaxwell(ContactModel):
+    """Spring, damper and one Maxwell arm side by side: the paper's material, and a part of it that fades.
+
+    F = 2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' + q with the internal state q [N],
+    dq/dt = 2 E_1/(1 - nu^2) a(d) d' - q/tau in contact and -q/tau out of it: the hereditary integral with the
+    relaxation modulus E + E_1 exp(-t/tau), and a damper beside it. E is the elasticity at rest (E_inf); fast motion
+    feels E_0 = E + E_1, which is told beside it.
+    Assumes what `standard-linear-solid` does. Damper and arm are told apart by motion on both sides of 1/tau: a
+    press or a step and an oscillation.
+    Source: paper, eq. TotalForce; Lee and Radok 1960; Popov and Hess 2015, chapter on viscoelastic contacts.
+    """
+
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        LASTING_ELASTICITY,
+        DASHPOT_VISCOSITY,
+        RELAXING_ELASTICITY,
+        RELAXATION_TIME,
+    )
+    memory: ClassVar[tuple[str, ...]] = ("relaxing_force",)
+
+    indenter: Indenter = Field(description="the tip")
+    poisson: float = Field(default=0.5, ge=0, le=0.5, description="Poisson's ratio nu; 0.5 for incompressible material")
+    thickness: OptionalThickness = Field(default=None, description=_THICKNESS)
+
+    @model_validator(mode="after")
+    def _known_correction(self) -> Self:
+        if self.thickness is not None:
+            self.thickness.check(self.indenter, self.poisson)
+        return self
+
+    def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
+        """2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' + q [N]; without `memory` that of a material long at rest."""
+        area, radius = corrected_contact(self.indenter, self.thickness, depth)
+        lasting = 2.0 / (1.0 - self.poisson**2) * theta[0] * area
+        return lasting + 4.0 / (1.0 - self.poisson) * theta[1] * radius * rate + (memory[0] if len(memory) else 0.0)
+
+    def memory_rate(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any]) -> tuple[Any, ...]:
+        """2 E_1/(1 - nu^2) a(d) d' - q/tau [N/s]."""
+        loading = _loading(self.indenter, self.thickness, self.poisson, depth, rate)
+        return (theta[2] * loading - memory[0] / theta[3],)
+
+    def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
+        """E and eta themselves, and E_0 = E + E_1."""
+        fast = "for motion that is fast against the relaxation time"
+        return (
+            MaterialValue("elasticity", theta[0], (1.0, 0.0, 0.0, 0.0), "at rest"),
+            MaterialValue("viscosity", theta[1], (0.0, 1.0, 0.0, 0.0)),
+            MaterialValue("instant_elasticity", theta[0] + theta[2], (1.0, 0.0, 1.0, 0.0), fast),
         )
 
     def validity(self, depth: float) -> str:

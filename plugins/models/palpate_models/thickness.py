@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, Literal, Self
 
-from palpate import Indenter, Length, Settings
+from palpate import Depth, Indenter, Settings
 from pydantic import Field, model_validator
 
 from palpate_models.indenters import Cone, Ellipsoid, ExactSphere, Flat, Paraboloid, Sphere
@@ -58,11 +58,11 @@ class Thickness(Settings):
     """
 
     law: Literal["dimitriadis", "garcia", "finite-cylinder"] = Field(description="which correction")
-    height: Length = Field(gt=0, description="height h of the layer")
+    height: Depth = Field(gt=0, description="height h of the layer")
     bonded: bool = Field(default=True, description="whether the layer is glued to its base, or may slide")
     sticking: bool = Field(default=False, description="finite-cylinder: whether the tip sticks to the surface")
-    diameter: Length | None = Field(default=None, gt=0, description="finite-cylinder: diameter of the specimen")
-    radius: Length | None = Field(
+    diameter: Depth | None = Field(default=None, gt=0, description="finite-cylinder: diameter of the specimen")
+    radius: Depth | None = Field(
         default=None, gt=0, description="radius R of the sphere that the tip counts as, where it is none by type"
     )
 

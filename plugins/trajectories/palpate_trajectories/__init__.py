@@ -1,21 +1,67 @@
 """Motions of the tip."""
 
-from palpate import Trajectory, plugin
+from __future__ import annotations
 
-from palpate_trajectories.excitation import Chirp, MultiSine
-from palpate_trajectories.from_file import FromFile
-from palpate_trajectories.grid_points import GridPoints
-from palpate_trajectories.line_sweep import LineSweep
-from palpate_trajectories.load_unload import Compression, LoadUnload
-from palpate_trajectories.point import Point
-from palpate_trajectories.raster import Raster
-from palpate_trajectories.shake import Shake
-from palpate_trajectories.stay import Stay
+from typing import TYPE_CHECKING
+
+from palpate import lazily, plugin
+
+if TYPE_CHECKING:
+    from palpate import Trajectory
+
+    from palpate_trajectories.excitation import Chirp, MultiSine
+    from palpate_trajectories.from_file import FromFile
+    from palpate_trajectories.grid_points import GridPoints
+    from palpate_trajectories.line_sweep import LineSweep
+    from palpate_trajectories.load_unload import Compression, LoadUnload
+    from palpate_trajectories.point import Point
+    from palpate_trajectories.raster import Raster
+    from palpate_trajectories.shake import Shake
+    from palpate_trajectories.stay import Stay
+
+__getattr__ = lazily(
+    __name__,
+    {
+        "palpate_trajectories.excitation": "Chirp MultiSine",
+        "palpate_trajectories.from_file": "FromFile",
+        "palpate_trajectories.grid_points": "GridPoints",
+        "palpate_trajectories.line_sweep": "LineSweep",
+        "palpate_trajectories.load_unload": "Compression LoadUnload",
+        "palpate_trajectories.point": "Point",
+        "palpate_trajectories.raster": "Raster",
+        "palpate_trajectories.shake": "Shake",
+        "palpate_trajectories.stay": "Stay",
+    },
+)
+
+__all__ = [
+    "Chirp",
+    "Compression",
+    "FromFile",
+    "GridPoints",
+    "LineSweep",
+    "LoadUnload",
+    "MultiSine",
+    "Point",
+    "Raster",
+    "Shake",
+    "Stay",
+]
 
 
 @plugin
 def palpate_trajectories() -> dict[str, type[Trajectory]]:
     """Motions."""
+    from palpate_trajectories.excitation import Chirp, MultiSine
+    from palpate_trajectories.from_file import FromFile
+    from palpate_trajectories.grid_points import GridPoints
+    from palpate_trajectories.line_sweep import LineSweep
+    from palpate_trajectories.load_unload import Compression, LoadUnload
+    from palpate_trajectories.point import Point
+    from palpate_trajectories.raster import Raster
+    from palpate_trajectories.shake import Shake
+    from palpate_trajectories.stay import Stay
+
     return {
         "point": Point,
         "load-unload": LoadUnload,

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Frequency, Length, Setpoint, Speed, Time, Trajectory
+from palpate import Depth, Frequency, Length, Setpoint, Speed, Time, Trajectory
 from pydantic import Field, model_validator
 
-from palpate_trajectories.motion import Motion, Wave
-from palpate_trajectories.oscillation import Chirp as ChirpWave
-from palpate_trajectories.oscillation import Oscillation, together
+from palpate_trajectories.motion import PlannedMotion, Wave
+from palpate_trajectories.oscillation import ChirpPhase, Oscillation, together
 from palpate_trajectories.profile import Knot, profile, resting
 from palpate_trajectories.surface import Surface
 
@@ -25,11 +24,11 @@ class MultiSine(Trajectory):
     Several frequencies tell a delay between force and motion from viscosity, whose force grows with the frequency.
     """
 
-    bias: Length = Field(gt=0, description="depth around which the sines go, below the nominal surface")
+    bias: Depth = Field(gt=0, description="depth around which the sines go, below the nominal surface")
     amplitudes: tuple[Length, ...] = Field(default=(5e-4, 3e-4, 2e-4), min_length=1, description="of the sines")
     frequencies: tuple[Frequency, ...] = Field(default=(0.5, 2.0, 5.0), min_length=1, description="of the sines")
     duration: Time = Field(default=10.0, gt=0, description="length of the measured part")
-    clearance: Length = Field(default=0.005, gt=0, description="height over the nominal surface at both ends")
+    clearance: Depth = Field(default=0.005, gt=0, description="height over the nominal surface at both ends")
     rest: Time = Field(default=1.0, ge=0, description="rest in free air before the approach, for the tare")
     speed: Speed = Field(default=0.01, gt=0, description="mean speed of approach and retraction")
     place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
@@ -45,7 +44,7 @@ class MultiSine(Trajectory):
         return self
 
     @cached_property
-    def _motion(self) -> Motion:
+    def _motion(self) -> PlannedMotion:
         return shaken(self, together(self.amplitudes, self.frequencies))
 
     @property
@@ -64,12 +63,12 @@ class Chirp(Trajectory):
     depth(t) = bias + A sin(phi(t)), phi' = 2 pi f1 (f2/f1)^(t/T): every frequency gets the same number of periods.
     """
 
-    bias: Length = Field(gt=0, description="depth around which the sine goes, below the nominal surface")
-    amplitude: Length = Field(default=0.001, gt=0, description="amplitude of the sine")
+    bias: Depth = Field(gt=0, description="depth around which the sine goes, below the nominal surface")
+    amplitude: Depth = Field(default=0.001, gt=0, description="amplitude of the sine")
     first_frequency: Frequency = Field(default=0.5, gt=0, description="frequency at the beginning")
     last_frequency: Frequency = Field(default=5.0, gt=0, description="frequency at the end")
     duration: Time = Field(default=10.0, gt=0, description="length of the measured part")
-    clearance: Length = Field(default=0.005, gt=0, description="height over the nominal surface at both ends")
+    clearance: Depth = Field(default=0.005, gt=0, description="height over the nominal surface at both ends")
     rest: Time = Field(default=1.0, ge=0, description="rest in free air before the approach, for the tare")
     speed: Speed = Field(default=0.01, gt=0, description="mean speed of approach and retraction")
     place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
@@ -83,11 +82,11 @@ class Chirp(Trajectory):
         return self
 
     @property
-    def _wave(self) -> ChirpWave:
-        return ChirpWave(self.amplitude, self.first_frequency, self.last_frequency, self.duration)
+    def _wave(self) -> ChirpPhase:
+        return ChirpPhase(self.amplitude, self.first_frequency, self.last_frequency, self.duration)
 
     @cached_property
-    def _motion(self) -> Motion:
+    def _motion(self) -> PlannedMotion:
         return shaken(self, self._wave)
 
     @property
@@ -100,7 +99,7 @@ class Chirp(Trajectory):
         return self._motion.at(time)
 
 
-def refuse_wave(wave: Oscillation | ChirpWave, bias: float) -> None:
+def refuse_wave(wave: Oscillation | ChirpPhase, bias: float) -> None:
     """Raise ValueError where an oscillation would leave the skin or is too fast."""
     if wave.reach >= bias:
         raise ValueError(f"the oscillation reaches {wave.reach:g} m and must stay below the bias of {bias:g} m")
@@ -108,7 +107,7 @@ def refuse_wave(wave: Oscillation | ChirpWave, bias: float) -> None:
         raise ValueError(f"the oscillation moves at up to {wave.top_speed:.3g} m/s, allowed {_TOP_SPEED:g}")
 
 
-def shaken(settings: MultiSine | Chirp, wave: Wave) -> Motion:
+def shaken(settings: MultiSine | Chirp, wave: Wave) -> PlannedMotion:
     """Approach, oscillation, retraction."""
     transfer = (settings.clearance + settings.bias) / settings.speed
     begin = settings.rest + transfer
@@ -118,4 +117,4 @@ def shaken(settings: MultiSine | Chirp, wave: Wave) -> Motion:
     depth = profile([Knot(t, d) for t, d in zip(times, depths, strict=True)])
     swell = profile([Knot(t, s) for t, s in zip(times, (0.0, 1.0, 1.0, 0.0), strict=True)])
     x, y = (resting(value) for value in settings.place)
-    return Motion(end + transfer, x, y, depth, ((begin, end),), settings.surface, swell, wave, begin)
+    return PlannedMotion(end + transfer, x, y, depth, ((begin, end),), settings.surface, swell, wave, begin)

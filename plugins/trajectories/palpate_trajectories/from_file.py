@@ -6,11 +6,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import ConfigurationError, File, Length, Setpoint, Speed, Trajectory
+from palpate import ConfigurationError, Depth, File, Floats, Setpoint, Speed, Trajectory
 from pydantic import Field, model_validator
-
-Floats = NDArray[np.float64]
 
 
 class FromFile(Trajectory):
@@ -21,7 +18,7 @@ class FromFile(Trajectory):
     """
 
     file: File = Field(description="the waypoints, .csv, relative to the pipeline file")
-    deepest: Length = Field(default=0.01, gt=0, description="depth below z = 0 that the motion may not exceed")
+    deepest: Depth = Field(default=0.01, gt=0, description="depth below z = 0 that the motion may not exceed")
     top_speed: Speed = Field(default=0.25, gt=0, le=0.25, description="speed that the motion may not exceed")
 
     @model_validator(mode="after")

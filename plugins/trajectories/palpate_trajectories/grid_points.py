@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from palpate import Angle, Length, Setpoint, Speed, Time, Trajectory
 from pydantic import Field, model_validator
 
-from palpate_trajectories.motion import Motion, line_knots, line_time
+from palpate_trajectories.motion import PlannedMotion, line_knots, line_time
 from palpate_trajectories.press import Press, Touch, pressed
 from palpate_trajectories.profile import Knot
 from palpate_trajectories.surface import Surface
@@ -100,7 +100,7 @@ class GridPoints(Trajectory):
         return touches
 
     @cached_property
-    def _motion(self) -> Motion:
+    def _motion(self) -> PlannedMotion:
         touches, visits = self._touches, self.visits[self.first_point :]
         x, y = [Knot(0.0, visits[0][0])], [Knot(0.0, visits[0][1])]
         for touch, a, b in zip(touches, visits[:-1], visits[1:], strict=False):

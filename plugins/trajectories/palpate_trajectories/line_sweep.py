@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate import Length, Setpoint, Speed, Time, Trajectory
 from pydantic import Field, model_validator
 
-from palpate_trajectories.motion import Motion, line_knots, line_time
+from palpate_trajectories.motion import PlannedMotion, line_knots, line_time
 from palpate_trajectories.press import Press, Touch, pressed, refuse_hasty
 from palpate_trajectories.surface import Surface
 
@@ -43,7 +43,7 @@ class LineSweep(Trajectory):
         return math.dist(self.start, self.end)
 
     @cached_property
-    def _motion(self) -> Motion:
+    def _motion(self) -> PlannedMotion:
         begin = self.press.rest + self.press.transfer
         leave = begin + self.settle
         share = [abs(b - a) / self._way for a, b in zip(self.start, self.end, strict=True)]

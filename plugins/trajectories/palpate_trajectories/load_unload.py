@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Length, Setpoint, Speed, Time, Trajectory
+from palpate import Depth, Length, Setpoint, Speed, Time, Trajectory
 from pydantic import Field, model_validator
 
-from palpate_trajectories.motion import Motion, through
+from palpate_trajectories.motion import PlannedMotion, through
 from palpate_trajectories.profile import TURN, Knot, resting
 from palpate_trajectories.surface import Surface
 
@@ -22,11 +22,11 @@ class LoadUnload(Trajectory):
     is measured.
     """
 
-    depth: Length = Field(gt=0, description="deepest point, below the nominal surface")
+    depth: Depth = Field(gt=0, description="deepest point, below the nominal surface")
     speeds: tuple[Speed, ...] = Field(default=(0.006,), min_length=1, description="speeds, one after the other")
     cycles: int = Field(default=1, ge=1, le=1000, description="cycles at each speed")
     turn: Time = Field(default=0.1, gt=0, description="duration of each turn, and of starting and stopping")
-    clearance: Length = Field(default=0.005, gt=0, description="height over the nominal surface to which it returns")
+    clearance: Depth = Field(default=0.005, gt=0, description="height over the nominal surface to which it returns")
     rest: Time = Field(default=1.0, ge=0, description="rest in free air before the first cycle, for the tare")
     place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
     surface: Surface = Field(default=Surface(), description="nominal surface")
@@ -37,7 +37,7 @@ class LoadUnload(Trajectory):
         return self
 
     @cached_property
-    def _motion(self) -> Motion:
+    def _motion(self) -> PlannedMotion:
         return cycled(self, [speed for speed in self.speeds for _ in range(self.cycles)], self.depth, 0.0)
 
     @property
@@ -56,12 +56,12 @@ class Compression(Trajectory):
     Defaults are the paper's: 50 mm/min to 10 % of 22 mm.
     """
 
-    thickness: Length = Field(default=0.022, gt=0, description="height of the specimen")
+    thickness: Depth = Field(default=0.022, gt=0, description="height of the specimen")
     strain: float = Field(default=0.1, gt=0, lt=1, allow_inf_nan=False, description="largest compression of it, 0 to 1")
     speed: Speed = Field(default=0.05 / 60, gt=0, description="speed down and up")
     hold: Time = Field(default=0.0, ge=0, description="rest at the deepest point, for relaxation")
     turn: Time = Field(default=0.1, gt=0, description="duration of each turn, and of starting and stopping")
-    clearance: Length = Field(default=0.001, gt=0, description="height over the nominal surface at both ends")
+    clearance: Depth = Field(default=0.001, gt=0, description="height over the nominal surface at both ends")
     rest: Time = Field(default=1.0, ge=0, description="rest in free air before it, for the tare")
     place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
     surface: Surface = Field(default=Surface(), description="nominal surface")
@@ -72,7 +72,7 @@ class Compression(Trajectory):
         return self
 
     @cached_property
-    def _motion(self) -> Motion:
+    def _motion(self) -> PlannedMotion:
         return cycled(self, [self.speed], self.thickness * self.strain, self.hold)
 
     @property
@@ -94,7 +94,7 @@ def refuse_speeds(speeds: tuple[float, ...], way: float, turn: float) -> None:
             raise ValueError(f"speed {speed:g} m/s is never reached: its turns of {turn:g} s take all of {way:g} m")
 
 
-def cycled(settings: LoadUnload | Compression, speeds: list[float], depth: float, hold: float) -> Motion:
+def cycled(settings: LoadUnload | Compression, speeds: list[float], depth: float, hold: float) -> PlannedMotion:
     """Cycles down to a depth, with a hold at the bottom, from and to rest at the clearance."""
     turn, top = settings.turn, -settings.clearance
     now = settings.rest
@@ -116,4 +116,4 @@ def cycled(settings: LoadUnload | Compression, speeds: list[float], depth: float
         now += turn
         knots.append(Knot(now, top))
     x, y = (resting(value) for value in settings.place)
-    return Motion(now, x, y, through(knots), ((settings.rest, now),), settings.surface)
+    return PlannedMotion(now, x, y, through(knots), ((settings.rest, now),), settings.surface)

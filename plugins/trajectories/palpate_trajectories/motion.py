@@ -6,13 +6,10 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Setpoint
+from palpate import Floats, Setpoint
 
-from palpate_trajectories.profile import Knot, Profile, profile, resting
+from palpate_trajectories.profile import Knot, KnotProfile, profile, resting
 from palpate_trajectories.surface import Surface
-
-Floats = NDArray[np.float64]
 
 
 class Wave(Protocol):
@@ -24,7 +21,7 @@ class Wave(Protocol):
 
 
 @dataclass(frozen=True)
-class Motion:
+class PlannedMotion:
     """Everything that a trajectory does, over the whole of its time.
 
     z(t) = h(x, y) - depth(t) - swell(t) w(t - wave_start): the skin h, the depth around which the oscillation w goes,
@@ -32,12 +29,12 @@ class Motion:
     """
 
     duration: float  # [s]
-    x: Profile  # [m]
-    y: Profile
-    depth: Profile  # [m] below the nominal surface
+    x: KnotProfile  # [m]
+    y: KnotProfile
+    depth: KnotProfile  # [m] below the nominal surface
     measuring: tuple[tuple[float, float], ...]  # stretches of time [s]
     surface: Surface = field(default_factory=Surface)
-    swell: Profile = field(default_factory=lambda: resting(0.0))
+    swell: KnotProfile = field(default_factory=lambda: resting(0.0))
     wave: Wave | None = None
     wave_start: float = 0.0
 
@@ -85,6 +82,6 @@ def line_time(way: float, speed: float, ramp: float) -> float:
     return 1.875 * way / speed if way <= 1.5 * speed * ramp else way / speed + ramp
 
 
-def through(knots: list[Knot]) -> Profile:
+def through(knots: list[Knot]) -> KnotProfile:
     """The profile through knots; a single one rests."""
     return profile(knots) if len(knots) > 1 else resting(knots[0].value)

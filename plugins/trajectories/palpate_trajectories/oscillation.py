@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
+from palpate import Floats
 
 
 @dataclass(frozen=True)
@@ -39,7 +37,7 @@ class Oscillation:
 
 
 @dataclass(frozen=True)
-class Chirp:
+class ChirpPhase:
     """A sine whose frequency rises exponentially from f1 to f2 over a duration T, and is constant outside.
 
     w(t) = A sin(phi(t)), phi' = 2 pi f1 (f2/f1)^(t/T); before the beginning f1, after the end f2.

@@ -6,11 +6,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Frequency, Length, Setpoint, Speed, Time, Trajectory
+from palpate import Depth, Floats, Frequency, Setpoint, Speed, Time, Trajectory
 from pydantic import Field, model_validator
-
-Floats = NDArray[np.float64]
 
 
 class Point(Trajectory):
@@ -21,14 +18,14 @@ class Point(Trajectory):
     velocity and acceleration are continuous; the measured part starts there, as the paper's filter wants it.
     """
 
-    bias: Length = Field(gt=0, description="depth around which the sine goes, below the nominal surface")
-    amplitude: Length = Field(default=0.001, gt=0, description="amplitude of the sine")
+    bias: Depth = Field(gt=0, description="depth around which the sine goes, below the nominal surface")
+    amplitude: Depth = Field(default=0.001, gt=0, description="amplitude of the sine")
     frequency: Frequency = Field(default=2.0, gt=0, description="frequency of the sine")
     duration: Time = Field(default=10.0, gt=0, description="length of the measured part")
     settle: Time = Field(
         default=0.0, ge=0, description="sine before the measured part; rounded up to whole periods of it"
     )
-    clearance: Length = Field(
+    clearance: Depth = Field(
         default=0.005, gt=0, description="height above the nominal surface at which it starts and ends"
     )
     rest: Time = Field(default=1.0, ge=0, description="rest in free air before the approach, for the tare")

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from palpate import Frequency, Length, Settings, Speed, Time
+from palpate import Depth, Frequency, Settings, Speed, Time
 from pydantic import Field, model_validator
 
-from palpate_trajectories.motion import Motion, through
+from palpate_trajectories.motion import PlannedMotion, through
 from palpate_trajectories.oscillation import together
-from palpate_trajectories.profile import Knot, Profile, profile
+from palpate_trajectories.profile import Knot, KnotProfile, profile
 from palpate_trajectories.surface import Surface
 
 _TOP_SPEED = 0.25  # [m/s], the usual limit beside people (ISO 10218-1)
@@ -22,10 +22,10 @@ _PERIODS = 4.0  # of the sine that a line must last
 class Press(Settings):
     """A sine around a depth, and the way to it and back."""
 
-    bias: Length = Field(gt=0, description="depth around which the sine goes, below the nominal surface")
-    amplitude: Length = Field(default=0.001, gt=0, description="amplitude of the sine")
+    bias: Depth = Field(gt=0, description="depth around which the sine goes, below the nominal surface")
+    amplitude: Depth = Field(default=0.001, gt=0, description="amplitude of the sine")
     frequency: Frequency = Field(default=2.0, gt=0, description="frequency of the sine")
-    clearance: Length = Field(default=0.005, gt=0, description="height over the nominal surface in free air")
+    clearance: Depth = Field(default=0.005, gt=0, description="height over the nominal surface in free air")
     rest: Time = Field(default=1.0, ge=0, description="rest in free air before the first approach, for the tare")
     speed: Speed = Field(default=0.01, gt=0, description="mean speed of approach and retraction")
 
@@ -59,10 +59,10 @@ def pressed(
     y: list[Knot],
     measuring: Sequence[tuple[float, float]],
     surface: Surface,
-) -> Motion:
+) -> PlannedMotion:
     """The motion that touches the skin at given times while it goes a way over it."""
     last = touches[-1].end + press.transfer
-    return Motion(
+    return PlannedMotion(
         duration=last,
         x=through(x),
         y=through(y),
@@ -75,7 +75,7 @@ def pressed(
     )
 
 
-def _between(touches: Sequence[Touch], transfer: float, away: float, there: float) -> Profile:
+def _between(touches: Sequence[Touch], transfer: float, away: float, there: float) -> KnotProfile:
     """The profile that goes from `away` to `there` before every touch and back after it."""
     knots = []
     for touch in touches:

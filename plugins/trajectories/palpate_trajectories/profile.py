@@ -7,9 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
+from palpate import Floats
 
 # Fifth-order Hermite basis on 0..1, highest power first: of value and rate at both ends, second derivatives zero.
 _BASIS = np.array(
@@ -25,7 +23,7 @@ PEAK = 1.875  # highest speed of a rest-to-rest move, of its mean speed
 
 
 @dataclass(frozen=True)
-class Profile:
+class KnotProfile:
     """A quantity that follows fifth-order polynomials from knot to knot and rests before and after."""
 
     times: Floats  # (k,) [s]
@@ -56,7 +54,7 @@ class Knot:
     rate: float = 0.0
 
 
-def profile(knots: Sequence[Knot]) -> Profile:
+def profile(knots: Sequence[Knot]) -> KnotProfile:
     """The profile through knots, whose times must increase; knots of one time count once."""
     kept = [knots[0]]
     for knot in knots[1:]:
@@ -71,9 +69,9 @@ def profile(knots: Sequence[Knot]) -> Profile:
         # About the first value, so that a long straight line loses no digits.
         rows.append(np.array([0.0, a.rate * length, b.value - a.value, b.rate * length]) @ _BASIS)
         rows[-1][5] += a.value
-    return Profile(times, np.array(rows), (kept[0].value, kept[-1].value))
+    return KnotProfile(times, np.array(rows), (kept[0].value, kept[-1].value))
 
 
-def resting(value: float) -> Profile:
+def resting(value: float) -> KnotProfile:
     """A profile that does not move."""
     return profile([Knot(0.0, value), Knot(1.0, value)])

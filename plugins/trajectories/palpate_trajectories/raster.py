@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from palpate import Angle, Length, Setpoint, Speed, Time, Trajectory
 from pydantic import Field, model_validator
 
-from palpate_trajectories.motion import Motion, line_knots, line_time
+from palpate_trajectories.motion import PlannedMotion, line_knots, line_time
 from palpate_trajectories.press import Press, Touch, pressed, refuse_hasty
 from palpate_trajectories.profile import Knot
 from palpate_trajectories.surface import Surface
@@ -60,9 +60,9 @@ class Raster(Trajectory):
         return math.floor(self.size[1] / self.pitch + 1e-9) + 1
 
     @cached_property
-    def _way(self) -> _Way:
+    def _way(self) -> _LinePath:
         """The way over the area, in coordinates along and across the lines."""
-        way = _Way(self.press.rest + self.press.transfer + self.settle)
+        way = _LinePath(self.press.rest + self.press.transfer + self.settle)
         half, lowest = self.size[0] / 2, -self.pitch * (self.lines - 1) / 2
         for line in range(self.first_line, self.lines):
             forwards = line % 2 == 0 or not self.boustrophedon
@@ -79,7 +79,7 @@ class Raster(Trajectory):
         return way
 
     @cached_property
-    def _motion(self) -> Motion:
+    def _motion(self) -> PlannedMotion:
         way, begin = self._way, self.press.rest + self.press.transfer
         cos, sin = math.cos(self.angle), math.sin(self.angle)
         x = [
@@ -121,7 +121,7 @@ class _Place:
 
 
 @dataclass
-class _Way:
+class _LinePath:
     """A way that grows by straight lines."""
 
     now: float

@@ -5,11 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Frequency, Length, Setpoint, Time, Trajectory
+from palpate import Depth, Floats, Frequency, Length, Setpoint, Time, Trajectory
 from pydantic import Field, model_validator
-
-Floats = NDArray[np.float64]
 
 
 class Shake(Trajectory):
@@ -24,7 +21,7 @@ class Shake(Trajectory):
     frequencies: tuple[Frequency, ...] = Field(
         default=(5.0,), min_length=1, max_length=6, description="frequency of each sine"
     )
-    amplitude: Length = Field(default=0.003, gt=0, description="amplitude of each sine, as commanded")
+    amplitude: Depth = Field(default=0.003, gt=0, description="amplitude of each sine, as commanded")
     height: Length = Field(default=0.05, gt=0, description="height above the nominal surface around which it goes")
     duration: Time = Field(default=10.0, gt=0, description="length of the measured part")
     settle: Time = Field(default=0.5, ge=0, description="full amplitude before the measured part, for the robot")

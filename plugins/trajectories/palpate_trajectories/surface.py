@@ -6,11 +6,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Angle, ConfigurationError, File, Length, Settings
+from palpate import Angle, ConfigurationError, File, Floats, Length, Settings
 from pydantic import Field, model_validator
-
-Floats = NDArray[np.float64]
 
 _STEEPEST = np.deg2rad(30.0)
 

@@ -9,20 +9,20 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Batch, Channel, Device, DeviceError, Force, Link, Stream, Time
+from palpate import Batch, Channel, Device, DeviceError, Force, Link, SharedReadings, Stream, Time
 from pydantic import Field, field_validator
 
 from palpate_devices.bota import layout
 from palpate_devices.bota.commands import BAUD_RATES
-from palpate_devices.bota.frames import INVALID, OVERRANGE, RAW, THROTTLED
+from palpate_devices.bota.frames import THROTTLED, UNUSABLE
+from palpate_devices.bota.layout import ROW
 from palpate_devices.process.child import Child
 from palpate_devices.process.clock import ClockMap, epoch_offset
-from palpate_devices.process.ring import integers
+from palpate_devices.process.ring import HEAD, ROWS, integers
 
 _POLL = 0.004  # [s]
-_MOST_SILENT = 0.1  # [s]; at least so often there is a batch, if an empty one
+_MOST_QUIET = 0.01  # [s]; at least so often there is a batch, if an empty one
 _BEAT_SLACK = 0.02  # [s]; its process beats at least so often
-_UNUSABLE = OVERRANGE | INVALID | RAW
 
 
 class BotaSensor(Device):
@@ -65,9 +65,23 @@ class BotaSensor(Device):
         rate = 51200.0 / self.sinc
         status = (Channel("bits", "1"), Channel("temperature", "degC"))
         return (
-            Stream("wrench", tuple(wrench), rate, "wrench", clock="host", frame="sensor"),
+            Stream("wrench", tuple(wrench), rate, "wrench", clock="host", frame="sensor", delay=self.filter_delay),
             Stream("status", status, rate, clock="host"),
         )
+
+    @property
+    def filter_delay(self) -> float:
+        """What its filters hold a reading back by [s], nominally: a sinc filter of third order, and the low-pass one.
+
+        The maker gives no delay; these follow from the length of the one and the cut-off frequency of the other.
+        """
+        sinc = 1.5 * self.sinc / 51200.0
+        return sinc + (0.5 / (189.0 * 64.0 / self.sinc) if self.fir else 0.0)
+
+    @property
+    def shared_streams(self) -> tuple[str, ...]:
+        """The wrench."""
+        return ("wrench",)
 
     def connect(self, seed: int) -> AbstractContextManager[Link]:
         """The sensor, set up and streaming."""
@@ -77,7 +91,7 @@ class BotaSensor(Device):
     def _connected(self) -> Iterator[Link]:
         keys = ("port", "baud", "sinc", "fir", "fast", "temperature_compensation", "silence", "boot", "settle")
         settings = {key: getattr(self, key) for key in keys}
-        child = Child(f"bota at {self.port}", layout.MODULE, settings, layout.COLUMNS)
+        child = Child(f"bota at {self.port}", layout.MODULE, settings, ROW.size)
         try:
             ready = child.wait_for("ready", self.boot + self.settle + 15.0)
             yield _BotaLink(child, ready, self.silence + _BEAT_SLACK)
@@ -92,15 +106,24 @@ class _BotaLink:
         self._ready = ready
         self._counts = {"readings": 0, "throttled": 0, "unusable": 0}
 
+    def shared(self, stream: str) -> SharedReadings | None:
+        """Where the wrench is; see `palpate.Sharing`."""
+        return (
+            SharedReadings(self._child.memory, HEAD, ROWS, ROW.size, ROW["wrench"].start)
+            if stream == "wrench"
+            else None
+        )
+
     def batches(self) -> Iterator[Batch]:
         """What has come, every 2 ms; raises DeviceError as soon as the sensor fails."""
         quiet = time.monotonic()
         early = self._child.ring.early()  # what came while other devices were connected
-        self._clock.to_host(integers(early, 0) * 1000, integers(early, 1) + epoch_offset())
+        host = integers(early, ROW.at("host")) + epoch_offset()
+        self._clock.to_host(integers(early, ROW.at("sensor")) * 1000, host)
         while True:
             rows = self._child.ring.read()
             now = time.monotonic()
-            if len(rows) or now - quiet > _MOST_SILENT / 2:
+            if len(rows) or now - quiet > _MOST_QUIET:
                 yield from self._batches(rows)
                 quiet = now
             if not len(rows):
@@ -113,17 +136,22 @@ class _BotaLink:
                 )
 
     def _batches(self, rows: NDArray[np.float64]) -> Iterator[Batch]:
-        received = integers(rows, 1) + epoch_offset()
-        stamps = self._clock.to_host(integers(rows, 0) * 1000, received)
-        status = integers(rows, 2)
-        wrench = rows[:, 3:9].copy()
-        unusable = (status & _UNUSABLE) != 0
+        received = integers(rows, ROW.at("host")) + epoch_offset()
+        stamps = self._clock.to_host(integers(rows, ROW.at("sensor")) * 1000, received)
+        status = integers(rows, ROW.at("status"))
+        wrench = rows[:, ROW["wrench"]].copy()
+        unusable = (status & UNUSABLE) != 0
         wrench[unusable] = np.nan
         self._counts["readings"] += len(rows)
         self._counts["throttled"] += int(np.count_nonzero(status & THROTTLED))
         self._counts["unusable"] += int(np.count_nonzero(unusable))
         yield Batch("wrench", stamps, received, wrench)
-        yield Batch("status", stamps, received, np.column_stack([status.astype(float), rows[:, 9]]))
+        yield Batch("status", stamps, received, np.column_stack([status.astype(float), rows[:, ROW["temperature"]]]))
+
+    @property
+    def attended(self) -> int:
+        """When the sensor's process last looked at its port [ns]."""
+        return self._child.ring.last_beat() + epoch_offset()
 
     @property
     def health(self) -> Mapping[str, Any]:
@@ -135,4 +163,5 @@ class _BotaLink:
             "damaged": int(head[layout.DAMAGED]),
             "skipped_bytes": int(head[layout.SKIPPED]),
             "clock_wander": self._clock.wander,
+            "clock_deviation": self._clock.deviation,
         }

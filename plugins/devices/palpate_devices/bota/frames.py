@@ -10,6 +10,7 @@ FRAME = struct.Struct("<BH6fIfH")  # header, status, wrench [N, Nm], time-stamp 
 LENGTH = FRAME.size
 HEADER = 0xAA
 THROTTLED, OVERRANGE, INVALID, RAW = 1, 2, 4, 8  # bits of the status
+UNUSABLE = OVERRANGE | INVALID | RAW
 
 _REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 _REMAINDER = 0x1D0F  # of a message that is followed by its own CRC
@@ -46,7 +47,7 @@ class Frame:
     temperature: float  # [deg C]
 
 
-class Decoder:
+class FrameDecoder:
     """Finds the frames in a stream of bytes, whatever else is in it, and loses no frame that is intact.
 
     In step, a frame needs its header and CRC. Out of step every 0xAA may begin a frame: it needs plausible content and

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import json
+import math
 import os
 import select
 import sys
@@ -14,8 +15,8 @@ from typing import Any
 from palpate import DeviceError
 
 from palpate_devices.bota.commands import configure, latency_timer, open_port, stop_stream
-from palpate_devices.bota.frames import Decoder, Frame, Unwrapped
-from palpate_devices.bota.layout import COLUMNS, DAMAGED, SKIPPED
+from palpate_devices.bota.frames import UNUSABLE, Frame, FrameDecoder, Unwrapped
+from palpate_devices.bota.layout import DAMAGED, ROW, SKIPPED
 from palpate_devices.process.child import Parent, real_time
 from palpate_devices.process.ring import Ring
 
@@ -26,7 +27,7 @@ _IDLE = 0.02  # [s]
 def main() -> None:
     """Read until the parent goes, the sensor goes, or it falls silent."""
     parent, settings = Parent(int(sys.argv[1])), json.loads(sys.argv[3])
-    ring = Ring(int(sys.argv[2]), COLUMNS)
+    ring = Ring(int(sys.argv[2]), ROW.size)
     scheduling = real_time(40)
     port = None
     try:
@@ -58,7 +59,7 @@ def _settle(port: Any, duration: float) -> None:
 
 
 def _read(port: Any, ring: Ring, parent: Parent, silence: float) -> None:
-    decoder, clock = Decoder(), Unwrapped()
+    decoder, clock = FrameDecoder(), Unwrapped()
     heard = time.monotonic_ns()
     while not parent.gone:
         # Straight from the descriptor: `in_waiting` never says more than 4095, and needs a call more.
@@ -87,7 +88,8 @@ def _keep(ring: Ring, clock: Unwrapped, frame: Frame, now: int) -> None:
     stamp = clock.add(frame.stamp)
     if stamp is None:
         raise DeviceError("the sensor rebooted: its clock began anew, and with it its settings and its zero")
-    ring.write((stamp, now, frame.status), [*frame.wrench, frame.temperature])
+    wrench = (math.nan,) * 6 if frame.status & UNUSABLE else frame.wrench  # whoever looks into the ring is to see it
+    ring.write((stamp, now, frame.status), [*wrench, frame.temperature])
 
 
 if __name__ == "__main__":

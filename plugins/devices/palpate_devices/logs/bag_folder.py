@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Callable, Iterator, Mapping, Set
 from functools import cached_property
 from pathlib import Path
 
-from palpate import LogError
+from palpate import LogError, printable
 
+from palpate_devices.logs.files import regular
 from palpate_devices.logs.mcap_file import McapFile
 from palpate_devices.logs.sqlite_bag import SqliteBag
 from palpate_devices.logs.topics import Container, Messages, Topic
 
+_METADATA = 1 << 24  # [bytes] of metadata.yaml that are read
+_NAMES = 1 << 20  # characters of a list of files
 SUFFIXES = (".db3", ".db3.gz", ".db3.zstd", ".db3.zst", ".mcap")
 
 
@@ -71,16 +73,16 @@ class Bag:
 
 def bag_files(path: Path) -> list[Path]:
     """The files of a bag in their order: as ``metadata.yaml`` lists them, else by name."""
-    if path.is_file():
-        return [path]
-    if not path.is_dir():
-        raise LogError(f"{path}: there is no such file or folder")
+    if not _is(Path.is_dir, path):
+        return [regular(path)]
     listed = _listed(path / "metadata.yaml")
     present = [path / Path(name).name for name in listed]
-    missing = [file.name for file in present if not file.is_file()]
+    missing = [file.name for file in present if not _is(Path.is_file, file)]
     if missing:
+        named = printable(", ".join(missing))
         raise LogError(
-            f"{path}: metadata.yaml lists {', '.join(missing)}, which {'is' if len(missing) == 1 else 'are'} not there"
+            f"{path}: metadata.yaml lists {named if len(named) < 200 else named[:200] + ' ...'}, which "
+            f"{'is' if len(missing) == 1 else 'are'} not there"
         )
     if present:
         return present
@@ -90,31 +92,52 @@ def bag_files(path: Path) -> list[Path]:
     return sorted(found, key=_number)
 
 
+def _is(kind: Callable[[Path], bool], path: Path) -> bool:
+    try:
+        return kind(path)
+    except (OSError, ValueError):  # a name that no file can have
+        return False
+
+
 def _number(file: Path) -> tuple[str, int]:
     """Split files are numbered: bag_2 comes before bag_10."""
-    match = re.search(r"^(.*?)_?(\d+)?\.(?:db3|mcap)", file.name)
-    return (match[1], int(match[2] or 0)) if match else (file.name, 0)
+    stem = file.name.split(".db3")[0].split(".mcap")[0]
+    name = stem.rstrip("0123456789")
+    digits = stem[len(name) :][-18:]
+    return name.removesuffix("_"), int(digits or 0)
 
 
-def _text(metadata: Path) -> str:
+def _lines(metadata: Path) -> list[str]:
+    """What a bag says of itself; none where it does not, as after a crash: its files say enough."""
     try:
-        return metadata.read_text(encoding="utf-8")
+        with metadata.open("rb") as file:
+            return file.read(_METADATA).decode().splitlines()
     except (OSError, UnicodeDecodeError):
-        return ""  # a bag after a crash has none: its files say enough
+        return []
 
 
 def _listed(metadata: Path) -> list[str]:
     """``relative_file_paths``, whose two spellings of a list are all the YAML that is needed here."""
-    text = _text(metadata)
-    inline = re.search(r"^\s*relative_file_paths:\s*\[(.*?)\]", text, re.MULTILINE | re.DOTALL)
-    if inline:
-        names = inline[1].split(",")
-    else:
-        block = re.search(r"^\s*relative_file_paths:\s*\n((?:\s*-\s*[^\n]+\n?)+)", text, re.MULTILINE)
-        names = re.findall(r"-\s*([^\n]+)", block[1]) if block else []
+    words = (line.strip() for line in _lines(metadata))
+    names: list[str] = []
+    for line in words:
+        if not line.startswith("relative_file_paths:"):
+            continue
+        inline = line.partition(":")[2].strip()
+        if inline.startswith("["):
+            text = inline
+            while "]" not in text and (more := next(words, None)) is not None:
+                text = f"{text} {more}" if len(text) < _NAMES else f"{text}]"
+            names = text[1:].partition("]")[0].split(",")
+        else:
+            for item in words:
+                if item and not item.startswith("-"):
+                    break
+                names += [item[1:]] if item else []
+        break
     return [name.strip().strip("\"'") for name in names if name.strip()]
 
 
 def _setting(metadata: Path, key: str) -> str:
-    match = re.search(rf"^\s*{key}:\s*(.*)$", _text(metadata), re.MULTILINE)
-    return match[1].strip().strip("\"'") if match else ""
+    found = (line.partition(":")[2] for line in _lines(metadata) if line.strip().startswith(f"{key}:"))
+    return next(found, "").strip().strip("\"'")

@@ -29,7 +29,7 @@ _WIDE = (4, 2)  # bytes of a wide character, of one implementation and another; 
 
 
 @dataclass(frozen=True)
-class Place:
+class FieldPlace:
     """Where a field lies in a message."""
 
     offset: int
@@ -38,11 +38,11 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Layout:
+class MessageLayout:
     """Where everything lies in messages of one shape."""
 
     size: int
-    places: Mapping[str, Place]  # by path, such as "wrench.force.z"
+    places: Mapping[str, FieldPlace]  # by path, such as "wrench.force.z"
     texts: Mapping[str, bytes]  # as they stand there, with their closing zero
     lengths: tuple[tuple[int, int], ...]  # offset of a length, and its value
     kind: int  # of encapsulation
@@ -92,7 +92,7 @@ class Excerpt:
             return self.block[:, offset : offset + width]
         return gather(self.messages.buffer, self.messages.starts + offset, width)
 
-    def numbers(self, places: list[tuple[Place, int | None]]) -> NDArray[np.float64]:
+    def numbers(self, places: list[tuple[FieldPlace, int | None]]) -> NDArray[np.float64]:
         """(n, k) one column for each place and index; NaN where a field has no such element."""
         found = [_at(place, index) for place, index in places]
         if (
@@ -109,7 +109,7 @@ class Excerpt:
         return values
 
 
-def _at(place: Place, index: int | None) -> tuple[int, str]:
+def _at(place: FieldPlace, index: int | None) -> tuple[int, str]:
     """Offset and code of a number; no code where there is none."""
     count = 1 if place.count is None else place.count
     if place.code == "S" or (place.count is None) != (index is None) or (index or 0) >= count:
@@ -117,13 +117,13 @@ def _at(place: Place, index: int | None) -> tuple[int, str]:
     return place.offset + (index or 0) * int(place.code[2]), place.code
 
 
-def walk(definitions: Definitions, type_name: str, message: bytes) -> Layout:
+def walk(definitions: Definitions, type_name: str, message: bytes) -> MessageLayout:
     """The layout of one message; raises LogError where it is no message of its type."""
     if len(message) < 4 or message[0] != 0:
         raise LogError(f"a message of {type_name} is damaged: it does not begin as CDR does")
     if message[1] not in _PLAIN and message[1] not in _LISTS:
         raise LogError(f"a message of {type_name} is in CDR of the kind {message[1]}, which is not read (0 to 3 are)")
-    found: list[Layout] = []
+    found: list[MessageLayout] = []
     problem: LogError | None = None
     for wide in _WIDE:
         walker = _Walker(definitions, message, "<" if message[1] % 2 else ">", wide)
@@ -140,7 +140,7 @@ def walk(definitions: Definitions, type_name: str, message: bytes) -> Layout:
     return found[0]
 
 
-def _walked(walker: _Walker, type_name: str, message: bytes) -> Layout:
+def _walked(walker: _Walker, type_name: str, message: bytes) -> MessageLayout:
     try:
         walker.message(short_name(type_name), "", 0)
     except (struct.error, _Beyond) as error:
@@ -152,7 +152,7 @@ def _walked(walker: _Walker, type_name: str, message: bytes) -> Layout:
     if left > 3 and (message[1] in _LISTS or walker.wide_characters):
         raise LogError(f"a message of {type_name} cannot be read: it is a parameter list, or damaged")
     lengths = tuple(walker.lengths)
-    return Layout(len(message), walker.places, walker.texts, lengths, message[1], walker.order)
+    return MessageLayout(len(message), walker.places, walker.texts, lengths, message[1], walker.order)
 
 
 class _Beyond(Exception):  # noqa: N818  (a signal, never seen outside)
@@ -167,7 +167,7 @@ class _Walker:
         self._data = data
         self.order = order
         self.position = 4
-        self.places: dict[str, Place] = {}
+        self.places: dict[str, FieldPlace] = {}
         self.texts: dict[str, bytes] = {}
         self.lengths: list[tuple[int, int]] = []
         self.wide_characters = 0
@@ -216,7 +216,7 @@ class _Walker:
             self._align(size)
         if self.position + count * size > len(self._data):
             raise _Beyond
-        self.places[path] = Place(self.position, self.order + code, count if many else None)
+        self.places[path] = FieldPlace(self.position, self.order + code, count if many else None)
         self.position += count * size
 
     def _wide_text(self) -> None:
@@ -232,6 +232,6 @@ class _Walker:
         end = self.position + length
         if end > len(self._data):
             raise _Beyond
-        self.places[path] = Place(self.position, "S", length)
+        self.places[path] = FieldPlace(self.position, "S", length)
         self.texts[path] = bytes(self._data[self.position : end])
         self.position = end

@@ -8,9 +8,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 import numpy as np
 from palpate import LogError
 
-from palpate_devices.logs.cdr import Excerpt, Layout, Place, walk
+from palpate_devices.logs.cdr import Excerpt, FieldPlace, MessageLayout, walk
 from palpate_devices.logs.definitions import parse_definitions
-from palpate_devices.logs.readings import SECOND, Reading, Table
+from palpate_devices.logs.readings import SECOND, Reading, TopicTable
 from palpate_devices.logs.topics import Messages, Stamps, Topic
 
 _LAYOUTS = 64  # layouts of one topic that are kept
@@ -23,12 +23,17 @@ class CdrDecoder:
     def __init__(self, topic: Topic) -> None:
         self._topic = topic
         self._definitions = parse_definitions(topic.type, topic.schema.decode(errors="replace"))
-        self._layouts: list[Layout] = []
+        self._layouts: list[MessageLayout] = []
 
     def fields(self, payload: bytes) -> Mapping[str, int | None]:
         """See `Decoder`."""
         layout = walk(self._definitions, self._topic.type, payload)
         return {path: place.count for path, place in layout.places.items() if place.code != "S"}
+
+    def texts(self, payload: bytes) -> Mapping[str, str]:
+        """See `Decoder`."""
+        texts = walk(self._definitions, self._topic.type, payload).texts
+        return {path: _words(text) for path, text in texts.items() if not names_a_part(path)}
 
     def names(self, payload: bytes) -> Collection[str]:
         """See `Decoder`."""
@@ -36,7 +41,7 @@ class CdrDecoder:
         found = [_words(text) for path, text in texts.items() if _NAMES.search(path)]
         return list(dict.fromkeys(found))
 
-    def read(self, messages: Messages, readings: Sequence[Reading]) -> Table:
+    def read(self, messages: Messages, readings: Sequence[Reading]) -> TopicTable:
         """See `Decoder`."""
         tables = []
         selecting = [k for k, reading in enumerate(readings) if reading.select is not None]
@@ -51,10 +56,10 @@ class CdrDecoder:
                 seconds, rest = (layout.places[f"{stamp}.{part}"] for part in ("sec", "nanosec"))
                 stamps = excerpt.column(seconds.offset, seconds.code).astype(np.int64) * SECOND
                 stamps += excerpt.column(rest.offset, rest.code)
-            tables.append(Table(rows, excerpt.numbers(places), stamps))
+            tables.append(TopicTable(rows, excerpt.numbers(places), stamps))
         return _in_order(tables, len(readings))
 
-    def _groups(self, messages: Messages, pin: bool) -> Iterator[tuple[Layout, Stamps, Excerpt]]:
+    def _groups(self, messages: Messages, pin: bool) -> Iterator[tuple[MessageLayout, Stamps, Excerpt]]:
         """Layouts, the rows of the messages that have each, and those messages."""
         left = np.arange(len(messages))
         known = list(self._layouts)
@@ -77,36 +82,41 @@ class CdrDecoder:
             left = left[~same]
 
 
-_NOWHERE = Place(0, "S")
+_NOWHERE = FieldPlace(0, "S")
 
 
-def _place(layout: Layout, reading: Reading | None) -> tuple[Place, int | None]:
+def _place(layout: MessageLayout, reading: Reading | None) -> tuple[FieldPlace, int | None]:
     if reading is None:
         return _NOWHERE, None
     return layout.places.get(reading.path, _NOWHERE), reading.index
 
 
-def _in_order(tables: list[Table], width: int) -> Table:
+def _in_order(tables: list[TopicTable], width: int) -> TopicTable:
     """One table in the order of the messages."""
     if len(tables) == 1:
         return tables[0]
     if not tables:
-        return Table(np.zeros(0, np.int64), np.zeros((0, width)), None)
+        return TopicTable(np.zeros(0, np.int64), np.zeros((0, width)), None)
     rows = np.concatenate([table.rows for table in tables])
     order = np.argsort(rows)
     stamps = [table.stamps for table in tables if table.stamps is not None]
-    return Table(
+    return TopicTable(
         rows[order],
         np.concatenate([table.values for table in tables])[order],
         np.concatenate(stamps)[order] if len(stamps) == len(tables) else None,
     )
 
 
+def names_a_part(path: str) -> bool:
+    """Whether a text only names a frame or a joint."""
+    return path.endswith("frame_id") or _NAMES.search(path) is not None
+
+
 def _words(text: bytes) -> str:
     return text.rstrip(b"\0").decode(errors="replace")
 
 
-def _resolved(layout: Layout, reading: Reading) -> Reading | None:
+def _resolved(layout: MessageLayout, reading: Reading) -> Reading | None:
     """Where a reading lies in a layout, with the joint or child frame found by its name; None where it is not there."""
     if reading.select is None:
         return reading
@@ -120,7 +130,7 @@ def _resolved(layout: Layout, reading: Reading) -> Reading | None:
     return None
 
 
-def _stamp_path(layout: Layout, readings: Sequence[Reading]) -> str | None:
+def _stamp_path(layout: MessageLayout, readings: Sequence[Reading]) -> str | None:
     """The header stamp that belongs to the readings: that of the element they are in, else that of the message."""
     inner = [reading.path.rpartition("].")[0] + "]." for reading in readings if "]." in reading.path]
     for path in (*(f"{prefix}header.stamp" for prefix in inner), "header.stamp", "stamp"):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import gzip
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import LogError, is_number
 
+from palpate_devices.logs.files import regular
 from palpate_devices.logs.readings import si_unit
+from palpate_devices.logs.unpack import DAMAGED
 
 Floats = NDArray[np.float64]
 
@@ -25,8 +26,8 @@ _SEPARATORS = (",", ";", "\t")
 _LOOKED = 50  # lines by which the separator is told
 _LINE = 100_000  # characters; the csv module takes no longer cell
 _BLOCK = 4096  # rows at once
-_BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]+?)\s*[\])]\s*$")
-_SUFFIX = re.compile(r"^(.+?)_(mm_s|m_s|um_s|mm|um|cm|m|mN|kN|N|ns|us|ms|s)$")
+_UNIT = 20  # characters of a unit; a longer one is none
+_SUFFIXES = ("mm_s", "um_s", "m_s", "mm", "um", "cm", "mN", "kN", "ns", "us", "ms", "m", "N", "s")
 
 
 @dataclass(frozen=True)
@@ -69,16 +70,11 @@ class Sheet:
 
     def unit(self, column: int) -> str | None:
         """The unit that the name of a column ends in; None where it says none."""
-        name = self.names[column]
-        match = _BRACKETS.match(name) or _SUFFIX.match(name)
-        if match is None:
-            return None
-        unit = re.sub(r"_s$", "/s", match[2]).replace("^-1", "")
+        unit = _unit_text(self.names[column])
         try:
-            si_unit(unit)
+            return unit if unit and si_unit(unit) else None
         except ValueError:
             return None
-        return unit
 
     def column(self, index: int) -> int | str:
         """How a pipeline names a column: by the header where that is clear, else by its number."""
@@ -96,9 +92,27 @@ def _refuse_decimal_commas(
         raise LogError(f"{path}: its numbers have decimal commas ({lines[-1].strip()[:40]!r}): write them with points")
 
 
+def _unit_text(name: str) -> str:
+    """What stands in the last brackets of a name, or behind its last ``_``; empty where that is no unit's length."""
+    name = name.strip()
+    if name[-1:] in ("]", ")"):
+        begin = max(name.rfind("["), name.rfind("("))
+        unit = name[begin + 1 : -1].strip() if begin >= 0 else ""
+        return unit.replace("_s", "/s").replace("^-1", "") if len(unit) <= _UNIT else ""
+    found = next((unit for unit in _SUFFIXES if name.endswith(f"_{unit}") and len(name) > len(unit) + 1), "")
+    return found.replace("_s", "/s")
+
+
+def number(cell: str) -> float:
+    """The number that a cell holds; raises ValueError. ``1_5`` is none: Python alone takes it for 15."""
+    if "_" in cell:
+        raise ValueError(cell)
+    return float(cell)
+
+
 def _number(cell: str) -> float:
     try:
-        return float(cell)
+        return number(cell)
     except ValueError:
         return float("nan")
 
@@ -106,6 +120,7 @@ def _number(cell: str) -> float:
 @contextmanager
 def opened(path: Path) -> Iterator[IO[str]]:
     """The text of a file, plain or gzipped; raises LogError where it cannot be read."""
+    regular(path)
     try:
         if path.suffix == ".gz":
             with gzip.open(path, "rt", encoding="utf-8", newline="") as file:
@@ -113,7 +128,7 @@ def opened(path: Path) -> Iterator[IO[str]]:
         else:
             with path.open(newline="", encoding="utf-8") as file:
                 yield file
-    except (OSError, EOFError) as error:
+    except (OSError, *DAMAGED) as error:
         raise LogError(f"{path}: cannot be read: {error}") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise LogError(f"{path}: is not a CSV text: {error}") from error

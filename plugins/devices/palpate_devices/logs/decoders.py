@@ -13,7 +13,7 @@ from palpate import LogError
 from palpate_devices.logs.cdr_decoder import CdrDecoder
 from palpate_devices.logs.definitions import short_name
 from palpate_devices.logs.objects import ObjectDecoder
-from palpate_devices.logs.readings import Decoder
+from palpate_devices.logs.readings import MessageDecoder
 from palpate_devices.logs.standard_types import STANDARD_TYPES
 from palpate_devices.logs.topics import Topic
 
@@ -21,7 +21,7 @@ from palpate_devices.logs.topics import Topic
 _LIBRARIES = {"mcap_ros2": "mcap-ros2-support", "mcap_ros1": "mcap-ros1-support"}
 
 
-def decoder_of(topic: Topic) -> Decoder:
+def decoder_of(topic: Topic) -> MessageDecoder:
     """The decoder of a topic's messages; raises LogError where there is none."""
     try:
         match topic.encoding, topic.schema_encoding:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from palpate import Channel, LogError, Stream
 
 from palpate_devices.logs.decoders import decoder_of
 from palpate_devices.logs.mapping import Clock, MappedSignal, Orientation, TimeField
-from palpate_devices.logs.readings import Decoder, Reading, nanoseconds, si_unit
+from palpate_devices.logs.readings import LATEST, MessageDecoder, Reading, nanoseconds, sensible, si_unit
 from palpate_devices.logs.topics import Container, Messages, Stamps, Topic
 from palpate_devices.logs.turning import rotated
 
@@ -31,12 +31,13 @@ class Feed:
     readings: tuple[Reading, ...]
     factors: Floats  # (k,) SI per recorded unit
     clock: Clock
-    decoder: Decoder
+    decoder: MessageDecoder
     directions: tuple[Floats | None, ...] = ()  # of each channel; None: a plain number
     orientation: Feed | None = None  # the quaternion that turns the vectors
     function: Callable[[Floats], Floats] | None = (
         None  # readings (n, j) -> channels (n, k), such as a robot's kinematics
     )
+    left_out: Counter[str] = field(default_factory=Counter)  # messages by reason, of the latest way through
 
     @property
     def scaled(self) -> bool:
@@ -51,7 +52,8 @@ class Feed:
         logged = np.ascontiguousarray(messages.logged) if every else messages.logged[table.rows]
         if isinstance(self.clock, TimeField):
             seconds = table.values[:, -1] * si_unit(self.clock.unit)[1]
-            usable = np.isfinite(seconds) & (np.abs(seconds) < 9e9)
+            usable = np.isfinite(seconds) & (np.abs(seconds) < LATEST)
+            self.left_out["no time"] += int(np.count_nonzero(~usable))
             values, logged = table.values[usable, :-1], logged[usable]
             return nanoseconds(seconds[usable]), logged, self._channels(values)
         stamps = logged
@@ -71,7 +73,8 @@ class Feed:
             return values
         if any(direction is not None for direction in self.directions):
             return self.along(values)
-        return values * self.factors if self.scaled else values
+        with np.errstate(over="ignore"):
+            return sensible(values * self.factors if self.scaled else values)
 
     def along(self, values: Floats, quaternions: Floats | None = None) -> Floats:
         """Channels [SI] (n, k) of readings (n, readings): vectors, turned where told how, along their directions."""
@@ -85,7 +88,8 @@ class Feed:
             vectors = vectors if quaternions is None else rotated(quaternions, vectors)
             columns.append(sum(vectors[:, axis] * direction[axis] for axis in range(3)))
             at += 3
-        return np.column_stack(columns) * self.factors
+        with np.errstate(over="ignore", invalid="ignore"):
+            return sensible(np.column_stack(columns) * self.factors)
 
 
 def mapped_feeds(
@@ -130,7 +134,7 @@ def mapped_feeds(
     return feeds
 
 
-def _decoder(container: Container, topic: str, log: str) -> Decoder:
+def _decoder(container: Container, topic: str, log: str) -> MessageDecoder:
     if topic not in container.topics:
         raise LogError(f"{log}: topic {topic!r} is not in the log ({_some(container.topics)})")
     with said_of(log):
@@ -212,6 +216,14 @@ def _check_reading(reading: Reading, fields: Mapping[str, int | None], topic: st
 def _some(names: Mapping[str, object]) -> str:
     shown = list(names)[:_SHOWN]
     return f"there are: {', '.join(shown) or 'none'}{', ...' if len(names) > _SHOWN else ''}"
+
+
+def untimed(feeds: Sequence[Feed], name: str) -> tuple[str, ...]:
+    """How many messages were left out since the time in them is not finite, in words."""
+    counts = {feed.topic: feed.left_out["no time"] for feed in feeds if feed.left_out["no time"]}
+    return tuple(
+        f"{name}: {n} messages of {topic} have no finite time, and were left out" for topic, n in counts.items()
+    )
 
 
 def raw_feed(topic: Topic, stream: Stream, paths: Sequence[str]) -> Feed:

@@ -10,8 +10,7 @@ from collections.abc import Sequence
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Angle, Channel, Length, LogError, Settings, Stream
+from palpate import Angle, Channel, Floats, Length, LogError, Settings, Stream
 from pydantic import Field, model_validator
 
 from palpate_devices.logs.decoders import decoder_of
@@ -21,8 +20,6 @@ from palpate_devices.logs.readings import Reading
 from palpate_devices.logs.topics import Container
 from palpate_devices.ur3e.frame import WorkFrame
 from palpate_devices.ur3e.kinematics import ALPHA, JOINTS, A, D, matrix_of
-
-Floats = NDArray[np.float64]
 
 _POSE = (*((axis, "m") for axis in "xyz"), *((f"q{axis}", "1") for axis in "xyzw"))
 _TWIST = (*((axis, "m/s") for axis in "xyz"), *((f"w{axis}", "rad/s") for axis in "xyz"))

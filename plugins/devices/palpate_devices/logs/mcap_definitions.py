@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 
 from palpate_devices.logs import mcap_records as records
 from palpate_devices.logs.mcap_records import Damage
@@ -21,6 +23,39 @@ class Known:
     chunks: list[tuple[int, int, int]] = field(default_factory=list)  # first, last log time; offset
     data: tuple[int, int] | None = None  # where the data section ends, and its checksum
     extras: list[tuple[int, bytes]] | None = None  # attachments and metadata, where they are wanted
+    spare: list[tuple[int, bytes]] = field(default_factory=list)  # definitions in chunks that are damaged
+    _refers: dict[int, int] = field(default_factory=dict)  # the schema of each channel
+
+    def copy(self) -> Known:
+        """With definitions of its own."""
+        return Known(dict(self.schemas), dict(self.channels))
+
+    def offer(self, opcode: int, content: bytes) -> None:
+        """Take in a schema or channel, where it is one, and nothing has defined it yet."""
+        with suppress(Damage):
+            self.define(opcode, content)
+
+    def settle(self, counts: Mapping[int, int]) -> list[str]:
+        """Define what messages need from what is left of damaged chunks, too; the topics for which that was so."""
+        spare, self.spare = self.spare, []
+        missing = {channel for channel in counts if channel not in self.channels}
+        self._take(records.CHANNEL, missing, spare)
+        lost = {schema for c, schema in self._refers.items() if c in counts and schema and schema not in self.schemas}
+        self._take(records.SCHEMA, lost, spare)
+        for channel, schema in self._refers.items():
+            name, encoding, text = self.schemas.get(schema, ("", "", b""))
+            topic = self.channels[channel]
+            if not topic.schema and not topic.type:
+                self.channels[channel] = replace(topic, type=name, schema_encoding=encoding, schema=text)
+        doubtful = (missing & self.channels.keys()) | {
+            c for c, s in self._refers.items() if s in lost & self.schemas.keys()
+        }
+        return sorted(self.channels[c].name for c in doubtful if c in counts)
+
+    def _take(self, kind: int, wanted: set[int], spare: list[tuple[int, bytes]]) -> None:
+        for opcode, content in spare:
+            if opcode == kind and len(content) > 1 and struct.unpack_from("<H", content)[0] in wanted:
+                self.offer(opcode, content)
 
     def define(self, opcode: int, content: bytes) -> None:
         """Take in a record that is no message."""
@@ -56,6 +91,7 @@ class Known:
             metadata[key], at = records.read_text(packed, at)
         name, schema_encoding, text = self.schemas.get(schema, ("", "", b""))
         found = Topic(topic, name, encoding, schema_encoding, text, metadata)
+        self._refers.setdefault(identity, schema)
         if self.channels.setdefault(identity, found) != found:
             raise Damage(f"channel {identity} is defined twice, differently")
 

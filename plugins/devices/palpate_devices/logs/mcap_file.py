@@ -15,50 +15,75 @@ from numpy.typing import NDArray
 from palpate import LogError
 
 from palpate_devices.logs import mcap_records as records
+from palpate_devices.logs.files import readable, regular
 from palpate_devices.logs.mcap_definitions import Known
-from palpate_devices.logs.mcap_pass import Pass
+from palpate_devices.logs.mcap_pass import DATA_WRONG, Pass, data_checked
 from palpate_devices.logs.mcap_records import Block, Damage
+from palpate_devices.logs.mcap_report import Report
+from palpate_devices.logs.mcap_salvage import Salvage
+from palpate_devices.logs.mcap_search import chunks_from
 from palpate_devices.logs.topics import Messages, Topic
 
 
 class McapFile:
-    """A file, opened; what is wrong with it is said in one LogError, or with `accept_cut` read up to there."""
+    """A file, opened; what is wrong with it is said in one LogError, or with `accept_cut` read around."""
 
     def __init__(self, path: Path, accept_cut: bool = False) -> None:
         self.path = path
         self._accept_cut = accept_cut
         self.unchecked = 0  # messages that no checksum covers
-        self._complete = self._look()
+        self._notes: list[str] = []  # what is wrong with the file as a whole
+        self._report: Report | None = None  # of the latest way through a damaged file
+        self._doubtful: list[str] = []
+        self._complete = self._ended = self._look()
         self._summary = self._read_summary() if self._complete else Known()
+        self._compare_data()
 
     def _look(self) -> bool:
         """Whether the file ends as a finished log does."""
-        try:
-            with self.path.open("rb") as file:
-                head = file.read(len(records.MAGIC))
-                size = file.seek(0, 2)
-                file.seek(max(size - len(records.MAGIC), 0))
-                tail = file.read()
-        except FileNotFoundError as error:
-            raise LogError(f"{self.path}: there is no such file") from error
-        except OSError as error:
-            raise LogError(f"{self.path}: cannot be read: {error.strerror}") from error
-        if not head:
-            raise LogError(f"{self.path}: the file is empty")
-        if head != records.MAGIC:
-            raise LogError(f"{self.path}: is no MCAP log")
+        regular(self.path)
+        with readable(self.path) as file:
+            head = file.read(len(records.MAGIC))
+            size = file.seek(0, 2)
+            file.seek(max(size - len(records.MAGIC), 0))
+            tail = file.read()
+            if not head:
+                raise LogError(f"{self.path}: the file is empty")
+            if head != records.MAGIC:
+                self._refuse_foreign(file, size)
         return size > 2 * len(records.MAGIC) and tail == records.MAGIC
+
+    def _refuse_foreign(self, file: IO[bytes], size: int) -> None:
+        """A file without the first bytes of a log is one where it holds chunks, and is read only if that is asked."""
+        if not self._accept_cut or next(chunks_from(file, 0, size), None) is None:
+            raise LogError(f"{self.path}: is no MCAP log")
+        self._notes.append("its first bytes are wrong")
+
+    def _compare_data(self) -> None:
+        """Say where the checksum over all data is wrong; what is read then is what each chunk's own confirms."""
+        self._data_right: bool | None = None
+        if self._accept_cut and self._summary.data is not None:
+            with readable(self.path) as file:
+                self._data_right = data_checked(file, self._summary)
+            if self._data_right is False:
+                self._notes.append(DATA_WRONG)
 
     @property
     def complete(self) -> bool:
-        """Whether the file has its end."""
-        return self._complete
+        """Whether the file has its end, and nothing in it was found to be damaged."""
+        return self._complete and not self._notes
+
+    @property
+    def report(self) -> Report | None:
+        """What is missing, once a damaged file has been read."""
+        return self._report
 
     @property
     def trouble(self) -> str | None:
-        """That the end is missing, or that nothing guards the messages."""
-        if not self._complete:
-            return f"{self.path.name} is cut or damaged: only what is whole was read"
+        """That something is missing, how much and where, or that nothing guards the messages."""
+        if not self.complete:
+            words = "; ".join(self._notes) if self._report is None else self._report.words()
+            return f"{self.path.name} is cut or damaged: only what is whole was read{f'; {words}' if words else ''}"
         if self.unchecked:
             return f"{self.path.name}: {self.unchecked} messages carry no checksum: damage to them would not be seen"
         return None
@@ -96,8 +121,10 @@ class McapFile:
         if known.channels and (known.counts is None or set(known.counts) <= set(known.channels)):
             return known
         known = Known()
-        for _ in self._passed(known, None, None):
-            pass
+        seen: Counter[int] = Counter()
+        for block in self._passed(known, None, None):
+            seen.update({int(i): int(block.counts[i]) for i in np.flatnonzero(block.counts)})
+        self._doubtful = known.settle(seen)
         return known
 
     @property
@@ -116,13 +143,14 @@ class McapFile:
         self, wanted: Set[str], begin: int | None = None, end: int | None = None
     ) -> Iterator[tuple[str, Messages]]:
         """Messages of the wanted topics in the order of the file, within [begin, end) of log time [ns]."""
-        known = Known(dict(self._definitions.schemas), dict(self._definitions.channels))
+        known = self._definitions.copy()
         for block in self._passed(known, begin, end):
             yield from self._sorted_out(block, known, wanted, begin, end)
 
     def everything(self) -> Iterator[tuple[Known, Block]]:
         """Blocks of records as they are, and what has been defined up to there, attachments and metadata included."""
-        known = Known(dict(self._summary.schemas), dict(self._summary.channels), extras=[])
+        known = self._definitions.copy()
+        known.extras = []
         for block in self._passed(known, None, None):
             yield known, block
 
@@ -140,34 +168,70 @@ class McapFile:
                 yield topic.name, messages
 
     def _passed(self, known: Known, begin: int | None, end: int | None) -> Iterator[Block]:
-        """Blocks of messages, up to the end or to the first damage."""
-        reader = Pass(self.path, known, self._summary, whole=begin is None and end is None and self._complete)
+        """Blocks of messages: all, or those of a window and maybe more; raises LogError where they are damaged."""
+        if self._accept_cut:
+            yield from self._around(known)
+            return
+        windowed = begin is not None or end is not None
+        reader = Pass(self.path, known, self._summary, whole=not windowed and self._complete)
         chunks = self._summary.chunks
         try:
-            if chunks and (begin is not None or end is not None):
+            if chunks and windowed:
                 yield from reader.some([c[2] for c in chunks if _overlaps(c, begin, end)])
             else:
                 yield from reader.all()
         except Damage as damage:
-            if self._complete and not self._accept_cut:
+            if self._complete:
                 raise LogError(
-                    f"{self.path}: the log is damaged: {damage}; accept_cut = true reads up to there"
+                    f"{self.path}: the log is damaged: {damage}; accept_cut = true reads what is whole"
                 ) from damage
-            self._complete = False
         finally:
             self.unchecked = reader.unchecked
+
+    def _around(self, known: Known) -> Iterator[Block]:
+        """Blocks of messages that are whole, around what is damaged; what is missing is reported."""
+        report = Report(said=self._summary.counts, notes=self._notes, doubtful=self._doubtful, cut=not self._ended)
+        reader = Pass(self.path, known, self._summary, whole=False)
+        problem = None
+        try:
+            for block in reader.all():
+                yield self._seen(report, block, known)
+        except Damage as damage:
+            problem = str(damage)
+        report.counts = reader.counts
+        self.unchecked = reader.unchecked
+        if problem is not None:
+            begin = 0 if reader.done == len(records.MAGIC) and self._notes else reader.done
+            salvage = Salvage(self.path, known, reader)
+            for block in salvage.blocks(begin):
+                yield self._seen(report, block, known)
+            self.unchecked += salvage.unchecked
+            report.losses, report.repeated = salvage.losses, salvage.repeated
+        self.unchecked = report.unchecked = 0 if self._data_right else self.unchecked
+        if problem is not None or self._notes or report.missing:
+            self._complete, self._report = False, report
+
+    @staticmethod
+    def _seen(report: Report, block: Block, known: Known) -> Block:
+        if len(block):
+            logged = block.logged
+            report.first = int(logged.min()) if report.first is None else report.first
+            report.last = max(int(logged.max()), report.last or 0)
+            nameless = [i for i in np.flatnonzero(block.counts).tolist() if i not in known.channels]
+            report.nameless += int(block.counts[nameless].sum())
+        return block
 
     def _read_summary(self) -> Known:
         known = Known()
         try:
-            with self.path.open("rb") as file:
+            with readable(self.path) as file:
                 self._read_definitions(file, known)
         except Damage as damage:
             if not self._accept_cut:
                 raise LogError(
                     f"{self.path}: the log's summary is damaged: {damage}; accept_cut = true ignores it"
-                ) from (damage)
-            self._complete = False
+                ) from damage
+            self._notes.append(f"its summary is damaged: {damage}")
             return Known()
         return known
 

@@ -17,6 +17,7 @@ from palpate_devices.logs.mcap_records import Block, Damage
 from palpate_devices.logs.topics import Stamps
 
 _TOGETHER = 1 << 19  # [bytes] of chunks that make a block
+DATA_WRONG = "the checksum of its data is wrong"
 _BLOCK = 1 << 22  # [bytes] of messages outside chunks read at once
 
 
@@ -26,6 +27,7 @@ class _Whole:
 
     chunk: records.Chunk
     index: list[Stamps]
+    end: int = 0  # [bytes] where its record ends in the file
 
 
 class Pass:
@@ -33,10 +35,19 @@ class Pass:
 
     def __init__(self, path: Path, known: Known, summary: Known, whole: bool) -> None:
         self._path, self._known, self._summary, self._whole = path, known, summary, whole
-        self._counts: Counter[int] = Counter()
+        self.counts: Counter[int] = Counter()  # messages of each channel
         self._ended = False
         self._unpacker = records.Unpacker()
+        self._latest: Block | None = None
         self.unchecked = 0
+        self.heads = bytearray()  # of the chunks that were opened, 28 bytes each
+        self.chunked = bool(summary.chunks)
+        self.done = len(records.MAGIC)  # [bytes] up to which all messages have been given
+
+    @property
+    def latest(self) -> int | None:
+        """The latest log time [ns] of the last block."""
+        return None if self._latest is None else int(self._latest.logged.max())
 
     def all(self) -> Iterator[Block]:
         """Every record of the data section; at the end, what was found is held against the summary."""
@@ -49,23 +60,16 @@ class Pass:
                 self.unchecked = 0
         if not self._ended:
             raise Damage("it ends before its data do")
-        if self._whole and self._summary.counts is not None and self._counts != Counter(self._summary.counts):
-            found, said = self._counts.total(), sum(self._summary.counts.values())
+        if self._whole and self._summary.counts is not None and self.counts != Counter(self._summary.counts):
+            found, said = self.counts.total(), sum(self._summary.counts.values())
             raise Damage(f"it holds {found} messages where its statistics say {said}, or not the same ones")
 
     def _check_data(self, file: IO[bytes]) -> bool:
         """Whether a checksum covers all data, and is right; raises Damage where it is wrong."""
-        if self._summary.data is None:
-            return False
-        left, expected = self._summary.data
-        crc = 0
-        file.seek(0)
-        while left > 0 and (block := file.read(min(left, 1 << 20))):
-            crc = zlib.crc32(block, crc)
-            left -= len(block)
-        if crc != expected:
-            raise Damage("the checksum of its data is wrong")
-        return True
+        found = data_checked(file, self._summary)
+        if found is False:
+            raise Damage(DATA_WRONG)
+        return found is True
 
     def some(self, offsets: list[int]) -> Iterator[Block]:
         """The chunks that begin at the offsets."""
@@ -97,9 +101,12 @@ class Pass:
                     file.seek(-9, 1)
                     yield from self._loose(file, size)
                 elif opcode == records.CHUNK:
+                    self.chunked = True
                     if length > records.LIMIT:
                         raise Damage(f"a chunk has {length} bytes, more than {records.LIMIT}")
-                    pending.append(_Whole(records.open_chunk(file.read(length), self._unpacker), []))
+                    content = file.read(length)
+                    pending.append(_Whole(records.open_chunk(content, self._unpacker), [], file.tell()))
+                    self.heads += content[: records.CHUNK_HEAD]
                 else:
                     self._other(file, opcode, length)
         except Damage:
@@ -134,10 +141,16 @@ class Pass:
             except Damage:  # some of them are sound
                 block = None
             if block is not None:
-                yield block
+                yield self._given(block, pending[-1].end)
                 return
         for whole in pending:
-            yield self._located(whole)
+            yield self._given(self._located(whole), whole.end)
+
+    def _given(self, block: Block, end: int) -> Block:
+        """A block whose messages end there."""
+        self.done = end
+        self._latest = block if len(block) else self._latest
+        return block
 
     def _located(self, whole: _Whole) -> Block:
         chunk = whole.chunk
@@ -151,7 +164,7 @@ class Pass:
 
     def _count(self, block: Block) -> None:
         if len(block.offsets):
-            self._counts.update({int(i): int(block.counts[i]) for i in np.flatnonzero(block.counts)})
+            self.counts.update({int(i): int(block.counts[i]) for i in np.flatnonzero(block.counts)})
 
     def _loose(self, file: IO[bytes], size: int) -> Iterator[Block]:
         """Messages outside chunks, a block at a time, until a record of another kind comes."""
@@ -170,10 +183,23 @@ class Pass:
             self._count(block)
             self.unchecked += len(offsets)
             if len(offsets):
-                yield block
+                yield self._given(block, begin + stop)
             file.seek(begin + stop)
             if others or not len(offsets):
                 return
+
+
+def data_checked(file: IO[bytes], summary: Known) -> bool | None:
+    """Whether the checksum over all data is right; None where there is none."""
+    if summary.data is None:
+        return None
+    left, expected = summary.data
+    crc = 0
+    file.seek(0)
+    while left > 0 and (block := file.read(min(left, 1 << 20))):
+        crc = zlib.crc32(block, crc)
+        left -= len(block)
+    return crc == expected
 
 
 def _enough(pending: list[_Whole]) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -18,11 +19,13 @@ from numpy.typing import NDArray
 from palpate_devices.logs.topics import Bytes, Messages, Stamps, column, gather
 
 MAGIC = b"\x89MCAP0\r\n"
+_REMAINS = 1 << 20  # [bytes] at the beginning of a damaged chunk in which definitions are looked for
 LIMIT = 1 << 28  # [bytes]; no chunk, and no single record, is larger
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
 ATTACHMENT, STATISTICS, METADATA, DATA_END = 0x09, 0x0B, 0x0C, 0x0F
 EXTRAS = (ATTACHMENT, METADATA)
 RECORD = struct.Struct("<BQ")
+CHUNK_HEAD = 28  # bytes of a chunk that tell it from others: its times, size and checksum
 HEAD = 31  # bytes of a message record before its payload: record 9, channel 2, sequence 4, two times 16
 
 Other = tuple[int, int, int]  # opcode, offset and length of the content of a record that is no message
@@ -97,6 +100,34 @@ def _zstd(packed: memoryview, size: int, unpacker: Any) -> bytes:
             return data
     reader = unpacker.stream_reader(packed, read_across_frames=True)
     return bytes(reader.read(size + 1))
+
+
+def remains(content: bytes) -> list[tuple[int, bytes]]:
+    """Schemas and channels, as far as they can be read, of a chunk that is damaged."""
+    try:
+        (name_length,) = struct.unpack_from("<I", content, 28)
+        data = _as_far_as_it_goes(content[32 : 32 + min(name_length, 5)], content[40 + name_length :])
+        _, others, _ = scan(data)
+    except (struct.error, Damage):
+        return []
+    return [(opcode, data[at : at + length]) for opcode, at, length in others if opcode in (SCHEMA, CHANNEL)]
+
+
+def _as_far_as_it_goes(name: bytes, packed: bytes) -> bytes:
+    """The first bytes that can be decompressed, a little at a time."""
+    import lz4.frame
+    import zstandard
+
+    if name not in (b"zstd", b"lz4"):
+        return packed[:_REMAINS]
+    tool = zstandard.ZstdDecompressor().decompressobj() if name == b"zstd" else lz4.frame.LZ4FrameDecompressor()
+    data = bytearray()
+    with suppress(Exception):  # each library has errors of its own
+        for at in range(0, len(packed), 1 << 10):
+            data += tool.decompress(packed[at : at + (1 << 10)])
+            if len(data) >= _REMAINS:
+                break
+    return bytes(data[:_REMAINS])
 
 
 def scan(data: bytes, begin: int = 0, end: int | None = None) -> tuple[list[int], list[Other], int]:
@@ -176,6 +207,11 @@ class Block:
     def counts(self) -> NDArray[np.int64]:
         """How many messages there are of each channel, by its number."""
         return np.bincount(self.channel)
+
+    @property
+    def logged(self) -> Stamps:
+        """Log times [ns]."""
+        return np.asarray(column(self.heads, 15, "<i8"))
 
     @property
     def opcodes(self) -> Bytes:

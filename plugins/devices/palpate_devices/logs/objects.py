@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import LogError
 
-from palpate_devices.logs.readings import SECOND, Reading, Table
+from palpate_devices.logs.readings import SECOND, Reading, TopicTable
 from palpate_devices.logs.topics import Messages, Stamps, Topic
 
 _ELEMENTS = 64  # of an array are listed
@@ -41,11 +41,17 @@ class ObjectDecoder:
         _list_numbers(self._loaded(payload), "", found)
         return found
 
+    def texts(self, payload: bytes) -> Mapping[str, str]:
+        """See `Decoder`."""
+        found: dict[str, str] = {}
+        _list_texts(self._loaded(payload), "", found)
+        return found
+
     def names(self, payload: bytes) -> Collection[str]:
         """See `Decoder`."""
         return [name for name, _, _ in _named(self._loaded(payload))]
 
-    def read(self, messages: Messages, readings: Sequence[Reading]) -> Table:
+    def read(self, messages: Messages, readings: Sequence[Reading]) -> TopicTable:
         """See `Decoder`."""
         rows: list[int] = []
         values: list[list[float]] = []
@@ -64,7 +70,7 @@ class ObjectDecoder:
         if None not in stamps:
             known = np.array(stamps, np.int64)
         table: NDArray[np.float64] = np.array(values, float).reshape(len(values), len(readings))
-        return Table(np.array(rows, np.int64), table, known)
+        return TopicTable(np.array(rows, np.int64), table, known)
 
 
 def _named(item: Any) -> Iterator[tuple[str, str, int | None]]:
@@ -161,3 +167,16 @@ def _attributes(item: Any) -> list[str]:
         return [field.name for field in item.DESCRIPTOR.fields]
     names = getattr(item, "__slots__", None) or list(getattr(item, "__dict__", ()))
     return [name for name in names if not name.startswith("_")]
+
+
+def _list_texts(item: Any, prefix: str, found: dict[str, str], depth: int = 0) -> None:
+    """Texts of a message by their paths, but for those that only name a frame, joints or elements."""
+    if isinstance(item, str):
+        if not prefix.endswith("frame_id"):
+            found[prefix] = item
+    elif isinstance(item, Mapping) and depth <= _DEPTH:
+        for name, inner in item.items():
+            _list_texts(inner, f"{prefix}.{name}" if prefix else str(name), found, depth + 1)
+    elif depth <= _DEPTH and not isinstance(item, int | float | bytes | bytearray | memoryview | list | tuple):
+        for name in _attributes(item) if item is not None else ():
+            _list_texts(getattr(item, name), f"{prefix}.{name}" if prefix else name, found, depth + 1)

@@ -14,6 +14,8 @@ from palpate import to_si
 from palpate_devices.logs.topics import Messages, Stamps
 
 SECOND = 1_000_000_000  # [ns]
+LATEST = 9e9  # [s]; a time beyond the year 2255 is none, and does not fit into nanoseconds
+LARGEST = 1e100  # of a reading in SI
 _UNITS = ("m", "m/s", "N", "s", "rad", "m/s^2", "Pa", "N*m", "rad/s", "rad/s^2")
 _INDEX = re.compile(r"^(.*)\[(\d+)\]$")
 
@@ -39,7 +41,7 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Table:
+class TopicTable:
     """Readings of a block of messages."""
 
     rows: Stamps  # which messages (n,)
@@ -47,20 +49,33 @@ class Table:
     stamps: Stamps | None  # (n,) [ns] from the messages themselves; None where they carry none
 
 
-class Decoder(Protocol):
+class MessageDecoder(Protocol):
     """Reads the messages of one topic."""
 
     def fields(self, payload: bytes) -> Mapping[str, int | None]:
         """Paths of the numbers in one message, with the number of elements where one is an array."""
         ...
 
+    def texts(self, payload: bytes) -> Mapping[str, str]:
+        """Texts in one message by their paths, but for frames and the names of joints."""
+        ...
+
     def names(self, payload: bytes) -> Collection[str]:
         """The joints or child frames of one message, which a reading can select."""
         ...
 
-    def read(self, messages: Messages, readings: Sequence[Reading]) -> Table:
+    def read(self, messages: Messages, readings: Sequence[Reading]) -> TopicTable:
         """The readings of a block, without the messages that have nothing of what is selected; raises LogError."""
         ...
+
+
+def sensible(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The values, with NaN for numbers that no instrument gives, and whose square is none any more."""
+    size = np.abs(values)
+    if not size.size or size.max() < LARGEST:  # NaN compares as False
+        return values
+    with np.errstate(invalid="ignore"):
+        return np.where(size < LARGEST, values, np.nan)
 
 
 def nanoseconds(seconds: NDArray[np.float64]) -> Stamps:

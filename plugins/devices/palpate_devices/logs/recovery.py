@@ -39,9 +39,10 @@ def recover_mcap(path: Path, out: Path) -> str:
     if not saved.messages:
         out.unlink()
         raise LogError(f"{path}: nothing in it is whole")
-    cut = "" if log.complete else "; what came after that is lost"
-    whole = "the log was whole: " if log.complete else ""
-    return f"{whole}{saved.messages} messages over {(saved.last - saved.first) / 1e9:.3f} s are in {out}{cut}"
+    said = f"{saved.messages} messages over {(saved.last - saved.first) / 1e9:.3f} s are in {out}"
+    if log.complete:
+        return f"the log was whole: {said}"
+    return f"{said}; {log.report.words() if log.report else 'its end was missing'}"
 
 
 @dataclass
@@ -99,8 +100,9 @@ class _Saved:
             return  # it says nothing of the messages, and is not worth losing them for
 
 
-def counted(log: McapFile) -> tuple[int, float]:
-    """Messages that are whole, and the time [s] over which they go."""
+def counted(path: Path) -> tuple[int, float]:
+    """Messages of a damaged log that are whole, and the time [s] over which they go."""
+    log = McapFile(path, accept_cut=True)
     count, first, last = 0, [], []
     for _, messages in log.blocks(set(log.topics)):
         count += len(messages)

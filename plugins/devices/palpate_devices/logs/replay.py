@@ -12,9 +12,10 @@ from palpate import Batch, LogError
 
 from palpate_devices.logs.decoders import decoder_of
 from palpate_devices.logs.feeds import Feed, mapped_feeds, said_of
+from palpate_devices.logs.files import readable, regular
 from palpate_devices.logs.kinematics import Kinematics, joint_feeds
 from palpate_devices.logs.mapping import Clock, MappedSignal
-from palpate_devices.logs.readings import SECOND, Reading
+from palpate_devices.logs.readings import SECOND, MessageDecoder, Reading
 from palpate_devices.logs.survey import columns_of
 from palpate_devices.logs.topics import Container, Messages, Stamps
 from palpate_devices.logs.turning import Turning
@@ -31,6 +32,8 @@ class LogLink:
 
     def batches(self) -> Iterator[Batch]:
         """Every block of the log, as a batch of each stream that it feeds."""
+        for feed in (feed for feeds in self._feeds.values() for feed in feeds):
+            feed.left_out.clear()
         turned = [(feed, Turning()) for feeds in self._feeds.values() for feed in feeds if feed.orientation is not None]
         topics = self._feeds.keys() | {feed.orientation.topic for feed, _ in turned if feed.orientation is not None}
         for topic, messages in self._container.blocks(topics, *self._window):
@@ -114,11 +117,32 @@ def tables_of(container: Container) -> Iterator[tuple[str, tuple[str, ...], Batc
         yield topic, plan[0], Batch(topic, logged if table.stamps is None else table.stamps, logged, table.values)
 
 
+def texts_of(container: Container) -> Iterator[tuple[str, tuple[str, ...], Stamps, list[tuple[str, ...]]]]:
+    """Every topic that holds texts, in blocks: its name, the names of the texts, stamps [ns] and texts."""
+    plans: dict[str, tuple[MessageDecoder, tuple[str, ...]] | None] = {}
+    for topic, messages in container.blocks(set(container.topics)):
+        try:
+            if topic not in plans:
+                plans[topic] = None
+                decoder = decoder_of(container.topics[topic])
+                plans[topic] = decoder, tuple(decoder.texts(messages.payload(0)))
+            plan = plans[topic]
+            if plan is None or not plan[1]:
+                continue
+            stamps = plan[0].read(messages, ()).stamps
+            found = [plan[0].texts(messages.payload(row)) for row in range(len(messages))]
+        except LogError:
+            plans[topic] = None
+            continue
+        rows = [tuple(texts.get(name, "") for name in plan[1]) for texts in found]
+        yield topic, plan[1], messages.logged if stamps is None else stamps, rows
+
+
 def file_facts(path: Path, files: Sequence[Path]) -> Mapping[str, str]:
     """The log and the SHA-256 of its bytes, for a record that can be redone."""
     digest = hashlib.sha256()
     for file in files:
-        with file.open("rb") as opened:
+        with readable(regular(file)) as opened:
             while block := opened.read(1 << 20):
                 digest.update(block)
     return {"file": str(path), "sha256": digest.hexdigest()}

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-import gzip
 import shutil
 import sqlite3
-import tempfile
 from collections.abc import Iterator, Mapping, Set
 from contextlib import closing, contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import IO
 
 import numpy as np
-from palpate import LogError
+from palpate import LogError, printable
 
+from palpate_devices.logs.files import regular
+from palpate_devices.logs.scratch import scratch
 from palpate_devices.logs.topics import Messages, Topic
+from palpate_devices.logs.unpack import unpack
 
 _BLOCK = 4000  # messages read at once
 _BYTES = 1 << 25  # [bytes] of one topic's messages held at once
 _MAGIC = b"SQLite format 3\0"
+_LONGEST = 1 << 28  # [bytes] of one value
 _COMPRESSED = {".gz": "gzip", ".zstd": "zstd", ".zst": "zstd"}
 
 
@@ -29,8 +30,7 @@ class SqliteBag:
     def __init__(self, path: Path, packed_messages: bool = False) -> None:
         self.path = path
         self._packed = packed_messages  # each message is compressed by itself
-        if not path.is_file():
-            raise LogError(f"{path}: there is no such file")
+        regular(path)
 
     @property
     def trouble(self) -> str | None:
@@ -98,19 +98,19 @@ class SqliteBag:
 
     @contextmanager
     def _open(self) -> Iterator[sqlite3.Connection]:
-        with tempfile.TemporaryDirectory(prefix="palpate-") as folder:
-            try:
-                path = self._plain(Path(folder))
+        try:
+            with scratch() as folder:
+                path = self._plain(folder)
                 with path.open("rb") as file:
                     if file.read(len(_MAGIC)) != _MAGIC:
                         raise LogError(f"{self.path}: is no rosbag2 database")
-                mode = "mode=ro&immutable=1" if path == self.path else "mode=rw"
-                with closing(sqlite3.connect(f"{path.resolve().as_uri()}?{mode}", uri=True)) as database:
+                with closing(_connected(path, "mode=ro&immutable=1" if path == self.path else "mode=rw")) as database:
+                    check_tables(database, self.path)
                     yield database
-            except sqlite3.Error as error:
-                raise LogError(f"{self.path}: the database is damaged: {error}") from error
-            except (OSError, EOFError) as error:
-                raise LogError(f"{self.path}: cannot be read: {error}") from error
+        except (sqlite3.Error, UnicodeDecodeError) as error:  # the latter from a name within the database
+            raise LogError(f"{self.path}: the database is damaged: {printable(str(error))}") from error
+        except (OSError, EOFError) as error:
+            raise LogError(f"{self.path}: cannot be read: {error}") from error
 
     def _plain(self, folder: Path) -> Path:
         kind = _COMPRESSED.get(self.path.suffix)
@@ -119,13 +119,31 @@ class SqliteBag:
             return self.path
         if kind is None:
             copy_with_journal(self.path, target)
-            return target
-        with self.path.open("rb") as packed, target.open("wb") as out:
-            if kind == "gzip":
-                shutil.copyfileobj(gzip.GzipFile(fileobj=packed), out, 1 << 20)
-            else:
-                _unpack_zstd(packed, out)
+        else:
+            unpack(self.path, target, kind, _MAGIC)
         return target
+
+
+def _connected(path: Path, mode: str) -> sqlite3.Connection:
+    """A database that may come from anybody: names of any bytes, no long values, no functions out of its schema."""
+    database = sqlite3.connect(f"{path.resolve().as_uri()}?{mode}", uri=True)
+    guard(database)
+    return database
+
+
+def guard(database: sqlite3.Connection) -> None:
+    """Let nothing in a stranger's database run, or take more memory than a message may."""
+    database.text_factory = lambda raw: raw.decode(errors="replace")
+    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST)
+    database.execute("PRAGMA trusted_schema = OFF")
+
+
+def check_tables(database: sqlite3.Connection, path: Path) -> None:
+    """Refuse views and virtual tables under the names of a bag's tables: reading one may never end."""
+    for name, kind, text in database.execute("SELECT name, type, sql FROM sqlite_master"):
+        ours = str(name).lower() in ("topics", "messages", "message_definitions")
+        if ours and (kind not in ("table", "index") or str(text).lstrip()[:15].upper().startswith("CREATE VIRTUAL")):
+            raise LogError(f"{path}: is no rosbag2 database: {name} is no table in it")
 
 
 def journals(path: Path) -> list[Path]:
@@ -139,20 +157,6 @@ def copy_with_journal(path: Path, target: Path) -> None:
     shutil.copyfile(path, target)
     for file in journals(path):
         shutil.copyfile(file, target.with_name(target.name + file.name.removeprefix(path.name)))
-
-
-def _unpack_zstd(packed: IO[bytes], out: IO[bytes]) -> None:
-    import zstandard
-
-    unpacker = zstandard.ZstdDecompressor().decompressobj()
-    try:
-        while block := packed.read(1 << 18):
-            out.write(unpacker.decompress(block))
-            if unpacker.eof:
-                return
-    except zstandard.ZstdError as error:
-        raise OSError(str(error)) from error
-    raise EOFError("the compressed file ends too early")
 
 
 def _some(rows: sqlite3.Cursor) -> list[tuple[int, int, bytes]]:

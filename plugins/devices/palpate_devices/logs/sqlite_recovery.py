@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import sqlite3
 import struct
-import tempfile
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
-from palpate import LogError, OutputError
+from palpate import LogError, OutputError, printable
 
-from palpate_devices.logs.sqlite_bag import copy_with_journal
+from palpate_devices.logs.files import regular
+from palpate_devices.logs.scratch import scratch
+from palpate_devices.logs.sqlite_bag import check_tables, copy_with_journal, guard
 
 Row = tuple[int, int, int, bytes]  # id, topic, time-stamp [ns], message
 
@@ -26,8 +27,9 @@ def recover_bag(path: Path, out: Path) -> str:
     """Write what can be read of a ``.db3`` file into a new one, and say how much that is."""
     if out.exists():
         raise OutputError(f"{out}: is there already, and nothing is ever overwritten")
-    with tempfile.TemporaryDirectory(prefix="palpate-") as folder:
-        copy = Path(folder) / path.name
+    regular(path)
+    with scratch() as folder:
+        copy = folder / path.name
         try:
             copy_with_journal(path, copy)
             page = _lengthen(copy)
@@ -35,9 +37,9 @@ def recover_bag(path: Path, out: Path) -> str:
             raise LogError(f"{path}: cannot be read: {error.strerror}") from error
         try:
             return _recovered(path, copy, out, page)
-        except sqlite3.Error as error:
+        except (sqlite3.Error, UnicodeDecodeError) as error:
             out.unlink(missing_ok=True)
-            raise LogError(f"{path}: nothing in it can be read: {error}") from error
+            raise LogError(f"{path}: nothing in it can be read: {printable(str(error))}") from error
         except OSError as error:
             raise OutputError(f"{out}: cannot write: {error.strerror}") from error
 
@@ -64,25 +66,31 @@ def _lengthen(copy: Path) -> int | None:
 
 def _recovered(path: Path, copy: Path, out: Path, page: int | None) -> str:
     with closing(sqlite3.connect(copy)) as old:
-        tables = dict(
-            old.execute("SELECT name, sql FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite%'")
-        )
+        guard(old)
+        check_tables(old, path)
+        tables = _tables(old)
         if not {"topics", "messages"} <= tables.keys():
             raise LogError(f"{path}: is no rosbag2 database: it has no tables of topics and messages")
-        topics = old.execute("SELECT * FROM topics").fetchall()
+        topics = old.execute("SELECT id, name FROM topics").fetchall()
+        left_out = []
         with _created(out) as new:
+            new.execute("PRAGMA synchronous = OFF")  # a recovery that is interrupted is made anew
             for name, definition in tables.items():
-                new.execute(definition)
-                if name != "messages":
-                    _copy(new, name, topics if name == "topics" else _all(old, name))
+                if name == "messages":
+                    new.execute(definition)
+                elif not _taken_over(old, new, name, definition):
+                    left_out.append(name)
             count, first, last, whole = _salvage(old, new, page)
             new.commit()
+        if topics and "topics" in left_out:
+            raise LogError(f"{path}: its table of topics cannot be read")
     if not count:
         out.unlink()
         raise LogError(f"{path}: none of its messages can be read")
     said = "the bag was whole: " if whole else ""
     lost = "" if whole else "; what could not be read is lost, and a database has no checksums for what could"
-    return f"{said}{count} messages over {(last - first) / 1e9:.3f} s are in {out}{lost}"
+    beside = f"; tables left out: {printable(', '.join(left_out))}" if left_out else ""
+    return f"{said}{count} messages over {(last - first) / 1e9:.3f} s are in {out}{lost}{beside}"
 
 
 def _created(out: Path) -> closing[sqlite3.Connection]:
@@ -93,16 +101,31 @@ def _created(out: Path) -> closing[sqlite3.Connection]:
     return closing(sqlite3.connect(out))
 
 
-def _all(old: sqlite3.Connection, table: str) -> list[tuple[object, ...]]:
+def _tables(old: sqlite3.Connection) -> dict[str, str]:
+    """Plain tables and how they are made; an index of words (FTS) beside has tables of its own, and is left behind."""
+    rows = old.execute(
+        "SELECT name, sql FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite%'"
+    ).fetchall()
+    virtual = [name for name, text in rows if str(text).lstrip()[:14].upper() == "CREATE VIRTUAL"]
+    return {
+        name: text
+        for name, text in rows
+        if text and name not in virtual and not any(name.startswith(f"{other}_") for other in virtual)
+    }
+
+
+def _taken_over(old: sqlite3.Connection, new: sqlite3.Connection, table: str, definition: str) -> bool:
+    """Copy a table; whether that was possible, as far as its columns are stored and not computed."""
+    quoted = '"' + table.replace('"', '""') + '"'
     try:
-        return old.execute(f'SELECT * FROM "{table}"').fetchall()
-    except sqlite3.Error:
-        return []  # it says nothing of the messages, and is not worth losing them for
-
-
-def _copy(new: sqlite3.Connection, table: str, rows: list[tuple[object, ...]]) -> None:
-    if rows:
-        new.executemany(f'INSERT INTO "{table}" VALUES ({",".join("?" * len(rows[0]))})', rows)
+        new.execute(definition)
+        stored = [row[1] for row in old.execute(f"PRAGMA table_xinfo({quoted})") if row[6] == 0]
+        names = ", ".join('"' + name.replace('"', '""') + '"' for name in stored)
+        rows = old.execute(f"SELECT {names} FROM {quoted}")
+        new.executemany(f"INSERT INTO {quoted} ({names}) VALUES ({','.join('?' * len(stored))})", rows)
+    except (sqlite3.Error, UnicodeError):
+        return False  # it says nothing of the messages, and is not worth losing them for
+    return True
 
 
 def _salvage(old: sqlite3.Connection, new: sqlite3.Connection, page: int | None) -> tuple[int, int, int, bool]:

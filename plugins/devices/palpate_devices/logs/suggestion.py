@@ -3,72 +3,105 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import LogError, Suggestion
+from palpate import LogError, Suggestion, printable
 
 from palpate_devices.logs import roles
 from palpate_devices.logs.feeds import stream_names
-from palpate_devices.logs.readings import SECOND, Reading
+from palpate_devices.logs.guess import ROLES, Found, Series
+from palpate_devices.logs.readings import LARGEST, SECOND, Reading, si_unit
 from palpate_devices.logs.replay import joined, tables_of
-from palpate_devices.logs.roles import Candidate
+from palpate_devices.logs.suggesting import assembled, force_unit, length_unit, searched
 from palpate_devices.logs.topics import Container
 
-_TARE = 0.9  # [s]
 _TAIL = 0.5  # [s]
 _ROWS = 400_000  # of one topic that are looked into
 _COLUMNS = 40
+_NAMED = 24  # numbers that a message names
+_LEAST = 20  # messages that tell anything
 
 Floats = NDArray[np.float64]
 Looked = Mapping[str, tuple[tuple[str, ...], Floats, Floats]]  # by topic: columns, time [s], values
 
 
 def suggestion_for(container: Container, path: Path, kind: str, choices: Mapping[str, str]) -> Suggestion:
-    """Tables that read a log; raises LogError where a role has no candidate, or several."""
+    """Tables that read a log; raises LogError where nothing in it can be a force or a position."""
     if "rate" in choices or "time" in choices:
         raise LogError(f"{path}: --time and --rate are for CSV files; its messages have times of their own")
     looked = _looked(container)
-    candidates = [candidate for topic in looked for candidate in _candidates(container, topic, looked)]
-    chosen = {role: _settled(role, candidates, looked, choices, path) for role in roles.ROLES}
-    found = {role: candidate for role, candidate in chosen.items() if candidate is not None}
-    clock = next((c for c in candidates if c.role == "time" and all(f.topic == c.topic for f in found.values())), None)
-    series = {role: _series(candidate, looked) for role, candidate in found.items()}
-    signs = roles.signs({r: t for r, (t, _) in series.items()}, {r: v for r, (_, v) in series.items()})
-    names = dict(zip(*_streams(found), strict=True))
+    every = {topic: _all_of(container, topic, looked) for topic in looked}
+    series = [s for found in every.values() for s in found]
+    chosen = {role: _chosen(role, choices[role], series, looked, path) for role in ROLES if role in choices}
+    found = searched([s for s in series if s.role != "other"], chosen)
+    if found is None:
+        known = ", ".join(printable(s.label) for s in series[:_NAMED])
+        raise LogError(
+            f"{path}: no two numbers can be force and position; choose with --force TOPIC:FIELD and --position "
+            f"(there are: {known or 'no numbers'}{', ...' if len(series) > _NAMED else ''})"
+        )
+    keys = {role: pick.series.key for role, pick in found.picks.items()}
+    names = dict(zip(*_streams([topic for topic, _ in keys.values()]), strict=True))
+    units = {role: pick.series.unit or roles.UNITS[role] for role, pick in found.picks.items()}
+    extra: dict[str, list[str]] = {"reasons": [], "doubts": []}
+    _guess_units(found, units, extra["doubts"])
     device: dict[str, Any] = {
         "type": kind,
         "file": str(path),
         "signals": {
-            role: {"topic": c.topic, **_field(c.field), "unit": roles.UNITS[role]} for role, c in found.items()
+            role: {"topic": topic, **_field(name), "unit": units[role]} for role, (topic, name) in keys.items()
         },
     }
-    end = _last_contact(*series["force"])
+    end = _last_contact(found.picks["force"].series, found.signs["force"].value)
     if end is not None:
         device["end"] = f"{end:.1f} s"
+        extra["reasons"].append(
+            f"end: the result is what a filter says at the end, and after {end:.1f} s the load is gone"
+        )
+    clock = _clock(keys, looked)
     if clock is not None:
-        device["time"] = {**_field(clock.field), "unit": "s"}
-    alignment: dict[str, Any] = {
-        role: {"channel": f"log.{names[c.topic]}.{role}", "sign": getattr(signs, role)} for role, c in found.items()
-    }
-    if not roles.at_rest(*series["force"], _TARE):
-        alignment["tare"] = "none"
-    reasons = [f"{role}: {c} ({c.reason})" for role, c in found.items()]
-    reasons += [f"time: {clock} ({clock.reason})"] if clock else []
-    if "velocity" not in found:
-        reasons.append("velocity: none is recorded; it is the derivative of the position")
-    if end is not None:
-        reasons.append(f"end: the result is what a filter says at the end, and after {end:.1f} s the load is gone")
-    if "tare" in alignment:
-        reasons.append(f"tare: the force moves in the first {_TARE} s, which therefore give none")
-    return Suggestion(device, alignment, tuple(reasons))
+        device["time"] = {**_field(clock), "unit": "s"}
+        extra["reasons"].append(f"time: {clock} (runs with the clock of the recorder)")
+    channels = {role: f"log.{names[topic]}.{role}" for role, (topic, _) in keys.items()}
+    factors = {role: si_unit(unit)[1] for role, unit in units.items()}
+    return assembled(found, device, channels, factors, extra)
 
 
-def _streams(found: Mapping[str, Candidate]) -> tuple[list[str], list[str]]:
-    topics = list(dict.fromkeys(candidate.topic for candidate in found.values()))
-    return topics, stream_names(topics)
+def _guess_units(found: Found, units: dict[str, str], doubts: list[str]) -> None:
+    """Units of numbers whose type says nothing: SI is what ROS asks for, and is doubted where it is not likely."""
+    if all(pick.series.unit for role, pick in found.picks.items() if role != "velocity"):
+        return
+    spans = {r: float(np.subtract(*np.nanpercentile(p.series.values, (99.8, 0.2)))) for r, p in found.picks.items()}
+    if not found.picks["position"].series.unit:
+        units["position"] = length_unit(spans["position"])
+    way = spans["position"] * si_unit(units["position"])[1]
+    if not found.picks["force"].series.unit:
+        units["force"], _ = force_unit(spans["force"], way)
+    if "velocity" in units and found.gain and not found.picks["velocity"].series.unit:
+        scale = si_unit(units["position"])[1]
+        units["velocity"] = min(
+            ("m/s", "mm/s", "um/s"), key=lambda u: abs(np.log(abs(found.gain or 1.0) * si_unit(u)[1] / scale))
+        )
+    guessed = [f"{unit} for the {role}" for role, unit in units.items() if not found.picks[role].series.unit]
+    doubts.append(f"units: {', '.join(guessed)}: nothing states them; they are guesses by how much each moves")
+
+
+def _clock(keys: Mapping[str, tuple[str, str]], looked: Looked) -> str | None:
+    """The number in the messages that is the time, where all roles are in one topic."""
+    topics = {topic for topic, _ in keys.values()}
+    if len(topics) > 1:
+        return None
+    names, logged, values = looked[topics.pop()]
+    return next((name for k, name in enumerate(names) if roles.runs_with(values[:, k], logged)), None)
+
+
+def _streams(topics: list[str]) -> tuple[list[str], list[str]]:
+    unique = list(dict.fromkeys(topics))
+    return unique, stream_names(unique)
 
 
 def _field(text: str) -> dict[str, Any]:
@@ -93,60 +126,40 @@ def _looked(container: Container) -> Looked:
     return {topic: (names[topic], (t.received - origin) / SECOND, t.values) for topic, t in tables.items()}
 
 
-def _candidates(container: Container, topic: str, looked: Looked) -> list[Candidate]:
+def _all_of(container: Container, topic: str, looked: Looked) -> list[Series]:
+    """Every number of a topic, with the role that its type or its name states."""
     known = roles.typed(topic, container.topics[topic].type)
     columns, time, values = looked[topic]
-    if known:
-        return [c for c in known if c.field in columns]
-    if len(time) < 20:
-        return []
-    return roles.untyped(topic, columns, time, values)
+    found = []
+    for k, name in enumerate(columns):
+        role, why, unit = roles.stated(name)
+        if known is not None:
+            role, why, unit = (
+                (known[0], f"a {container.topics[topic].type}", roles.UNITS[known[0]])
+                if name == known[1]
+                else ("other", "", None)
+            )
+        if len(time) >= _LEAST and not roles.runs_with(values[:, k], time):
+            found.append(Series(f"{topic}:{name}", time, values[:, k], role, why, unit, (topic, name)))
+    return found
 
 
-def _settled(
-    role: str, candidates: list[Candidate], looked: Looked, choices: Mapping[str, str], path: Path
-) -> Candidate | None:
-    """The one candidate for a role; raises LogError where there are several, or none and one is needed."""
-    mine = [candidate for candidate in candidates if candidate.role == role]
-    if role in choices:
-        return _chosen(role, choices[role], mine, looked, path)
-    if len(mine) > 1:
-        named = " and ".join(str(candidate) for candidate in mine)
-        raise LogError(f"{path}: several numbers could be the {role}: {named}; choose with --{role} TOPIC:FIELD")
-    if mine:
-        return mine[0]
-    if role == "velocity":
-        return None
-    known = ", ".join(f"{topic}:{name}" for topic, (names, _, _) in looked.items() for name in names[:8])
-    raise LogError(
-        f"{path}: nothing says by itself that it is the {role}; choose with --{role} TOPIC:FIELD "
-        f"(there are: {known or 'no numbers'})"
-    )
-
-
-def _chosen(role: str, choice: str, mine: list[Candidate], looked: Looked, path: Path) -> Candidate:
-    topic, _, field = choice.partition(":")
+def _chosen(role: str, choice: str, series: list[Series], looked: Looked, path: Path) -> Series:
+    topic, _, name = choice.partition(":")
     if topic not in looked:
-        raise LogError(f"{path}: --{role}: topic {topic!r} holds no numbers (there are: {', '.join(looked)})")
-    if not field:
-        fitting = [candidate for candidate in mine if candidate.topic == topic]
-        if len(fitting) == 1:
-            return fitting[0]
-    if field not in looked[topic][0]:
-        raise LogError(f"{path}: --{role}: {topic} has no number {field!r} (there are: {', '.join(looked[topic][0])})")
-    return Candidate(role, topic, field, "chosen")
+        there = printable(", ".join(looked))
+        raise LogError(f"{path}: --{role}: topic {topic!r} holds no numbers (there are: {there})")
+    mine = [s for s in series if s.key[0] == topic and (s.key[1] == name or (not name and s.role == role))]
+    if len(mine) == 1:
+        return replace(mine[0], role=role, why="chosen")
+    there = printable(", ".join(looked[topic][0][:_COLUMNS]))
+    raise LogError(f"{path}: --{role}: {topic} has no number {name!r} (there are: {there})")
 
 
-def _last_contact(time: Floats, force: Floats) -> float | None:
+def _last_contact(force: Series, sign: int) -> float | None:
     """When [s] the force was last at half of its peak, where the record goes on for a while after that."""
-    rest = float(np.median(force[: max(len(force) // 20, 1)]))
-    away = np.abs(force - rest)
-    last = float(time[np.flatnonzero(away >= 0.5 * away.max())[-1]])
+    good = np.isfinite(force.values) & (np.abs(force.values) < LARGEST)
+    time, values = force.time[good], sign * force.values[good]
+    low, high = (float(x) for x in np.percentile(values, (1.0, 99.8)))
+    last = float(time[np.flatnonzero(values >= 0.5 * (low + high))[-1]])
     return last if time[-1] - last > _TAIL else None
-
-
-def _series(candidate: Candidate, looked: Looked) -> tuple[Floats, Floats]:
-    columns, time, values = looked[candidate.topic]
-    numbers = values[:, columns.index(candidate.field)]
-    usable = np.isfinite(numbers)
-    return time[usable], numbers[usable]

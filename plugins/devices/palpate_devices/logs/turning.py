@@ -7,11 +7,9 @@ tool's frame, along a fixed direction n is n . R(q) v. Between two poses q is in
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate import Floats
 
 from palpate_devices.logs.topics import Stamps
-
-Floats = NDArray[np.float64]
 
 
 def rotated(quaternions: Floats, vectors: Floats) -> Floats:

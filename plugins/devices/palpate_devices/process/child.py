@@ -40,6 +40,7 @@ class Child:
                 if _has_descriptor(sys.stderr) else subprocess.DEVNULL,
             )  # fmt: skip
             self.ring = Ring(memory, columns)
+            self.memory = os.dup(memory)  # to hand on
         finally:
             theirs.close()
             os.close(memory)
@@ -136,14 +137,16 @@ class Child:
         self._closing.set()
         self._beating.join()
         self._socket.close()
+        os.close(self.memory)
 
 
 class Parent:
     """The parent, as the child sees it."""
 
     def __init__(self, descriptor: int) -> None:
-        # Ctrl-C goes to the whole terminal; the parent decides what it means.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        # Ctrl-C and the end of a terminal go to all of its processes; the parent decides what they mean.
+        for number in (signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)
         self._socket = socket.socket(fileno=descriptor)
         self._socket.setblocking(False)
         self._text = b""

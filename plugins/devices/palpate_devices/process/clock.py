@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 _LEAK = 200e-6  # clocks may run apart by so much
+_EVERY = 200_000_000  # [ns] between the points of the map that are kept
+_FEW = 5
 
 
 @cache
@@ -36,6 +38,7 @@ class ClockMap:
         self._last: int | None = None
         self._bounds = [np.inf, -np.inf]
         self._began = 0
+        self._kept: list[tuple[int, float]] = []  # stamp and offset [ns]
 
     def to_host(self, device: NDArray[np.int64], received: NDArray[np.int64]) -> NDArray[np.int64]:
         """Host time [ns] (n,) of device time-stamps [ns] (n,) received at host times [ns] (n,)."""
@@ -52,6 +55,8 @@ class ClockMap:
             mapped[i] = self._last = host
             if stamp - self._began > 1_000_000_000:
                 self._bounds = [min(self._bounds[0], self._offset), max(self._bounds[1], self._offset)]
+                if not self._kept or stamp - self._kept[-1][0] >= _EVERY:
+                    self._kept.append((stamp, self._offset))
         return mapped
 
     @property
@@ -59,3 +64,12 @@ class ClockMap:
         """How far the map moved [s] after its first second."""
         low, high = self._bounds
         return float(high - low) / 1e9 if high >= low else 0.0
+
+    @property
+    def deviation(self) -> float:
+        """How far the map was [s] from that of a clock that runs evenly, however fast: half of its range."""
+        if len(self._kept) < _FEW:
+            return 0.0
+        stamps, offsets = np.array(self._kept).T
+        left = offsets - np.polyval(np.polyfit(stamps - stamps[0], offsets, 1), stamps - stamps[0])
+        return float(left.max() - left.min()) / 2e9

@@ -9,8 +9,9 @@ import tempfile
 import numpy as np
 from numpy.typing import NDArray
 
-_HEAD = 64  # 64-bit words before the rows
+HEAD = 64  # 64-bit words before the rows
 _WRITTEN, _BEAT, _HOST_BEAT = 0, 1, 2
+ROWS = 8192
 WORDS = 8  # first word that a device may use as it likes
 
 
@@ -21,10 +22,10 @@ class Ring:
     row, so that a reader never sees half of one; a reader that is a whole ring late is told how many it lost.
     """
 
-    def __init__(self, descriptor: int, columns: int, rows: int = 8192) -> None:
+    def __init__(self, descriptor: int, columns: int, rows: int = ROWS) -> None:
         self._memory = mmap.mmap(descriptor, ring_size(columns, rows))
-        self.head: NDArray[np.int64] = np.frombuffer(self._memory, np.int64, _HEAD)
-        self._table: NDArray[np.float64] = np.frombuffer(self._memory, np.float64, offset=8 * _HEAD)
+        self.head: NDArray[np.int64] = np.frombuffer(self._memory, np.int64, HEAD)
+        self._table: NDArray[np.float64] = np.frombuffer(self._memory, np.float64, offset=8 * HEAD)
         self._table = self._table.reshape(rows, columns)
         self._rows = rows
         self._read = 0
@@ -68,9 +69,9 @@ def integers(rows: NDArray[np.float64], column: int) -> NDArray[np.int64]:
     return np.ascontiguousarray(rows[:, column]).view(np.int64)
 
 
-def ring_size(columns: int, rows: int = 8192) -> int:
+def ring_size(columns: int, rows: int = ROWS) -> int:
     """Bytes of shared memory that a ring takes."""
-    return 8 * (_HEAD + columns * rows)
+    return 8 * (HEAD + columns * rows)
 
 
 def shared_memory(size: int) -> int:

@@ -1,4 +1,4 @@
-"""A UR3e in software: joints that follow what a program wants of them."""
+"""An arm of the e-Series in software: joints that follow what a program wants of them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate_devices.ur3e.kinematics import SPEED_LIMITS, joints_at, matrix_of, pose_of, rotation_vector, tip
+from palpate_devices.ur3e.kinematics import UR3E, Model, joints_at, matrix_of, pose_of, rotation_vector, tip
 
 Floats = NDArray[np.float64]
 
@@ -18,7 +18,7 @@ _STOPPING = 20.0  # [rad/s^2]
 
 
 @dataclass
-class Arm:
+class SimulatedArm:
     """Six joints with speed and acceleration limits; acceleration is constant within a tick, so motion is smooth.
 
     Servoing is of first order in joint space with the time constant 0.5 lookahead 300/gain: a choice, since what the
@@ -28,6 +28,8 @@ class Arm:
     q: Floats
     tcp: Floats = field(default_factory=lambda: np.eye(4))
     qd: Floats = field(default_factory=lambda: np.zeros(6))
+    model: Model = UR3E
+    jammed: bool = False  # it stands, whatever it is told
     _mode: str = "hold"
     _target: Floats = field(default_factory=lambda: np.zeros(6))
     _lag: float = 0.05
@@ -51,7 +53,7 @@ class Arm:
         """Joint angles for a pose, those nearest to the present ones."""
         if not all(map(math.isfinite, pose)):
             return None
-        return joints_at(matrix_of(pose), self.tcp, self.q if near is None else near, steps=15)
+        return joints_at(matrix_of(pose), self.tcp, self.q if near is None else near, steps=15, model=self.model)
 
     def move(self, q: Floats, speed: float, acceleration: float) -> None:
         """Go to joint angles on a straight line in joint space, with a trapezoid of speed."""
@@ -62,7 +64,7 @@ class Arm:
 
     def move_linear(self, pose: list[float], speed: float, acceleration: float) -> bool:
         """Go to a pose on a straight line; False where part of it is out of reach."""
-        goal, start = matrix_of(pose), tip(self.q.tolist(), self.tcp)[0]
+        goal, start = matrix_of(pose), tip(self.q.tolist(), self.tcp, self.model)[0]
         way = goal[:3, 3] - start[:3, 3]
         turn = rotation_vector(goal[:3, :3] @ start[:3, :3].T)
         length = max(float(np.linalg.norm(way)), 1e-12)
@@ -72,7 +74,7 @@ class Arm:
             at = [*(start[:3, 3] + way * (s / length)).tolist(), 0.0, 0.0, 0.0]
             matrix = matrix_of([*at[:3], *(turn * (s / length)).tolist()])
             matrix[:3, :3] = matrix[:3, :3] @ start[:3, :3]
-            found = joints_at(matrix, self.tcp, q, steps=15)
+            found = joints_at(matrix, self.tcp, q, steps=15, model=self.model)
             if found is None:
                 return False
             q = found
@@ -87,7 +89,9 @@ class Arm:
     def run_tip_at(self, twist: list[float]) -> bool:
         """Hold a tip speed; False where the arm is singular."""
         try:
-            self.run_at(np.asarray(np.linalg.solve(tip(self.q.tolist(), self.tcp)[1], np.array(twist)), np.float64))
+            self.run_at(
+                np.asarray(np.linalg.solve(tip(self.q.tolist(), self.tcp, self.model)[1], np.array(twist)), np.float64)
+            )
         except np.linalg.LinAlgError:
             return False
         return True
@@ -104,7 +108,7 @@ class Arm:
     @property
     def pose(self) -> list[float]:
         """Where the tip is, as UR's six numbers."""
-        return pose_of(tip(self.q.tolist(), self.tcp)[0])
+        return pose_of(tip(self.q.tolist(), self.tcp, self.model)[0])
 
     def advance(self) -> None:
         """One tick."""
@@ -117,9 +121,11 @@ class Arm:
         elif self._mode == "move" and self._path:
             target = self._path.pop(0)
             wanted, limit = (target - self.q) / (1.5 * TICK), 4 * _ACCELERATION
+        if self.jammed:
+            wanted, limit = np.zeros(6), 4 * _ACCELERATION
         change = np.clip(wanted - self.qd, -limit * TICK, limit * TICK)
         before = self.qd
-        self.qd = np.clip(before + change, -SPEED_LIMITS, SPEED_LIMITS)
+        self.qd = np.clip(before + change, -np.array(self.model.speed), np.array(self.model.speed))
         self.q = self.q + 0.5 * TICK * (before + self.qd)
         if self._mode == "move" and not self._path:
             self.stop()

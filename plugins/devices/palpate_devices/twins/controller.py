@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from palpate_devices.twins.arm import TICK, Arm
+from palpate_devices.twins.arm import TICK, SimulatedArm
 from palpate_devices.twins.program import Program
-from palpate_devices.twins.rtde import OUTPUTS, Session
+from palpate_devices.twins.rtde import OUTPUTS, ClientSession
 from palpate_devices.ur3e.kinematics import pose_of, tip
 
 VERSION = (5, 12, 4, 1101661)
@@ -27,12 +27,12 @@ class Controller:
     controller says PLAYING for some cycles of a protective stop is not known.
     """
 
-    def __init__(self, arm: Arm, position_std: float, velocity_std: float, seed: int) -> None:
+    def __init__(self, arm: SimulatedArm, position_std: float, velocity_std: float, seed: int) -> None:
         self.arm = arm
         self._rng = np.random.default_rng(seed)
         self._noise = position_std, velocity_std
         self.inputs: dict[str, Any] = {}
-        self._owners: dict[str, Session] = {}
+        self._owners: dict[str, ClientSession] = {}
         self._program: Program | None = None
         self._runtime, self._safety = _STOPPED, _NORMAL
         self._stopped_at = 0.0
@@ -44,17 +44,20 @@ class Controller:
         self.remote = True  # in remote control
         self.deaf = False  # no program starts
         self.uploads = 0
+        self.stuck: list[float] | None = None  # the pose that it goes on to tell
+        self.no_number = False  # its pose is none
+        self.pendant_tcp = arm.tcp
         self._state: dict[str, Any] = {
             name: (0.0,) * _SIZES[kind] if kind in _SIZES else 0 for name, kind in OUTPUTS.items()
         }
         self._state |= {"joint_mode": (253,) * 6, "speed_scaling": 1.0, "target_speed_fraction": 1.0}
         self._state |= {"actual_main_voltage": 48.0, "actual_robot_voltage": 48.0}
 
-    def claim(self, session: Session, name: str) -> bool:
+    def claim(self, session: ClientSession, name: str) -> bool:
         """Whether an input belongs to a session; the first that asks gets it."""
         return self._owners.setdefault(name, session) is session
 
-    def release(self, session: Session) -> None:
+    def release(self, session: ClientSession) -> None:
         """Give the inputs of a session back."""
         self._owners = {name: owner for name, owner in self._owners.items() if owner is not session}
 
@@ -89,6 +92,10 @@ class Controller:
         self.arm.stop(80.0)
         self._safety, self._stopped_at = _SAFEGUARD if safeguard else _PROTECTIVE, self.now
 
+    def stick(self) -> None:
+        """Tell the present pose for ever, and all else as it is."""
+        self.stuck = pose_of(tip(self.arm.q.tolist(), self.arm.tcp, self.arm.model)[0])
+
     def emergency_stop(self) -> None:
         """Stop as by the red button."""
         self.end_program()
@@ -100,7 +107,8 @@ class Controller:
         self.end_program()
         self._safety = _NORMAL
         self.unknown_output, self.refuses_start, self.remote, self.deaf = "", False, True, False
-        self.arm.q, self.arm.qd = q, np.zeros(6)
+        self.stuck, self.no_number, self.arm.jammed = None, False, False
+        self.arm.q, self.arm.qd, self.arm.tcp = q, np.zeros(6), self.pendant_tcp
 
     def tick(self) -> None:
         """Two milliseconds."""
@@ -114,12 +122,12 @@ class Controller:
     def state(self) -> dict[str, Any]:
         """What the outputs say now: joints with their noise, and what follows from the joints."""
         arm = self.arm
-        pose, jacobian = tip(arm.q.tolist(), arm.tcp)
+        pose, jacobian = tip(arm.q.tolist(), arm.tcp, arm.model)
         # Noise belongs to the joints, so that pose and joints agree; it is scaled to the noise of the height.
         lever = float(np.linalg.norm(jacobian[2])) or 1.0
         noise = self._rng.standard_normal((2, 6))
         q, qd = arm.q + noise[0] * (self._noise[0] / lever), arm.qd + noise[1] * (self._noise[1] / lever)
-        measured, jacobian = tip(q.tolist(), arm.tcp)
+        measured, jacobian = tip(q.tolist(), arm.tcp, arm.model)
         emergency = self._safety == _EMERGENCY
         self._state |= {
             "timestamp": self.now,
@@ -139,6 +147,10 @@ class Controller:
             "robot_status_bits": 0 if emergency else 1 | (2 if self._program is not None else 0),
             "safety_status_bits": _SAFETY_BITS[self._safety],
         }
+        if self.stuck is not None:
+            self._state["actual_TCP_pose"] = self.stuck
+        if self.no_number:
+            self._state["actual_TCP_pose"] = [float("nan")] * 6
         if self._program is not None:
             self._state |= self._program.outputs
         else:
@@ -151,7 +163,7 @@ class Controller:
         answers = {
             "PolyscopeVersion": f"URSoftware {'.'.join(map(str, VERSION))} (software)",
             "get serial number": "20233500001",
-            "get robot model": "UR3",
+            "get robot model": self.arm.model.name.upper().rstrip("E"),
             "is in remote control": str(self.remote).lower(),
             "robotmode": f"Robotmode: {'POWER_OFF' if self._safety == _EMERGENCY else 'RUNNING'}",
             "safetymode": f"Safetymode: {self._safety_name()}",

@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
+from palpate_devices.twins.scene import begun_at, softened
+
 if TYPE_CHECKING:
     from palpate_devices.twins.bench import World
 
@@ -17,6 +19,10 @@ FAULTS = {
     "freeze": "the controller keeps its connections and sends nothing more",
     "thaw": "it sends again",
     "stall SECONDS": "the whole world stands still for so long",
+    "stuck-pose": "the controller goes on to tell the pose of this moment, whatever the arm does",
+    "nan-pose": "the controller's pose is no number",
+    "jam": "the arm stands, whatever it is told",
+    "mute-control": "the connection that commands is neither heard nor answered; the states go on",
     "close": "the controller ends its connections and takes new ones",
     "reset": "the same by a TCP reset",
     "gone": "the controller closes its ports as well",
@@ -44,6 +50,10 @@ FAULTS = {
     "refuse LETTER": "the sensor refuses a command",
     "sign": "the sensor counts the other way round",
     "turn X Y Z": "the tool is turned: gravity points along X Y Z in the sensor's frame (the arm does not show it)",
+    "mark": "forget how far and fast the arm was until now",
+    "trace FILE": "write what the arm truly did in the last minute, as an array of numpy",
+    "start X Y Z A B C": "where `restore` puts the tip [mm], and the tool's rotation vector off the work frame's [deg]",
+    "elasticity PASCAL": "of the specimen, from now on",
     "restore": "everything is sound again, and the arm where it was at the start",
     "state": "print what the twins did so far",
     "quit": "end",
@@ -68,6 +78,18 @@ def apply_fault(world: World, words: list[str]) -> str:
                 controller.end_program()
             case "freeze" | "thaw":
                 ports.frozen = name == "freeze"
+            case "stuck-pose":
+                controller.stick()
+            case "nan-pose":
+                controller.no_number = True
+            case "jam":
+                controller.arm.jammed = True
+            case "mute-control":
+                ports.control_mute = True
+            case "mark":
+                world.truth.mark()
+            case "trace":
+                world.truth.write(argument)
             case "half":
                 ports.halved = True
             case "message":
@@ -115,6 +137,10 @@ def apply_fault(world: World, words: list[str]) -> str:
             case "turn":
                 x, y, z = (float(word) for word in words[1:])
                 world.down = (x, y, z)
+            case "start":
+                world.settings = begun_at(world.settings, [float(word) for word in words[1:]])
+            case "elasticity":
+                world.settings = softened(world.settings, float(argument))
             case "restore":
                 world.restore()
             case "state":
@@ -124,7 +150,7 @@ def apply_fault(world: World, words: list[str]) -> str:
             case _:
                 return f"unknown: {name}; help lists what there is"
     except ValueError:
-        wanted = "three numbers" if name == "turn" else "a number"
+        wanted = {"turn": "three numbers", "start": "six numbers"}.get(name, "a number")
         return f"{name} wants {wanted}, not {' '.join(words[1:])!r}"
     return f"done {time.monotonic():.6f} {name}"
 
@@ -143,6 +169,7 @@ def _state(world: World) -> str:
         "tip_speed": float(np.linalg.norm(world.velocity)),
         "height": float(world.position[2]),
         "peak_force": world.peak,
+        **world.truth.facts(),
         "frames": sensor.sent,
         "frames_dropped": sensor.dropped,
         "eeprom_writes": sensor.eeprom_writes,

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from palpate_devices.twins.arm import TICK, Arm
+from palpate_devices.twins.arm import TICK, SimulatedArm
 from palpate_devices.ur3e.kinematics import matrix_of, pose_of, tip
 
 # Commands that stay in the register and are carried out at every tick.
@@ -21,7 +21,7 @@ class Program:
     and what needs no motion (payload, zero of the force sensor). Any other command ends the program, and says so.
     """
 
-    def __init__(self, text: str, arm: Arm, protect: Callable[[], None]) -> None:
+    def __init__(self, text: str, arm: SimulatedArm, protect: Callable[[], None]) -> None:
         self._arm = arm
         self._protect = protect
         match = re.search(r"# int register offset\s*(\d+)", text)
@@ -95,9 +95,11 @@ class Program:
                 self._protect()
             case 8:
                 self.zeroed = True
-            case 26 | 47 | 36 | 37 | 30 | 46 | 44:
+            case 26 | 40 | 47 | 36 | 37 | 30 | 46 | 44:
                 self._ask(command, p)
-            case 7 | 17 | 59:
+            case 17:
+                self.outputs |= {"payload": p[0], "payload_cog": tuple(p[1:4])}
+            case 7 | 59:
                 pass
             case _:
                 self.complaint = f"command {command} is not carried out in software"
@@ -119,7 +121,7 @@ class Program:
             return False
         if command in (1, 2):
             arm.move(goal, speed, acceleration)
-        elif not arm.move_linear(pose_of(tip(goal.tolist(), arm.tcp)[0]), speed, acceleration):
+        elif not arm.move_linear(pose_of(tip(goal.tolist(), arm.tcp, arm.model)[0]), speed, acceleration):
             return False
         if not asynchronous:
             self._busy = self._until_at_rest
@@ -129,8 +131,11 @@ class Program:
         answer: list[float] = []
         if command == 26:
             answer = [TICK]
+        elif command == 40:
+            answer = pose_of(self._arm.tcp)
         elif command == 44:
-            answer = pose_of(tip(p[:6], matrix_of(p[6:12]) if any(p[6:12]) else self._arm.tcp)[0])
+            tool = matrix_of(p[6:12]) if any(p[6:12]) else self._arm.tcp
+            answer = pose_of(tip(p[:6], tool, self._arm.model)[0])
         elif command in (30, 46):
             found = self._arm.inverse(p[:6])
             answer = [] if found is None else found.tolist()

@@ -117,7 +117,7 @@ def layout(names: list[str], types: Mapping[str, str]) -> struct.Struct:
     return struct.Struct(">" + "".join(_CODES[types[name]] for name in names if name in types))
 
 
-class Session:
+class ClientSession:
     """One client's connection: recipes, and whether it wants data.
 
     `claim` tells whether an input is this session's to write; `write` takes the inputs of a data packet. An output that
@@ -127,7 +127,7 @@ class Session:
     def __init__(
         self,
         version: tuple[int, int, int, int],
-        claim: Callable[[Session, str], bool],
+        claim: Callable[[ClientSession, str], bool],
         write: Callable[[dict[str, Any]], None],
         unknown: str = "",
         starts: bool = True,
@@ -143,6 +143,11 @@ class Session:
         self._every = 1
         self._ticks = 0
         self.started = False
+
+    @property
+    def commands(self) -> bool:
+        """Whether it has inputs to write."""
+        return bool(self._inputs)
 
     def answer(self, kind: str, payload: bytes) -> bytes:
         """What the controller says to a packet."""

@@ -10,7 +10,7 @@ import sys
 from palpate import DeviceError
 
 from palpate_devices.twins.controller import GREETING, VERSION, Controller
-from palpate_devices.twins.rtde import Session, packet, packets
+from palpate_devices.twins.rtde import ClientSession, packet, packets
 
 RTDE, SCRIPT, DASHBOARD = 30004, 30003, 29999
 _NO_LINGER = struct.pack("ii", 1, 0)
@@ -27,7 +27,7 @@ class Client:
         self.received = bytearray()
         self.unsent = b""
         self.skipped = 0
-        self.session = Session(
+        self.session = ClientSession(
             VERSION, controller.claim, controller.write, controller.unknown_output, not controller.refuses_start
         )
 
@@ -47,7 +47,7 @@ class Client:
         return True
 
 
-class Ports:
+class ListeningPorts:
     """RTDE, script and dashboard ports of one address."""
 
     def __init__(self, host: str, controller: Controller) -> None:
@@ -55,7 +55,7 @@ class Ports:
         self._host = host
         self._listening: dict[socket.socket, int] = {}
         self.clients: list[Client] = []
-        self.frozen = self.mute = self.halved = self.greets_not = False
+        self.frozen = self.mute = self.halved = self.greets_not = self.control_mute = False
         self.open()
 
     def open(self) -> None:
@@ -105,13 +105,18 @@ class Ports:
 
     def restore(self) -> None:
         """Listen and answer again."""
-        self.frozen = self.mute = self.halved = self.greets_not = False
+        self.frozen = self.mute = self.halved = self.greets_not = self.control_mute = False
         self.open()
 
     @property
     def sockets(self) -> list[socket.socket]:
         """What to wait for."""
-        return [*self._listening, *(client.socket for client in self.clients)]
+        heard = (client for client in self.clients if not self._is_mute(client))
+        return [*self._listening, *(client.socket for client in heard)]
+
+    def _is_mute(self, client: Client) -> bool:
+        """Neither heard nor spoken to: a connection that commands, where those are mute."""
+        return self.control_mute and client.session.commands
 
     def serve(self, ready: list[socket.socket]) -> None:
         """Take what has come."""
@@ -128,7 +133,7 @@ class Ports:
 
     def broadcast(self) -> None:
         """Send this tick's state to whoever wants it."""
-        wanting = [client for client in self.clients if client.session.started]
+        wanting = [client for client in self.clients if client.session.started and not self._is_mute(client)]
         if not wanting or self.frozen:
             return
         state = self._controller.state()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from palpate import Angle, Length, Settings
 from pydantic import Field
 
-from palpate_devices.ur3e.kinematics import rotation_matrix
+from palpate_devices.ur3e.kinematics import rotation_matrix, rotation_vector
 
 Floats = NDArray[np.float64]
 
@@ -44,3 +45,18 @@ class WorkFrame(Settings):
         pose[:3, :3] = self.tool
         pose[:3, 3] = self.matrix[:3, 3] + self.matrix[:3, :3] @ position
         return pose
+
+
+def agreement(work: WorkFrame, rotation: Floats) -> tuple[float, str]:
+    """Angle [rad] between a tool (3, 3) in the base and what the frame wants, and what would make them agree."""
+    angle = float(np.linalg.norm(rotation_vector(work.tool.T @ rotation)))
+    bare = (work.matrix[:3, :3] @ _DOWN).T @ rotation
+    # The turn about the tool's axis that brings the frame's tool nearest to this one.
+    turn = math.atan2(bare[1, 0] - bare[0, 1], bare[0, 0] + bare[1, 1])
+    left = float(np.linalg.norm(rotation_vector(rotation_matrix((0.0, 0.0, -turn)) @ bare)))
+    degrees = f"{math.degrees(turn):.1f} deg"
+    if left < 0.9 * angle:
+        advice = f'with work.turn = "{degrees}" it would be off by {math.degrees(left):.1f} deg'
+    else:
+        advice = "turn the tool by hand, or set work.rotation to the skin's"
+    return angle, advice

@@ -1,29 +1,55 @@
-"""Kinematics of the UR3e, and rotation vectors."""
+"""Kinematics of Universal Robots' e-Series, and rotation vectors."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-# Standard Denavit-Hartenberg parameters, nominal (Universal Robots, "DH parameters for calculations of kinematics and
-# dynamics"); every arm has small deltas of its own in its calibration file.
-A = (0.0, -0.24355, -0.2132, 0.0, 0.0, 0.0)  # [m]
-D = (0.15185, 0.0, 0.0, 0.13105, 0.08535, 0.0921)  # [m]
 ALPHA = (math.pi / 2, 0.0, 0.0, math.pi / 2, -math.pi / 2, 0.0)  # [rad]
 _TWIST = tuple((round(math.cos(alpha), 15), round(math.sin(alpha), 15)) for alpha in ALPHA)
 JOINTS = (
     *("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint"),
     *("wrist_1_joint", "wrist_2_joint", "wrist_3_joint"),
 )  # from the base to the flange, by the names that the ROS driver gives them
-SPEED_LIMITS = np.array([math.pi] * 3 + [2 * math.pi] * 3)  # [rad/s]
 
 
-def flange(q: Sequence[float]) -> tuple[Floats, Floats]:
+@dataclass(frozen=True)
+class Model:
+    """Standard Denavit-Hartenberg parameters, nominal, and joint speeds [rad/s] at most.
+
+    Universal Robots, "DH parameters for calculations of kinematics and dynamics"; every arm has small deltas of its own
+    in its calibration file.
+    """
+
+    name: str
+    a: tuple[float, ...]  # [m]
+    d: tuple[float, ...]  # [m]
+    speed: tuple[float, ...] = (math.pi,) * 6
+
+
+def _model(name: str, upper: float, fore: float, d: tuple[float, ...], degrees: tuple[int, ...]) -> Model:
+    shoulder, wrist_1, wrist_2, wrist_3 = d
+    speed = tuple(math.radians(number) for number in degrees)
+    return Model(name, (0.0, -upper, -fore, 0.0, 0.0, 0.0), (shoulder, 0.0, 0.0, wrist_1, wrist_2, wrist_3), speed)
+
+
+_SLOW, _LARGE = (180,) * 6, (0.1807, 0.17415, 0.11985, 0.11655)
+UR3E = _model("ur3e", 0.24355, 0.2132, (0.15185, 0.13105, 0.08535, 0.0921), (180, 180, 180, 360, 360, 360))
+UR5E = _model("ur5e", 0.425, 0.3922, (0.1625, 0.1333, 0.0997, 0.0996), _SLOW)
+UR10E = _model("ur10e", 0.6127, 0.57155, _LARGE, (120, 120, 180, 180, 180, 180))
+UR16E = _model("ur16e", 0.4784, 0.36, _LARGE, (120, 120, 180, 180, 180, 180))
+MODELS = {model.name: model for model in (UR3E, UR5E, UR10E, UR16E)}
+A, D = UR3E.a, UR3E.d
+SPEED_LIMITS = np.array(UR3E.speed)  # [rad/s]
+
+
+def flange(q: Sequence[float], model: Model = UR3E) -> tuple[Floats, Floats]:
     """Pose of the flange (4, 4) in the base, and the axes: origin and direction of each joint (6, 2, 3).
 
     T = prod Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i).
@@ -32,7 +58,7 @@ def flange(q: Sequence[float]) -> tuple[Floats, Floats]:
     r = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     x = y = z = 0.0
     axes = []
-    for angle, a, d, (ca, sa) in zip(q, A, D, _TWIST, strict=True):
+    for angle, a, d, (ca, sa) in zip(q, model.a, model.d, _TWIST, strict=True):
         axes.append(((x, y, z), (r[0][2], r[1][2], r[2][2])))
         c, s = math.cos(angle), math.sin(angle)
         columns = []
@@ -45,27 +71,42 @@ def flange(q: Sequence[float]) -> tuple[Floats, Floats]:
     return pose, np.array(axes)
 
 
-def tip(q: Sequence[float], tcp: Floats) -> tuple[Floats, Floats]:
+def tip(q: Sequence[float], tcp: Floats, model: Model = UR3E) -> tuple[Floats, Floats]:
     """Pose (4, 4) of the tool centre point in the base, and its Jacobian (6, 6): (v, w) = J q'.
 
     `tcp` is the pose (4, 4) of the tool centre point on the flange.
     """
-    pose, axes = flange(q)
-    pose = pose @ tcp
+    pose, jacobian, _ = tip_and_links(q, tcp, model)
+    return pose, jacobian
+
+
+def tip_and_links(q: Sequence[float], tcp: Floats, model: Model = UR3E) -> tuple[Floats, Floats, Floats]:
+    """Like `tip`, and the places (5, 3) of elbow, wrists 1 to 3 and flange in the base."""
+    end, axes = flange(q, model)
+    pose = end @ tcp
     arm, axis = pose[:3, 3] - axes[:, 0], axes[:, 1]
     jacobian = np.empty((6, 6))
     jacobian[0] = axis[:, 1] * arm[:, 2] - axis[:, 2] * arm[:, 1]
     jacobian[1] = axis[:, 2] * arm[:, 0] - axis[:, 0] * arm[:, 2]
     jacobian[2] = axis[:, 0] * arm[:, 1] - axis[:, 1] * arm[:, 0]
     jacobian[3:] = axis.T
-    return pose, jacobian
+    return pose, jacobian, np.concatenate([axes[2:, 0], end[None, :3, 3]])
 
 
-def joints_at(pose: Floats, tcp: Floats, near: Floats, steps: int = 30, tolerance: float = 1e-10) -> Floats | None:
+def told_apart(q: Sequence[float], tcp: Floats, position: Floats) -> tuple[Model, float]:
+    """The model whose forward kinematics come nearest to a measured position (3,) [m] of the tip, and how near [m]."""
+    apart = {name: float(np.linalg.norm(tip(q, tcp, m)[0][:3, 3] - position)) for name, m in MODELS.items()}
+    nearest = min(apart, key=lambda name: apart[name])
+    return MODELS[nearest], apart[nearest]
+
+
+def joints_at(
+    pose: Floats, tcp: Floats, near: Floats, steps: int = 30, tolerance: float = 1e-10, model: Model = UR3E
+) -> Floats | None:
     """Joint angles (6,) that put the tool centre point at a pose (4, 4), by Newton's method; None where it fails."""
     q = np.array(near, float)
     for _ in range(steps):
-        found, jacobian = tip(q.tolist(), tcp)
+        found, jacobian = tip(q.tolist(), tcp, model)
         error = np.concatenate([pose[:3, 3] - found[:3, 3], rotation_vector(pose[:3, :3] @ found[:3, :3].T)])
         if np.abs(error).max() < tolerance:
             turned = (q + np.pi) % (2 * np.pi) - np.pi if np.abs(q).max() > 2 * np.pi else q

@@ -1,5 +1,13 @@
 """What the servo process and its parent agree on."""
 
+from palpate import Layout
+
 MODULE = "palpate_devices.ur3e.worker"
-COLUMNS = 42  # controller time [ns], host time [ns]; q, q', pose, speed, force (6 each), modes (3), setpoint (7)
+_PARTS = {"joints": 6, "joint_speeds": 6, "position": 3, "rotation": 3, "velocity": 3, "turning": 3, "force": 6}
+STATE = Layout(**_PARTS)  # as the controller sends it, of the tip in the frame of the base
+POSE, TWIST = STATE.span("position", "rotation"), STATE.span("velocity", "turning")
+MOTION = STATE.span("joints", "turning")
+SETPOINT = Layout(position=3, velocity=3, measuring=1)
+# A row of the ring: controller's and host's time [ns], the state, the modes of robot, safety and program, the setpoint.
+ROW = Layout(controller=1, host=1, **_PARTS, modes=3, setpoint=SETPOINT.size)
 STOP, RETRACT = 8, 9  # words of the ring by which the parent, from any thread, commands

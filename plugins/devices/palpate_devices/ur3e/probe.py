@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from palpate import DeviceError
 
@@ -12,10 +13,22 @@ _TIMEOUT = 1.0  # [s]
 _VERSION_2 = b"\x00\x05\x56\x00\x02"
 
 
+def load_known(facts: Mapping[str, str]) -> bool:
+    """Whether the controller's software can tell the payload: from 5.6 on."""
+    match = re.search(r"(\d+)\.(\d+)", facts.get("software", ""))
+    return match is not None and (int(match[1]), int(match[2])) >= (5, 6)
+
+
+def model_said(facts: Mapping[str, str]) -> str:
+    """The name of the arm that the dashboard gives: "UR3" is a UR3e, where the software is of an e-Series."""
+    return facts.get("robot", "").lower().rstrip("e") + "e"
+
+
 def probe(host: str) -> dict[str, str]:
     """What the controller says of itself; raises DeviceError where one of its ports does not answer as it should."""
     _asked(host, RTDE, "RTDE", lambda link: _rtde(link, host))
-    facts = _asked(host, DASHBOARD, "dashboard", lambda link: _dashboard(link, host))
+    facts = _asked(host, DASHBOARD, "dashboard", _dashboard)
+    _refuse(facts, host)
     _asked(host, SCRIPT, "script", lambda link: {})
     return facts
 
@@ -40,12 +53,13 @@ def _rtde(link: socket.socket, host: str) -> dict[str, str]:
     return {}
 
 
-def _dashboard(link: socket.socket, host: str) -> dict[str, str]:
+def _dashboard(link: socket.socket) -> dict[str, str]:
     lines = link.makefile("rw", encoding="utf-8", newline="\n")
     lines.readline()
     facts = {}
     questions = {
         "software": "PolyscopeVersion",
+        "robot": "get robot model",
         "serial": "get serial number",
         "remote": "is in remote control",
         "robot_mode": "robotmode",
@@ -55,6 +69,10 @@ def _dashboard(link: socket.socket, host: str) -> dict[str, str]:
         lines.write(question + "\n")
         lines.flush()
         facts[fact] = lines.readline().strip().partition(": ")[2 if fact in ("robot_mode", "safety") else 0]
+    return facts
+
+
+def _refuse(facts: Mapping[str, str], host: str) -> None:
     if facts["remote"] == "false":
         raise DeviceError(f"{host}: the robot is not in remote control; switch it on the pendant")
     if facts["robot_mode"] and facts["robot_mode"] != "RUNNING":
@@ -63,7 +81,6 @@ def _dashboard(link: socket.socket, host: str) -> dict[str, str]:
         )
     if facts["safety"] and facts["safety"] not in ("NORMAL", "REDUCED"):
         raise DeviceError(f"{host}: the robot's safety status is {facts['safety']}; clear it on the pendant")
-    return facts
 
 
 def _read(link: socket.socket, count: int) -> bytes:

@@ -9,21 +9,36 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate_devices.ur3e.fence import ArmState, tool_turn
 from palpate_devices.ur3e.frame import WorkFrame
-from palpate_devices.ur3e.kinematics import pose_of
+from palpate_devices.ur3e.kinematics import (
+    MODELS,
+    Model,
+    flange,
+    matrix_of,
+    pose_of,
+    rotation_matrix,
+    rotation_vector,
+    tip,
+    told_apart,
+)
+from palpate_devices.ur3e.layout import MOTION, POSE, STATE, TWIST
 from palpate_devices.ur3e.servo import PERIOD
+from palpate_devices.ur3e.states import PLAYING
 
 Floats = NDArray[np.float64]
 
-PLAYING = 2  # runtime state
 _VARIABLES = [
     *("timestamp", "actual_q", "actual_qd", "actual_TCP_pose", "actual_TCP_speed", "actual_TCP_force"),
     *("robot_mode", "safety_mode", "runtime_state", "robot_status_bits", "safety_status_bits"),
 ]
+_LOAD = ["payload", "payload_cog"]
+_NEAR = 5e-3  # [m] between the controller's pose and that of the nominal kinematics
+_TAKES = 0.2  # [s] until the controller's states show a new TCP or payload
 
 
 class Robot:
-    """The client library's two objects, and the state that they last gave.
+    """The client library's objects, and the state that they last gave; without `control` it only listens.
 
     Its constructor raises RuntimeError in the library's words, takes seconds where the controller does not begin
     to send, and hangs for ever, interpreter's lock held, where it accepts and is silent: only a process that may be
@@ -31,22 +46,89 @@ class Robot:
     """
 
     def __init__(self, settings: dict[str, Any]) -> None:
-        import rtde_control
         import rtde_receive
 
-        self.receive = rtde_receive.RTDEReceiveInterface(settings["host"], 500.0, _VARIABLES)
+        self._load_known = settings["load_known"]
+        variables = [*_VARIABLES, *(_LOAD if self._load_known else [])]
+        self.receive = rtde_receive.RTDEReceiveInterface(settings["host"], 500.0, variables)
         if not self.receive.isConnected():  # it says so by this alone, and only after 2.5 s
             raise RuntimeError("the controller refuses to start sending its state, or sends nothing")
-        self.control = rtde_control.RTDEControlInterface(settings["host"], 500.0)
-        self.control.setWatchdog(settings["watchdog"])
-        self.control.setTcp([*settings["tcp"], 0.0, 0.0, 0.0])
+        self.control: Any = None
         self._work = WorkFrame.model_construct(**settings["work"])
         self._out, self._origin = self._work.matrix[:3, :3], self._work.matrix[:3, 3]
-        self._turn = pose_of(self._work.tool_pose(self._origin))[3:]
+        self._turned: tuple[Floats, list[float]] | None = None
         self._servo = PERIOD, settings["lookahead"], settings["servo_gain"]
-        self.stamp, self.seen = -1.0, time.monotonic_ns()
+        self.stamp, self.seen, self.fresh = -1.0, time.monotonic_ns(), False
         self.state: list[float] = []
         self.modes = (7, 1, PLAYING)
+        self.facts: dict[str, Any] = {}
+        self.tool = np.eye(4)
+        self.model = MODELS["ur3e"]
+        if settings["observe"]:
+            self._look(settings)
+        else:
+            self._take_over(settings)
+
+    def _take_over(self, settings: dict[str, Any]) -> None:
+        """The control program, watchdog, tool and payload; tells the model by where the tool is."""
+        import rtde_control
+
+        self.control = rtde_control.RTDEControlInterface(settings["host"], 500.0)
+        pendant = self.control.getTCPOffset()
+        # The tool's own turn is the pendant's business, unless the pipeline states it.
+        rotation = settings["tcp_rotation"]
+        rotation = (pendant[3:] if len(pendant) == 6 else [0.0] * 3) if rotation is None else rotation
+        tcp = [*settings["tcp"], *rotation]
+        self.control.setTcp(tcp)
+        if settings["payload"] is not None:
+            self.control.setPayload(settings["payload"], list(settings["payload_centre"]))
+        self.tool = matrix_of(tcp)
+        self.facts |= {"tcp": tcp, "tcp_on_pendant": list(pendant)}
+        self._wait_for_state(_TAKES)
+        self._tell_model(settings)
+        self._read_load()
+        self.control.setWatchdog(settings["watchdog"])  # last: it wants to be fed
+
+    def _look(self, settings: dict[str, Any]) -> None:
+        """Where the tool is by the joints: the controller's pose is that of whatever tool the pendant has."""
+        rotation = settings["tcp_rotation"] or [0.0] * 3
+        self.tool = matrix_of([*settings["tcp"], *rotation])
+        self._wait_for_state(0.0)
+        q, pose = self.state[STATE["joints"]], matrix_of(self.state[POSE])
+        nearest, apart = told_apart(q, self.tool, pose[:3, 3])
+        self.model = nearest if apart < _NEAR else MODELS.get(settings["model"], MODELS["ur3e"])
+        on_flange = np.linalg.inv(flange(q, self.model)[0]) @ pose
+        if settings["tcp_rotation"] is None:
+            self.tool[:3, :3] = on_flange[:3, :3]
+        self.facts |= {"tcp": pose_of(self.tool), "tcp_on_pendant": pose_of(on_flange), "model": self.model.name}
+        self._read_load()
+
+    def _wait_for_state(self, settle: float) -> None:
+        deadline, began = time.monotonic() + 2.0, time.monotonic()
+        while not self.poll() or time.monotonic() - began < settle:
+            if time.monotonic() > deadline:
+                raise RuntimeError("the controller sends no states")
+            time.sleep(PERIOD)
+
+    def _tell_model(self, settings: dict[str, Any]) -> None:
+        q, place = self.state[STATE["joints"]], np.array(self.state[STATE["position"]])
+        if settings["model"] in MODELS:
+            model = MODELS[settings["model"]]
+            apart = float(np.linalg.norm(tip(q, self.tool, model)[0][:3, 3] - place))
+        else:
+            model, apart = told_apart(q, self.tool, place)
+        if apart > _NEAR:
+            raise RuntimeError(
+                f"the controller has the tip {1e3 * apart:.1f} mm from where the joints of a {model.name} put it: is "
+                f"this another arm? ([device.*] model is one of {', '.join(MODELS)})"
+            )
+        self.model = model
+        self.facts |= {"model": model.name, "nominal_kinematics_off": apart}
+
+    def _read_load(self) -> None:
+        if self._load_known:
+            centre = self.receive.getPayloadCog()
+            self.facts |= {"payload": self.receive.getPayload(), "payload_centre": list(centre)}
 
     def poll(self) -> bool:
         """Take over a new state; False where there is none."""
@@ -62,9 +144,9 @@ class Robot:
                 break
             stamp, now = again, time.monotonic_ns()  # a packet came in between: its values may be mixed
             values, modes = self._read()
-        if len(values) != 30:
+        if len(values) != STATE.size:
             return False
-        self.stamp, self.seen, self.state, self.modes = stamp, now, values, modes
+        self.stamp, self.seen, self.state, self.modes, self.fresh = stamp, now, values, modes, True
         return True
 
     def _read(self) -> tuple[list[float], tuple[int, int, int]]:
@@ -78,14 +160,43 @@ class Robot:
         ]
         return values, (receive.getRobotMode(), receive.getSafetyMode(), receive.getRuntimeState())
 
-    def place(self) -> tuple[Floats, Floats]:
-        """Position and velocity (3,) of the tip in the work frame."""
-        inwards = self._out.T
-        return inwards @ (np.array(self.state[12:15]) - self._origin), inwards @ np.array(self.state[18:21])
+    @property
+    def is_number(self) -> bool:
+        """Whether joints, pose and speed are finite numbers."""
+        return all(map(math.isfinite, self.state[MOTION]))
 
-    def servo(self, position: Floats) -> bool:
-        """Send the arm to a position in the work frame; True means sent, not done."""
+    def look(self) -> ArmState:
+        """Where the tip is, how fast and how turned; whether it is news since the last look."""
+        inwards, fresh = self._out.T, self.fresh
+        self.fresh = False
+        position = inwards @ (np.array(self.state[STATE["position"]]) - self._origin)
+        rotation = rotation_matrix(self.state[STATE["rotation"]])
+        return ArmState(
+            position, inwards @ np.array(self.state[STATE["velocity"]]), rotation, self.state[STATE["joints"]], fresh
+        )
+
+    @property
+    def height(self) -> float:
+        """Of the tip in the work frame [m]."""
+        return float((self._out.T @ (np.array(self.state[STATE["position"]]) - self._origin))[2])
+
+    def turn(self) -> Floats:
+        """Rotation vector (3,) of the tool from where the work frame wants it."""
+        return tool_turn(self._work, rotation_matrix(self.state[STATE["rotation"]]))
+
+    def servo(self, position: Floats, turn: Floats) -> bool:
+        """Send the arm to a position in the work frame and a turn of the tool; True means sent, not done."""
         target = (self._origin + self._out @ position).tolist()
-        if not all(map(math.isfinite, target)):
-            raise ValueError("a command that is no number")
-        return bool(self.control.servoL([*target, *self._turn], 0.5, 0.5, *self._servo))
+        if self._turned is None or not np.array_equal(self._turned[0], turn):
+            rotation = rotation_vector(self._work.tool @ rotation_matrix(turn.tolist()))
+            self._turned = turn.copy(), rotation.tolist()
+        return bool(self.control.servoL([*target, *self._turned[1]], 0.5, 0.5, *self._servo))
+
+
+def by_joints(state: list[float], tool: Floats, model: Model) -> list[float]:
+    """A state whose pose and speed of the tip are those of its joints."""
+    pose, jacobian = tip(state[STATE["joints"]], tool, model)
+    twist = (jacobian @ np.array(state[STATE["joint_speeds"]])).tolist()
+    found = list(state)
+    found[POSE], found[TWIST] = pose_of(pose), twist
+    return found

@@ -1,4 +1,4 @@
-"""What the servo loop commands: positions in the work frame, one in each period."""
+"""What the servo loop commands: positions in the work frame and turns of the tool, one in each period."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate_devices.ur3e.layout import SETPOINT
+
 Floats = NDArray[np.float64]
 
 PERIOD = 0.002  # [s]
 _SHORTEST = 0.15  # [s] of a way, however short
-_OUT_OF_LINE = 0.02  # [m] between command and arm: it does not follow
 
 
 @dataclass(frozen=True)
@@ -29,102 +30,142 @@ class Law:
     approach_speed: float  # [m/s] at most, on the way to the start
     retract_speed: float  # [m/s]
     acceleration: float  # [m/s^2] of what is not a trajectory
+    angular_speed: float = math.radians(10.0)  # [rad/s] at most, on the way to the start
+    lever: float = 0.0  # [m] from the tip to the flange, which swings when the tool turns about the tip
 
 
-def way(begin: Floats, end: Floats, speed: float, acceleration: float) -> tuple[Floats, Floats, Floats]:
-    """A straight way from rest to rest: times (n,) [s], positions and velocities (n, 3), one for each period.
+@dataclass(frozen=True)
+class StraightWay:
+    """A straight way from rest to rest, one row for each period."""
+
+    times: Floats  # (n,) [s]
+    position: Floats  # (n, 3) [m]
+    velocity: Floats  # (n, 3) [m/s]
+    left: Floats  # (n,) part of the turn that is still to be made
+    turning: Floats  # (n,) [rad/s]
+
+
+def way(begin: Floats, end: Floats, law: Law, turn: float = 0.0) -> StraightWay:
+    """A straight way that turns the tool by an angle [rad] as well.
 
     Of fifth order in time, s = 10 t^3 - 15 t^4 + 6 t^5: its largest speed is 15/8 of the mean one, its largest
-    acceleration 10/sqrt(3) way/duration^2.
+    acceleration 10/sqrt(3) way/duration^2. What the turn moves at its lever counts as way.
     """
-    length = float(np.linalg.norm(end - begin))
-    duration = max(15 / 8 * length / speed, math.sqrt(10 / math.sqrt(3) * length / acceleration), _SHORTEST)
+    length = float(np.linalg.norm(end - begin)) + turn * law.lever
+    duration = max(15 / 8 * length / law.approach_speed, math.sqrt(10 / math.sqrt(3) * length / law.acceleration))
+    duration = max(duration, 15 / 8 * turn / law.angular_speed, _SHORTEST)
     times = np.asarray(np.arange(math.ceil(duration / PERIOD) + 1) * PERIOD, np.float64)
-    t = np.minimum(times / duration, 1.0)[:, None]
-    position = begin + (end - begin) * (10 * t**3 - 15 * t**4 + 6 * t**5)
-    return times, position, (end - begin) * ((30 * t**2 - 60 * t**3 + 30 * t**4) / duration)
+    t = np.minimum(times / duration, 1.0)
+    done = 10 * t**3 - 15 * t**4 + 6 * t**5
+    rate = (30 * t**2 - 60 * t**3 + 30 * t**4) / duration
+    position = begin + (end - begin) * done[:, None]
+    return StraightWay(times, position, (end - begin) * rate[:, None], 1.0 - done, turn * rate)
 
 
 class Commander:
-    """Holds, goes to the start, follows a table of setpoints, or retracts; says where the tip shall be next."""
+    """Holds, retreats, goes to the start, follows a table of setpoints, or retracts; says where the tip shall be next.
 
-    def __init__(self, law: Law, position: Floats) -> None:
-        self._law = law
-        self._command = position.copy()
+    The orientation is a rotation vector of the tool from where the work frame wants it; it vanishes on the way to the
+    start and is never changed but there.
+    """
+
+    def __init__(self, law: Law, position: Floats, turn: Floats | None = None) -> None:
+        self.law = law
+        self.command = position.copy()  # (3,) the latest
+        self.turn = np.zeros(3) if turn is None else turn.copy()  # (3,) the latest
         self._speed = np.zeros(3)
-        self._table: Floats = np.zeros((0, 7))
+        self._before = self.command, self._speed, self.turn
+        self._table: Floats = np.zeros((0, SETPOINT.size))
         self._row = 0
-        self._way: list[Floats] = []
+        self._way: list[tuple[Floats, Floats]] = []
         self.home: Floats | None = None  # where the motion began
-        self.mode = "hold"  # "hold", "approach", "follow", "retract", "done"
+        self.mode = "hold"  # "hold", "retreat", "stay", "approach", "follow", "retract", "done"
 
     @property
     def setpoint(self) -> Floats:
         """Position, velocity (3 + 3) and whether it is meant for estimation, as of now."""
         if self.mode == "follow" and len(self._table):
             return np.array(self._table[min(self._row, len(self._table) - 1)])
-        return np.array([*self._command, *self._speed, 0.0])
+        return np.array([*self.command, *self._speed, 0.0])
 
-    @property
-    def command(self) -> Floats:
-        """The latest command (3,)."""
-        return self._command
+    def settle(self, position: Floats, turn: Floats) -> None:
+        """Begin where the arm is, as long as it has not been moved."""
+        if self.mode == "hold":
+            self.command, self.turn = position.copy(), turn.copy()
+
+    def retreat(self, length: float, speed: float) -> None:
+        """Go outwards by a length [m] at a speed [m/s], and stay."""
+        if self.mode not in ("hold", "stay"):
+            return
+        law = Law("servo", 0.0, 0.0, speed, speed, self.law.acceleration)
+        self.home = self.command.copy()
+        self._set_out(self.command + np.array([0.0, 0.0, length]), law, 0.0)
+        self.mode = "retreat"
 
     def follow(self, table: Floats) -> None:
         """Go to the first setpoint, then through the table (n, 7): position, velocity, measuring."""
         self._table, self._row, self.mode = table, 0, "approach"
-        start = table[0, :3]
-        _, position, _ = way(self._command, start, self._law.approach_speed, self._law.acceleration)
-        self._way = list(position[1:])
-        self.home = start.copy()
+        self.home = self.command.copy()
+        self._set_out(table[0, SETPOINT["position"]], self.law, float(np.linalg.norm(self.turn)))
+
+    def _set_out(self, end: Floats, law: Law, turn: float) -> None:
+        found, turn_now = way(self.command, end, law, turn), self.turn
+        left = found.left if turn > 0 else np.ones(len(found.left))
+        self._way = [(place, turn_now * rest) for place, rest in zip(found.position[1:], left[1:], strict=True)]
 
     def retract(self) -> None:
         """Brake, and go back along the normal to the height where the motion began."""
-        if self.mode in ("approach", "follow"):
+        if self.mode in ("retreat", "stay", "approach", "follow"):
             self.mode = "retract"
         elif self.mode == "hold":
             self.mode = "done"
 
+    def take_back(self) -> None:
+        """The latest command was not sent."""
+        self.command, self._speed, self.turn = self._before
+
     def next(self, position: Floats, velocity: Floats) -> Floats:
         """The command (3,) for this period, from the measured position and velocity (3,) in the work frame."""
-        if self.mode == "approach":
+        self._before = self.command, self._speed, self.turn
+        if self.mode in ("approach", "retreat"):
             if self._way:
-                self._command = self._way.pop(0)
+                before = self.command
+                self.command, self.turn = self._way.pop(0)
+                self._speed = (self.command - before) / PERIOD
+            elif self.mode == "retreat":
+                self.mode, self._speed = "stay", np.zeros(3)
             else:
-                self.mode = "follow"
+                self.mode, self.home = "follow", self._table[0, SETPOINT["position"]].copy()
         if self.mode == "follow":
             self._follow(position, velocity)
         elif self.mode == "retract":
             self._retract()
-        return self._command
+        return self.command
 
     def _follow(self, position: Floats, velocity: Floats) -> None:
-        law = self._law
+        law = self.law
         row = self._table[min(self._row, len(self._table) - 1)]
-        before = self._command
+        before = self.command
         if law.control == "pd":
-            speed = law.gain * (row[:3] - position) + law.damping * (row[3:6] - velocity)
-            self._command = before + speed * PERIOD
+            wanted, rate = row[SETPOINT["position"]], row[SETPOINT["velocity"]]
+            speed = law.gain * (wanted - position) + law.damping * (rate - velocity)
+            self.command = before + speed * PERIOD
         else:
-            self._command = row[:3].copy()
-        self._speed = (self._command - before) / PERIOD
+            self.command = row[SETPOINT["position"]].copy()
+        self._speed = (self.command - before) / PERIOD
         self._row += 1
         if self._row >= len(self._table):
             self.mode = "done"
 
     def _retract(self) -> None:
         assert self.home is not None
-        step, rest = self._law.acceleration * PERIOD, float(self.home[2] - self._command[2])
+        step, rest = self.law.acceleration * PERIOD, float(self.home[2] - self.command[2])
         # The speed from which it still can brake in what is left of the way.
-        wanted = min(self._law.retract_speed, math.sqrt(2.0 * self._law.acceleration * max(rest, 0.0)))
+        wanted = min(self.law.retract_speed, math.sqrt(2.0 * self.law.acceleration * max(rest, 0.0)))
         goal = np.array([0.0, 0.0, wanted])
         change = goal - self._speed
         length = float(np.linalg.norm(change))
         self._speed = goal if length <= step else self._speed + change * (step / length)
-        self._command = self._command + self._speed * PERIOD
+        self.command = self.command + self._speed * PERIOD
         if rest < 1e-5 and float(np.abs(self._speed).max()) < 2 * step:
             self.mode = "done"
-
-    def lags(self, position: Floats) -> bool:
-        """Whether the arm is so far from the command that it cannot be following it."""
-        return bool(max(abs(self._command - position)) > _OUT_OF_LINE)

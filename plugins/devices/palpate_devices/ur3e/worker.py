@@ -6,8 +6,8 @@ import gc
 import json
 import mmap
 import os
-import random
 import sys
+import threading
 import time
 from typing import Any, NoReturn
 
@@ -15,34 +15,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate_devices.process.child import Parent, real_time
-from palpate_devices.process.lateness import Lateness
 from palpate_devices.process.ring import Ring
-from palpate_devices.ur3e.layout import COLUMNS, RETRACT, STOP
-from palpate_devices.ur3e.robot import PLAYING, Robot
+from palpate_devices.ur3e.fence import ArmState, Fence, Verdict
+from palpate_devices.ur3e.force_watch import ForceEye
+from palpate_devices.ur3e.frame import WorkFrame
+from palpate_devices.ur3e.layout import RETRACT, ROW, SETPOINT, STOP
+from palpate_devices.ur3e.pace import Pace
+from palpate_devices.ur3e.robot import Robot, by_joints
 from palpate_devices.ur3e.servo import PERIOD, Commander, Law
+from palpate_devices.ur3e.states import NORMAL, STOPPED, complaint
 
 Floats = NDArray[np.float64]
 
-_TICK = round(PERIOD * 1e9)
-_SAFE = (1, 2)  # NORMAL, REDUCED
-_SAFETY = {
-    3: "a protective stop",
-    5: "a safeguard stop",
-    6: "an emergency stop",
-    7: "an emergency stop",
-    8: "a safety violation",
-}
-_PAUSES = (3, 4)  # PAUSING, PAUSED
 _BLIND = 12_000_000  # [ns] without a new state
 _EXPLAIN = 10  # periods
+_MUTE = 25  # periods in which a stop has to reach the other connection, too
+_HEARD = 0.25  # [s] for a stop to be carried out
 _LISTEN_EVERY = 5  # periods; stopping goes by shared memory and does not wait
-_MOST_BEHIND = 4  # periods; what is later is not made up for
+_MOVING = ("retreat", "stay", "approach", "follow")
 
 
 def main() -> None:
     """Connect, report, servo until the parent goes or the robot fails."""
     parent, settings = Parent(int(sys.argv[1])), json.loads(sys.argv[3])
-    ring = Ring(int(sys.argv[2]), COLUMNS)
+    ring = Ring(int(sys.argv[2]), ROW.size)
     scheduling = real_time(45)
     try:
         robot = Robot(settings)
@@ -50,11 +46,11 @@ def main() -> None:
         parent.tell("fault", text=f"the client library is missing ({error}): pip install ur-rtde")
         os._exit(1)
     except RuntimeError as error:
-        parent.tell("fault", text=f"the client library cannot connect: {' '.join(str(error).split())}")
+        parent.tell("fault", text=f"cannot connect: {' '.join(str(error).split())}")
         os._exit(1)  # its destructors sleep, hang or crash
     gc.freeze()
     gc.disable()
-    parent.tell("ready", scheduling=scheduling)
+    parent.tell("ready", scheduling=scheduling, **robot.facts)
     _Loop(parent, ring, robot, settings).run()
 
 
@@ -63,48 +59,20 @@ class _Loop:
         self._parent, self._ring, self._robot = parent, ring, robot
         self._stale, self._host_limit = settings["stale"], settings["host_limit"]
         self._law = Law(**settings["law"])
-        self._lateness = Lateness(ring.head, _TICK)
+        work = WorkFrame.model_construct(**settings["work"])
+        self._fence = Fence(settings["own"], work, robot.tool, robot.model, self._law.acceleration)
         self._commander: Commander | None = None
-        self._setpoint = np.zeros(7)
+        self._eye: ForceEye | None = None
+        self._setpoint = np.zeros(SETPOINT.size)
         self._cycles = 0
 
     def run(self) -> NoReturn:
         """One cycle after another, each at its deadline."""
-        deadline = time.monotonic_ns() + _TICK
-        while True:
-            wait = max(deadline - time.monotonic_ns(), 0)
-            now = self._sleep(wait)
-            late = now - deadline
-            self._ring.beat(now)
-            self._lateness.add(now, late, self._following)
-            self._cycle(now)
-            # A look at a random instant between two deadlines: else a controller that ticks in step with this loop
-            # would always be seen equally late, and its clock mapped wrongly by up to a period.
-            rest = deadline + _TICK - time.monotonic_ns()
-            if rest > _TICK // 4:
-                self._sleep(round(rest * random.uniform(0.0, 0.95)))
-                self._take_state()
-            deadline += _TICK
-            behind = time.monotonic_ns() - deadline
-            if behind > _MOST_BEHIND * _TICK:
-                if self._following:
-                    self._lateness.skipped(behind + _TICK)
-                deadline += behind + _TICK
+        Pace(self._ring, lambda: self._following).run(self._cycle, self._take_state)
 
     @property
     def _following(self) -> bool:
         return self._commander is not None and self._commander.mode == "follow"
-
-    def _sleep(self, duration: int) -> int:
-        """Sleep [ns]; the time then. What it takes longer is counted as the host's."""
-        if duration <= 0:
-            return time.monotonic_ns()
-        until = time.monotonic_ns() + duration
-        time.sleep(duration / 1e9)
-        now = time.monotonic_ns()
-        if self._following:
-            self._lateness.overslept(now - until)
-        return now
 
     def _cycle(self, now: int) -> None:
         self._take_state()
@@ -113,58 +81,96 @@ class _Loop:
         robot, commander = self._robot, self._commander
         if commander is None:
             return
+        self._look_at_force(commander)
         if commander.mode == "done":
             self._finish()
-        if commander.mode == "hold":
-            robot.control.kickWatchdog()
-            self._setpoint = commander.setpoint
-            return
         self._setpoint = commander.setpoint
-        position, velocity = robot.place()
+        if commander.mode == "hold":
+            if robot.control is not None:
+                robot.control.kickWatchdog()
+            return
+        self._command(commander, now)
+
+    def _command(self, commander: Commander, now: int) -> None:
+        """The next command, if it keeps the limits; else the way out."""
+        robot, seen = self._robot, self._robot.look()
         # A law that reads a frozen position would drive on and on: without news the arm waits where it is.
-        blind = now - robot.seen > _BLIND and commander.mode in ("approach", "follow")
-        if not robot.servo(commander.command if blind else commander.next(position, velocity)):
+        blind = now - robot.seen > _BLIND and commander.mode in _MOVING
+        if not blind:
+            self._advance(commander, seen)
+        if not robot.servo(commander.command, commander.turn):
             for _ in range(_EXPLAIN):  # the state that says why comes on another connection
                 self._take_state()
                 self._check(time.monotonic_ns())
                 time.sleep(PERIOD)
             self._fail("the robot refuses commands: its program has ended (out of reach, or stopped)")
-        if commander.lags(position):
-            self._halt()
-            self._fail("the arm does not follow: it is more than 20 mm from its command")
+
+    def _advance(self, commander: Commander, seen: ArmState) -> None:
+        before, leaving = (commander.command, commander.turn), commander.mode == "retract"
+        commander.next(seen.position, seen.velocity)
+        verdict = self._fence.command(commander.command, commander.turn, before, seen, leaving)
+        if verdict is not None:
+            commander.take_back()
+            self._fence.taken_back()
+        elif commander.mode in _MOVING:
+            verdict = self._fence.in_motion(commander.command, seen)
+        if verdict is not None:
+            self._stop_for(verdict, commander)
+
+    def _stop_for(self, verdict: Verdict, commander: Commander) -> None:
+        """Retract where the arm does what it is told, else stop it where it is."""
+        if not verdict.trusted or commander.mode not in _MOVING:
+            self._fail(verdict.text + self._halt_in_doubt())
+        self._parent.tell("limit", text=verdict.text, at=time.monotonic_ns())
+        commander.retract()
+
+    def _look_at_force(self, commander: Commander) -> None:
+        if self._eye is None or commander.mode not in _MOVING:
+            return
+        if (text := self._eye.look()) is not None:
+            self._parent.tell("limit", text=text, at=time.monotonic_ns())
+            commander.retract()
 
     def _take_state(self) -> None:
         robot = self._robot
         if robot.poll():
+            if not robot.is_number:
+                self._fail("the controller's pose or joints are no numbers" + self._halt_in_doubt())
             if self._commander is None:
-                self._commander = Commander(self._law, robot.place()[0])
+                self._commander = Commander(self._law, robot.look().position, robot.turn())
                 self._setpoint = self._commander.setpoint
             stamps = round(robot.stamp * 1e9), robot.seen
-            self._ring.write(stamps, [*robot.state, *robot.modes, *self._setpoint])
+            state = robot.state if robot.control is not None else by_joints(robot.state, robot.tool, robot.model)
+            self._ring.write(stamps, [*state, *robot.modes, *self._setpoint])
 
     def _check(self, now: int) -> None:
-        robot = self._robot
-        _, safety, runtime = robot.modes
-        if safety not in _SAFE:
-            self._fail(f"the robot is in {_SAFETY.get(safety, f'safety mode {safety}')}")
-        if runtime in _PAUSES:
-            self._fail("the robot's program was paused on the pendant")
-        if runtime != PLAYING:
-            self._fail("the robot's program was stopped (pendant, dashboard, watchdog or a pose out of reach)")
+        robot, commander = self._robot, self._commander
+        if robot.control is not None and complaint(robot.modes, None) is not None:
+            moving = commander is not None and commander.mode != "hold"
+            text = str(complaint(robot.modes, robot.height if moving else None))
+            self._fail(text + (self._mute_control() if robot.modes[1:] == (NORMAL, STOPPED) else ""))
         age = (now - robot.seen) / 1e9
         if not robot.receive.isConnected():
             self._fail("the controller has closed the link")
         if age > self._stale:
             self._fail(f"the controller is silent: its last state is {1e3 * age:.0f} ms old")
 
+    def _mute_control(self) -> str:
+        """A program that the control link still believes to run, although the other link says that it does not."""
+        for _ in range(_MUTE):
+            if not self._robot.control.isProgramRunning():
+                return ""
+            time.sleep(PERIOD)
+        return " The control link still takes it for running: that link is mute, and commands did not arrive."
+
     def _listen(self, now: int) -> None:
         head, commander = self._ring.head, self._commander
         self._cycles += 1
         for message in self._parent.messages() if self._cycles % _LISTEN_EVERY == 0 else ():
-            if message["say"] == "follow" and commander is not None:
-                commander.follow(_table(self._parent.descriptors.pop(0), message["rows"]))
-            elif message["say"] == "close":
+            if message["say"] == "close":
                 self._leave()
+            elif commander is not None:
+                self._obey(message, commander)
         beat = self._ring.last_beat(host=True)
         if self._parent.gone:
             self._leave()
@@ -174,6 +180,27 @@ class _Loop:
             silent = commander.mode != "hold" and (now - beat) / 1e9 > self._host_limit
             if head[RETRACT] or silent:
                 commander.retract()
+
+    def _obey(self, message: dict[str, Any], commander: Commander) -> None:
+        match message["say"]:
+            case "limits":
+                self._fence.limits = message
+                self._law = Law(**{**self._law.__dict__, **_slower(self._law, message)})
+                commander.law = self._law
+            case "watch":
+                self._eye = ForceEye(self._parent.descriptors.pop(0), message)
+            case "retreat" | "follow":
+                commander.settle(self._robot.look().position, self._robot.turn())
+                self._fence.begin(commander.command)
+                if message["say"] == "retreat":
+                    commander.retreat(message["way"], message["speed"])
+                    return
+                table = _table(self._parent.descriptors.pop(0), message["rows"])
+                if (verdict := self._fence.table(table)) is not None:
+                    self._parent.tell("limit", text=verdict.text, at=time.monotonic_ns())
+                    commander.mode = "done"
+                else:
+                    commander.follow(table)
 
     def _finish(self) -> NoReturn:
         """The motion is over, one way or the other."""
@@ -189,8 +216,19 @@ class _Loop:
 
     def _halt(self) -> None:
         """Stop servoing, then the program; both wait for the controller, who was heard of a moment ago."""
-        self._robot.control.servoStop()
-        self._robot.control.stopScript()
+        if self._robot.control is not None:
+            self._robot.control.servoStop()
+            self._robot.control.stopScript()
+
+    def _halt_in_doubt(self) -> str:
+        """Stop a robot that may not hear: the library would wait for its answer for minutes; the watchdog does not."""
+        halting = threading.Thread(target=self._halt, daemon=True)
+        halting.start()
+        deadline = time.monotonic() + _HEARD
+        while halting.is_alive() and time.monotonic() < deadline:
+            self._ring.beat(time.monotonic_ns())
+            time.sleep(PERIOD)
+        return " The control link does not answer: commands do not arrive." if halting.is_alive() else ""
 
     def _leave(self) -> NoReturn:
         self._halt()
@@ -202,10 +240,19 @@ class _Loop:
         os._exit(1)
 
 
+def _slower(law: Law, limits: dict[str, Any]) -> dict[str, float]:
+    """What the arm does by itself keeps the limits of the motion."""
+    return {
+        "approach_speed": min(law.approach_speed, limits["speed"]),
+        "retract_speed": min(law.retract_speed, limits["speed"]),
+        "angular_speed": limits["angular_speed"],
+    }
+
+
 def _table(descriptor: int, rows: int) -> Floats:
-    memory = mmap.mmap(descriptor, rows * 7 * 8)
+    memory = mmap.mmap(descriptor, rows * SETPOINT.size * 8)
     os.close(descriptor)
-    return np.frombuffer(memory, np.float64).reshape(rows, 7)
+    return np.frombuffer(memory, np.float64).reshape(rows, SETPOINT.size)
 
 
 if __name__ == "__main__":

@@ -5,25 +5,23 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate import Floats
 
-from palpate_filters.fit.loss import Loss
-from palpate_filters.fit.record import Record
+from palpate_filters.fit.loss import LossFunction
+from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.residual import Residual
 from palpate_filters.fit.solvers import solve_trf
-from palpate_filters.fit.uncertainty import Scatter
+from palpate_filters.fit.uncertainty import ResidualScatter
 from palpate_filters.fit.unknowns import Unknowns
-
-Floats = NDArray[np.float64]
 
 
 def block_bootstrap(
     residual: Residual,
     unknowns: Unknowns,
-    record: Record,
+    record: FitRecord,
     x: Floats,
-    loss: Loss,
-    found: Scatter,
+    loss: LossFunction,
+    found: ResidualScatter,
     repeats: int,
     seed: int,
     confidence: float,

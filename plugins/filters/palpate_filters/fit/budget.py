@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import ConfigurationError, ContactModel, Part, to_si
+from palpate import ConfigurationError, ContactModel, Floats, Part, to_si
 
-from palpate_filters.fit.record import Record
+from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.residual import Residual, reading
-
-Floats = NDArray[np.float64]
 
 _READINGS = {"tip_mass": "kg", "force_scale": "1", "position_scale": "1", "bias": "N"}
 _SAMPLES = 20_000
@@ -21,7 +19,7 @@ _PROBE = 1e-4  # [s], at which the sensitivity to a delay is taken
 
 
 @dataclass(frozen=True)
-class Source:
+class BudgetSource:
     """Something that is known with a standard uncertainty only."""
 
     name: str  # "radius", "tip_mass", "force_scale"
@@ -30,7 +28,7 @@ class Source:
     unit: str
 
 
-def sources_of(model: ContactModel, declared: Mapping[str, Any]) -> tuple[Source, ...]:
+def sources_of(model: ContactModel, declared: Mapping[str, Any]) -> tuple[BudgetSource, ...]:
     """The declared sources; raises ConfigurationError where one does not exist or has the wrong unit."""
     keys = {".".join(path): (path, unit) for path, unit in _keys(model)}
     found = []
@@ -54,7 +52,7 @@ def sources_of(model: ContactModel, declared: Mapping[str, Any]) -> tuple[Source
             raise ConfigurationError(f"estimator casadi-fit: systematic: {name}: {error}") from error
         if std < 0:
             raise ConfigurationError(f"estimator casadi-fit: systematic: {name}: {std:g} is negative")
-        found.append(Source(name, tuple(path), std, unit))
+        found.append(BudgetSource(name, tuple(path), std, unit))
     return tuple(found)
 
 
@@ -82,7 +80,7 @@ def with_key(part: Any, path: tuple[str, ...], change: float) -> Any:
 class Sensitivities:
     """How a change of anything moves the minimum: -(J^T J)^-1 J^T of the change of the residual (first order)."""
 
-    def __init__(self, residual: Residual, record: Record, x: Floats, held: NDArray[np.bool_]) -> None:
+    def __init__(self, residual: Residual, record: FitRecord, x: Floats, held: NDArray[np.bool_]) -> None:
         self._residual = residual
         self._record = record if residual.model.memory else record.thinned(_SAMPLES)
         self._x = x
@@ -120,13 +118,13 @@ class Sensitivities:
         columns[:, 0] = fixed + (columns[:, 0] - fixed) * (1 + share)
         columns[:, 7] = fixed + (columns[:, 7] - fixed) * (1 + share)
         columns[:, [1, 2, 8]] *= 1 + share
-        changed = self._errors(self._residual.model, self._x, Record(columns, self._record.transition))
+        changed = self._errors(self._residual.model, self._x, FitRecord(columns, self._record.transition))
         return self._shift(changed - self._errors(self._residual.model, self._x))
 
     def _shift(self, change: Floats) -> Floats:
         return np.asarray(-self._solve @ change)
 
-    def _errors(self, model: ContactModel, x: Floats, record: Record | None = None) -> Floats:
+    def _errors(self, model: ContactModel, x: Floats, record: FitRecord | None = None) -> Floats:
         record = record or self._record
         if model.memory:
             return Residual(model, ()).whole(record, x)[0].copy()
@@ -134,7 +132,7 @@ class Sensitivities:
         return np.asarray(record.weight * (expected - record.force))
 
 
-def shift_of(source: Source, found: Sensitivities, places: Mapping[str, int]) -> Floats:
+def shift_of(source: BudgetSource, found: Sensitivities, places: Mapping[str, int]) -> Floats:
     """Shift (p,) of the free unknowns for one standard uncertainty of a source."""
     if source.path:
         return found.of_model(source.path, source.std)

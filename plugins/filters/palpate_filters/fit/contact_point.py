@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Samples
+from palpate import Samples, change_point
 
-from palpate_filters.fit.segments import Passage
+from palpate_filters.fit.segments import RecordCourse
 
 Floats = NDArray[np.float64]
 
@@ -17,6 +17,9 @@ _SMOOTH = 0.03  # [s] that the force is averaged over for the baseline method
 _BINS = 150  # of height on the way down
 _DEVIATION = 3.0  # standard deviations of the averaged force
 _GRADIENT = 0.1  # of the steepest rise
+_LEAST_AIR = 20  # samples
+_NEAR = 15.0  # standard deviations of the force
+_IN_ALL = 3  # samples beyond, which one alone may be by chance
 _SIGMAS = 5.0  # of the threshold, where none is given
 
 
@@ -43,7 +46,7 @@ class Approach:
         return float(self.force[: self.air].std(ddof=1))
 
 
-def first_approach(samples: Samples, course: Passage) -> Approach | None:
+def first_approach(samples: Samples, course: RecordCourse) -> Approach | None:
     """The first approach with enough air before it; None where the record has no such thing."""
     known = np.isfinite(samples.force) & (course.cycle <= 1)
     touched = int(np.argmax(samples.contact))
@@ -51,10 +54,27 @@ def first_approach(samples: Samples, course: Passage) -> Approach | None:
     near = samples.position < course.touch + max(2.0 * course.travel, 1e-12)
     rows = np.flatnonzero(known & near)
     air = int(np.count_nonzero(rows < touched))
-    if air < 20 or len(rows) - air < 5:
+    if air < _LEAST_AIR or len(rows) - air < 5:
         return None
     interval = float(np.median(np.diff(samples.time[rows])))
-    return Approach(samples.position[rows], samples.force[rows], air, interval)
+    return _ended(Approach(samples.position[rows], samples.force[rows], air, interval))
+
+
+def _ended(approach: Approach) -> Approach:
+    """The approach with its air ending where contact begins, which a threshold passes later.
+
+    A slow ramp is in contact long before its force shows in a single sample; contact is looked for where the force is
+    still near its noise, as only there the law of a change point is good for every tip.
+    """
+    noise = float(np.sqrt(np.mean(np.diff(approach.force, 3) ** 2) / 20.0))
+    beyond = np.flatnonzero(approach.force[approach.air :] - np.median(approach.force[: approach.air]) > _NEAR * noise)
+    end = approach.air + (int(beyond[_IN_ALL - 1]) if len(beyond) >= _IN_ALL else len(approach.force))
+    found = change_point(approach.height[:end], approach.force[:end])
+    if found is None:
+        return approach
+    below = approach.height[: approach.air] < found.surface
+    air = approach.air - (int(np.argmin(below[::-1])) if not below.all() else 0)
+    return replace(approach, air=air) if air >= _LEAST_AIR else approach
 
 
 def contact_point(method: str, approach: Approach, threshold: float | None) -> ContactPoint | None:

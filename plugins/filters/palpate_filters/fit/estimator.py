@@ -82,6 +82,11 @@ class CasadiFit(Estimator):
         '"force_scale", "position_scale": { radius = "20 um", poisson = 0.01, force_scale = 0.005 }',
     )
 
+    @property
+    def robust(self) -> bool:
+        """See `palpate.Estimator`."""
+        return self.loss != "linear"
+
     def start(self, problem: Problem) -> Tracker:
         """A tracker that wants the whole record at once; raises ConfigurationError where the settings contradict."""
         from palpate_filters.fit.tracker import FitTracker

@@ -8,15 +8,12 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import ContactModel
+from palpate import ContactModel, Floats
 
-from palpate_filters.fit.record import Record
+from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.refusal import NotFitted
 from palpate_filters.fit.residual import reading
-from palpate_filters.fit.unknowns import EXTRAS, Unknown, Unknowns
-
-Floats = NDArray[np.float64]
+from palpate_filters.fit.unknowns import EXTRAS, FitUnknown, Unknowns
 
 _SAMPLES = 500
 _LINEAR_EXTRAS = ("bias", "slope", "tip_mass")
@@ -53,10 +50,10 @@ def linear_places(model: ContactModel, unknowns: Unknowns) -> list[int]:
     return [place for place in found if unknowns.items[place].free]
 
 
-def first_guess(model: ContactModel, unknowns: Unknowns, record: Record) -> Floats:
+def first_guess(model: ContactModel, unknowns: Unknowns, record: FitRecord) -> Floats:
     """Values (P,) of all parameters to start from; raises NotFitted where nothing fits."""
     thin = record.thinned(_SAMPLES)
-    thin = Record(thin.columns[thin.used], thin.transition)
+    thin = FitRecord(thin.columns[thin.used], thin.transition)
     linear = linear_places(model, unknowns)
     grids = [_grid(item, place, linear, thin) for place, item in enumerate(unknowns.items)]
     surfaces = grids.pop(unknowns.index("surface"))
@@ -75,7 +72,7 @@ def first_guess(model: ContactModel, unknowns: Unknowns, record: Record) -> Floa
     return best.x
 
 
-def _grid(item: Unknown, place: int, linear: Sequence[int], record: Record) -> tuple[float, ...]:
+def _grid(item: FitUnknown, place: int, linear: Sequence[int], record: FitRecord) -> tuple[float, ...]:
     if item.value is not None and not (item.free and place in linear):
         return (item.value,)
     if not item.free or place in linear:
@@ -93,7 +90,7 @@ def _grid(item: Unknown, place: int, linear: Sequence[int], record: Record) -> t
     return allowed or (item.inside(1.0),)
 
 
-def solve_linear(model: ContactModel, unknowns: Unknowns, record: Record, x: Floats, linear: Sequence[int]) -> Guess:
+def solve_linear(model: ContactModel, unknowns: Unknowns, record: FitRecord, x: Floats, linear: Sequence[int]) -> Guess:
     """The best values of the linear unknowns beside given others, within bounds, and their cost."""
     from scipy.optimize import lsq_linear
 
@@ -122,7 +119,7 @@ def solve_linear(model: ContactModel, unknowns: Unknowns, record: Record, x: Flo
 
 
 def _columns(
-    model: ContactModel, record: Record, base: Floats, linear: Sequence[int], error: Floats, memory: Sequence[float]
+    model: ContactModel, record: FitRecord, base: Floats, linear: Sequence[int], error: Floats, memory: Sequence[float]
 ) -> Iterator[Floats]:
     rows = list(record.columns.T)
     for place in linear:

@@ -6,9 +6,7 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
+from palpate import Floats
 
 _WORTH_SAYING = 0.9
 INDISTINCT = 0.998  # beyond it, one of the two could be 15 times better known if the other were

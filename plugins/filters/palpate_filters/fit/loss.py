@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
+from palpate import Floats
 
 
 @dataclass(frozen=True)
-class Loss:
+class LossFunction:
     """rho(r): r^2 ("linear"), Huber's, or soft-L1 2 s^2 (sqrt(1 + (r/s)^2) - 1), with a scale s [N]."""
 
     kind: Literal["linear", "huber", "soft-l1"] = "linear"

@@ -6,10 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Samples
-
-Floats = NDArray[np.float64]
+from palpate import Floats, Samples
 
 _ORDER = 3  # of the local polynomial
 _SHORTEST = 5  # samples
@@ -19,7 +16,7 @@ _GAP = 5.0  # median intervals
 
 
 @dataclass(frozen=True)
-class Motion:
+class TipTravel:
     """How the tip moved, in the direction of depth."""
 
     rate: Floats  # (n,) d' [m/s]
@@ -27,7 +24,7 @@ class Motion:
     window: float  # [s] of the local polynomial
 
 
-def zero_phase_motion(samples: Samples, window: float | None) -> Motion:
+def zero_phase_motion(samples: Samples, window: float | None) -> TipTravel:
     """Rate and acceleration by local cubics over a symmetric window [s] (Savitzky and Golay 1964).
 
     The rate joins the slope of the position and the smoothed velocity, each weighted by the inverse variance of its
@@ -71,7 +68,7 @@ def _rate_noise(noise: tuple[float, float], width: int, interval: float) -> floa
     return float(np.sqrt(slope * value / (slope + value))) if slope + value > 0 else 0.0
 
 
-def _motion(samples: Samples, interval: float, width: int) -> Motion:
+def _motion(samples: Samples, interval: float, width: int) -> TipTravel:
     n = len(samples)
     slope, smooth, acceleration = np.zeros(n), np.zeros(n), np.zeros(n)
     noise = _noise_of(samples.position), _noise_of(samples.velocity)
@@ -90,7 +87,7 @@ def _motion(samples: Samples, interval: float, width: int) -> Motion:
         smooth[rows] = _smoothed(np.where(np.isfinite(velocity), velocity, slope[rows]), fitting, 0)
         acceleration[rows] = _smoothed((1 - share) * slope[rows] + share * smooth[rows], fitting, 1) / step
     rate = (1 - share) * slope + share * smooth
-    return Motion(-rate, -acceleration, width * interval)
+    return TipTravel(-rate, -acceleration, width * interval)
 
 
 def _smoothed(values: Floats, width: int, derivative: int) -> Floats:

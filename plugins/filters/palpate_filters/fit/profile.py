@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate import Floats
 
-from palpate_filters.fit.loss import Loss
-from palpate_filters.fit.record import Record
+from palpate_filters.fit.loss import LossFunction
+from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.residual import Residual
 from palpate_filters.fit.uncertainty import scaled_inverse
 from palpate_filters.fit.unknowns import Unknowns
-
-Floats = NDArray[np.float64]
 
 _SAMPLES = 4000
 _STEPS = 25
 
 
-class Profile:
+class ProfileIntervals:
     """Intervals of single unknowns around a minimum, on a thinned record whose own minimum they are moved from."""
 
-    def __init__(self, residual: Residual, unknowns: Unknowns, record: Record, x: Floats, loss: Loss) -> None:
+    def __init__(
+        self, residual: Residual, unknowns: Unknowns, record: FitRecord, x: Floats, loss: LossFunction
+    ) -> None:
         self._residual, self._loss = residual, loss
         self._record = record if residual.model.memory else record.thinned(_SAMPLES)
         self._free = list(residual.free)

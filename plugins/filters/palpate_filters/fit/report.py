@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Estimates
+from palpate import Estimates, Flag
 
 from palpate_filters.fit.bootstrap import block_bootstrap
 from palpate_filters.fit.budget import Sensitivities, row, shift_of
 from palpate_filters.fit.identifiability import INDISTINCT, identifiability
-from palpate_filters.fit.profile import Profile
+from palpate_filters.fit.profile import ProfileIntervals
 from palpate_filters.fit.residual import touching
+from palpate_filters.fit.summary import fit_report
 from palpate_filters.fit.tracker import Fit
-from palpate_filters.fit.uncertainty import Scatter, mean_uncertainty, scatter
+from palpate_filters.fit.uncertainty import ResidualScatter, mean_uncertainty, scatter
 from palpate_filters.fit.unknowns import EXTRAS
 
 Floats = NDArray[np.float64]
@@ -33,7 +34,7 @@ class _Judged:
     """A fit with its uncertainty."""
 
     fit: Fit
-    scatter: Scatter
+    scatter: ResidualScatter
     random: Floats  # (p,) standard uncertainty of the free unknowns from the residuals
     systematic: Floats  # (p,) from everything declared, without timing
     held: NDArray[np.bool_]  # (p,) at a bound
@@ -56,11 +57,16 @@ def estimates_of(fit: Fit) -> Estimates:
     empty.force[rows] = force
     noise = judged.scatter.rss / max(judged.scatter.samples - len(fit.residual.free), 1)
     empty.nis[rows] = error**2 / noise if noise > 0 else np.nan
+    empty.innovation[rows] = error / np.sqrt(noise) if noise > 0 else np.nan  # of a fit: its residual
     empty.status[rows] = 0
-    return Estimates(
-        samples.time, values, std, empty.surface, empty.surface_std, empty.force, empty.nis, empty.status,
-        _details(judged, total), (*fit.notes, *_flags(judged, total)),
-    )  # fmt: skip
+    details = _details(judged, total)
+    return replace(
+        empty,
+        details=details,
+        flags=(*fit.notes, *_flags(judged, total)),
+        report=fit_report(details),
+        timing_included=fit.unknowns.index("delay") in fit.residual.free,
+    )
 
 
 def _reconstruction(fit: Fit) -> tuple[Floats, Floats]:
@@ -137,6 +143,16 @@ def _implied(fit: Fit) -> Iterator[tuple[str, str, float, str]]:
         yield "contact point", "surface", fit.points[fit.settings.contact_point].std, "m"
 
 
+def _included(fit: Fit) -> Iterator[str]:
+    """Causes that the standard deviation holds already, by the names that the budget of a run gives them."""
+    known = {fit.unknowns.names[place] for place in fit.residual.free} | {source.name for source in fit.sources}
+    known |= {label for label, *_ in _implied(fit)}
+    for name, cause in (("bias", "tare"), ("tare", "tare"), ("tip_mass", "mass")):
+        if name in known:
+            yield cause
+    yield from (source.path[-1] if source.path else source.name for source in fit.sources)
+
+
 def _total(judged: _Judged) -> Floats:
     """Standard uncertainty (P,) of all parameters, timing left out; 0 for those that are fixed."""
     fit = judged.fit
@@ -154,7 +170,6 @@ def _details(judged: _Judged, total: Floats) -> dict[str, Any]:
     likelihood = n * float(np.log(max(found.rss / n, 1e-300)))
     depth = fit.solution.x[fit.unknowns.index("surface")] - fit.record.height[fit.record.used]
     details = {
-        "fit": True,
         "solver": fit.solver,
         "evaluations": fit.solution.evaluations,
         "segment": fit.settings.segment,
@@ -177,9 +192,9 @@ def _details(judged: _Judged, total: Floats) -> dict[str, Any]:
         },
         "confidence": fit.settings.confidence,
         "budget": judged.budget,
+        "included": list(_included(fit)),
         "identifiability": judged.identifiability,
         "contact_points": {name: {"surface": p.surface, "std": p.std} for name, p in fit.points.items()},
-        "timing_included": fit.unknowns.index("delay") in free,
         "notes": ["AIC and BIC count every sample as independent; use their order, not their size"],
     }
     if fit.settings.bootstrap:
@@ -195,7 +210,7 @@ def _table(judged: _Judged, total: Floats) -> dict[str, Any]:
     fit, free = judged.fit, list(judged.fit.residual.free)
     profile = None
     if fit.settings.profile and free:
-        profile = Profile(fit.residual, fit.unknowns, fit.record, fit.solution.x, fit.loss)
+        profile = ProfileIntervals(fit.residual, fit.unknowns, fit.record, fit.solution.x, fit.loss)
     table: dict[str, Any] = {}
     for place, item in enumerate(fit.unknowns.items):
         value = float(fit.solution.x[place])
@@ -213,38 +228,43 @@ def _table(judged: _Judged, total: Floats) -> dict[str, Any]:
     return table
 
 
-def _misfit(fit: Fit, found: Scatter) -> Iterator[str]:
+def _misfit(fit: Fit, found: ResidualScatter) -> Iterator[Flag]:
     """Whether the residual is more than the noise in the air, or than its own white noise where there was no air."""
     rms = float(np.sqrt(found.rss / max(found.samples, 1)))
     noise = fit.approach.noise if fit.approach is not None else found.noise
     if noise > 0 and rms > _MISFIT * noise:
-        yield f"misfit: the residual of {rms:.3g} N is more than noise, {noise:.3g} N: something is not in the model"
+        what = f"the residual of {rms:.3g} N is more than noise, {noise:.3g} N: something is not in the model"
+        yield Flag("misfit", what)
     if found.correlation_time > _LONG_CORRELATION:
-        yield (
-            f"correlated-residuals: they hang together over {found.correlation_time:.3g} samples, so {found.samples} "
-            f"count as {found.effective_samples:.3g}; the std knows of it, but something is not in the model"
+        yield Flag(
+            "correlated-residuals",
+            f"they hang together over {found.correlation_time:.3g} samples, so {found.samples} "
+            f"count as {found.effective_samples:.3g}; the std knows of it, but something is not in the model",
         )
 
 
-def _flags(judged: _Judged, total: Floats) -> Iterator[str]:
+def _flags(judged: _Judged, total: Floats) -> Iterator[Flag]:
     fit, found = judged.fit, judged.scatter
     free, names, x = list(fit.residual.free), fit.unknowns.names, fit.solution.x
     if not fit.solution.converged:
-        yield f"not-converged: the solver {fit.solver} stopped after {fit.solution.evaluations} evaluations"
+        what = f"the solver {fit.solver} stopped after {fit.solution.evaluations} evaluations"
+        yield Flag("not-converged", what)
     for j, place in enumerate(free):
         if judged.held[j]:
             by_force = names[place] == "surface" and fit.settings.force_uncertainty is not None
             what = "where the measured force leaves force_uncertainty" if by_force else "a bound"
-            yield f"at-bound: {names[place]} is at {what}, {x[place]:.5g} {fit.unknowns.items[place].unit}"
+            yield Flag("at-bound", f"{names[place]} is at {what}, {x[place]:.5g} {fit.unknowns.items[place].unit}")
     yield from _misfit(fit, found)
     for name in judged.identifiability["without_effect"]:
-        yield f"not-identifiable: {name} has no effect on the force in this record"
+        yield Flag("not-identifiable", f"{name} has no effect on the force in this record")
     for pair in judged.identifiability["pairs"]:
         if pair["both_fitted"] and abs(pair["correlation"]) > INDISTINCT:
-            yield f"hard-to-tell-apart: {pair['first']} and {pair['second']} (correlation {pair['correlation']:+.5f})"
+            found_so = f"{pair['first']} and {pair['second']} (correlation {pair['correlation']:+.5f})"
+            yield Flag("hard-to-tell-apart", found_so)
     for parameter, value, std in zip(fit.problem.model.parameters, x.tolist(), total.tolist(), strict=False):
         if parameter.role == "elastic" and std > _USELESS * abs(value):
-            yield f"not-identifiable: {parameter.name} of {value:.3g} {parameter.unit} has a std of {std:.2g}"
+            found_so = f"{parameter.name} of {value:.3g} {parameter.unit} has a std of {std:.2g}"
+            yield Flag("not-identifiable", found_so)
         elif std > _USELESS * abs(value):
             found_so = f"{value:.3g} with a std of {std:.2g} {parameter.unit}"
-            yield f"undetermined: this record does not tell {parameter.name}: {found_so}"
+            yield Flag("undetermined", f"this record does not tell {parameter.name}: {found_so}")

@@ -6,14 +6,11 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import ContactModel
+from palpate import ContactModel, Floats
 
-from palpate_filters.fit.loss import Loss
-from palpate_filters.fit.record import COLUMNS, Record
+from palpate_filters.fit.loss import LossFunction
+from palpate_filters.fit.record import COLUMNS, FitRecord
 from palpate_filters.fit.unknowns import EXTRAS
-
-Floats = NDArray[np.float64]
 
 _BLOCK = 1024  # samples in one call
 _BLOCKS_IN_A_FACTOR = 8
@@ -23,8 +20,8 @@ def touching(depth: Any, rate: Any, transition: Any) -> tuple[Any, Any]:
     """Depth and its rate where contact sets in gradually: (d + sqrt(d^2 + eps^2))/2 and its time derivative.
 
     Positive everywhere and smooth, so that one formula and its derivatives hold above and below the surface, and a cost
-    has no jump where the surface passes a sample. eps is 1e-3 of the travel, 5 um in a palpation of 5 mm, about the
-    noise of a measured height; what it changes dies away as (eps/d)^2.
+    has no jump where the surface passes a sample. eps is 1e-3 of the way in contact, 5 um in a palpation of 5 mm, or
+    the noise of the height; what it changes dies away as (eps/d)^2.
     """
     root = (depth * depth + transition * transition) ** 0.5
     return 0.5 * (depth + root) + 1e-6 * transition, 0.5 * rate * (1.0 + depth / root)
@@ -55,18 +52,18 @@ class Residual:
         self.parameters = len(model.parameters) + len(EXTRAS)
         self._evaluate = _Remembering(self) if model.memory else _Mapped(self)
 
-    def blocks(self, record: Record, x: Floats) -> Iterator[tuple[slice, Floats]]:
+    def blocks(self, record: FitRecord, x: Floats) -> Iterator[tuple[slice, Floats]]:
         """Rows and, for each of them, residual and Jacobian side by side (n, 1 + p); overwritten by the next block."""
         return self._evaluate.blocks(record, np.concatenate([x, [record.transition]]))
 
-    def whole(self, record: Record, x: Floats) -> tuple[Floats, Floats]:
+    def whole(self, record: FitRecord, x: Floats) -> tuple[Floats, Floats]:
         """Residual (n,) and Jacobian (n, p)."""
         both = np.empty((len(record), 1 + len(self.free)))
         for rows, values in self.blocks(record, x):
             both[rows] = values
         return both[:, 0], both[:, 1:]
 
-    def triangle(self, record: Record, x: Floats, loss: Loss) -> Floats:
+    def triangle(self, record: FitRecord, x: Floats, loss: LossFunction) -> Floats:
         """R (p + 1, p + 1) of the QR factors of [J, r]: all that least squares needs, in memory that does not grow.
 
         Its first p columns stand for the Jacobian and its last for the residual: same cost, same gradient, same J^T J.
@@ -123,7 +120,7 @@ class _Mapped:
         self._buffer.set_arg(1, memoryview(self._x.data))
         self._buffer.set_res(0, memoryview(self._values.data))
 
-    def blocks(self, record: Record, x: Floats) -> Iterator[tuple[slice, Floats]]:
+    def blocks(self, record: FitRecord, x: Floats) -> Iterator[tuple[slice, Floats]]:
         """See `Residual.blocks`."""
         self._x[:] = x
         for start in range(0, len(record), _BLOCK):
@@ -175,7 +172,7 @@ class _Remembering:
         for i, array in enumerate((self._states, self._values)):
             self._buffer.set_res(i, memoryview(array.data))
 
-    def blocks(self, record: Record, x: Floats) -> Iterator[tuple[slice, Floats]]:
+    def blocks(self, record: FitRecord, x: Floats) -> Iterator[tuple[slice, Floats]]:
         """See `Residual.blocks`."""
         self._x[:] = x
         self._state[:] = 0.0

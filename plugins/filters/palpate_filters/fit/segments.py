@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +19,7 @@ _ALLOWED = (
     "or several of them joined by commas"
 )
 _MOVING = 0.1  # of the fastest rate; slower is rest
-_RANGE = re.compile(r"\s*(depth|cycles)?\s*(\S.*?)\s*\.\.\s*(\S.*?)\s*$")
+_KINDS = ("depth", "cycles")
 
 
 @dataclass(frozen=True)
@@ -40,16 +39,16 @@ def parse_segment(text: str) -> tuple[Window, ...]:
 def _parse_one(part: str, text: str) -> Window:
     if part in WORDS:
         return Window(part)
-    match = _RANGE.match(part)
-    if not match:
+    what = next((kind for kind in _KINDS if part.startswith(kind)), "time")
+    begin, dots, end = (words.strip() for words in part.removeprefix(what).partition(".."))
+    if not (begin and dots and end):
         raise ConfigurationError(f"estimator casadi-fit: segment {text!r}: {part!r} is none of {_ALLOWED}")
-    what = match[1] or "time"
     try:
         if what == "cycles":
-            low, high = float(int(match[2])), float(int(match[3]))
+            low, high = float(int(begin)), float(int(end))
         else:
             unit = "m" if what == "depth" else "s"
-            low, high = (to_si(float(m) if is_number(m) else m, unit) for m in (match[2], match[3]))
+            low, high = (to_si(float(m) if is_number(m) else m, unit) for m in (begin, end))
     except ValueError as error:
         raise ConfigurationError(f"estimator casadi-fit: segment {text!r}: {error}") from error
     if low >= high and not (what == "cycles" and low == high):
@@ -58,7 +57,7 @@ def _parse_one(part: str, text: str) -> Window:
 
 
 @dataclass(frozen=True)
-class Passage:
+class RecordCourse:
     """What a fit knows of the course of a record before it fits."""
 
     touch: float  # [m] height of the tip at the first sample in contact
@@ -76,7 +75,7 @@ class Passage:
         return int(self.cycle.max(initial=0))
 
 
-def passage(samples: Samples) -> Passage:
+def passage(samples: Samples) -> RecordCourse:
     """The course of a record; raises NotFitted where the tip never touches or the force is no signal."""
     known = np.isfinite(samples.force)
     if not known.any():
@@ -99,12 +98,12 @@ def passage(samples: Samples) -> Passage:
     middle = (ends[:-1] + starts[1:] + 1) // 2
     cycle[0] = 1
     cycle[middle] += 1
-    return Passage(
+    return RecordCourse(
         float(samples.position[first]), float(samples.position[touching].min()), np.cumsum(cycle, dtype=np.int64)
     )
 
 
-def segment_rows(windows: tuple[Window, ...], samples: Samples, rate: Floats, course: Passage) -> Rows:
+def segment_rows(windows: tuple[Window, ...], samples: Samples, rate: Floats, course: RecordCourse) -> Rows:
     """(n,) the samples that every window allows and whose force is known; raises NotFitted where there are none."""
     rows = np.isfinite(samples.force) & np.isfinite(samples.position)
     for window in windows:
@@ -115,7 +114,7 @@ def segment_rows(windows: tuple[Window, ...], samples: Samples, rate: Floats, co
     return rows
 
 
-def _allowed(window: Window, samples: Samples, rate: Floats, course: Passage) -> Rows:
+def _allowed(window: Window, samples: Samples, rate: Floats, course: RecordCourse) -> Rows:
     depth = course.touch - samples.position
     # As much air as there is depth: enough for surface and baseline, without minutes of waiting.
     near = depth >= -max(course.travel, 1e-12)
@@ -140,7 +139,7 @@ def _allowed(window: Window, samples: Samples, rate: Floats, course: Passage) ->
     return np.ones(len(samples), bool)
 
 
-def _why_empty(window: Window, samples: Samples, course: Passage) -> str:
+def _why_empty(window: Window, samples: Samples, course: RecordCourse) -> str:
     if window.what == "depth":
         reach = course.touch - float(np.nanmin(samples.position))
         return (

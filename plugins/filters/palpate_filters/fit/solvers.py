@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate_filters.fit.loss import Loss
-from palpate_filters.fit.record import Record
+from palpate_filters.fit.loss import LossFunction
+from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.refusal import NotFitted
 from palpate_filters.fit.residual import Residual, reading
 from palpate_filters.fit.unknowns import Unknowns
@@ -30,7 +30,9 @@ class Solution:
     converged: bool
 
 
-def solve_trf(residual: Residual, unknowns: Unknowns, record: Record, x: Floats, loss: Loss) -> Solution:
+def solve_trf(
+    residual: Residual, unknowns: Unknowns, record: FitRecord, x: Floats, loss: LossFunction, most: int = 200
+) -> Solution:
     """Trust-region reflective (Branch, Coleman and Li 1999; scipy), on the triangular factor of [J, r].
 
     The factor has the cost, the gradient and the J^T J of the whole, so the steps are those of the whole problem.
@@ -39,7 +41,7 @@ def solve_trf(residual: Residual, unknowns: Unknowns, record: Record, x: Floats,
 
     free = list(residual.free)
     low, high = unknowns.bounds(free)
-    seen = _Seen(residual, record, x, loss)
+    seen = _LastTriangle(residual, record, x, loss)
     if not free:
         return Solution(x, 0.5 * float(seen.triangle(x[free])[-1, -1] ** 2), 1, True)
     first = seen.triangle(x[free])
@@ -55,17 +57,17 @@ def solve_trf(residual: Residual, unknowns: Unknowns, record: Record, x: Floats,
         ftol=1e-12,
         xtol=1e-10,
         gtol=1e-9,
-        max_nfev=200,
+        max_nfev=most,
     )
     full = x.copy()
     full[free] = np.clip(found.x * scale, low, high)
     return Solution(full, float(found.cost) * size**2, int(found.nfev), bool(found.status > 0))
 
 
-class _Seen:
+class _LastTriangle:
     """Remembers the last triangle: residual and Jacobian are asked for one after the other."""
 
-    def __init__(self, residual: Residual, record: Record, x: Floats, loss: Loss) -> None:
+    def __init__(self, residual: Residual, record: FitRecord, x: Floats, loss: LossFunction) -> None:
         self._residual, self._record, self._x, self._loss = residual, record, x.copy(), loss
         self._last: tuple[bytes, Floats] | None = None
 
@@ -92,7 +94,9 @@ def _strictly_inside(x: Floats, low: Floats, high: Floats) -> Floats:
     return np.clip(x, np.where(np.isfinite(low), low + margin, low), np.where(np.isfinite(high), high - margin, high))
 
 
-def solve_varpro(residual: Residual, unknowns: Unknowns, record: Record, x: Floats, linear: Sequence[int]) -> Solution:
+def solve_varpro(
+    residual: Residual, unknowns: Unknowns, record: FitRecord, x: Floats, linear: Sequence[int]
+) -> Solution:
     """Variable projection (Golub and Pereyra 1973): a search over the surface alone, all others solved for linearly.
 
     `residual` is free in exactly the `linear` unknowns. For each surface the triangular factor of [J, r] at zero gives
@@ -109,7 +113,7 @@ def solve_varpro(residual: Residual, unknowns: Unknowns, record: Record, x: Floa
         nonlocal count
         count += 1
         zero[place] = surface
-        factor = residual.triangle(record, zero, Loss())
+        factor = residual.triangle(record, zero, LossFunction())
         scale = np.sqrt(np.sum(factor[:, :-1] ** 2, axis=0))
         scale[scale == 0] = 1.0
         matrix, target = factor[:, :-1] / scale, -factor[:, -1]
@@ -136,13 +140,13 @@ def solve_varpro(residual: Residual, unknowns: Unknowns, record: Record, x: Floa
     return Solution(full, cost, count, True)
 
 
-def solve_ipopt(residual: Residual, unknowns: Unknowns, record: Record, x: Floats, loss: Loss) -> Solution:
+def solve_ipopt(residual: Residual, unknowns: Unknowns, record: FitRecord, x: Floats, loss: LossFunction) -> Solution:
     """Interior point with exact Hessian (Waechter and Biegler 2006; IPOPT through CasADi)."""
     return build_ipopt(residual, unknowns, record, x, loss)()
 
 
 def build_ipopt(
-    residual: Residual, unknowns: Unknowns, record: Record, x: Floats, loss: Loss
+    residual: Residual, unknowns: Unknowns, record: FitRecord, x: Floats, loss: LossFunction
 ) -> Callable[[], Solution]:
     """The problem as a graph over all samples, and what solves it from `x`; raises NotFitted for too many samples."""
     import casadi as ca
@@ -183,7 +187,7 @@ def build_ipopt(
     return solve
 
 
-def _symbolic_loss(error: Any, loss: Loss) -> Any:
+def _symbolic_loss(error: Any, loss: LossFunction) -> Any:
     import casadi as ca
 
     size = ca.fabs(error) / loss.scale

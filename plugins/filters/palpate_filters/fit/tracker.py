@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Estimates, Problem, Samples
+from palpate import Estimates, Flag, Problem, Samples
 
-from palpate_filters.fit.budget import Source
+from palpate_filters.fit.budget import BudgetSource
 from palpate_filters.fit.contact_point import (
     METHODS,
     Approach,
@@ -19,13 +19,14 @@ from palpate_filters.fit.contact_point import (
     first_approach,
 )
 from palpate_filters.fit.first_guess import first_guess, linear_places
-from palpate_filters.fit.loss import Loss
-from palpate_filters.fit.motion import Motion, zero_phase_motion
-from palpate_filters.fit.record import Record, make_record
+from palpate_filters.fit.loss import LossFunction
+from palpate_filters.fit.motion import TipTravel, zero_phase_motion
+from palpate_filters.fit.record import FitRecord, make_record
 from palpate_filters.fit.refusal import NotFitted
 from palpate_filters.fit.residual import Residual
-from palpate_filters.fit.segments import Passage, Rows, Window, passage, segment_rows
+from palpate_filters.fit.segments import RecordCourse, Rows, Window, passage, segment_rows
 from palpate_filters.fit.solvers import Solution, solve_ipopt, solve_trf, solve_varpro
+from palpate_filters.fit.starts import solve_from_many, times_of, with_times_that_show
 from palpate_filters.fit.unknowns import Unknowns
 
 if TYPE_CHECKING:
@@ -47,19 +48,19 @@ class Fit:
     problem: Problem
     samples: Samples
     rows: Rows  # (n,) fitted samples
-    course: Passage
-    motion: Motion
+    course: RecordCourse
+    motion: TipTravel
     approach: Approach | None
     points: dict[str, ContactPoint]
-    sources: tuple[Source, ...]
+    sources: tuple[BudgetSource, ...]
     unknowns: Unknowns
     linear: tuple[int, ...]
-    record: Record
+    record: FitRecord
     residual: Residual
     solution: Solution
     solver: str
-    loss: Loss
-    notes: tuple[str, ...]  # flags met on the way
+    loss: LossFunction
+    notes: tuple[Flag, ...]  # flags met on the way
 
 
 class FitTracker:
@@ -71,7 +72,7 @@ class FitTracker:
         problem: Problem,
         windows: tuple[Window, ...],
         unknowns: Unknowns,
-        sources: tuple[Source, ...],
+        sources: tuple[BudgetSource, ...],
     ) -> None:
         self._settings, self._problem, self._windows = settings, problem, windows
         self._unknowns, self._sources = unknowns, sources
@@ -90,11 +91,11 @@ class FitTracker:
             return estimates_of(self.fit(samples))
         except NotFitted as refusal:
             idle = Estimates.idle(samples, len(self._problem.model.parameters))
-            return Estimates(**{**vars(idle), "flags": (refusal.flag,)})
+            return replace(idle, flags=(refusal.flag,))
 
     def fit(self, samples: Samples) -> Fit:
         """The fit of a record; raises NotFitted where it cannot be done."""
-        settings, notes = self._settings, list[str]()
+        settings, notes = self._settings, list[Flag]()
         course = passage(samples)
         motion = zero_phase_motion(samples, settings.smoothing)
         rows = segment_rows(self._windows, samples, motion.rate, course)
@@ -105,10 +106,12 @@ class FitTracker:
         enough = max(_FEWEST * len(unknowns.free), 10)
         if np.count_nonzero(rows) < enough:
             raise NotFitted("too-few-samples", f"{np.count_nonzero(rows)} samples to fit; {enough} are needed")
-        record = self._record(samples, rows, motion)
+        record = self._record(samples, rows, motion, course)
         model = self._problem.model
+        if model.memory:
+            unknowns = with_times_that_show(unknowns, record)
         linear = tuple(linear_places(model, unknowns))
-        loss = Loss(settings.loss, settings.loss_scale)
+        loss = LossFunction(settings.loss, settings.loss_scale)
         residual = self._residual(tuple(unknowns.free))
         x = first_guess(model, unknowns, record)
         if len(record) > 2 * _THIN and not model.memory:
@@ -127,7 +130,7 @@ class FitTracker:
         rows: Rows,
         approach: Approach | None,
         points: dict[str, ContactPoint],
-        notes: list[str],
+        notes: list[Flag],
     ) -> Unknowns:
         """The unknowns with what only the record can say: whether it tells the bias, where the surface may be."""
         settings, unknowns = self._settings, self._unknowns
@@ -145,18 +148,18 @@ class FitTracker:
         return unknowns
 
     @staticmethod
-    def _constrained(unknowns: Unknowns, approach: Approach | None, limit: float, notes: list[str]) -> Unknowns:
+    def _constrained(unknowns: Unknowns, approach: Approach | None, limit: float, notes: list[Flag]) -> Unknowns:
         if approach is None:
-            notes.append(
-                "force-constraint-unused: the record has no approach through air that force_uncertainty could use"
-            )
+            what = "the record has no approach through air that force_uncertainty could use"
+            notes.append(Flag("force-constraint-unused", what))
             return unknowns
         mean, std = float(approach.force[: approach.air].mean()), approach.noise / np.sqrt(approach.air)
         if limit < abs(mean) + 3.0 * std:
-            notes.append(
-                f"force-constraint-tight: force_uncertainty of {limit:.3g} N is less than the force is off in air, "
-                f"{mean:+.3g} N, and 3 sigma of its mean, {3 * std:.2g} N"
+            what = (
+                f"force_uncertainty of {limit:.3g} N is less than the force is off in air, {mean:+.3g} N, and 3 sigma "
+                f"of its mean, {3 * std:.2g} N"
             )
+            notes.append(Flag("force-constraint-tight", what))
         lowest = constrained_surface(approach, limit)
         item = unknowns.items[unknowns.index("surface")]
         if lowest >= item.upper:
@@ -165,7 +168,7 @@ class FitTracker:
             )
         return unknowns.changed("surface", lower=max(item.lower, lowest))
 
-    def _record(self, samples: Samples, rows: Rows, motion: Motion) -> Record:
+    def _record(self, samples: Samples, rows: Rows, motion: TipTravel, course: RecordCourse) -> FitRecord:
         weight = rows.astype(float)
         if self._settings.weights == "depth":
             weight[rows] = _by_depth(samples.position[rows])
@@ -174,7 +177,8 @@ class FitTracker:
             keep[: int(np.flatnonzero(rows)[-1]) + 1] = True
         force = np.where(np.isfinite(samples.force), samples.force, 0.0)
         columns = (samples.position, motion.rate, motion.acceleration, force, samples.time, weight)
-        return make_record(*(column[keep] for column in columns))
+        height, rate, acceleration, push, time, weights = (column[keep] for column in columns)
+        return make_record(height, rate, acceleration, push, time, weights, max(course.travel, 1e-12))
 
     def _residual(self, free: tuple[int, ...]) -> Residual:
         if free not in self._residuals:
@@ -182,7 +186,13 @@ class FitTracker:
         return self._residuals[free]
 
     def _solve(
-        self, unknowns: Unknowns, record: Record, residual: Residual, x: Floats, linear: tuple[int, ...], loss: Loss
+        self,
+        unknowns: Unknowns,
+        record: FitRecord,
+        residual: Residual,
+        x: Floats,
+        linear: tuple[int, ...],
+        loss: LossFunction,
     ) -> tuple[str, Solution]:
         wanted = self._settings.solver
         others = [unknowns.names[place] for place in unknowns.free if place not in linear]
@@ -198,15 +208,23 @@ class FitTracker:
             return wanted, solve_varpro(self._residual(linear), unknowns, record, x, linear)
         if wanted == "ipopt":
             return wanted, solve_ipopt(residual, unknowns, record, x, loss)
+        if self._problem.model.memory and times_of(unknowns):
+            return "trf", solve_from_many(self._residual, unknowns, record, x, loss)
         return "trf", solve_trf(residual, unknowns, record, x, loss)
 
 
 def _spread(found: Estimates, samples: Samples, known: Rows) -> Estimates:
     """Estimates for the known among the samples, as estimates for all of them."""
     whole = Estimates.idle(samples, found.values.shape[1])
-    for name in ("values", "std", "surface", "surface_std", "force", "nis", "status"):
+    for name in ("values", "std", "surface", "surface_std", "force", "nis", "status", "innovation"):
         getattr(whole, name)[known] = getattr(found, name)
-    return Estimates(**{**vars(whole), "details": found.details, "flags": found.flags})
+    return replace(
+        whole,
+        details=found.details,
+        flags=found.flags,
+        report=found.report,
+        timing_included=found.timing_included,
+    )
 
 
 def _contact_points(settings: CasadiFit, approach: Approach | None) -> dict[str, ContactPoint]:
@@ -216,15 +234,14 @@ def _contact_points(settings: CasadiFit, approach: Approach | None) -> dict[str,
     return {method: point for method, point in found.items() if point is not None}
 
 
-def _without_saturation(samples: Samples, rows: Rows, notes: list[str]) -> Rows:
+def _without_saturation(samples: Samples, rows: Rows, notes: list[Flag]) -> Rows:
     """Drop readings that stand at the largest value of the record, and say so."""
     top = np.nanmax(samples.force)
     standing = rows & (samples.force == top)
     if np.count_nonzero(standing) < _STANDS:
         return rows
-    notes.append(
-        f"saturated: the force stands at {top:.5g} N in {np.count_nonzero(standing)} samples, which are left out"
-    )
+    what = f"the force stands at {top:.5g} N in {np.count_nonzero(standing)} samples, which are left out"
+    notes.append(Flag("saturated", what))
     return np.asarray(rows & ~standing)
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate_filters.fit.loss import Loss
-from palpate_filters.fit.record import Record
+from palpate_filters.fit.loss import LossFunction
+from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.residual import Residual
 
 Floats = NDArray[np.float64]
@@ -19,7 +19,7 @@ _SPAN = 5.0  # the correlation is summed up to so many of its own times (Sokal 1
 
 
 @dataclass(frozen=True)
-class Scatter:
+class ResidualScatter:
     """What the residuals at the minimum say."""
 
     covariance: Floats  # (p, p) of the free unknowns
@@ -32,7 +32,7 @@ class Scatter:
     noise: float  # [N] standard deviation of white noise that would give the residual's third differences
 
 
-def scatter(residual: Residual, record: Record, x: Floats, loss: Loss) -> Scatter:
+def scatter(residual: Residual, record: FitRecord, x: Floats, loss: LossFunction) -> ResidualScatter:
     """Sandwich covariance A^-1 S A^-1, A = sum psi' J J^T, S = sum over pairs of gamma(i - j) J_i J_j^T.
 
     gamma is the autocovariance of the residuals, summed as far as it reaches; the white-noise formula is the case that
@@ -48,7 +48,7 @@ def scatter(residual: Residual, record: Record, x: Floats, loss: Loss) -> Scatte
     time = max(_long_run(gamma, reach) / gamma[0], 0.05) * pieces.size if gamma[0] > 0 else 1.0
     effective = min(pieces.samples / time, float(pieces.samples))
     covariance = inverse @ middle @ inverse
-    return Scatter(
+    return ResidualScatter(
         covariance, inverse, pieces.samples, effective, time, pieces.first_correlation, pieces.rss, pieces.noise
     )
 
@@ -67,7 +67,7 @@ class _Pieces:
     noise: float
 
 
-def _collect(residual: Residual, record: Record, x: Floats, loss: Loss) -> _Pieces:
+def _collect(residual: Residual, record: FitRecord, x: Floats, loss: LossFunction) -> _Pieces:
     p = len(residual.free)
     size = -(-len(record) // _MOST)
     normal, errors, slopes = np.zeros((p, p)), [], []
@@ -134,6 +134,8 @@ def _long_run(gamma: Floats, reach: int) -> float:
 def _pair_sum(slopes: Floats, gamma: Floats, reach: int, tapered: bool = False) -> Floats:
     from scipy.signal import oaconvolve
 
+    if not slopes.shape[1]:
+        return np.zeros((0, 0))  # nothing is free: the fit is an evaluation
     weights = _weights(reach, len(gamma), tapered)
     kernel = weights * gamma[: len(weights)]
     both = np.concatenate([kernel[:0:-1], kernel])

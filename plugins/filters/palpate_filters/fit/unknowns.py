@@ -7,10 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import ConfigurationError, ContactModel, to_si
-
-Floats = NDArray[np.float64]
+from palpate import ConfigurationError, ContactModel, Floats, to_si
 
 EXTRAS = ("surface", "bias", "slope", "tip_mass", "delay")
 _EXTRA_UNITS = ("m", "N", "N/s", "kg", "s")
@@ -18,7 +15,7 @@ _LONGEST_DELAY = 0.05  # [s]; the motion at another time is a Taylor expansion, 
 
 
 @dataclass(frozen=True)
-class Unknown:
+class FitUnknown:
     """One number that a fit finds, or is told."""
 
     name: str
@@ -37,7 +34,7 @@ class Unknown:
 class Unknowns:
     """All of them in the order of the residual's parameters: the model's, then EXTRAS."""
 
-    items: tuple[Unknown, ...]
+    items: tuple[FitUnknown, ...]
 
     @property
     def names(self) -> list[str]:
@@ -93,7 +90,7 @@ def unknowns_of(
         looked_for = name not in EXTRAS or name == "surface" or name in extras
         if name in fixed and name in extras:
             _refuse(f"{name} is fixed and among the unknowns: take it out of one of them")
-        found.append(Unknown(name, unit, low, high, looked_for and name not in fixed, value))
+        found.append(FitUnknown(name, unit, low, high, looked_for and name not in fixed, value))
     return Unknowns(tuple(found))
 
 

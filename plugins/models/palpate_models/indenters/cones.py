@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from palpate import Angle, Indenter, Length, arctan, log, select, tanh
+from palpate import Angle, Depth, Indenter, arctan, log, select, tanh
 from pydantic import Field
 
 from palpate_models.indenters.spheres import sphere_angle, sphere_area
@@ -42,7 +42,7 @@ class TruncatedCone(Indenter):
     """
 
     angle: Angle = Field(gt=0, lt=math.pi / 2, description=_ANGLE)
-    face_radius: Length = Field(gt=0, description="radius b of the flat face")
+    face_radius: Depth = Field(gt=0, description="radius b of the flat face")
 
     def _rise(self, depth: Any) -> Any:
         """s = sqrt(a^2/b^2 - 1), from sqrt(1 + s^2) atan(s) = d/(b tan t) = q."""
@@ -74,7 +74,7 @@ class BluntCone(Indenter):
     """
 
     angle: Angle = Field(gt=0, le=_STEEPEST, description=_ANGLE + "; 88 degrees at most")
-    tip_radius: Length = Field(gt=0, description="radius R of the sphere at the tip")
+    tip_radius: Depth = Field(gt=0, description="radius R of the sphere at the tip")
 
     @property
     def sphere_depth(self) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from palpate import Indenter, Length
+from palpate import Depth, Indenter
 from pydantic import Field
 
 
@@ -24,7 +24,7 @@ class Sphere(Indenter):
     Source: paper, eq. TotalForce; Hertz 1882; Popov and Hess 2015, table 2.1.
     """
 
-    radius: Length = Field(gt=0, description="radius R of the sphere, half of its diameter")
+    radius: Depth = Field(gt=0, description="radius R of the sphere, half of its diameter")
 
     def contact_radius(self, depth: Any) -> Any:
         """sqrt(R d) [m]."""
@@ -43,7 +43,7 @@ class Paraboloid(Indenter):
     Source: Popov and Hess 2015, table 2.1; Hertz 1882.
     """
 
-    curvature_radius: Length = Field(gt=0, description="radius of curvature R at the apex")
+    curvature_radius: Depth = Field(gt=0, description="radius of curvature R at the apex")
 
     def contact_radius(self, depth: Any) -> Any:
         """sqrt(R d) [m]."""
@@ -62,7 +62,7 @@ class Flat(Indenter):
     Source: paper, eq. flat; Boussinesq 1885; Popov and Hess 2015.
     """
 
-    radius: Length = Field(gt=0, description="radius R of the face")
+    radius: Depth = Field(gt=0, description="radius R of the face")
 
     def contact_radius(self, depth: Any) -> Any:
         """R [m], whatever the depth."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from palpate import Indenter, Length, select, tanh
+from palpate import Depth, Indenter, select, tanh
 from pydantic import Field
 
 _SERIES = 0.0025  # of d/R: below it the closed form of the area loses digits to cancellation
@@ -39,7 +39,7 @@ class ExactSphere(Indenter):
     Source: Sneddon 1965; Popov and Hess 2015, table 2.1.
     """
 
-    radius: Length = Field(gt=0, description="radius R of the sphere, half of its diameter")
+    radius: Depth = Field(gt=0, description="radius R of the sphere, half of its diameter")
 
     def contact_radius(self, depth: Any) -> Any:
         """The root a of (a/2) ln((R + a)/(R - a)) = d [m]."""
@@ -59,8 +59,8 @@ class Ellipsoid(Indenter):
     Source: Sneddon 1965 for the sphere; the MDR integral is linear in the profile.
     """
 
-    radius: Length = Field(gt=0, description="semi-axis b across the axis of indentation")
-    height: Length = Field(gt=0, description="semi-axis c along the axis of indentation")
+    radius: Depth = Field(gt=0, description="semi-axis b across the axis of indentation")
+    height: Depth = Field(gt=0, description="semi-axis c along the axis of indentation")
 
     def contact_radius(self, depth: Any) -> Any:
         """The sphere's contact radius at the depth d b/c [m]."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import File, Indenter, Length
-from pydantic import Field, PrivateAttr, model_validator
+from palpate import Depth, File, Indenter, Length
+from pydantic import Field, model_validator
 
 from palpate_models.indenters.profile.formula import parse_formula
 from palpate_models.indenters.profile.inverse import ContactRadius
@@ -46,13 +47,18 @@ class Profile(Indenter):
     constants: dict[str, Length] = Field(
         default={}, description='constants of the formula, lengths such as { R = "5 mm" } or plain numbers'
     )
-    radius: Length | None = Field(
+    radius: Depth | None = Field(
         default=None, gt=0, description="radius at the edge of the tip; left out with points: the last one"
     )
-    _series: RadiusSeries | SmoothRadius = PrivateAttr()
 
     @model_validator(mode="after")
-    def _transform(self) -> Self:
+    def _possible(self) -> Self:
+        _ = self._series
+        return self
+
+    @cached_property
+    def _series(self) -> RadiusSeries | SmoothRadius:
+        """The contact radius by depth; raises ValueError where the profile cannot be a tip's."""
         if (self.points is None) == (self.formula is None):
             raise ValueError("give either points or a formula")
         if self.points is not None:
@@ -62,14 +68,12 @@ class Profile(Indenter):
         source = self.points or repr(self.formula)
         try:
             exact = ContactRadius(reduced, edge)
-            self._series = smooth_radius(exact, *tolerance) or radius_series(exact, *tolerance)
+            series = smooth_radius(exact, *tolerance) or radius_series(exact, *tolerance)
         except ValueError as error:
             raise ValueError(f"{source}: {error}") from error
-        if self._series.error > _WORST:
-            raise ValueError(
-                f"{source}: too rough a profile: its contact radius is kept to {self._series.error:.1%} only"
-            )
-        return self
+        if series.error > _WORST:
+            raise ValueError(f"{source}: too rough a profile: its contact radius is kept to {series.error:.1%} only")
+        return series
 
     def _of_points(self) -> tuple[Callable[[NDArray[np.float64]], NDArray[np.float64]], float]:
         assert self.points is not None

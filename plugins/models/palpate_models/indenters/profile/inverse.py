@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
+from palpate import Floats
 
 _TABLE = 1500  # radii at which the reduced profile is tabulated
 _NOTHING = 1e-14  # of the depth range: rounding

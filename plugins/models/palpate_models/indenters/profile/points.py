@@ -7,10 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import is_number
-
-Floats = NDArray[np.float64]
+from palpate import Floats, is_number
 
 _FEWEST = 4
 _ROUND = 0.25  # of the first chord's slope: an apex whose slope is less is a smooth one, with slope 0

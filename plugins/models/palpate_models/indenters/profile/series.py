@@ -6,12 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import select
+from palpate import Floats, select
 
 from palpate_models.indenters.profile.inverse import ContactRadius
-
-Floats = NDArray[np.float64]
 
 _DEGREE = 8
 _NARROWEST = 1 / 64  # piece, in units of the whole range of depth^(1/4)

@@ -6,9 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
+from palpate import Floats
 
 _PANELS, _NODES = 20, 12  # of the quadrature, for formulas
 _LOOKED_AT = 1000  # radii, in the search for kinks

@@ -1,0 +1,81 @@
+"""Where contact begins on the way down: free air, then a force that rises with a power of the depth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+_POWER = 1.5  # of the depth: a sphere; free, it would cost more scatter than it takes bias of other tips
+_GRID = 41  # heights that are tried together
+_LEVELS = 4  # each a twentieth of the one before
+_FEWEST = 20  # samples
+_MOST = 4000  # samples; more are thinned
+_LEAST_WAY = 2e-5  # [m] from the surface to the deepest sample; less is no way down
+_PARTS = 8
+_GAIN = 25.0  # of the sum of squares in units of the noise's variance; constant force reaches 15 once in 1000
+
+
+@dataclass(frozen=True)
+class ChangePoint:
+    """A two-piece law F = b for z >= z_s, b + c (z_s - z)^1.5 below, fitted by least squares."""
+
+    surface: float  # [m] z_s
+    offset: float  # [N] b
+    rms: float  # [N] of what the law leaves
+    rise: float  # [N] of the law, to the deepest sample
+
+
+def change_point(position: Floats, force: Floats) -> ChangePoint | None:
+    """The surface in a stretch of samples (n,) [m], [N]; None where a constant force explains them as well.
+
+    For every height, offset and rise follow linearly; the height is searched on a grid that narrows (Golub and Pereyra
+    1973). Readings that are not finite are left out.
+    """
+    known = np.isfinite(position) & np.isfinite(force)
+    z, f = position[known], force[known]
+    if len(z) < _FEWEST:
+        return None
+    step = -(-len(z) // _MOST)
+    z, f = z[::step], f[::step]
+    top, bottom = float(z.max()), float(z.min())
+    if top - bottom < _LEAST_WAY:
+        return None
+    centred = f - f.mean()
+    total = float((centred**2).sum())
+    best = (total, top)
+    low, high = bottom, top
+    for _ in range(_LEVELS):
+        heights = np.linspace(low, high, _GRID)
+        sums = _left(z, centred, total, heights)
+        at = int(np.argmin(sums))
+        best = min(best, (float(sums[at]), float(heights[at])))
+        low, high = float(heights[max(at - 1, 0)]), float(heights[min(at + 1, _GRID - 1)])
+    left, surface = best
+    noise = left / (len(z) - 3)
+    shape = np.maximum(surface - z, 0.0) ** _POWER
+    spread = float(((shape - shape.mean()) ** 2).sum())
+    slope = float((shape * centred).sum()) / spread if spread > 0 else 0.0
+    offset = float(f.mean()) - slope * float(shape.mean())
+    if surface - bottom < _LEAST_WAY or total - left <= _GAIN * noise * _hanging_together(f - offset - slope * shape):
+        return None
+    return ChangePoint(surface, offset, float(np.sqrt(noise)), slope * float(shape.max()))
+
+
+def _hanging_together(residual: Floats) -> float:
+    """How many samples count as one, from the scatter of the means of eighths; at least 1."""
+    parts = np.array([part.mean() for part in np.array_split(residual, _PARTS)])
+    variance = float(np.mean(residual**2))
+    return max(float(np.mean(parts**2)) * len(residual) / _PARTS / variance, 1.0) if variance > 0 else 1.0
+
+
+def _left(z: Floats, centred: Floats, total: float, heights: Floats) -> Floats:
+    """Sum of squares that is left (k,) for every height; the total where the force would fall with depth."""
+    depth = np.maximum(heights[:, None] - z, 0.0) ** _POWER
+    depth = depth - depth.mean(axis=1)[:, None]
+    square, product = (depth**2).sum(axis=1), (depth * centred).sum(axis=1)
+    rises = (square > 0) & (product > 0)
+    return np.asarray(total - np.where(rises, product**2 / np.where(rises, square, 1.0), 0.0))

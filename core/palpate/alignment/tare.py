@@ -1,0 +1,75 @@
+"""The tare: what the sensor reads in free air."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.alignment.change_point import change_point
+from palpate.alignment.settings import AlignmentSettings
+from palpate.errors import LogError
+from palpate.estimation import Samples
+
+_WANDER = 0.02  # [N]; less is drift
+_FEWEST = 10  # samples
+
+
+@dataclass(frozen=True)
+class Tare:
+    """What was subtracted from the force, and how noisy the force was there."""
+
+    offset: float  # [N]
+    offset_std: float | None  # [N] standard uncertainty of the offset, from the scatter; None where none was measured
+    noise: float | None  # [N] standard deviation of one sample in free air
+    until: float | None = None  # [s] end of the free air that it comes from
+
+
+def given_tare(settings: AlignmentSettings) -> Tare | None:
+    """The tare that the settings say; None where it is to be measured."""
+    if settings.tare == "none":
+        return Tare(0.0, settings.tare_uncertainty, None)
+    if settings.tare != "free-air":
+        return Tare(float(settings.tare), settings.tare_uncertainty, None)
+    return None
+
+
+def measured_tare(settings: AlignmentSettings, samples: Samples, before: float = np.inf) -> Tare:
+    """Mean of the first `tare_duration`, of what is before a time [s] of it, and of no contact within.
+
+    Raises LogError where the force is not at rest in what is left.
+    """
+    ends = min(before, settings.tare_duration)
+    window = _known(samples[(samples.time <= ends) & (samples.time < before)])
+    if len(window) < _FEWEST:
+        return Tare(0.0, None, None)
+    found = change_point(window.position, window.force)
+    if found is not None:
+        below = window.position < found.surface
+        # Contact is what lies below the surface without interruption up to the end of the window.
+        count = len(window) - int(np.argmin(below[::-1])) if not below.all() else 0
+        if count >= _FEWEST:
+            window = window[:count]
+            ends = float(window.time[-1])
+    force = window.force
+    spread = float(force.std(ddof=1))
+    if not _at_rest(force):
+        raise LogError(
+            f"alignment: the first {settings.tare_duration:g} s of {settings.force.channel} are not at rest in free "
+            f"air (the force wanders by {spread:.2g} N), so they give no tare; set [alignment] tare = "
+            '"none", a force, or a shorter tare_duration'
+        )
+    return Tare(float(force.mean()), spread / np.sqrt(len(force)), spread, ends)
+
+
+def _known(samples: Samples) -> Samples:
+    return samples[np.isfinite(samples.force)]
+
+
+def _at_rest(force: NDArray[np.float64]) -> bool:
+    """Whether a record scatters within its sixths rather than wandering from one to the next."""
+    parts = np.array_split(force, 6)
+    between = float(np.std([part.mean() for part in parts]))
+    within = float(np.mean([part.std() for part in parts]))
+    return between <= _WANDER or between <= 1.5 * within

@@ -1,0 +1,35 @@
+"""How the contact force answers to its parameters and to depth and rate: derivatives of the model itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from palpate.contact.interfaces import ContactModel, contact_force
+from palpate.errors import ConfigurationError
+from palpate.vectors import Floats
+
+
+def force_slopes(
+    model: ContactModel, depth: Floats, rate: Floats, theta: Sequence[float]
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Force (n,) [N], its derivatives by the parameters (n, k), by depth (n,) [N/m] and by rate (n,) [N s/m].
+
+    The derivatives are those of CasADi's expression for the model, exact to rounding. Raises ConfigurationError for a
+    model with memory, whose force depends on more than these.
+    """
+    if model.memory:
+        raise ConfigurationError(f"{type(model).__name__} remembers: its slopes are not those of depth and rate alone")
+    import casadi
+
+    d, v, p = casadi.SX.sym("d"), casadi.SX.sym("v"), casadi.SX.sym("p", len(theta))
+    force = contact_force(model, d, v, casadi.vertsplit(p))
+    inputs = casadi.vertcat(p, d, v)
+    function = casadi.Function("slopes", [d, v, p], [force, casadi.densify(casadi.jacobian(force, inputs))])
+    f, slopes = function.map(len(depth))(
+        casadi.DM(depth).T, casadi.DM(rate).T, casadi.repmat(casadi.DM(list(theta)), 1, len(depth))
+    )
+    # The map puts the (1, k + 2) Jacobians side by side.
+    table = np.asarray(slopes.full()).reshape(len(depth), len(theta) + 2)
+    return np.asarray(f.full()).ravel(), table[:, : len(theta)], table[:, -2], table[:, -1]

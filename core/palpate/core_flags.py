@@ -1,0 +1,172 @@
+"""The flags that the core raises, registered as a plugin's are."""
+
+from __future__ import annotations
+
+from palpate.flags import FlagMeaning
+from palpate.hooks import plugin
+
+
+def _invalid(meaning: str, remedy: str) -> FlagMeaning:
+    return FlagMeaning("invalid", meaning, remedy)
+
+
+def _doubtful(meaning: str, remedy: str) -> FlagMeaning:
+    return FlagMeaning("doubtful", meaning, remedy)
+
+
+def _note(meaning: str, remedy: str) -> FlagMeaning:
+    return FlagMeaning("note", meaning, remedy)
+
+
+_ESTIMATE = {
+    "diagnosis-failed": _doubtful(
+        "A plugin that judges results ended in an error; what it would have said is not known.",
+        "Report the error to the plugin's authors.",
+    ),
+    "no-contact": _invalid(
+        "The force never stayed above the touch threshold; nothing was estimated.",
+        "Press deeper, or look at sign, tare and channel of the force.",
+    ),
+    "never-started": _invalid(
+        "The samples in contact were too few for the estimator to start on; nothing was estimated.",
+        "Palpate for longer, or shorten the estimator's start_duration.",
+    ),
+    "failed": _invalid(
+        "The code of an estimator or a contact model raised an exception, or answered in a wrong form; none is given.",
+        "Mend the plugin where the message says; `palpate.testing` has checks for parts.",
+    ),
+    "diverged": _invalid(
+        "The estimates stopped being finite or plausible numbers; none is given.",
+        "Start from a closer guess, check units and signs, or use another estimator.",
+    ),
+    "not-identifiable": _invalid(
+        "The force changes too little against its noise, or a parameter has too little effect on it, to be estimated.",
+        "Palpate with a larger amplitude or deeper.",
+    ),
+    "not-converged": _doubtful(
+        "The estimate still moves at the end, too little was tracked, or a solver stopped early.",
+        "Palpate for longer, or use an estimator that converges faster.",
+    ),
+    "inconsistent": _doubtful(
+        "The innovations are larger or smaller than the filter expects: noise or model is wrong.",
+        'Declare the noise as it is (noise = "measure"), or use another model.',
+    ),
+    "coloured-innovations": _doubtful(
+        "Innovations correlate from sample to sample: the model misses something, or the data are filtered.",
+        "Use another model, declare delays, or record less filtered data.",
+    ),
+    "surface-mismatch": _doubtful(
+        "The estimated surface is not where the tip first touched.",
+        "Check model and tip, and whether the first touch was one.",
+    ),
+    "implausible": _doubtful(
+        "A parameter is outside of what is possible.",
+        "Do not use that parameter; declare delays, or use a model without it.",
+    ),
+    "depth-not-positive": _doubtful(
+        "The estimated depth was not positive although the force says that there is contact.",
+        "Check tare and touch threshold, or use a kinematic filter.",
+    ),
+    "restarted": _doubtful(
+        "The filter began anew from its start values.",
+        "Check the noise that is declared, or use a kinematic filter.",
+    ),
+    "resumed": _note(
+        "The estimate was carried over a pause in the samples or in the contact.",
+        "Nothing, unless gaps are not expected.",
+    ),
+    "beyond-model-range": _doubtful(
+        "Depth or tip is outside of what the model, or its thickness correction, holds for.",
+        "Palpate less deep, or use a model that holds there.",
+    ),
+    "too-stiff": _doubtful(
+        "The contact is too stiff for the filter's time step.",
+        "Record faster, use a lighter tip, or use a kinematic filter.",
+    ),
+    "covariance-repaired": _doubtful(
+        "The covariance lost its positivity to rounding and was repaired.",
+        "Declare a larger noise of position or of the parameters.",
+    ),
+    "blind": _note("Samples lacked a measurement and were predicted only.", "Nothing, where they are few."),
+    "timing-undeclared": _doubtful(
+        "A parameter depends on the time between force and motion, of which no uncertainty is declared.",
+        "Declare delay and uncertainty in [alignment], or calibrate them.",
+    ),
+    "tare-undeclared": _doubtful(
+        "A parameter depends on the zero of the force, of which no uncertainty is declared or measured.",
+        'Record a second of free air first (tare = "free-air"), or set [alignment] tare_uncertainty.',
+    ),
+    "not-distinguishable-from-delay": _doubtful(
+        "The declared uncertainty of timing alone could explain the parameter.",
+        "Calibrate the delay, or palpate at another frequency.",
+    ),
+    "series-compliance": _note(
+        "Robot and sensor give way, which shifts a value by more than 1 %; counted as uncertainty, not corrected.",
+        "Stiffen the rig, or measure the position at the tip.",
+    ),
+}
+
+_RECORD = {
+    "invalid": _note("A stream has readings that are marked invalid.", "Look at the sensor, where they are many."),
+    "duplicates": _note("Time-stamps of a stream are repeated.", "Look at the recording, where they are many."),
+    "backwards": _doubtful(
+        "The time of a stream goes backwards.", 'Use another clock, such as time = "log", or record again.'
+    ),
+    "gaps": _note("Readings of a stream are missing.", "Look at the recording, where they are many."),
+    "saturated": _doubtful("Readings are at the limit of the sensor's range.", "Press less deep, or change the range."),
+    "stuck": _doubtful(
+        "A stream repeats exactly one reading for long.", "Look at sensor and driver; record at the true rate."
+    ),
+    "missing-force": _note("Samples have no force.", "Look at the force's stream, where they are many."),
+    "missing-velocity": _note("Samples have no velocity.", "Look at the velocity's stream, where they are many."),
+    "velocity-late": _doubtful(
+        "The velocity lags the position: filtered (a mean of n samples is late by (n - 1)/2), or of another clock.",
+        "Declare the velocity's delay in [alignment], or leave the velocity out.",
+    ),
+    "clock-drift": _doubtful(
+        "The time-stamps of force and motion gain on one another over the record.",
+        'Use one clock for both, such as time = "log".',
+    ),
+    "clock-wander": _doubtful(
+        "The clock of a device strayed by more than the timing's declared uncertainty.",
+        "Keep the machine for the rig, or declare a larger uncertainty in [alignment].",
+    ),
+    "payload": _note(
+        "The payload that the robot counts on is less than what hangs on it.",
+        "Set payload and payload_centre of the arm, or correct them on the pendant.",
+    ),
+    "no-tare": _doubtful(
+        "The record has too little free air for the tare that is asked for.",
+        "Record half a second of free air first, or give the tare as a force.",
+    ),
+    "untared": _doubtful("Before the first touch the force is not zero.", 'Set tare = "free-air", or tare the sensor.'),
+    "touched-again": _note("Contact was lost and found again.", "Nothing, unless one contact was meant."),
+    "backlog": _note(
+        "Estimates of a live run came more than a second after their readings, or end before the record does.",
+        "Use fewer or faster tracks, or a less busy computer; a replay of the log makes all estimates.",
+    ),
+    "interrupted": _note("The run was stopped before its end.", "`palpate resume` does what was left."),
+    "renamed": _note(
+        "The pipeline uses a name of an older version, which was read as the one of today.",
+        'Rename it as the message says, and state palpate = "0.2" at the top of the file.',
+    ),
+    "device": _note("A device or log has something to say of itself.", "Read the message."),
+}
+
+_CALIBRATION = {
+    "calibration-old": _doubtful("The calibration is older than allowed, or from the future.", "Calibrate again."),
+    "calibration-sensor": _doubtful("The calibration was made with another sensor or arm.", "Calibrate this one."),
+    "calibration-tip": _doubtful("The calibration was made with another tip.", "Calibrate with this tip."),
+    "calibration-mass": _doubtful(
+        "The tip's mass in the file contradicts the calibration.", "Correct one of them, or leave tip_mass out."
+    ),
+    "calibration-delay": _doubtful(
+        "The delay in the file contradicts the calibration.", "Correct one of them, or leave the delay out."
+    ),
+}
+
+
+@plugin
+def palpate_flags() -> dict[str, FlagMeaning]:
+    """What the core's own flags mean."""
+    return {**_ESTIMATE, **_RECORD, **_CALIBRATION}

@@ -1,0 +1,87 @@
+"""What an arm keeps watch over by itself, in the process that commands it: limits of its motion, and the force."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+
+@dataclass(frozen=True)
+class ArmLimits:
+    """What every command of an arm has to keep, whoever asked for it; positions in the work frame."""
+
+    low: tuple[float, ...]  # (3,) [m]
+    high: tuple[float, ...]  # (3,) [m]
+    speed: float  # [m/s]
+    acceleration: float  # [m/s^2]
+    orientation: float  # [rad] between the tool and the work frame, at most
+    angular_speed: float  # [rad/s]
+
+
+@dataclass(frozen=True)
+class SharedReadings:
+    """Readings of a stream in shared memory, where another process finds them without anybody's help.
+
+    The memory begins with `head` 64-bit whole numbers, the first of which counts the rows that were written; then
+    come `rows` rows of `columns` 64-bit floats, row n in place n modulo `rows`. The stream's channels begin at column
+    `first`; a reading that is not to be believed is NaN.
+    """
+
+    descriptor: int
+    head: int
+    rows: int
+    columns: int
+    first: int
+
+
+@dataclass(frozen=True)
+class ForceWatch:
+    """The force that an arm shall stop at by itself."""
+
+    readings: SharedReadings
+    channels: tuple[int, ...]  # of the stream
+    tare: tuple[float, ...]  # [N] of each
+    stop: float  # [N]
+    name: str
+
+
+@runtime_checkable
+class Limited(Protocol):
+    """An arm that holds its commands to limits by itself, and stops by itself at a force."""
+
+    def limit(self, limits: ArmLimits, trip: Callable[[str], None]) -> None:
+        """Keep these limits from now on; `trip` is told why it stopped."""
+        ...
+
+    def watch_force(self, watch: ForceWatch) -> None:
+        """Stop by itself, host or no host, where a channel differs by more than `stop` from its tare, or is NaN."""
+        ...
+
+
+@runtime_checkable
+class Retreating(Protocol):
+    """An arm that can feel whether it touches: by a retreat, never by an advance."""
+
+    def retreat(self, way: float, speed: float) -> float:
+        """Go outwards along the normal by at most `way` [m] at `speed` [m/s] and hold there; how long [s] it takes."""
+        ...
+
+
+@runtime_checkable
+class Sharing(Protocol):
+    """A link whose readings another process can look at."""
+
+    def shared(self, stream: str) -> SharedReadings | None:
+        """Where the readings of a stream are."""
+        ...
+
+
+@runtime_checkable
+class Shareable(Protocol):
+    """A device whose links share some of their streams."""
+
+    @property
+    def shared_streams(self) -> tuple[str, ...]:
+        """Their names."""
+        ...

@@ -1,0 +1,49 @@
+"""What connected devices said of themselves that speaks against the numbers of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from palpate.alignment import AlignmentSettings, Ports
+from palpate.flags import Flag
+
+_LOAD_SLACK = 0.9  # of the tip's mass; the payload has the sensor and its flange as well
+
+Health = Mapping[str, Mapping[str, Any]]  # by device
+
+
+def device_flags(alignment: AlignmentSettings, ports: Ports, live: Health | None) -> tuple[Flag, ...]:
+    """Flags of a clock that wanders and of a payload that cannot be."""
+    health = live or {}
+    return (*_clocks(ports, health), *(Flag("payload", text) for text in payloads(alignment, health)))
+
+
+def _clocks(ports: Ports, health: Health) -> Iterator[Flag]:
+    told = set()
+    for role in ("force", "position", "velocity"):
+        if role not in ports.roles:
+            continue
+        port = ports[role]
+        off, declared = health.get(port.device, {}).get("clock_deviation"), port.signal.uncertainty
+        if off is None or declared is None or port.signal.time != "stamp" or port.device in told:
+            continue
+        if off > declared:
+            told.add(port.device)
+            yield Flag(
+                "clock-wander",
+                f"the clock of {port.device} strayed by {1e3 * off:.2f} ms from an even one; [alignment] {role} "
+                f"uncertainty is {1e3 * declared:g} ms",
+            )
+
+
+def payloads(alignment: AlignmentSettings, health: Health) -> Iterator[str]:
+    """What is wrong with the payloads that arms have: less than the tip alone weighs."""
+    for name, facts in health.items():
+        payload = facts.get("payload")
+        if payload is None or alignment.tip_mass is None or payload >= _LOAD_SLACK * alignment.tip_mass:
+            continue
+        yield (
+            f"{name} counts on a payload of {payload:.3g} kg, less than the tip's mass of {alignment.tip_mass:.3g} kg: "
+            "its own force and its protective stops are off"
+        )

@@ -1,0 +1,80 @@
+"""Telling the writers that want to know how a run is doing, while it goes on."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from palpate.alignment import Aligner
+from palpate.config import Pipeline
+from palpate.device import Watched
+from palpate.flags import Flag
+from palpate.pipeline.flow import Flow
+from palpate.pipeline.tracks import Tracks
+from palpate.result import finite_tree, record_flags, stream_tables, track_flags
+from palpate.sink import GuardState, TakesFlags, TakesGuard, TakesHealth, Writer
+
+_EVERY = 1.0  # [s]
+_FEW = 10  # tracked samples; before that nothing is said of a track
+
+
+class Telling:
+    """Health and flags once a second, the guard's state as it changes; costs nothing where nobody asks."""
+
+    def __init__(
+        self, writers: Iterable[Writer], flow: Flow, aligner: Aligner, tracks: Tracks, pipeline: Pipeline
+    ) -> None:
+        every = list(writers)
+        self._health = [writer for writer in every if isinstance(writer, TakesHealth)]
+        self._flags = [writer for writer in every if isinstance(writer, TakesFlags)]
+        self._guard = [writer for writer in every if isinstance(writer, TakesGuard)]
+        self._flow, self._aligner, self._tracks, self._pipeline = flow, aligner, tracks, pipeline
+        self._state: GuardState | None = None
+        self._known: dict[str | None, set[str]] = {}
+        self._next = time.monotonic()
+
+    def look(self, now: Mapping[str, Any]) -> None:
+        """Between two steps of the run; `now` is what the data path says of itself."""
+        if self._guard and self._flow.guard is not None:
+            self._tell_guard(self._flow.guard.state)
+        if (self._health or self._flags) and time.monotonic() >= self._next:
+            self._next = time.monotonic() + _EVERY
+            self._tell(now)
+
+    def last(self, now: Mapping[str, Any]) -> None:
+        """After the last step."""
+        if self._guard and self._flow.guard is not None:
+            self._tell_guard(self._flow.guard.state)
+        if self._health or self._flags:
+            self._tell(now)
+
+    def _tell_guard(self, state: GuardState) -> None:
+        before = self._state
+        if before is None or (before.phase, before.reason) != (state.phase, state.reason):
+            self._state = state
+            for writer in self._guard:
+                writer.guard(state)
+
+    def _tell(self, now: Mapping[str, Any]) -> None:
+        report = self._aligner.report
+        if self._health:
+            devices = {name: link.health for name, link in self._flow.links.items() if isinstance(link, Watched)}
+            tare = {"offset": report.tare.offset, "noise": report.tare.noise} if report.tare else None
+            table = {**now, "streams": stream_tables(report), "devices": devices, "tare": tare}
+            for writer in self._health:
+                writer.health(finite_tree(table))
+        if self._flags:
+            self._tell_flags(None, record_flags(report, self._pipeline.alignment, None))
+            for running in self._tracks.online:
+                if running.record.samples > _FEW or running.record.failure is not None:
+                    model, average = running.track.model, self._pipeline.run.average
+                    self._tell_flags(running.track.name, track_flags(running.record, model, report, average, True))
+
+    def _tell_flags(self, track: str | None, flags: Iterable[Flag]) -> None:
+        current = tuple(flags)
+        codes = {flag.code for flag in current}
+        if codes != self._known.get(track, set()):
+            self._known[track] = codes
+            for writer in self._flags:
+                writer.flags(track, current)

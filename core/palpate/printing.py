@@ -1,0 +1,81 @@
+"""Standard output and error that no text can harm: control characters are escaped, what cannot be encoded is, too."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import sys
+from collections.abc import Iterator
+from typing import Any, TextIO, cast
+
+from palpate.errors import OutputError
+
+# C0 but tab and newline, DEL, C1, and what turns the direction of writing.
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+# What a terminal is sent on purpose: colours, cursor up, line erased, cursor hidden or shown, carriage return.
+_OWN = re.compile("(\x1b\\[[0-9;]{0,20}[mAK]|\x1b\\[\\?25[lh]|\r)")
+
+
+def printable(text: str) -> str:
+    r"""A text with its control characters written out.
+
+    >>> printable("a\x1b]0;b")
+    'a\\x1b]0;b'
+    """
+    return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
+class _Harmless:
+    """A text stream that escapes control characters; on a terminal all but those that draw tables and progress."""
+
+    def __init__(self, stream: TextIO, name: str) -> None:
+        self._stream, self._name = stream, name
+        self._failure: OutputError | None = None  # said again, since others try out a stream and go on
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+    def write(self, text: Any) -> int:
+        """Raises OutputError where it cannot be written."""
+        if not isinstance(text, str):  # so that a stream of texts is told from one of bytes
+            raise TypeError(f"a text is wanted, not {type(text).__name__}")
+        if not text:
+            return 0
+        parts = _OWN.split(text) if self._stream.isatty() else [text]
+        safe = "".join(part if i % 2 else printable(part) for i, part in enumerate(parts))
+        with self._told():
+            self._stream.write(safe)
+        return len(text)
+
+    def flush(self) -> None:
+        """Raises OutputError where it cannot be written."""
+        with self._told():
+            self._stream.flush()
+
+    @contextlib.contextmanager
+    def _told(self) -> Iterator[None]:
+        if self._failure is not None:
+            raise self._failure
+        try:
+            yield
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            with contextlib.suppress(OSError, ValueError):  # else the interpreter tries once more at its end
+                nowhere = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(nowhere, self._stream.fileno())
+                os.close(nowhere)
+            self._failure = OutputError(f"{self._name}: cannot write: {error.strerror or error}")
+            raise self._failure from error
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@contextlib.contextmanager
+def harmless_output() -> Iterator[None]:
+    """Within the context, nothing that is printed can steer a terminal, or fails for its encoding."""
+    out, errors = _Harmless(sys.stdout, "standard output"), _Harmless(sys.stderr, "standard error")
+    with contextlib.redirect_stdout(cast(TextIO, out)), contextlib.redirect_stderr(cast(TextIO, errors)):
+        yield

@@ -1,0 +1,21 @@
+"""Numbers as people read them."""
+
+from __future__ import annotations
+
+import math
+
+
+def measured(value: float, std: float) -> str:
+    """A value and its uncertainty, to two digits of the uncertainty.
+
+    >>> measured(126.5312, 0.2134)
+    '126.53 ± 0.21'
+    """
+    if not math.isfinite(value):
+        return "-"
+    if math.isnan(std):  # nobody can tell it
+        return f"{value:.4g} ± ?"
+    if not (math.isfinite(std) and std > 0):
+        return f"{value:.4g}"
+    digits = max(0, 1 - math.floor(math.log10(std)))
+    return f"{value:.{digits}f} ± {std:.{digits}f}"

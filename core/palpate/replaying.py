@@ -1,0 +1,103 @@
+"""Replay: the pipeline that a run or its log carries, with its devices replaced by the log."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from palpate import registry as registries
+from palpate.config import Source
+from palpate.errors import ConfigurationError, LogError
+from palpate.recording import Attached, Recording
+from palpate.suggesting import recording_of
+
+RESOLVED = "resolved.toml"
+
+
+@dataclass(frozen=True)
+class Carried:
+    """A log that carries the pipeline of its run."""
+
+    log: Path
+    reader: type[Recording]
+    attached: Attached
+
+
+def carried_by(path: Path) -> Carried | None:
+    """What a log, or a run folder with a log, carries; None where it is another's log. Raises LogError."""
+    log = log_in(path)
+    reader = recording_of(log)
+    attached = reader.attached(log)
+    return Carried(log, reader, attached) if RESOLVED in attached.documents else None
+
+
+def log_in(path: Path) -> Path:
+    """The log itself, or the one log in a run folder; raises LogError where there is none, or several."""
+    if not path.is_dir() or not (path / RESOLVED).is_file():
+        return path
+    readers = {entry.part for entry in registries.load().parts["device"].values() if issubclass(entry.part, Recording)}
+    logs = [file for file in sorted(path.iterdir()) if file.is_file() and any(r.recognises(file) for r in readers)]
+    logs = [file for file in logs if file.suffix != ".csv"]  # its tables of estimates are no logs
+    if len(logs) != 1:
+        found = ", ".join(file.name for file in logs) or "none"
+        raise LogError(f"{path}: one log is wanted in a run folder ({found}); add a [sink.*] to the pipeline")
+    return logs[0]
+
+
+def replay_source(
+    carried: Carried, tracks: Sequence[str] = (), estimators: Iterable[str] = (), models: Iterable[str] = ()
+) -> Source:
+    """The pipeline of a recorded run that reads the log in place of its devices, as a source to be built.
+
+    Nothing that a log carries is executed: plugin files are those of this machine, and only where their hash is that
+    of the recording. Raises ConfigurationError where one is missing or another one.
+    """
+    where = carried.log.with_name(f"{carried.log.name}:{RESOLVED}")
+    source = Source(carried.attached.documents[RESOLVED], where)
+    tables = source.tables
+    _refuse_other_plugins(tables, carried)
+    tables["device"] = {name: carried.reader.playback(carried.log.absolute(), name) for name in tables["device"]}
+    for name in ("sink", "twin"):
+        tables.pop(name, None)
+    run = tables.setdefault("run", {})
+    if not Path(run.get("calibration", ".")).exists():
+        run.pop("calibration")  # what it gave is in the resolved settings
+    for kind, types in (("model", models), ("estimator", estimators)):
+        for name in types:
+            tables.setdefault(kind, {}).setdefault(name, _table(kind, name, tables))
+    if tracks:
+        run["tracks"] = list(tracks)
+    elif "tracks" in run:
+        run["tracks"] = [*run["tracks"], *(f"*/{name}" for name in estimators), *(f"{name}/*" for name in models)]
+    return source
+
+
+def _refuse_other_plugins(tables: dict[str, Any], carried: Carried) -> None:
+    for text in tables.get("run", {}).get("plugins", ()):
+        path, known = Path(text), carried.attached.facts.get(f"plugin.{Path(text).name}.sha256")
+        if not path.is_file():
+            raise ConfigurationError(
+                f"{carried.log}: was recorded with the plugin file {text}, which is not on this machine; a log carries "
+                "no code: get the file from where it was recorded"
+            )
+        if known is not None and hashlib.sha256(path.read_bytes()).hexdigest() != known:
+            raise ConfigurationError(
+                f"{carried.log}: was recorded with another version of the plugin file {text} (SHA-256 {known[:12]}...)"
+            )
+
+
+def _table(kind: str, name: str, tables: dict[str, Any]) -> dict[str, Any]:
+    """The table of a part with its defaults, on the pipeline's tip where it wants one."""
+    part = registries.load().find(kind, name)
+    table: dict[str, Any] = {"type": name}
+    field = part.model_fields.get("indenter")
+    if field is not None and field.is_required():
+        known = next((m["indenter"] for m in tables.get("model", {}).values() if "indenter" in m), None)
+        known = known or next(iter(tables.get("indenter", {})), None)
+        if known is None:
+            raise ConfigurationError(f"{kind} {name!r} wants a tip, and the recorded pipeline has none")
+        table["indenter"] = known
+    return table

@@ -1,0 +1,117 @@
+"""Values with their uncertainty, and what follows from them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.contact import ContactModel
+from palpate.result.budget import Term
+
+
+@dataclass(frozen=True)
+class Found:
+    """A value with its uncertainty [SI]."""
+
+    value: float
+    std: float  # standard deviation, as the estimator believes it
+    unit: str
+    settling: float = 0.0  # standard uncertainty from an estimate that has not come to rest
+    systematic: float | None = None  # standard uncertainty from timing, mass and tare; None where none is known
+    budget: Mapping[str, float] = field(default_factory=dict)  # its terms by name
+    per_shear: float | None = None  # [s] shift of timing that would explain the value: eta/G
+    unknown: bool = False  # nobody can tell how wrong it is
+
+    @property
+    def combined(self) -> float:
+        """Standard uncertainty of all parts together; NaN where nobody can tell it."""
+        if self.unknown:
+            return math.nan
+        return math.hypot(self.std, self.settling, self.systematic or 0.0)
+
+    def table(self) -> dict[str, Any]:
+        """As in ``result.json``; what is not a finite number becomes null."""
+        known: dict[str, Any] = {"value": self.value, "std": self.std, "unit": self.unit, "settling": self.settling}
+        if self.systematic is not None:
+            known["systematic"] = self.systematic
+        known["combined"] = self.combined
+        known |= {f"systematic_{term}": share for term, share in self.budget.items()}
+        if self.per_shear is not None:
+            known["equivalent_delay"] = self.per_shear
+        return {key: finite(value) for key, value in known.items()}
+
+    def diagnosed(self, cause: str, share: float, unknown: bool) -> Found:
+        """With one more cause of systematic uncertainty [SI], or with an uncertainty that nobody can tell."""
+        budget = dict(self.budget) | ({cause: share} if share > 0 else {})
+        systematic = math.hypot(*budget.values()) if budget else None
+        return replace(self, systematic=systematic, budget=budget, unknown=self.unknown or unknown)
+
+
+@dataclass(frozen=True)
+class Derived:
+    """Elasticity or viscosity that follows from a model's parameters, which are something else [SI]."""
+
+    name: str
+    found: Found
+    caveat: str  # what has to hold for it to be a property of the material
+
+    def table(self) -> dict[str, Any]:
+        """As in ``result.json``."""
+        return self.found.table() | {"caveat": self.caveat}
+
+
+def derived_values(
+    model: ContactModel,
+    parameters: Mapping[str, Found],
+    terms: Sequence[Term],
+    covariance: NDArray[np.float64] | None = None,
+) -> tuple[Derived, ...]:
+    """What the parameters found say of the material, with their uncertainties carried over.
+
+    Scatter by the `covariance` (k, k) where the estimator tells it, else as uncorrelated; each source of the budget as
+    one cause for all parameters, its shifts added with their signs. A value that is a parameter itself is not repeated.
+    """
+    found = [parameters[parameter.name] for parameter in model.parameters]
+    derived = []
+    for value in model.material([f.value for f in found]):
+        if value.name in parameters:
+            continue
+        settling = value.std([f.settling for f in found])
+        gradient = np.array(value.gradient)
+        budget = {term.cause: shift for term in terms if (shift := abs(float(gradient @ term.shifts)))}
+        systematic = math.hypot(*budget.values()) if budget else None
+        late = [float(gradient @ term.shifts) / term.std for term in terms if term.cause == "timing" and term.std]
+        per_shear = value.value / abs(late[0]) if late and late[0] and value.name == "viscosity" else None
+        std = _scatter(gradient, [f.std for f in found], covariance)
+        carried = Found(value.value, std, value.unit, settling, systematic, budget, per_shear)
+        derived.append(Derived(value.name, carried, value.caveat))
+    return tuple(derived)
+
+
+def _scatter(gradient: NDArray[np.float64], std: Sequence[float], covariance: NDArray[np.float64] | None) -> float:
+    """Standard deviation of a value with this gradient (k,); what `std` holds beyond the covariance is uncorrelated."""
+    if covariance is None:
+        return math.hypot(*(gradient * np.array(std)))
+    rest = np.maximum(np.array(std) ** 2 - np.diag(covariance), 0.0)
+    return float(np.sqrt(max(float(gradient @ covariance @ gradient), 0.0) + float(gradient**2 @ rest)))
+
+
+def finite(value: Any) -> Any:
+    """A number as JSON can hold it: null where it is not finite."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def finite_tree(value: Any) -> Any:
+    """Plain data as JSON can hold it, with null for every number that is not finite."""
+    if hasattr(value, "tolist"):  # of numpy
+        return finite_tree(value.tolist())
+    if isinstance(value, Mapping):
+        return {str(key): finite_tree(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite_tree(inner) for inner in value]
+    return finite(value)

@@ -1,0 +1,166 @@
+"""The run folder, read back: the one place that knows how a run is laid out."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import LogError
+from palpate.estimation import Status
+from palpate.result.differing import differences
+from palpate.result.reading import is_whole, read_result
+
+Floats = NDArray[np.float64]
+
+RESULT, GIVEN, RESOLVED = "result.json", "pipeline.toml", "resolved.toml"
+ONLINE, OFFLINE = "estimates.csv", "estimates-offline.csv"
+_UNUSABLE = Status.IDLE | Status.WAITING | Status.DIVERGED
+
+
+@dataclass(frozen=True)
+class TrackTable:
+    """The estimates of one track over time [SI]; NaN where there is none."""
+
+    time: Floats  # (n,) [s]
+    place: Floats  # (n, 2) [m] x and y of the tip
+    values: Mapping[str, Floats]  # (n,) each, by parameter
+    std: Mapping[str, Floats]  # (n,) each, as the estimator believes it
+    others: Mapping[str, Floats]  # (n,) each: surface, surface_std, force, nis, ...
+    status: NDArray[np.int64]  # (n,) of Status
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """(n,) True where there is an estimate that the track stands by."""
+        return np.asarray((self.status & int(_UNUSABLE)) == 0)
+
+
+@dataclass(frozen=True)
+class EstimatesTable:
+    """A table of estimates; a last line that a crash has cut short is left out."""
+
+    path: Path
+    names: tuple[str, ...]
+    numbers: Floats  # (n, columns)
+
+    @property
+    def tracks(self) -> tuple[str, ...]:
+        """Names of the tracks, in the order of the table."""
+        return tuple(name.removesuffix(":status") for name in self.names if name.endswith(":status"))
+
+    def track(self, name: str) -> TrackTable:
+        """The columns of one track; raises LogError where the table has none of that name."""
+        head = f"{name}:"
+        own = {column[len(head) :]: self._column(column) for column in self.names if column.startswith(head)}
+        if "status" not in own:
+            raise LogError(f"{self.path}: there is no track {name!r} (there are: {', '.join(self.tracks)})")
+        status = np.nan_to_num(own.pop("status"), nan=float(Status.IDLE)).astype(np.int64)
+        parameters = [key.removesuffix("_std") for key in own if key.endswith("_std") and key != "surface_std"]
+        return TrackTable(
+            self._column("time_s"),
+            np.column_stack([self._column("x_m"), self._column("y_m")]),
+            {key: own[key] for key in parameters},
+            {key: own[f"{key}_std"] for key in parameters},
+            {key: column for key, column in own.items() if key.removesuffix("_std") not in parameters},
+            status,
+        )
+
+    def _column(self, name: str) -> Floats:
+        return np.asarray(self.numbers[:, self.names.index(name)])
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """A run's folder: its result, pipeline, estimates and continuations."""
+
+    path: Path
+
+    @property
+    def finished(self) -> bool:
+        """Whether there is a result; half of one is none."""
+        return is_whole(self.path / RESULT)
+
+    @cached_property
+    def result(self) -> dict[str, Any]:
+        """The contents of ``result.json``; raises LogError where there is none, or it is none."""
+        return read_result(self.path / RESULT)
+
+    @property
+    def pipeline(self) -> Path:
+        """The file of the pipeline as it was resolved; raises LogError where there is none."""
+        path = self.path / RESOLVED
+        if not path.is_file():
+            raise LogError(f"{self.path}: is no run folder: it has no {RESOLVED}")
+        return path
+
+    @property
+    def maps(self) -> Path:
+        """Where maps of the run go."""
+        return self.path / "maps"
+
+    @property
+    def parts(self) -> list[RunFolder]:
+        """This folder and those of its continuations, in their order."""
+        later = sorted(self.path.glob("part-*"), key=lambda part: int(part.name.rpartition("-")[2]))
+        return [self, *(RunFolder(part) for part in later)]
+
+    def demand_one_pipeline(self) -> None:
+        """Raise LogError where a continuation was not made with the settings of the run, its motion and seed apart."""
+        own = self.pipeline.read_text(encoding="utf-8") if (self.path / RESOLVED).is_file() else None
+        for part in self.parts[1:] if own is not None else ():
+            if (part.path / RESOLVED).is_file():
+                text = part.pipeline.read_text(encoding="utf-8")
+                if told := differences(text, own or "", ("trajectory", "run.seed")):
+                    raise LogError(f"{part.path}: is no continuation of {self.path}, nothing is mixed: {told}")
+
+    @property
+    def next_part(self) -> Path:
+        """The folder of the next continuation; not made yet."""
+        return self.path / f"part-{len(self.parts) + 1}"
+
+    @property
+    def tables(self) -> list[EstimatesTable]:
+        """The tables of estimates, those made afterwards first, since they know more; raises LogError."""
+        return [_read(path) for name in (OFFLINE, ONLINE) if (path := self.path / name).is_file()]
+
+    @property
+    def tracks(self) -> dict[str, TrackTable]:
+        """The estimates of every track by its name, offline ones first."""
+        found: dict[str, TrackTable] = {}
+        for table in self.tables:
+            found |= {name: table.track(name) for name in table.tracks if name not in found}
+        return found
+
+    @property
+    def recorded_time(self) -> float:
+        """Time [s] of the last whole row of the table of estimates; 0 where there is none. Raises LogError."""
+        time, _ = self.places
+        return float(time[-1]) if len(time) else 0.0
+
+    @property
+    def places(self) -> tuple[Floats, Floats]:
+        """Times (n,) [s] of the table of estimates, and where the tip was (n, 2) [m]. Raises LogError."""
+        numbers = _read(self.path / ONLINE).numbers
+        return (numbers[:, 0], numbers[:, 1:3]) if len(numbers) else (np.zeros(0), np.zeros((0, 2)))
+
+
+def _read(path: Path) -> EstimatesTable:
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = csv.reader(file)
+            names = next(rows, [])
+            lines = [row for row in rows if len(row) == len(names)]
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise LogError(f"{path}: cannot be read: {reason}") from error
+    try:
+        numbers = np.array([[float(cell) if cell else np.nan for cell in row] for row in lines])
+    except ValueError as error:
+        raise LogError(f"{path}: is not a table of numbers: {error}") from error
+    return EstimatesTable(path, tuple(names), numbers.reshape(len(lines), len(names)))

@@ -1,0 +1,81 @@
+"""From a log to a pipeline that reads it: what the log's device suggests, and a template for what a log cannot say."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from palpate import registry as registries
+from palpate.errors import LogError, PluginError
+from palpate.printed import printable
+from palpate.recording import Recording, Suggestion
+from palpate.registry import Registry
+
+ANALYSIS = "log-analysis"  # the template of tip, model and estimators
+
+
+def recording_of(log: Path, registry: Registry | None = None) -> type[Recording]:
+    """The device that reads logs of this format; raises LogError where there is none."""
+    if not log.exists():
+        raise LogError(f"{log}: there is no such file")
+    entries = (registry or registries.load()).parts["device"]
+    readers = {name: entry.part for name, entry in entries.items() if issubclass(entry.part, Recording)}
+    for part in readers.values():
+        if part.recognises(log):
+            return part
+    raise LogError(f"{log}: no device reads such a log (those that read logs: {', '.join(sorted(readers))})")
+
+
+def suggestion_of(log: Path, choices: dict[str, str]) -> Suggestion:
+    """Which of a log's numbers are what; `choices` settles roles. Raises LogError where no device reads the log."""
+    return recording_of(log).suggest(log, choices)
+
+
+def pipeline_of(suggestion: Suggestion, log: Path, beside: Path | None = None) -> str:
+    """A pipeline in TOML with its reasons; for a file in the folder `beside`, with the log's path right from there."""
+    templates = registries.load().templates
+    if ANALYSIS not in templates:
+        raise PluginError(f"no plugin offers the template {ANALYSIS!r} of tip, model and estimators")
+    if beside is not None:
+        device = {**suggestion.device, "file": os.path.relpath(log.resolve(), beside.resolve())}
+        suggestion = replace(suggestion, device=device)
+    return pipeline_text(suggestion, log, templates[ANALYSIS].text())
+
+
+def pipeline_text(suggestion: Suggestion, log: Path, rest: str) -> str:
+    """A whole pipeline in TOML: what is suggested with its reasons, then the `rest` of the tables."""
+    words = [f"A pipeline for {log.name}. What was found, and why:", *(f"  {text}" for text in suggestion.reasons)]
+    words += [f"FILL IN {text}" for text in suggestion.blanks]
+    words += [f"CHECK {text}" for text in suggestion.doubts]
+    words += suggestion.hints
+    lines = [f"# {printable(text)}" for text in words]
+    lines += ["", "[run]", f"name = {_toml(log.name)}", "", "[device.log]"]
+    tables = {key: value for key, value in suggestion.device.items() if key in ("signals", "columns")}
+    for key, value in suggestion.device.items():
+        if key not in tables:
+            blank = any(text.startswith(f"{key}:") for text in suggestion.blanks)
+            lines.append(f"{key} = {_toml(value)}{'    # FILL IN' if blank else ''}")
+    for key, table in tables.items():
+        lines += ["", f"[device.log.{key}]", *(f"{name} = {_toml(item)}" for name, item in table.items())]
+    lines += [
+        "",
+        '# Timing moves the viscosity: declare what is known of it, as in delay = "0 ms", uncertainty = "1 ms".',
+    ]
+    lines += ["[alignment]"]
+    lines += [f"{key} = {_toml(value)}" for key, value in suggestion.alignment.items()]
+    lines += ['tip_mass = "140 g"                     # all that hangs behind the sensor: weigh it']
+    return "\n".join(lines) + "\n\n" + rest
+
+
+def _toml(value: Any) -> str:
+    """A value on one line."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_toml(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(value)
+    escaped = str(value).replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{printable(escaped)}"'

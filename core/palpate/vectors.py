@@ -1,0 +1,53 @@
+"""Vectors of numbers, and names for what stands in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+"""An array of floats of any shape."""
+
+
+class Layout:
+    """Where the named parts of a vector stand, one after another.
+
+    ``Layout(depth=1, rate=1, parameters=2)`` is a vector of four entries: ``at("rate")`` is the place of a part that
+    is one entry, ``layout["parameters"]`` the slice of a part of any length, and so also of one that is absent
+    (length 0). Places and slices index lists, arrays and CasADi columns alike.
+    """
+
+    def __init__(self, **lengths: int) -> None:
+        self._rows: dict[str, slice] = {}
+        self.size = 0
+        for name, length in lengths.items():
+            if length < 0:
+                raise ValueError(f"{name} has {length} entries")
+            self._rows[name] = slice(self.size, self.size + length)
+            self.size += length
+
+    def __contains__(self, name: object) -> bool:
+        """Whether a part of that name has any entries."""
+        rows = self._rows.get(name) if isinstance(name, str) else None
+        return rows is not None and rows.start < rows.stop
+
+    def __getitem__(self, name: str) -> slice:
+        """The slice of a part; raises KeyError where the layout has none of that name."""
+        return self._rows[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of the parts, in their order."""
+        return iter(self._rows)
+
+    def at(self, name: str) -> int:
+        """The place of a part that is one entry; raises KeyError where it is absent, or longer."""
+        rows = self._rows[name]
+        if rows.stop - rows.start != 1:
+            raise KeyError(f"{name} is {rows.stop - rows.start} entries, not one")
+        return int(rows.start)
+
+    def span(self, first: str, last: str) -> slice:
+        """The slice from the beginning of one part to the end of another."""
+        return slice(self._rows[first].start, self._rows[last].stop)

@@ -1,0 +1,61 @@
+"""Files that are whole or not there: written beside their place, brought to the disk, then renamed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO, Any
+
+from palpate.errors import OutputError
+
+
+@contextmanager
+def whole_file(path: Path, binary: bool = False) -> Iterator[IO[Any]]:
+    """A file to write that takes its name when the context ends well: until then an older one stays as it was.
+
+    What is no ordinary file, such as /dev/stdout, is written at once. Raises OutputError.
+    """
+    direct = path.exists() and not path.is_file()
+    partial = path if direct else path.with_name(f".{path.name[:200]}.{os.getpid()}.part")
+    options: dict[str, Any] = {} if binary else {"newline": "", "encoding": "utf-8"}
+    try:
+        with partial.open("wb" if binary else "w", **options) as file:
+            yield file
+            file.flush()
+            if not direct:
+                os.fsync(file.fileno())
+        if not direct:
+            partial.replace(path)
+            _keep_name(path.parent)
+    except BaseException as error:
+        if not direct:
+            with suppress(OSError):
+                partial.unlink(missing_ok=True)
+        if isinstance(error, OSError) and not isinstance(error, BrokenPipeError):
+            raise OutputError(f"{path}: cannot write: {error.strerror or error}") from error
+        raise
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file that is whole or not there, over an older one of its name; raises OutputError."""
+    with whole_file(path, isinstance(content, bytes)) as file:
+        file.write(content)
+
+
+def write_new(path: Path, text: str) -> None:
+    """Write a file, whole or not at all, that must not exist yet; raises OutputError."""
+    if path.exists():
+        raise OutputError(f"{path}: cannot write: exists already")
+    write_whole(path, text)
+
+
+def _keep_name(folder: Path) -> None:
+    """Bring the new name to the disk, too, where the file system can."""
+    with suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)

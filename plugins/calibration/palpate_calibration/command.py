@@ -1,0 +1,179 @@
+"""``palpate calibrate``: mass, timing, tare and noise of a rig, into a small file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from palpate import ConfigurationError, OutputError
+from palpate.host import Overrides, console, drawing, measured, write_whole
+
+from palpate_calibration.plan import load_plan
+
+if TYPE_CHECKING:
+    from palpate.host import Calibration
+
+    from palpate_calibration.protocol import StepFindings
+
+# SI unit -> what people write, and how many of it one SI unit is.
+_PEOPLE = {
+    "kg": ("g", 1e3),
+    "s": ("ms", 1e3),
+    "m": ("µm", 1e6),
+    "N*m": ("mN m", 1e3),
+    "m/s": ("mm/s", 1e3),
+    "N/s": ("mN/s", 1e3),
+    "m/N": ("µm/N", 1e6),
+}
+_MEANING = {
+    "mass": "mass behind the sensor",
+    "delay": "force later than position",
+    "velocity_delay": "velocity later than position",
+    "offset": "reading at rest",
+    "weight": "mass times gravity",
+    "bias": "reading at rest without the weight",
+    "drift": "of the reading at rest",
+    "force_std": "noise of one force reading",
+    "position_std": "noise of one position",
+    "velocity_std": "noise of one velocity, at rest",
+    "tap_delay": "force later than position, on a plate",
+    "compliance": "of robot and sensor, with that of the plate",
+    "mass_by_weight": "mass behind the sensor, from its weight",
+    "centre_x": "centre of that mass, in the sensor's frame",
+    "centre_y": "the same",
+    "centre_z": "the same",
+    "bias_x": "reading without the weight",
+    "bias_y": "the same",
+    "bias_z": "the same",
+    "torque_bias_x": "the same",
+    "torque_bias_y": "the same",
+    "torque_bias_z": "the same",
+    "moving_velocity_std": "noise of one velocity, while moving",
+    "paper_velocity_std": "RMSE to the 21-sample mean, while moving",
+}
+
+
+def calibrate(
+    file: Annotated[Path, typer.Argument(help="A pipeline file, or one with devices and [alignment] only.")],
+    out: Annotated[
+        Path | None, typer.Option(help="The calibration file; must be new. [default: FILE.calibration.toml]")
+    ] = None,
+    overrides: Overrides = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Draw force and inertia into this file (.png, .svg or .pdf; wants matplotlib).")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Write over an older calibration file.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: whoever is at the rig has prepared it.")] = False,
+) -> None:
+    """Calibrate mass, force-motion delay, tare and noise from a shake in free air; write them with uncertainties.
+
+    The tip must hang free. A robot rests, shakes the tip up and down, and rests; three times unless told otherwise. A
+    recorded log of such a motion does as well. [calibration.rest], orientations, shake, noise, tap and press are steps
+    that are done one after the other, each with what it found.
+    """
+    from rich.console import Console
+
+    from palpate_calibration.guided import Guide, run_calibration
+
+    target = out if out is not None else file.with_suffix(".calibration.toml")
+    plan = load_plan(file, overrides or [])
+    _refuse_target(target, force)
+    errors = Console(stderr=True, markup=False, emoji=False)
+
+    def say(text: str) -> None:
+        errors.print(text, highlight=False, markup=False, soft_wrap=True)
+
+    def found(step: str, session: StepFindings) -> None:
+        for line in _found(session):
+            say(line)
+
+    part = target.with_suffix(".part.toml")
+
+    def keep(calibration: Calibration) -> None:
+        write_whole(part, calibration.text())
+        say(f"  kept in {part}")
+
+    calibration, session, records = run_calibration(plan, Guide(say, _ask(say, yes), found, keep))
+    write_whole(target, calibration.text())
+    part.unlink(missing_ok=True)
+    terminal = console()
+    terminal.print(_table(calibration))
+    for line in _lines(calibration, target, file):
+        terminal.print(line, highlight=False, markup=False)
+    if picture is not None and session.shakes:
+        from palpate_calibration.picture import draw
+
+        with drawing(picture):
+            draw(records[0], session, plan.settings.settle, picture)
+
+
+def _refuse_target(target: Path, force: bool) -> None:
+    """Before anybody has spent time at the rig."""
+    if target.exists() and not force:
+        raise OutputError(f"{target}: exists already; --force writes over it, --out writes elsewhere")
+    if not target.parent.is_dir():
+        raise OutputError(f"{target}: there is no folder {target.parent}")
+
+
+def _ask(say: Callable[[str], None], yes: bool) -> Callable[[str], None]:
+    """Asks the person at the rig, and waits."""
+
+    def ask(text: str) -> None:
+        if yes:
+            say(text)
+            return
+        try:
+            typer.prompt(f"{text}; then press Enter", default="", show_default=False, prompt_suffix=" ", err=True)
+        except (EOFError, typer.Abort) as error:
+            raise ConfigurationError("nobody answers; --yes goes on without asking") from error
+
+    return ask
+
+
+def _found(session: StepFindings) -> Iterator[str]:
+    """What a step found, a line for each value."""
+    for name, value in session.values.items():
+        unit, scale = _PEOPLE.get(value.unit, (value.unit, 1.0))
+        yield f"  {name}: {measured(value.value * scale, value.combined * scale)} {unit}  ({_MEANING.get(name, '')})"
+    for note in session.notes:
+        yield f"  {note}"
+
+
+def _table(calibration: Calibration) -> object:
+    from rich.table import Table
+
+    table = Table(title=calibration.name, title_justify="left")
+    for heading in ("", "value", "95 % interval", "unit", "fit", "repeats", "type B"):
+        table.add_column(heading, justify="left" if heading in ("", "unit") else "right")
+    for name, value in calibration.values.items():
+        unit, scale = _PEOPLE.get(value.unit, (value.unit, 1.0))
+        low, high = (f"{edge * scale:.5g}" for edge in value.interval)
+        scatter = "" if value.type_a is None else f"{value.type_a * scale:.2g}"
+        table.add_row(
+            f"{name}: {_MEANING.get(name, '')}",
+            measured(value.value * scale, value.std * scale),
+            f"{low} to {high}",
+            unit,
+            f"{value.fit * scale:.2g}",
+            scatter,
+            f"{value.type_b * scale:.2g}" if value.type_b else "",
+        )
+    return table
+
+
+def _lines(calibration: Calibration, target: Path, file: Path) -> Iterator[str]:
+    shake = calibration.shake
+    if shake:
+        yield _shaken(shake)
+    yield from calibration.notes
+    named = target.name if target.resolve().parent == file.resolve().parent else target.resolve()
+    yield f'written to {target}; a pipeline takes it by [run] calibration = "{named}"'
+
+
+def _shaken(shake: Mapping[str, Any]) -> str:
+    sines = ", ".join(
+        f"{f:.3g} Hz {a * 1e3:.3g} mm" for f, a in zip(shake["frequencies"], shake["amplitudes"], strict=True)
+    )
+    return f"{shake['count']} shakes of {sines}; residual {shake['residual']:.3g} N"

@@ -1,0 +1,143 @@
+"""Weight and centre of mass of what hangs behind the sensor, from its readings at rest in several orientations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Batch, Floats, LogError
+from palpate.host import GRAVITY, Ports
+
+from palpate_calibration.quantity import Measured, RepeatValue
+from palpate_calibration.sines import mean_with_std
+from palpate_calibration.statics import WeightFit, weight_fit
+
+_AXES = ("x", "y", "z", "tx", "ty", "tz")
+_EDGE = 0.1  # [s] left out at both ends
+_SHORTEST = 0.5  # [s]
+_UNFIT = 5.0  # times what noise and directions explain
+_STEP = 1e-3  # [rad] for derivatives by a direction
+_SECOND = 1e9  # [ns]
+
+
+class WrenchRecorder:
+    """Feeds on batches, keeps all six columns of the sensor that gives the force."""
+
+    def __init__(self, ports: Ports) -> None:
+        port = ports["force"]
+        self.device, self._stream = port.key
+        names = [channel.name for channel in port.stream.channels]
+        missing = [axis for axis in _AXES if axis not in names]
+        if missing:
+            raise LogError(
+                f"calibration: orientations need all six columns of the sensor; {', '.join(missing)} missing"
+            )
+        self._columns = [names.index(axis) for axis in _AXES]
+        self._sign = port.signal.sign
+        self._stamps: list[NDArray[np.int64]] = []
+        self._values: list[Floats] = []
+
+    def feed(self, device: str, batch: Batch) -> None:
+        """Take in the readings of the sensor."""
+        if (device, batch.stream) == (self.device, self._stream):
+            rows = batch.valid
+            self._stamps.append(batch.time[rows])
+            self._values.append(self._sign * batch.values[rows][:, self._columns])
+
+    def poses(self, stretches: Sequence[tuple[float, float]] | None = None, origin: int = 0) -> list[Pose]:
+        """Mean readings in stretches of time [s] since `origin` [ns]; left out: in all of the record."""
+        if not self._stamps:
+            raise LogError("calibration: the sensor gave no reading")
+        stamps, values = np.concatenate(self._stamps), np.concatenate(self._values)
+        time = (stamps - (origin if stretches else int(stamps[0]))) / _SECOND
+        found = []
+        for begin, end in stretches or [(0.0, float(time[-1]))]:
+            rows = (time >= begin + _EDGE) & (time < end - _EDGE)
+            if end - begin < _SHORTEST or rows.sum() < 100:
+                raise LogError(f"calibration: a rest of {end - begin:.2f} s is too short to weigh what hangs there")
+            found.append(_pose(values[rows]))
+        return found
+
+
+@dataclass(frozen=True)
+class Pose:
+    """The sensor's mean readings in one orientation."""
+
+    wrench: Floats  # (6,) [N, N m]
+    std: Floats  # (6,) standard uncertainties
+
+
+def _pose(values: Floats) -> Pose:
+    means = [mean_with_std(column) for column in values.T]
+    return Pose(np.array([mean for mean, _, _ in means]), np.array([std for _, std, _ in means]))
+
+
+def weighed(repeats: Sequence[Sequence[Pose]], down: Sequence[Sequence[float]], angle: float) -> dict[str, Measured]:
+    """Mass, centre of mass and biases from all repeats, each with one pose for every direction of gravity.
+
+    Type B is what directions that are off by `angle` [rad] about each of two axes would do. Raises LogError where the
+    readings do not follow the directions.
+    """
+    downs = np.array(down, np.float64)
+    fits, shares = [], []
+    for poses in repeats:
+        wrenches = np.array([pose.wrench for pose in poses])
+        spread = np.sqrt(np.mean([pose.std**2 for pose in poses], axis=0))
+        stds = float(np.sqrt((spread[:3] ** 2).mean())), float(np.sqrt((spread[3:] ** 2).mean()))
+        fits.append(weight_fit(wrenches, downs, stds))
+        _refuse_unfit(fits[-1], wrenches, downs, stds[0], angle)
+        shares.append(_by_angle(wrenches, downs, stds, angle))
+    # The directions are the same in every repeat: what they do wrong does not average out.
+    terms = np.sqrt(np.mean(np.square(shares), axis=0))
+    table = [dict(_numbers(fit)) for fit in fits]
+    units = {"mass": "kg", "centre": "m", "bias": "N", "torque": "N*m"}
+    return {
+        name: Measured.of([entry[name] for entry in table], units[name.partition("_")[0]], float(term))
+        for name, term in zip(table[0], terms, strict=True)
+    }
+
+
+def _numbers(fit: WeightFit) -> list[tuple[str, RepeatValue]]:
+    found = [("mass_by_weight", fit.mass)]
+    groups = (
+        ("centre", fit.centre, fit.centre_std),
+        ("bias", fit.force_bias, fit.force_bias_std),
+        ("torque_bias", fit.torque_bias, fit.torque_bias_std),
+    )
+    for name, values, stds in groups:
+        for axis, value, std in zip("xyz", values, stds, strict=True):
+            found.append((f"{name}_{axis}", RepeatValue(float(value), float(std), fit.mass.freedom)))
+    return found
+
+
+def _by_angle(wrenches: Floats, downs: Floats, stds: tuple[float, float], angle: float) -> Floats:
+    """Standard uncertainty (k,) of every number from that of the directions, each turned about two axes."""
+    centre = np.array([scatter.value for _, scatter in _numbers(weight_fit(wrenches, downs, stds))])
+    total = np.zeros_like(centre)
+    for i, down in enumerate(downs):
+        helper = np.eye(3)[int(np.argmin(np.abs(down)))]
+        first = np.cross(down, helper)
+        first /= np.linalg.norm(first)
+        for axis in (first, np.cross(down, first)):
+            turned = downs.copy()
+            turned[i] = math.cos(_STEP) * down + math.sin(_STEP) * np.cross(axis, down)
+            moved = [scatter.value for _, scatter in _numbers(weight_fit(wrenches, turned, stds))]
+            total += ((np.array(moved) - centre) / _STEP * angle) ** 2
+    return np.asarray(np.sqrt(total))
+
+
+def _refuse_unfit(fit: WeightFit, wrenches: Floats, downs: Floats, std: float, angle: float) -> None:
+    """Raise LogError where the forces are not those of a weight in these directions."""
+    mass = fit.mass.value
+    left = wrenches[:, :3] - fit.force_bias - mass * GRAVITY * downs
+    rms = math.sqrt(float((left**2).sum()) / max(3 * len(downs) - 4, 1))
+    explained = math.hypot(std, abs(mass) * GRAVITY * angle)
+    if mass <= 0 or rms > _UNFIT * explained:
+        raise LogError(
+            f"calibration: no weight explains the readings in these orientations: {mass * 1e3:.3g} g leave {rms:.3g} "
+            f"N, and noise and directions explain {explained:.2g} N: was the tool turned as [calibration.orientations] "
+            "down says, and is nothing touching it?"
+        )

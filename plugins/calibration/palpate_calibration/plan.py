@@ -1,0 +1,72 @@
+"""The plan of a calibration: devices, channels, motion and tip of a file; it may name models and filters or not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from palpate import ConfigurationError, Device, Indenter, Trajectory
+from palpate.host import (
+    AlignmentSettings,
+    Ports,
+    Registry,
+    RunSettings,
+    SafetySettings,
+    load_pipeline,
+    ports_of,
+    wrong_channels,
+)
+
+from palpate_calibration.settings import CalibrationSettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationPlan:
+    """What a calibration needs of a file."""
+
+    path: Path
+    run: RunSettings
+    alignment: AlignmentSettings
+    settings: CalibrationSettings
+    devices: Mapping[str, Device]
+    trajectories: Mapping[str, Trajectory]
+    indenters: Mapping[str, Indenter]
+    safety: SafetySettings | None
+    registry: Registry
+
+    @property
+    def ports(self) -> Ports:
+        """Where each signal is read."""
+        return self._ports
+
+    @cached_property
+    def _ports(self) -> Ports:
+        return ports_of(self.alignment, self.devices)
+
+
+def load_plan(path: Path, overrides: Iterable[str] = ()) -> CalibrationPlan:
+    """The calibration plan in a file; raises ConfigurationError with every mistake at once, each with its line."""
+    pipeline = load_pipeline(path, overrides, estimates=False)
+    settings = pipeline.tables.get("calibration", CalibrationSettings())
+    assert isinstance(settings, CalibrationSettings)
+    mistakes = [
+        f"{path}: [calibration] {name}.device: {mistake.problem}"
+        for name, step in settings.steps.items()
+        if step.device
+        for mistake in wrong_channels(pipeline.alignment, step.device)
+    ]
+    if mistakes:
+        raise ConfigurationError("\n".join(mistakes))
+    return CalibrationPlan(
+        path=pipeline.path,
+        run=pipeline.run,
+        alignment=pipeline.alignment,
+        settings=settings,
+        devices=pipeline.devices,
+        trajectories=pipeline.trajectories,
+        indenters=pipeline.indenters,
+        safety=pipeline.safety,
+        registry=pipeline.registry,
+    )

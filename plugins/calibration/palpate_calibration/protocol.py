@@ -1,0 +1,222 @@
+"""The protocol: the records of all repeats become one calibration."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from palpate import Floats, LogError
+from palpate.host import GRAVITY
+
+from palpate_calibration.quantity import Measured, RepeatValue, scaled, summed
+from palpate_calibration.record import CalibrationRecord
+from palpate_calibration.rest import RestFit, Spectrum, rest_fit, rest_values
+from palpate_calibration.segments import Segment, resting, shaking
+from palpate_calibration.settings import CalibrationSettings
+from palpate_calibration.shake import ShakeFit, shake_fit
+from palpate_calibration.statics import series_compliance, tap_delay
+
+_STUCK = 0.1  # [s] of exactly equal readings
+_MARGIN = 0.06  # [s]; a delay that is searched for must not leave the record
+_SHIFTED = 8.0  # standard uncertainties between the mean forces of shake and rest
+_DIFFERENT = 3.0  # standard uncertainties between two ways to one value
+_NOTED = 1.5  # times the noise at rest
+_UNEXPLAINED = 3.0  # times the noise at rest, and a tenth of the inertia, may be left over
+
+
+@dataclass(frozen=True)
+class StepFindings:
+    """What all repeats together say."""
+
+    values: dict[str, Measured]  # by name, in the order in which people want them
+    shakes: tuple[ShakeFit, ...] = ()
+    rests: tuple[RestFit, ...] = ()
+    residual: float = 0.0  # [N] the largest of the shakes
+    notes: tuple[str, ...] = ()
+    spectra: Mapping[str, Spectrum] = field(default_factory=dict)  # of the noise at rest, by role
+
+
+def calibrate(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
+    """Mass, delay, offset, weight, drift and noise, from records that each hold rest and shake in free air.
+
+    Raises LogError with the reason where a record cannot be used: saturated, stuck, in contact, too small a motion.
+    """
+    if settings.motion == "plate":
+        return joined([tapped(records), pressed(records)], settings)
+    return joined([shaken(records, settings)], settings)
+
+
+def shaken(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
+    """Mass and delay from shakes in free air; offset, drift and noise where the records hold rests, too."""
+    shakes: list[ShakeFit] = []
+    rests: list[RestFit] = []
+    for record in records:
+        refuse_broken(record)
+        moving, still = shaking(record, settings.settle), resting(record)
+        if not moving:
+            raise LogError(
+                "calibration: the record holds no shake of 2 s or more: no even to-and-fro motion; the tip moves by "
+                f"{1e3 * float(np.ptp(record.position.values)):.3g} mm in {record.end - record.begin:.3g} s"
+            )
+        fits = [shake_fit(record, segment, settings.frequencies) for segment in moving]
+        shakes += fits
+        if still:
+            rests.append(rest_fit(record, still))
+            _refuse_shifted(record, fits, moving, rests[-1])
+    return StepFindings(
+        _values(shakes, rests, settings),
+        tuple(shakes),
+        tuple(rests),
+        max(shake.residual for shake in shakes),
+        tuple(_notes(shakes, rests)),
+    )
+
+
+def tapped(records: Sequence[CalibrationRecord]) -> StepFindings:
+    """A second delay, from taps on a stiff plate."""
+    delays = []
+    for record in records:
+        times, readings = _on_plate(record)
+        delays.append(tap_delay((times, readings), (record.position.time, record.position.values)))
+    return StepFindings({"tap_delay": Measured.of(delays, "s")})
+
+
+def pressed(records: Sequence[CalibrationRecord]) -> StepFindings:
+    """The compliance of robot and sensor, from presses on a stiff plate."""
+    found = []
+    for record in records:
+        times, readings = _on_plate(record)
+        position = record.position
+        delay = tap_delay((times, readings), (position.time, position.values)).value
+        found.append(series_compliance(readings, np.interp(times - delay, position.time, position.values)))
+    return StepFindings({"compliance": Measured.of(found, "m/N")})
+
+
+def _on_plate(record: CalibrationRecord) -> tuple[Floats, Floats]:
+    """Time and force, less its zero, of a press on a plate."""
+    refuse_broken(record)
+    still = resting(record)
+    if not still:
+        raise LogError("calibration: the record holds no rest before the tip presses, so the force has no zero")
+    force, position = record.force, record.position
+    free = force.values - rest_fit(record, still[:1]).offset.value
+    inside = (force.time > position.time[0] + _MARGIN) & (force.time < position.time[-1] - _MARGIN)
+    return force.time[inside], free[inside]
+
+
+def joined(sessions: Sequence[StepFindings], settings: CalibrationSettings) -> StepFindings:
+    """All steps together: where several say the same thing, the earlier one counts, and disagreement is noted."""
+    values: dict[str, Measured] = {}
+    for session in sessions:
+        values = session.values | values
+    if "mass" not in values and "mass_by_weight" in values:
+        values["mass"] = values["mass_by_weight"]
+    if settings.gravity and {"mass", "offset"} <= values.keys():
+        values["weight"] = scaled(values["mass"], GRAVITY, "N")
+        values["bias"] = summed(values["offset"], values["weight"])
+    shakes = tuple(shake for session in sessions for shake in session.shakes)
+    return StepFindings(
+        {name: values[name] for name in sorted(values, key=_rank)},
+        shakes,
+        tuple(rest for session in sessions for rest in session.rests),
+        max((session.residual for session in sessions), default=0.0),
+        (*dict.fromkeys(_lasting_notes(sessions, values)), *_disagreements(values)),
+        {role: spectrum for session in reversed(sessions) for role, spectrum in session.spectra.items()},
+    )
+
+
+def _lasting_notes(sessions: Sequence[StepFindings], values: Mapping[str, Measured]) -> Iterator[str]:
+    """The notes that no other step has made good."""
+    for session in sessions:
+        yield from (note for note in session.notes if "offset" not in values or not note.startswith("no-rest"))
+
+
+_ORDER = ("mass", "delay", "velocity_delay", "offset", "weight", "bias", "drift", "force_std", "position_std")
+
+
+def _rank(name: str) -> int:
+    return _ORDER.index(name) if name in _ORDER else len(_ORDER)
+
+
+def _disagreements(values: Mapping[str, Measured]) -> Iterator[str]:
+    """Notes on values that were found in two ways which do not agree."""
+    for first, second, code in (("mass", "mass_by_weight", "masses-differ"), ("delay", "tap_delay", "delays-differ")):
+        if not {first, second} <= values.keys():
+            continue
+        a, b = values[first], values[second]
+        if abs(a.value - b.value) > _DIFFERENT * math.hypot(a.combined, b.combined):
+            yield f"{code}: {first} is {a.value:.4g} {a.unit}, {second} is {b.value:.4g} {b.unit}"
+
+
+def refuse_broken(record: CalibrationRecord) -> None:
+    """Raise LogError where the force is saturated, or the sensor stuck."""
+    health = record.force.health
+    if health.saturated:
+        raise LogError(f"calibration: the force is saturated in {health.saturated} readings")
+    if health.longest_repeat / record.force.rate > _STUCK:
+        seconds = health.longest_repeat / record.force.rate
+        raise LogError(f"calibration: the force sensor is stuck: it repeats one reading for {seconds:.2f} s")
+
+
+def _refuse_shifted(
+    record: CalibrationRecord, shakes: Sequence[ShakeFit], moving: Sequence[Segment], rest: RestFit
+) -> None:
+    """Raise LogError where the mean force of a shake is not that of the rest: something pushed meanwhile."""
+    for shake, segment in zip(shakes, moving, strict=True):
+        nearest = min(rest.rests, key=lambda r: abs(r.time - segment.begin))
+        noise = nearest.force_std.value
+        shift = shake.offset - nearest.offset.value
+        if abs(shift) > max(noise, _SHIFTED * nearest.offset.std, 0.05 * shake.swing):
+            raise LogError(
+                f"calibration: the mean force while shaken is {shift:+.3g} N off that at rest: the tip is in contact, "
+                "or something hangs on it"
+            )
+        if shake.residual > _UNEXPLAINED * noise + 0.1 * shake.swing:
+            raise LogError(
+                f"calibration: mass and delay leave {shake.residual:.3g} N of the force unexplained where the noise at "
+                f"rest is {noise:.3g} N: the tip is in contact, or the motion is no sine"
+            )
+
+
+def _values(shakes: Sequence[ShakeFit], rests: Sequence[RestFit], settings: CalibrationSettings) -> dict[str, Measured]:
+    b = settings.type_b
+    found = {
+        "mass": Measured.of([shake.mass for shake in shakes], "kg", b.mass),
+        "delay": Measured.of([shake.delay for shake in shakes], "s", b.delay),
+    }
+    lags = [shake.velocity_delay for shake in shakes if shake.velocity_delay is not None]
+    if lags:
+        found["velocity_delay"] = Measured.of(lags, "s")
+    if rests:
+        found |= rest_values(rests, b.offset)
+    paper = [shake.paper_velocity_std for shake in shakes if shake.paper_velocity_std is not None]
+    if paper:
+        # The paper's figure is a scatter without a fit of its own: only the repeats speak.
+        found["paper_velocity_std"] = Measured.of([RepeatValue(std, 0.0) for std in paper], "m/s")
+    return found
+
+
+def _notes(shakes: Sequence[ShakeFit], rests: Sequence[RestFit]) -> list[str]:
+    notes = []
+    if not rests:
+        notes.append("no-rest: the records hold no rest in free air, so offset, bias, drift and noise are not known")
+    colour = max((item.colour for rest in rests for item in rest.rests), default=1.0)
+    if colour > 2.0:
+        notes.append(
+            f"coloured-noise: below a tenth of its rate the force noise is {colour:.1f} times that of white noise"
+        )
+    noise = max((item.force_std.value for rest in rests for item in rest.rests), default=math.inf)
+    left = max(shake.residual for shake in shakes)
+    if left > _NOTED * noise:
+        notes.append(
+            f"unexplained: mass and delay leave {left:.3g} N of the force, where the noise at rest is {noise:.3g} N: "
+            "something shook along, or the clocks stumbled"
+        )
+    lags = [shake.velocity_delay for shake in shakes if shake.velocity_delay is not None]
+    if lags:
+        lag = Measured.of(lags, "s")
+        if abs(lag.value) > 1e-4 and abs(lag.value) > 3 * lag.combined:
+            notes.append(f"velocity-late: the velocity is {lag.value * 1e3:.2f} ms later than the position")
+    return notes

@@ -1,0 +1,78 @@
+"""A calibration's record: raw readings by role, each at its own time-stamps; nothing is interpolated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from palpate import Batch, Floats, LogError
+from palpate.host import AlignmentSettings, Health, Intake, Ports
+
+_SECOND = 1_000_000_000  # [ns]
+_ROLES = ("force", "position", "velocity")
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One signal as it was stamped: no declared delay is taken back."""
+
+    time: Floats  # (n,) [s] since the record's first time-stamp
+    values: Floats  # (n,) [SI]
+    health: Health
+
+    def between(self, begin: float, end: float) -> tuple[Floats, Floats]:
+        """Time and values of the readings stamped within [begin, end) [s]."""
+        rows = slice(*np.searchsorted(self.time, [begin, end]))
+        return self.time[rows], self.values[rows]
+
+    @property
+    def rate(self) -> float:
+        """Mean rate [Hz] of the readings."""
+        return float((len(self.time) - 1) / (self.time[-1] - self.time[0]))
+
+
+@dataclass(frozen=True)
+class CalibrationRecord:
+    """Force, position and perhaps velocity of one repeat, or of a whole log."""
+
+    force: Trace
+    position: Trace
+    velocity: Trace | None
+    origin: int = 0  # [ns] the first time-stamp
+
+    @property
+    def begin(self) -> float:
+        """From when on every signal is there [s]."""
+        return max(float(self.force.time[0]), float(self.position.time[0]))
+
+    @property
+    def end(self) -> float:
+        """Until when every signal is there [s]."""
+        return min(float(self.force.time[-1]), float(self.position.time[-1]))
+
+
+class CalibrationRecorder:
+    """Feeds on batches, gives a record."""
+
+    def __init__(self, settings: AlignmentSettings, ports: Ports) -> None:
+        self._ports = ports
+        self._intake = Intake(ports, settings.gap, as_stamped=True)
+
+    def feed(self, device: str, batch: Batch) -> None:
+        """Take in the readings of one of a device's streams."""
+        self._intake.feed(device, batch)
+
+    def record(self) -> CalibrationRecord:
+        """What was recorded; raises LogError where a signal has no readings."""
+        recorded = {role: series for role, series in self._intake.series.items() if role in _ROLES}
+        for role, series in recorded.items():
+            if len(series.stamps) < 100:
+                raise LogError(
+                    f"calibration: {series.signal.channel} ({role}) has {len(series.stamps)} readings; 100 at least"
+                )
+        origin = min(int(series.stamps[0]) for series in recorded.values())
+        tracks = {
+            role: Trace((series.stamps - origin) / _SECOND, series.values, self._intake.health[self._ports[role].key])
+            for role, series in recorded.items()
+        }
+        return CalibrationRecord(tracks["force"], tracks["position"], tracks.get("velocity"), origin)

@@ -1,0 +1,164 @@
+"""At rest in free air: what the sensor reads, how it drifts, and how noisy everything is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from palpate import Floats
+from palpate.host import NoiseSpectrum
+
+from palpate_calibration.quantity import Measured, RepeatValue
+from palpate_calibration.record import CalibrationRecord
+from palpate_calibration.segments import Segment
+from palpate_calibration.sines import mean_with_std
+
+
+@dataclass(frozen=True)
+class StandstillStretch:
+    """One stretch at rest."""
+
+    time: float  # [s] its middle
+    offset: RepeatValue  # [N]
+    force_std: RepeatValue  # [N] of one reading, without what drifts
+    velocity_std: RepeatValue | None  # [m/s]
+    position_std: RepeatValue  # [m]
+    colour: float  # noise density below a tenth of the rate over that of white noise of the same std; 1: white
+
+
+@dataclass(frozen=True)
+class RestFit:
+    """All stretches at rest of one record."""
+
+    offset: RepeatValue  # [N] at the first stretch
+    drift: RepeatValue | None  # [N/s]; None where there is but one stretch
+    rests: tuple[StandstillStretch, ...]
+
+
+def rest_fit(record: CalibrationRecord, segments: Sequence[Segment]) -> RestFit:
+    """Offset, drift and noise of a record's stretches at rest; one at least."""
+    rests = tuple(_rest(record, segment) for segment in segments)
+    return RestFit(rests[0].offset, _drift(rests), rests)
+
+
+def long_rest_fit(record: CalibrationRecord, segment: Segment) -> RestFit:
+    """Offset, drift and noise of one long rest; the drift is the slope of the means of its quarters."""
+    edges = np.linspace(segment.begin, segment.end, 5)
+    parts = [_rest(record, Segment(float(a), float(b))) for a, b in pairwise(edges)]
+    whole = _rest(record, segment)
+    return RestFit(whole.offset, _drift(parts), (whole,))
+
+
+def rest_values(rests: Sequence[RestFit], offset_type_b: float) -> dict[str, Measured]:
+    """Offset, drift and noises from the rests of all repeats."""
+    found = {"offset": Measured.of([rest.offset for rest in rests], "N", offset_type_b)}
+    drifts = [rest.drift for rest in rests if rest.drift is not None]
+    if drifts:
+        found["drift"] = Measured.of(drifts, "N/s")
+    single = [item for rest in rests for item in rest.rests]
+    found["force_std"] = Measured.of([item.force_std for item in single], "N")
+    found["position_std"] = Measured.of([item.position_std for item in single], "m")
+    speeds = [item.velocity_std for item in single if item.velocity_std is not None]
+    if speeds:
+        found["velocity_std"] = Measured.of(speeds, "m/s")
+    return found
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Noise at rest by octaves."""
+
+    unit: str  # of the density, per root hertz
+    frequencies: tuple[float, ...]  # [Hz] middle of each octave
+    densities: tuple[float, ...]  # root of the one-sided power density in it
+
+
+def noise_spectrum(spectrum: Spectrum) -> NoiseSpectrum:
+    """What a calibration file says of a spectrum."""
+    return NoiseSpectrum(unit=spectrum.unit, frequencies=spectrum.frequencies, densities=spectrum.densities)
+
+
+def spectra(records: Sequence[CalibrationRecord], segments: Sequence[Segment]) -> dict[str, Spectrum]:
+    """Noise of force, position and velocity at rest, mean power of one stretch of each record.
+
+    The integral of the squared density over frequency is the variance, so `force_std` and its like are the same
+    numbers: the spectrum says whether they are white.
+    """
+    found = {}
+    for role, unit in (("force", "N"), ("position", "m"), ("velocity", "m/s")):
+        tracks = [getattr(record, role) for record in records]
+        if any(track is None for track in tracks):
+            continue
+        values = [track.between(s.begin, s.end)[1] for track, s in zip(tracks, segments, strict=True)]
+        found[role] = _spectrum([track.rate for track in tracks], values, unit)
+    return found
+
+
+def _spectrum(rates: Sequence[float], values: Sequence[Floats], unit: str) -> Spectrum:
+    length = min(len(one) for one in values)
+    rate = float(np.mean(rates))
+    power = np.mean([_periodogram(one[:length], rate) for one in values], axis=0)
+    grid = np.fft.rfftfreq(length, 1.0 / rate)
+    edges = rate / 2 * 2.0 ** np.arange(-int(np.log2(length / 8)), 1)
+    middles, densities = [], []
+    for low, high in pairwise([0.0, *edges]):
+        inside = (grid > low) & (grid <= high)
+        middles.append(float(np.sqrt(low * high)) if low > 0 else float(high / 2))
+        densities.append(float(np.sqrt(power[inside].mean())))
+    return Spectrum(f"{unit}/sqrt(Hz)", tuple(middles), tuple(densities))
+
+
+def _periodogram(values: Floats, rate: float) -> Floats:
+    """One-sided power density [unit^2/Hz] of a record at rest, without its straight line."""
+    line = np.linspace(-1.0, 1.0, len(values))
+    level = values - values.mean()
+    level = level - line * (line * level).sum() / (line**2).sum()
+    return np.asarray(np.abs(np.fft.rfft(level)) ** 2 * 2.0 / (rate * len(values)))
+
+
+def _rest(record: CalibrationRecord, segment: Segment) -> StandstillStretch:
+    force = record.force.between(segment.begin, segment.end)[1]
+    velocity = None
+    if record.velocity is not None:
+        velocity = _white_std(record.velocity.between(segment.begin, segment.end)[1])
+    return StandstillStretch(
+        (segment.begin + segment.end) / 2,
+        RepeatValue(*mean_with_std(force)),
+        _white_std(force),
+        velocity,
+        _white_std(record.position.between(segment.begin, segment.end)[1]),
+        _colour(force),
+    )
+
+
+def _white_std(values: Floats) -> RepeatValue:
+    """Standard deviation of one reading about the stretch's straight line, sigma +- sigma/sqrt(2 (n - 2))."""
+    n = len(values)
+    t = np.linspace(-1.0, 1.0, n)
+    rest = values - values.mean() - t * (t * values).sum() / (t**2).sum()
+    std = float(np.sqrt((rest**2).sum() / (n - 2)))
+    return RepeatValue(std, std / np.sqrt(2.0 * (n - 2)), n - 2.0)
+
+
+def _colour(force: Floats) -> float:
+    """How much of the noise is slow, where 1 is white; much above it the noise does not average out by its number."""
+    line = np.linspace(-1.0, 1.0, len(force))
+    level = force - force.mean()
+    power = np.abs(np.fft.rfft(level - line * (line * level).sum() / (line**2).sum()))[1:] ** 2
+    slow = power[: max(len(power) // 5, 1)]
+    return float(slow.mean() / power.mean()) if power.any() else 1.0
+
+
+def _drift(rests: Sequence[StandstillStretch]) -> RepeatValue | None:
+    """Slope of the offsets over time, weighted by their uncertainty."""
+    if len(rests) < 2:
+        return None
+    t = np.array([rest.time for rest in rests])
+    y = np.array([rest.offset.value for rest in rests])
+    w = np.array([max(rest.offset.std, 1e-12) ** -2 for rest in rests])
+    since = t - (w * t).sum() / w.sum()
+    information = float((w * since**2).sum())
+    freedom = sum(rest.offset.freedom for rest in rests)
+    return RepeatValue(float((w * since * y).sum() / information), information**-0.5, freedom)

@@ -1,0 +1,147 @@
+"""Sines in unevenly sampled records: frequencies, phasors, and the noise that the record itself has beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Floats
+
+_HARMONICS = 3  # the highest of each line that is fitted along
+_NEIGHBOURS = 20  # bins of 1/T to either side of a line in which its noise is measured
+
+
+@dataclass(frozen=True)
+class SineFit:
+    """x(t) = offset + slope t + Re(sum_k c_k exp(i omega_k t)), t from the middle of the record.
+
+    The coefficients are those of least squares at the readings' own instants, so that a delay of any fraction of a
+    sample is a phase like any other; interpolation, which lowers the noise half-way between samples, plays no part.
+    """
+
+    phasors: NDArray[np.complex128]  # (k,)
+    variances: Floats  # (k,) of each quadrature, from the spectrum of the residual beside the line
+    freedom: Floats  # (k,) degrees of freedom of the variances
+    offset: float
+    slope: float  # [1/s]
+    residual: Floats  # (n,)
+
+
+def sine_fit(time: Floats, values: Floats, frequencies: Sequence[float], middle: float) -> SineFit:
+    """Least squares of sines of known frequencies [Hz], about a middle instant [s]."""
+    t = time - middle
+    design = _columns(t, frequencies)
+    found = _solved(design, values)
+    residual = values - design @ found
+    noise = [_variance_at(t, residual, frequency, frequencies) for frequency in frequencies]
+    return SineFit(
+        found[2::2] - 1j * found[3::2],
+        np.array([variance for variance, _ in noise]),
+        np.array([freedom for _, freedom in noise]),
+        float(found[0]),
+        float(found[1]),
+        residual,
+    )
+
+
+def _columns(t: Floats, lines: Sequence[float]) -> Floats:
+    """Offset, slope, and cosine and sine of each line, (n, 2 + 2 k)."""
+    columns = [np.ones_like(t), t]
+    for frequency in lines:
+        columns += [np.cos(2 * np.pi * frequency * t), np.sin(2 * np.pi * frequency * t)]
+    return np.column_stack(columns)
+
+
+def _solved(columns: Floats, values: Floats) -> Floats:
+    """Least squares by the normal equations of columns of length one: sines are nearly orthogonal."""
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    unit = columns / scale
+    return np.asarray(np.linalg.solve(unit.T @ unit, unit.T @ values) / scale, np.float64)
+
+
+def harmonics_of(frequencies: Sequence[float], highest: float, span: float) -> list[float]:
+    """Second and third harmonics [Hz] that are neither lines themselves nor too high for a record of `span` [s]."""
+    found: list[float] = []
+    for frequency in frequencies:
+        for order in range(2, _HARMONICS + 1):
+            candidate = order * frequency
+            if candidate < highest and all(abs(candidate - f) * span > 1.5 for f in (*frequencies, *found)):
+                found.append(candidate)
+    return found
+
+
+def _power(values: Floats) -> Floats:
+    """|2/n sum x exp(-i omega t)|^2 at whole numbers of periods in the record, as if evenly sampled.
+
+    For noise only, whose level no jitter of the time-stamps changes.
+    """
+    return np.asarray(np.abs(np.fft.rfft(values) * 2.0 / len(values)) ** 2, np.float64)
+
+
+def _variance_at(time: Floats, residual: Floats, frequency: float, lines: Sequence[float]) -> tuple[float, float]:
+    """Variance of each quadrature of a phasor at a frequency [Hz], and its degrees of freedom.
+
+    The mean of the residual's spectrum over neighbouring frequencies, so that coloured noise is no trouble; lines that
+    were fitted are left out, since the fit took the noise there along.
+    """
+    power = _power(residual)
+    span = float(time[-1] - time[0]) * len(time) / (len(time) - 1)
+    bins = np.arange(len(power))
+    apart = np.abs(bins[:, None] - np.array(lines)[None, :] * span).min(axis=1)
+    beside = (apart > 1.5) & (bins > 1) & (bins < len(power) - 1)
+    beside &= np.abs(bins - frequency * span) < _NEIGHBOURS + 2
+    return float(power[beside].mean() / 2), 2.0 * int(beside.sum())
+
+
+def mean_with_std(values: Floats) -> tuple[float, float, float]:
+    """Mean of a record at rest, its standard uncertainty, and the degrees of freedom of that.
+
+    The uncertainty is that of the lowest frequencies of the spectrum, which is where a mean lives: right for coloured
+    noise, too.
+    """
+    power = _power(values - values.mean())[1:13]
+    return float(values.mean()), float(np.sqrt(power.mean() / 4)), 2.0 * len(power)
+
+
+def find_lines(time: Floats, values: Floats, most: int = 6, least: float = 0.08) -> tuple[float, ...]:
+    """Frequencies [Hz] of the sines that a motion consists of, the strongest first to be found, in rising order.
+
+    One after the other: the highest peak of the spectrum of what the sines so far leave over, then all frequencies
+    together by Gauss and Newton; ends where the next peak is below `least` of the first.
+    """
+    middle = (time[0] + time[-1]) / 2
+    t = time - middle
+    span, count = float(t[-1] - t[0]), len(t)
+    even = np.linspace(t[0], t[-1], count)
+    lines: list[float] = []
+    rest, first = values - np.polyval(np.polyfit(t, values, 1), t), None
+    for _ in range(most):
+        window = np.hanning(count)
+        spectrum = np.abs(np.fft.rfft(np.interp(even, t, rest) * window, 8 * count)) * 2 / window.sum()
+        grid = np.fft.rfftfreq(8 * count, span / (count - 1))
+        spectrum[grid * span < 2.0] = 0.0  # a line needs two periods
+        peak = int(np.argmax(spectrum))
+        first = spectrum[peak] if first is None else first
+        if spectrum[peak] < least * first or spectrum[peak] == 0:
+            break
+        lines = _refined(t, values, [*lines, float(grid[peak])])
+        columns = _columns(t, lines)
+        rest = values - columns @ _solved(columns, values)
+    return tuple(sorted(lines))
+
+
+def _refined(t: Floats, values: Floats, lines: list[float]) -> list[float]:
+    for _ in range(4):
+        columns = _columns(t, lines)
+        found = _solved(columns, values)
+        slopes = []
+        for k, frequency in enumerate(lines):
+            a, b = found[2 + 2 * k], found[3 + 2 * k]
+            omega = 2 * np.pi * frequency
+            slopes.append(2 * np.pi * t * (b * np.cos(omega * t) - a * np.sin(omega * t)))
+        step = _solved(np.column_stack([columns, *slopes]), values - columns @ found)
+        limit = 0.5 / (t[-1] - t[0])
+        lines = [f + float(np.clip(df, -limit, limit)) for f, df in zip(lines, step[columns.shape[1] :], strict=True)]
+    return lines

@@ -1,0 +1,147 @@
+"""Calibrations that need no shake: weight and centre of mass by orientations, a tap, the robot's compliance."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from palpate import Floats, LogError
+from palpate.host import GRAVITY
+
+from palpate_calibration.quantity import RepeatValue
+
+_SMOOTHED = 21  # readings
+_CORRELATED = 0.1  # [s]
+
+
+@dataclass(frozen=True)
+class WeightFit:
+    """What hangs behind the sensor, from its readings in several orientations."""
+
+    mass: RepeatValue  # [kg]
+    centre: Floats  # (3,) [m] centre of mass in the sensor's frame
+    centre_std: Floats  # (3,) [m]
+    force_bias: Floats  # (3,) [N]
+    force_bias_std: Floats  # (3,) [N]
+    torque_bias: Floats  # (3,) [N m]
+    torque_bias_std: Floats  # (3,) [N m]
+
+
+def weight_fit(wrenches: Floats, downs: Floats, stds: tuple[float, float]) -> WeightFit:
+    """Mass, centre of mass and bias from mean wrenches (n, 6) [N, N m] at rest in n >= 3 orientations.
+
+    `downs` (n, 3) is the direction of gravity in the sensor's frame, of length 1; `stds` the standard uncertainty of a
+    mean force and of a mean torque. f = m g down + f0 and t = c x (m g down) + t0, both linear, the first solved
+    first. Raises LogError where the orientations are too few, or too much alike to tell weight from bias.
+    """
+    count = len(wrenches)
+    if count < 3:
+        raise LogError(f"calibration: {count} orientations are given; weight and centre of mass need three")
+    scale = max(stds[0], 1e-12)
+    design = np.zeros((3 * count, 4))
+    design[:, 0] = GRAVITY * downs.ravel()
+    design[:, 1:] = np.tile(np.eye(3), (count, 1))
+    found, covariance = _solved(design, wrenches[:, :3].ravel(), scale)
+    mass = float(found[0])
+    arms = np.zeros((3 * count, 6))
+    for i, down in enumerate(downs * mass * GRAVITY):
+        # c x w is linear in c: the matrix of -w x.
+        arms[3 * i : 3 * i + 3, :3] = [[0, down[2], -down[1]], [-down[2], 0, down[0]], [down[1], -down[0], 0]]
+        arms[3 * i : 3 * i + 3, 3:] = np.eye(3)
+    turned, turned_covariance = _solved(arms, wrenches[:, 3:].ravel(), max(stds[1], 1e-12))
+    std, turned_std = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(turned_covariance))
+    # The mass stands in the arms: its share adds to the centre's uncertainty.
+    centre_std = np.hypot(turned_std[:3], np.abs(turned[:3]) * std[0] / abs(mass))
+    return WeightFit(
+        RepeatValue(mass, float(std[0]), 3.0 * count - 4),
+        turned[:3],
+        centre_std,
+        found[1:],
+        std[1:],
+        turned[3:],
+        turned_std[3:],
+    )
+
+
+def _solved(design: Floats, values: Floats, scale: float) -> tuple[Floats, Floats]:
+    singular = np.linalg.svd(design / np.linalg.norm(design, axis=0), compute_uv=False)
+    if singular[-1] < 1e-3:
+        raise LogError(
+            "calibration: the orientations are too much alike to tell weight from bias; turn the tool by some 30 "
+            "degrees or more, about two axes"
+        )
+    inverse = np.asarray(np.linalg.inv(design.T @ design), np.float64)
+    found: Floats = inverse @ design.T @ values
+    covariance: Floats = inverse * scale**2
+    return found, covariance
+
+
+def tap_delay(force: tuple[Floats, Floats], position: tuple[Floats, Floats]) -> RepeatValue:
+    """How much later the force is stamped than the motion [s], from pressing on a stiff surface and letting go.
+
+    `force` and `position` are time-stamps [s] and readings. On a stiff surface the force is a function of the
+    penetration alone, so the loading and unloading branches of force over position coincide at the right delay: the
+    delay is where a smooth curve through both leaves the smallest residual. The position is smoothed by cubics over 21
+    readings, symmetrically and so without a delay, since its noise times the stiffness is a force; the noisy force is
+    never interpolated. The uncertainty takes the residual as correlated over a tenth of a second (Newey and West 1987).
+    """
+    times, readings = force
+    noise = float(np.sqrt(np.mean(np.diff(readings, 2) ** 2) / 6.0))
+    touching = readings > max(0.2 * float(readings.max()), 5.0 * noise)
+    if touching.sum() < 20:
+        raise LogError("calibration: the record holds no tap: the force does not rise for 20 readings")
+    from scipy.interpolate import CubicSpline
+    from scipy.signal import savgol_filter
+
+    path = CubicSpline(position[0], savgol_filter(position[1], _SMOOTHED, 3))
+    t, u = times[touching], readings[touching]
+
+    def residual(delay: float) -> Floats:
+        z = path(t - delay)
+        unit = (z - z.min()) / max(float(np.ptp(z)), 1e-12) * 2 - 1
+        basis = np.polynomial.chebyshev.chebvander(unit, 4)
+        return np.asarray(u - basis @ np.linalg.lstsq(basis, u, rcond=None)[0])
+
+    from scipy.optimize import minimize_scalar
+
+    grid = np.linspace(-0.05, 0.05, 201)
+    costs = np.array([float((residual(d) ** 2).sum()) for d in grid])
+    best = int(np.argmin(costs))
+    if best in (0, len(grid) - 1):
+        raise LogError("calibration: the tap shows no delay within 50 ms: the surface is not elastic, or not stiff")
+    found: Any = minimize_scalar(
+        lambda d: float((residual(d) ** 2).sum()), bounds=(grid[best - 1], grid[best + 1]), method="bounded"
+    )
+    delay, step = float(found.x), 2e-4
+    slope = (residual(delay + step) - residual(delay - step)) / (2 * step)
+    lags = max(round(_CORRELATED * len(t) / float(t[-1] - t[0])), 1)
+    std = math.sqrt(_long_variance(slope * residual(delay), lags)) / float((slope**2).sum())
+    return RepeatValue(delay, std, max(len(u) / lags - 6.0, 1.0))
+
+
+def _long_variance(scores: Floats, lags: int) -> float:
+    """Variance of the sum of correlated scores (n,), by Bartlett's weights; never below that of independent ones."""
+    independent = float((scores**2).sum())
+    total = independent
+    for lag in range(1, min(lags, len(scores) - 1)):
+        total += 2.0 * (1.0 - lag / lags) * float((scores[lag:] * scores[:-lag]).sum())
+    return max(total, independent)
+
+
+def series_compliance(force: Floats, position: Floats) -> RepeatValue:
+    """Compliance dz/dF [m/N] of robot and sensor, from readings (n,) while the tip is pressed on a rigid plate.
+
+    z = z0 - c F by least squares where the tip presses, with the scatter of z about the line. Raises LogError where
+    the force hardly changes.
+    """
+    pressing = force > 0.2 * force.max()
+    u, z = force[pressing], position[pressing]
+    if len(u) < 10 or np.ptp(u) < 0.5:
+        raise LogError("calibration: the force on the plate changes by less than 0.5 N: no compliance can be seen")
+    since = u - u.mean()
+    slope = float((since * (z - z.mean())).sum() / (since**2).sum())
+    rest = z - z.mean() - slope * since
+    freedom = float(len(u) - 2)
+    return RepeatValue(-slope, math.sqrt(float((rest**2).sum()) / freedom / float((since**2).sum())), freedom)

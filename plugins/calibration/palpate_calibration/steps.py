@@ -1,0 +1,87 @@
+"""The steps of a guided calibration: what each makes of its records."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from palpate import LogError
+
+from palpate_calibration.protocol import StepFindings, pressed, refuse_broken, shaken, tapped
+from palpate_calibration.quantity import Measured, RepeatValue
+from palpate_calibration.record import CalibrationRecord
+from palpate_calibration.rest import long_rest_fit, rest_values, spectra
+from palpate_calibration.segments import Segment, long_rest, shaking
+from palpate_calibration.settings import CalibrationSettings
+from palpate_calibration.shake import against_average
+from palpate_calibration.sines import find_lines, harmonics_of, sine_fit
+
+_ENOUGH = 2.0  # [s] of rest
+
+
+def evaluated(step: str, records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
+    """What the records of one step say; raises LogError with the reason where they cannot be used."""
+    if step == "rest":
+        return rested(records, settings)
+    if step == "shake":
+        return shaken(records, settings)
+    if step == "noise":
+        return noisy(records, settings)
+    return tapped(records) if step == "tap" else pressed(records)
+
+
+def rested(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
+    """Offset, drift, noise and its spectrum from long rests in free air."""
+    segments: list[Segment] = []
+    for record in records:
+        refuse_broken(record)
+        segment = long_rest(record)
+        if segment is None or segment.length < _ENOUGH:
+            raise LogError("calibration: the record holds no rest of 2 s or more: the tip moves, or shakes")
+        segments.append(segment)
+    fits = [long_rest_fit(record, segment) for record, segment in zip(records, segments, strict=True)]
+    notes = []
+    colour = max(item.colour for fit in fits for item in fit.rests)
+    if colour > 2.0:
+        notes.append(
+            f"coloured-noise: below a tenth of its rate the force noise is {colour:.1f} times that of white noise"
+        )
+    values = rest_values(fits, settings.type_b.offset)
+    return StepFindings(values, rests=tuple(fits), notes=tuple(notes), spectra=spectra(records, segments))
+
+
+def noisy(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
+    """Noise of the velocity while the tip moves: as the paper has it, and without what the motion adds to that.
+
+    The paper's figure is the RMSE between the velocity and its 21-sample mean, which also holds what the mean cuts off
+    the motion itself. The other one is the scatter about sines at the motion's own frequencies and their harmonics.
+    """
+    paper, moving = [], []
+    for record in records:
+        refuse_broken(record)
+        if record.velocity is None:
+            raise LogError("calibration: the noise of the velocity needs [alignment] velocity")
+        segments = shaking(record, settings.settle)
+        if not segments:
+            raise LogError("calibration: the record holds no even to-and-fro motion of 2 s or more")
+        for segment in segments:
+            times, speeds = record.velocity.between(segment.begin, segment.end)
+            rmse = against_average(speeds)
+            if rmse is not None:
+                paper.append(RepeatValue(rmse, 0.0))
+            moving.append(_scatter(record, segment, times, speeds))
+    values = {"moving_velocity_std": Measured.of(moving, "m/s")}
+    if paper:
+        # The paper's figure is a scatter without a fit of its own: only the repeats speak.
+        values["paper_velocity_std"] = Measured.of(paper, "m/s")
+    return StepFindings(values)
+
+
+def _scatter(record: CalibrationRecord, segment: Segment, times: np.ndarray, speeds: np.ndarray) -> RepeatValue:
+    lines = find_lines(*record.position.between(segment.begin, segment.end))
+    every = (*lines, *harmonics_of(lines, record.position.rate / 2.5, segment.length))
+    residual = sine_fit(times, speeds, every, (segment.begin + segment.end) / 2).residual
+    freedom = len(residual) - 2.0 - 2 * len(every)
+    std = math.sqrt(float((residual**2).sum()) / freedom)
+    return RepeatValue(std, std / math.sqrt(2 * freedom), freedom)

@@ -1,0 +1,142 @@
+"""``palpate info LOG``: what a log holds, and a pipeline that reads it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from palpate import OutputError, Survey, TopicSurvey, printable
+from palpate.host import console, pipeline_of, recording_of, show_installation, suggestion_of
+
+from palpate_devices.logs.suggestion_picture import draw_suggestion
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+
+def info(
+    log: Annotated[Path | None, typer.Argument(help="The log: .mcap, .db3, a bag folder, .csv.")] = None,
+    suggest: Annotated[bool, typer.Option("--suggest", help="Print a ready pipeline that reads the log.")] = False,
+    force: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the force.")] = None,
+    position: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the position.")] = None,
+    velocity: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the velocity.")] = None,
+    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="What is the time in a CSV file.")] = None,
+    rate: Annotated[str | None, typer.Option(help="Rate of a CSV file without a time, such as '500 Hz'.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Write the suggested pipeline there; the log's path is right from there."),
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(help="Draw what was taken for force and motion, .png or .svg."),
+    ] = None,
+) -> None:
+    """Say what a log holds, with --suggest as a pipeline that reads it; without a log, what palpate runs on."""
+    if log is None:
+        show_installation()
+        return
+    if suggest or out is not None or picture is not None:
+        given = {"force": force, "position": position, "velocity": velocity, "time": time, "rate": rate}
+        _suggest(log, {role: text for role, text in given.items() if text is not None}, out, picture)
+        return
+    console(160).print(survey_view(recording_of(log).survey(log)))
+
+
+def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path | None) -> None:
+    """Print or write the pipeline, and say on standard error what in it is a guess or must be filled in."""
+    suggestion = suggestion_of(log, choices)
+    for text in suggestion.blanks:
+        typer.echo(f"fill in: {printable(text)}", err=True)
+    for text in suggestion.doubts:
+        typer.echo(f"check: {printable(text)}", err=True)
+    if picture is not None:
+        draw_suggestion(suggestion, printable(log.name), picture)
+    if out is None:
+        typer.echo(pipeline_of(suggestion, log), nl=False)
+        return
+    text = pipeline_of(suggestion, log, out.parent)
+    try:
+        with out.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError as error:
+        raise OutputError(f"{out}: is there already, and nothing is ever overwritten") from error
+    except OSError as error:
+        raise OutputError(f"{out}: cannot write: {error.strerror}") from error
+    typer.echo(f"the pipeline is in {out}; palpate run {out}")
+
+
+def survey_view(survey: Survey) -> RenderableType:
+    """The table of topics, and what is amiss."""
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=printable(f"{survey.path} ({survey.format})"), title_justify="left")
+    for heading in ("topic", "type"):
+        table.add_column(heading, overflow="fold")
+    for heading in ("messages", "rate\nHz", "interval ms\n1 % to 99 %", "gaps", "longest\nms", "late ms\n50 %, 99 %"):
+        table.add_column(heading, justify="right")
+    for topic in survey.topics:
+        table.add_row(*(Text(cell) for cell in _cells(topic)))
+    notes = [
+        Text(f"  {_name(topic)}: {printable(topic.note)}", style="yellow") for topic in survey.topics if topic.note
+    ]
+    notes += [Text(f"  {printable(note)}", style="yellow") for note in survey.notes]
+    return Group(_span(survey), table, *_numbers(survey), *([Text("notes")] if notes else []), *notes)
+
+
+def _name(topic: TopicSurvey) -> str:
+    return printable(topic.name)
+
+
+def _numbers(survey: Survey) -> list[RenderableType]:
+    """Every number that signals can name, with its statistics where it has been decoded."""
+    from rich.table import Table
+    from rich.text import Text
+
+    if not any(topic.fields for topic in survey.topics):
+        return []
+    table = Table(title="numbers that signals can name", title_justify="left")
+    table.add_column("number", overflow="fold")
+    for heading in ("from", "to", "std", "noise", "not finite"):
+        table.add_column(heading, justify="right")
+    table.add_column("course", no_wrap=True)
+    for topic in survey.topics:
+        known = {number.name for number in topic.numbers}
+        rest = [name for name in topic.fields if name not in known and not name.endswith("]")]
+        for number in topic.numbers:
+            cells = (f"{x:.4g}" for x in (number.low, number.high, number.std, number.noise))
+            odd = str(number.odd) if number.odd else ""
+            table.add_row(Text(printable(f"{topic.name}:{number.name}")), *cells, odd, number.course)
+        for name in rest:
+            table.add_row(Text(printable(f"{topic.name}:{name}")))
+    return [table]
+
+
+def _span(survey: Survey) -> str:
+    filled = [topic for topic in survey.topics if topic.messages]
+    if not filled:
+        return "no messages"
+    first, last = min(t.first for t in filled), max(t.last for t in filled)
+    return f"{sum(t.messages for t in filled)} messages over {(last - first) / 1e9:.3f} s, from {first / 1e9:.3f} s"
+
+
+def _cells(topic: TopicSurvey) -> list[str]:
+    cells = [_name(topic), printable(topic.type or topic.encoding), str(topic.messages)]
+    if topic.interval is None:
+        return [*cells, "", "", "", "", _late(topic)]
+    low, _, high = topic.interval
+    rate = f"{(topic.messages - 1) * 1e9 / (topic.last - topic.first):.1f}" if topic.last > topic.first else ""
+    return [
+        *cells,
+        rate,
+        f"{low * 1e3:.2f} to {high * 1e3:.2f}",
+        str(topic.gaps),
+        f"{topic.longest * 1e3:.1f}",
+        _late(topic),
+    ]
+
+
+def _late(topic: TopicSurvey) -> str:
+    return "" if topic.lateness is None else f"{topic.lateness[0] * 1e3:.2f}, {topic.lateness[1] * 1e3:.2f}"

@@ -1,0 +1,17 @@
+"""``palpate recover``: what is whole of a damaged log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate.host import recording_of
+
+
+def recover(
+    log: Annotated[Path, typer.Argument(help="The log that is cut or damaged.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="The new log; must not exist.")],
+) -> None:
+    """Write what is whole of a log that is cut or damaged into a new one, and say what is missing."""
+    typer.echo(recording_of(log).recover(log, out))

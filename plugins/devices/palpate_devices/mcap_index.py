@@ -1,0 +1,50 @@
+"""The index of a log that is being written: on disk, for a run of days has a million chunks."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from typing import IO, Any
+
+_LENGTH = struct.Struct("<I")
+
+
+class _Written:
+    """A record of the index that is in bytes already."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+
+    def write(self, stream: Any) -> None:
+        """Append it to a record builder."""
+        stream.write(self._data)
+
+
+class Index:
+    """Records of the index in a file; to the library's writer, a list."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+
+    def append(self, record: Any) -> None:
+        """Put a record away."""
+        from mcap.data_stream import RecordBuilder
+
+        builder = RecordBuilder()
+        record.write(builder)
+        data: bytes = builder.end()  # type: ignore[no-untyped-call]
+        self._file.write(_LENGTH.pack(len(data)) + data)
+
+    def __iter__(self) -> Iterator[_Written]:
+        self._file.seek(0)
+        while head := self._file.read(_LENGTH.size):
+            yield _Written(self._file.read(_LENGTH.unpack(head)[0]))
+
+
+def keep_index_in(writer: Any, file: IO[bytes]) -> None:
+    """Let a writer of the library keep its chunk index in a file instead of in memory; 1 MB in five minutes else.
+
+    The library has no such setting. Where a version of it names its list otherwise, the index stays in memory.
+    """
+    if isinstance(getattr(writer, "_Writer__chunk_indices", None), list):
+        writer._Writer__chunk_indices = Index(file)

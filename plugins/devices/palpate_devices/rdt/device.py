@@ -1,0 +1,132 @@
+"""Force sensors that speak RDT by UDP as devices."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Batch, Channel, Device, DeviceError, Force, Frequency, Link, SharedReadings, Stream, Time
+from pydantic import Field
+
+from palpate_devices.process.child import Child
+from palpate_devices.process.clock import epoch_offset
+from palpate_devices.process.ring import HEAD, ROWS, integers
+from palpate_devices.rdt import layout
+from palpate_devices.rdt.layout import ROW
+from palpate_devices.rdt.packets import PORT
+
+_POLL, _MOST_QUIET = 0.004, 0.01  # [s]
+_BEAT_SLACK = 0.02  # [s]
+_ONROBOT = 1e4, 1e5  # counts per newton and per newton metre
+
+
+class RdtSensor(Device):
+    """ATI's Net F/T box or OnRobot's HEX, by UDP.
+
+    Readings carry a number and no time: they are stamped where they arrive, in a process of its own, and the network's
+    delay belongs into the declared uncertainty. Readings that were lost on the way are counted; one with a status other
+    than 0 is NaN. The zero is left alone.
+    """
+
+    host: str = Field(min_length=1, description="address of the box")
+    port: int = Field(default=PORT, ge=1, le=65535, description="its UDP port")
+    box: Literal["ati", "onrobot"] = Field(default="ati", description="whose it is")
+    counts_per_force: float = Field(default=1e6, gt=0, description="ATI: counts per newton, cfgcpf in netftapi2.xml")
+    counts_per_torque: float = Field(default=1e6, gt=0, description="ATI: counts per newton metre, cfgcpt")
+    rate: Frequency = Field(default=1000.0, gt=0, le=7000, description="readings per second; an ATI box has it set")
+    force_limit: Force = Field(default=200.0, gt=0, description="range of the force; readings beyond are saturated")
+    silence: Time = Field(default=0.1, gt=0, description="a longer silence is a fault")
+    boot: Time = Field(default=2.0, gt=0, description="how long the first reading may take")
+    most_lost: int = Field(default=1000, ge=1, description="a larger jump of the readings' numbers is a new start")
+
+    @property
+    def live(self) -> bool:
+        """It sends as time goes by."""
+        return True
+
+    @property
+    def streams(self) -> tuple[Stream, ...]:
+        """The wrench; status and number of each reading."""
+        limits = (-self.force_limit, self.force_limit)
+        wrench = [Channel(axis, "N", limits) for axis in "xyz"] + [Channel(f"t{axis}", "N*m") for axis in "xyz"]
+        status = (Channel("bits", "1"), Channel("sequence", "1"))
+        return (
+            Stream("wrench", tuple(wrench), self.rate, "wrench", clock="host", frame="sensor"),
+            Stream("status", status, self.rate, clock="host"),
+        )
+
+    @property
+    def shared_streams(self) -> tuple[str, ...]:
+        """The wrench."""
+        return ("wrench",)
+
+    def connect(self, seed: int) -> AbstractContextManager[Link]:
+        """The sensor, streaming."""
+        return self._connected()
+
+    @contextmanager
+    def _connected(self) -> Iterator[Link]:
+        keys = ("host", "port", "silence", "boot", "most_lost")
+        known = (self.counts_per_force, self.counts_per_torque) if self.box == "ati" else _ONROBOT
+        settings: dict[str, Any] = {key: getattr(self, key) for key in keys}
+        settings |= dict(zip(("counts_per_force", "counts_per_torque"), known, strict=True))
+        settings["period"] = 1.0 / self.rate if self.box == "onrobot" else None
+        child = Child(f"rdt at {self.host}", layout.MODULE, settings, ROW.size)
+        try:
+            ready = child.wait_for("ready", self.boot + 5.0)
+            yield _RdtLink(child, ready, self.silence + _BEAT_SLACK)
+        finally:
+            child.close()
+
+
+class _RdtLink:
+    def __init__(self, child: Child, ready: Mapping[str, Any], beat_limit: float) -> None:
+        self._child, self._ready, self._beat_limit = child, ready, beat_limit
+        self._readings = self._unusable = 0
+
+    def shared(self, stream: str) -> SharedReadings | None:
+        """Where the wrench is; see `palpate.Sharing`."""
+        if stream != "wrench":
+            return None
+        return SharedReadings(self._child.memory, HEAD, ROWS, ROW.size, ROW["wrench"].start)
+
+    def batches(self) -> Iterator[Batch]:
+        """What has come; raises DeviceError as soon as the sensor fails."""
+        quiet = time.monotonic()
+        self._child.ring.early()
+        while True:
+            rows = self._child.ring.read()
+            if len(rows) or time.monotonic() - quiet > _MOST_QUIET:
+                yield from self._batches(rows)
+                quiet = time.monotonic()
+            if not len(rows):
+                self._child.messages()
+                self._child.check(self._beat_limit)
+                time.sleep(_POLL)
+            if self._child.ring.lost:
+                raise DeviceError(f"{self._child.name}: {self._child.ring.lost} readings were lost: the host is slow")
+
+    def _batches(self, rows: NDArray[np.float64]) -> Iterator[Batch]:
+        received = integers(rows, ROW.at("host")) + epoch_offset()
+        wrench = rows[:, ROW["wrench"]].copy()
+        self._readings += len(rows)
+        self._unusable += int(np.count_nonzero(~np.isfinite(wrench).all(axis=1)))
+        status, sequence = (integers(rows, ROW.at(name)).astype(float) for name in ("status", "sequence"))
+        yield Batch("wrench", received, received, wrench)
+        yield Batch("status", received, received, np.column_stack([status, sequence]))
+
+    @property
+    def attended(self) -> int:
+        """When the sensor's process last looked at its port [ns]."""
+        return self._child.ring.last_beat() + epoch_offset()
+
+    @property
+    def health(self) -> Mapping[str, Any]:
+        """What was seen of the sensor and its net."""
+        head = self._child.ring.head
+        facts = {"readings": self._readings, "unusable": self._unusable}
+        return {**self._ready, **facts, "lost": int(head[layout.LOST]), "out_of_order": int(head[layout.OUT_OF_ORDER])}

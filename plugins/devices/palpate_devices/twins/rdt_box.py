@@ -1,0 +1,103 @@
+"""An RDT box in software: ATI's Net F/T or OnRobot's HEX, on a loopback address."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import socket
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import DeviceError
+
+from palpate_devices.rdt.packets import PERIOD, PORT, REPLY, STOP, STREAM, asked
+
+COUNTS = {"ati": (1e6, 1e6), "onrobot": (1e4, 1e5)}  # per newton and per newton metre
+_STATUS = {"throttled": 0, "overrange": 0x80010000, "saturated": 0x80000002, "raw": 0x80000001}
+
+
+class VirtualBox:
+    """Answers requests and sends readings; `instants` says when it samples, `send` is told what it read.
+
+    It has the face of `VirtualSensor`, so that a bench need not know which of them it has.
+    """
+
+    noise_factor = 1.0
+    eeprom_writes = 0
+
+    def __init__(self, host: str, rate: float, scale: tuple[float, float], seed: int) -> None:
+        self._address, self.period = (host, PORT), 1.0 / rate
+        self._scale = np.repeat(scale, 3)
+        self._rng = np.random.default_rng(seed)
+        self._socket: socket.socket | None = None
+        self._client: tuple[str, int] | None = None
+        self._next, self._sequence = 0.0, 0
+        self.sent = self.dropped = 0
+        self.fault: str | None = None
+        self.corruption, self.sign, self.reply_time, self.lump_time = 0.0, 1.0, 0.0, 0.0
+        self.plug_in()
+
+    def plug_in(self) -> None:
+        """Be on the net."""
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        try:
+            self._socket.bind(self._address)
+        except OSError as error:
+            raise DeviceError(f"{self._address[0]}:{PORT} cannot be had: {error.strerror}") from error
+
+    def unplug(self) -> None:
+        """Be off the net."""
+        if self._socket is not None:
+            self._socket.close()
+        self._socket, self._client = None, None
+
+    def reboot(self, now: float) -> None:
+        """Count from the beginning; whoever listens goes on to be served."""
+        self._sequence = 0
+
+    def restore(self) -> None:
+        """On the net, and without a fault."""
+        self.fault, self.corruption, self.sign, self.lump_time = None, 0.0, 1.0, 0.0
+        if self._socket is None:
+            self.plug_in()
+
+    def refuse(self, letter: str) -> None:
+        """It has no commands to refuse."""
+
+    def poll(self, now: float) -> None:
+        """Requests; `now` [s] is the world's time."""
+        if self._socket is None:
+            return
+        with contextlib.suppress(OSError):  # nothing there, or a client that has gone
+            data, client = self._socket.recvfrom(64)
+            command, count = asked(data) or (None, 0)
+            if command == STREAM:
+                self._client, self._next = client, now
+            elif command == STOP:
+                self._client = None
+            elif command == PERIOD and count > 0:
+                self.period = count / 1e3
+
+    def instants(self, until: float) -> NDArray[np.float64]:
+        """The times [s] up to `until` at which it reads, since the last call."""
+        if self._client is None:
+            return np.zeros(0)
+        count = max(math.floor((until - self._next) / self.period + 1e-9) + 1, 0)
+        instants = np.asarray(self._next + self.period * np.arange(count), np.float64)
+        self._next += self.period * count
+        return instants
+
+    def send(self, instants: NDArray[np.float64], wrench: NDArray[np.float64]) -> None:
+        """Send the readings (n, 6) taken at instants (n,)."""
+        status = _STATUS.get(self.fault or "", 0)
+        for counts in np.rint(self.sign * wrench * self._scale).astype(int).tolist():
+            self._sequence = (self._sequence + 1) % (1 << 32)
+            if self.fault == "silent" or self._socket is None or self._client is None:
+                continue
+            if self.corruption and self._rng.random() < self.corruption:
+                self.dropped += 1  # UDP drops what is damaged
+                continue
+            with contextlib.suppress(OSError):
+                self._socket.sendto(REPLY.pack(self._sequence, self._sequence, status, *counts), self._client)
+                self.sent += 1

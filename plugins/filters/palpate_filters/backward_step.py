@@ -1,0 +1,38 @@
+"""One step of the kinematic smoother, backwards, as a symbolic expression."""
+
+from __future__ import annotations
+
+from palpate import KinematicProcess, Step
+
+from palpate_filters.kinematic_step import NOISES, KinematicNoise, predicted, process_noise, report
+from palpate_filters.symmetric import congruence, mirrored, solve_symmetric
+
+
+def backward_step(process: KinematicProcess) -> Step:
+    """One step of Rauch, Tung and Striebel's smoother, from the sample after to this one.
+
+    State: smoothed mean (n) and covariance (n x n). Sample: filtered mean, covariance, interval [s] to the sample
+    after, and measured height [m]. Settings: the noises. Output: what is reported, without NIS and marks. The
+    covariance is a sum of congruences, so it stays positive: (I - G F) P (I - G F)^T + G (Q + P_after) G^T.
+    """
+    import casadi as ca
+
+    n = process.states
+    after, after_covariance = ca.SX.sym("xs", n), ca.SX.sym("Ps", n, n)
+    mean, square = ca.SX.sym("x", n), ca.SX.sym("P", n, n)
+    covariance, later_covariance = mirrored(square), mirrored(after_covariance)
+    interval, height, numbers = ca.SX.sym("T"), ca.SX.sym("z"), ca.SX.sym("p", NOISES)
+    noise = KinematicNoise(*ca.vertsplit(numbers))
+    ahead, ahead_covariance, jacobian = predicted(process, mean, covariance, interval, noise)
+    gain = solve_symmetric(ahead_covariance, jacobian @ covariance).T
+    x = mean + gain @ (after - ahead)
+    kept = ca.SX.eye(n) - gain @ jacobian
+    added = mirrored(process_noise(process, interval, noise) + later_covariance)
+    P = mirrored(congruence(kept, covariance) + congruence(gain, added))
+    return Step(
+        state=ca.vertcat(after, ca.vec(after_covariance)),
+        sample=ca.vertcat(mean, ca.vec(square), interval, height),
+        settings=numbers,
+        next_state=ca.vertcat(x, ca.vec(P)),
+        output=report(process, x, P, height),
+    )

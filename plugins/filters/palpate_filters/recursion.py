@@ -1,0 +1,69 @@
+"""A recursive filter as its tracker needs it: what its step puts out, how it begins, what is carried over."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from palpate import Floats, Layout, Samples, Status, Step
+
+MARKS = {
+    "lifted": Status.LIFTED,
+    "restarted": Status.RESTARTED,
+    "blind": Status.BLIND,
+    "stiff": Status.STIFF,
+    "diverged": Status.DIVERGED,
+    "repaired": Status.REPAIRED,
+}
+
+
+def output_layout(parameters: int, states: int = 0) -> Layout:
+    """What a filter's step puts out, for so many parameters; with `states`, mean and covariance of the state, too.
+
+    Parameters and their variances, depth [m] below the surface by the measured position and its variance, contact
+    force [N], NIS (negative where nothing was measured), the normalised innovation of one measurement (0 where it is
+    missing); then 0 or 1 for: depth not positive, restarted, a measurement missing, too stiff, broken numbers,
+    covariance repaired.
+    """
+    numbers = {"values": parameters, "variances": parameters, "depth": 1, "depth_variance": 1, "force": 1}
+    marks = dict.fromkeys(MARKS, 1)
+    return Layout(**numbers, nis=1, innovation=1, **marks, mean=states, covariance=states * states)
+
+
+@dataclass(frozen=True)
+class Carry:
+    """What is left of a stretch of contact when the next one begins."""
+
+    state: Floats | None  # the filter's; None before the first stretch
+    surface: float  # [m], by the latest estimate
+
+
+@dataclass(frozen=True)
+class Recursion:
+    """A filter as its tracker needs it; the step's output is laid out by `output_layout`."""
+
+    step: Step
+    parameters: int
+    settings: Callable[[float | None, float | None], Floats]  # from force and velocity noise, where measured
+    # State for a stretch, and whether it resumes the last one; None where it wants a longer window, and may (True).
+    begin: Callable[[Carry, Samples, bool], tuple[Floats, bool] | None]
+    inputs: Callable[[Samples, Floats], Floats]  # the step's samples (m, nw), from samples and their intervals
+
+
+@dataclass(frozen=True)
+class Opening:
+    """How a filter gets under way."""
+
+    window: float = 0.0  # [s] of samples gathered before the first estimate
+    measure_noise: bool = False
+    rest: float | None = None  # [s] at the beginning of the record in which the tip is known to be at rest
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """What a filter did on samples without a pause between them."""
+
+    rows: slice  # in the block
+    samples: Samples
+    interval: Floats  # (m,) [s], 0 at the first of a stretch
+    outputs: Floats  # (m, ny)

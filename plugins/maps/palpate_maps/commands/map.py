@@ -1,0 +1,98 @@
+"""``palpate map``: from a run to a map, or to a curve along a sweep."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from palpate import ConfigurationError, LogError, PalpateError, Simulated, to_si
+from palpate.host import Points, RunFolder, TrackOption, load_pipeline, save_figure
+
+from palpate_maps.commands.curves import curves_of, points_of, unit_of
+
+Run = Annotated[Path, typer.Argument(help="The run folder.")]
+Parameter = Annotated[str | None, typer.Option(help="Parameter of its model. [default: the first]")]
+
+
+def length(text: str, option: str) -> float:
+    """A length of the command line [m]; raises ConfigurationError."""
+    try:
+        return to_si(text, "m")
+    except ValueError as error:
+        raise ConfigurationError(f"{option}: {error}") from error
+
+
+def map_run(
+    run: Annotated[Path, typer.Argument(help="The run folder, or a pipeline file to run first.")],
+    track: TrackOption = None,
+    parameter: Parameter = None,
+    cell: Annotated[str, typer.Option(help="Size of the map's cells.")] = "1 mm",
+    method: Annotated[str, typer.Option(help="gaussian-process or average.")] = "gaussian-process",
+    reach: Annotated[str | None, typer.Option(help="How far from a site the map goes. [default: 1.2 pitches]")] = None,
+    points: Points = None,
+    out: Annotated[Path | None, typer.Option(help="Folder to write to. [default: RUN/maps]")] = None,
+    svg: Annotated[bool, typer.Option("--svg", help="SVG pictures instead of PNG.")] = False,
+    mcap: Annotated[bool, typer.Option("--mcap", help="Write map.mcap, too: a Grid that robot viewers draw.")] = False,
+) -> None:
+    """Make the map of a run, with its uncertainty: CSV, NPZ and a picture; for a sweep, a curve.
+
+    A pipeline file is run first, into a new folder of runs/.
+    """
+    from palpate.host import run_pipeline
+
+    from palpate_maps import analysis as maps
+    from palpate_maps import export, picture
+    from palpate_maps.mcap_grid import map_mcap
+
+    if method not in ("gaussian-process", "average"):
+        raise ConfigurationError(f'--method: {method!r} is none of "gaussian-process" and "average"')
+    if run.suffix == ".toml":
+        made = run_pipeline(load_pipeline(run))
+        made.demand_whole()
+        run = made.folder
+    path = maps.read_path(run, track, parameter)
+    sites = maps.sites_along(path)
+    folder, ending = out or RunFolder(run).maps, "svg" if svg else "png"
+    unit = unit_of(run, path.track, path.parameter)
+    findings = None
+    with suppress(LogError):  # too few sites for lumps are enough for a map
+        findings = maps.find_lumps(sites)
+    along = maps.line_coordinate(sites)
+    if along is not None and not sites.standing.all():
+        if mcap:
+            raise ConfigurationError(f"--mcap: {run} is a sweep along a line, and no map; its log has the estimates")
+        curves = curves_of(run, [track] if track else None, parameter)
+        series = {name: (curve.along, curve.sites) for name, curve in curves.items()}
+        checked = points_of(points, folder, parameter) if points is not None else None
+        image = picture.sweep_picture(series, path.parameter, unit, findings, checked)
+        export.replace_file(folder / "sweep.csv", export.sweep_csv(series, path.parameter))
+        save_figure(image, folder / f"sweep.{ending}")
+        typer.echo(f"sweep of {1e3 * (along.max() - along.min()):.4g} mm, {len(sites)} sites, {path.track}")
+    else:
+        edge = length(reach, "--reach") if reach is not None else None
+        field = maps.make_map(sites, length(cell, "--cell"), method, edge)  # type: ignore[arg-type]
+        image = picture.map_picture(field, path.parameter, unit, findings, outlines_of(run))
+        export.replace_file(folder / "map.csv", export.map_csv(field, path.parameter))
+        export.replace_file(folder / "map.npz", export.map_npz(field, path.parameter))
+        save_figure(image, folder / f"map.{ending}")
+        if mcap:
+            export.replace_file(folder / "map.mcap", map_mcap(field, path.parameter, round(1e9 * sites.time[-1])))
+        size = f"{1e3 * (field.x[-1] - field.x[0]):.4g} mm x {1e3 * (field.y[-1] - field.y[0]):.4g} mm"
+        typer.echo(
+            f"map of {size}, {100 * field.coverage:.0f} % covered, {len(sites)} sites, {path.track}, "
+            f"interpolated over {1e3 * field.length:.3g} mm"
+        )
+    typer.echo(f"written to {folder}")
+
+
+def outlines_of(run: Path) -> list[Any]:
+    """Outlines of what a simulated rig hides; none where the run's pipeline cannot be read again."""
+    from palpate.host import recorded_pipeline
+
+    try:
+        devices = recorded_pipeline(run).devices.values()
+        return [outline for device in devices if isinstance(device, Simulated) for outline in device.outlines]
+    except PalpateError:
+        return []

@@ -1,0 +1,46 @@
+"""What counts as a lump, and what is found of one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from palpate import Floats
+
+SweepMethod = Literal["prominence", "cusum"]
+
+
+@dataclass(frozen=True)
+class LumpSettings:
+    """What counts as a lump."""
+
+    rate: float = 0.005  # false-discovery rate; where there is no lump, the chance of finding one
+    contrast: float = 0.04  # smaller ones are not reported, however significant
+    spread: float = 0.005  # standard deviation of the stiffness between sites that is always believed, relative
+    width: float = 4e-3  # [m] of a site: of the order of the contact's diameter
+    method: SweepMethod = "prominence"  # along a sweep
+
+
+@dataclass(frozen=True)
+class Lump:
+    """A place that is stiffer than its surroundings."""
+
+    place: tuple[float, float]  # [m] its middle
+    extent: tuple[float, float]  # [m] at half its height: along and across a sweep, or along x and y
+    contrast: float  # peak over surroundings, minus 1
+    contrast_std: float
+    p: float  # the chance of one like it where there is none
+    along: float = float("nan")  # [m] its middle along a sweep
+    checked: bool = False  # palpated at a point of it, too
+
+
+@dataclass(frozen=True)
+class Findings:
+    """The lumps of a run, and what they were told by."""
+
+    lumps: tuple[Lump, ...]
+    background: float  # [SI]
+    spread: float  # relative, between sites or along the sweep
+    method: str
+    coordinate: Floats | None = None  # (m,) [m] along a sweep
+    curve: Floats | None = None  # (m,) [SI] smoothed along it

@@ -1,0 +1,83 @@
+"""Lumps: places that are significantly stiffer than their surroundings, along a sweep or on an area."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Floats, LogError
+
+from palpate_maps.along import by_prominence, curve_along
+from palpate_maps.baseline import Baseline, discoveries, find_baseline, prediction_p
+from palpate_maps.cusum import by_cusum
+from palpate_maps.findings import Findings, Lump, LumpSettings
+from palpate_maps.sites import Sites, line_coordinate, merged
+
+_FEWEST = 8  # sites; with fewer there are no surroundings
+
+
+def find_lumps(sites: Sites, settings: LumpSettings | None = None) -> Findings:
+    """Lumps along a sweep where the sites lie on a line, else on the area that they cover; raises LogError."""
+    settings = settings or LumpSettings()
+    if len(sites) < _FEWEST:
+        raise LogError(f"{len(sites)} sites are too few to tell a lump from its surroundings; {_FEWEST} are needed")
+    along = line_coordinate(sites)
+    if along is not None and not sites.standing.all():
+        curve = curve_along(sites, along, settings)
+        return by_cusum(curve, settings) if settings.method == "cusum" else by_prominence(curve, settings)
+    return _over(sites, settings)
+
+
+def _over(sites: Sites, settings: LumpSettings) -> Findings:
+    """Sites outside the prediction interval of the baseline sites, with false-discovery control, joined to lumps."""
+    coarse = merged(sites, settings.width)
+    baseline = find_baseline(coarse.log, floor=settings.spread)
+    p = prediction_p(coarse.log, baseline)
+    height = coarse.log - baseline.mean
+    stiff = discoveries(p, settings.rate) & (height >= np.log1p(settings.contrast))
+    reach = _reach(coarse.place)
+    lumps = [_lump(coarse, group, baseline, p) for group in clusters(coarse.place, stiff, reach)]
+    name = f"prediction interval of {baseline.count} baseline sites"
+    return Findings(tuple(lumps), float(np.exp(baseline.mean)), baseline.spread, name)
+
+
+def _reach(place: Floats) -> float:
+    """How far apart neighbours may be [m]: 1.6 times the distance to the fourth nearest, of most sites."""
+    distance = np.sort(np.linalg.norm(place[:, None] - place[None], axis=2), axis=1)
+    return 1.6 * float(np.median(distance[:, min(4, len(place) - 1)]))
+
+
+def clusters(place: Floats, chosen: NDArray[np.bool_], reach: float) -> list[NDArray[np.intp]]:
+    """Chosen sites joined where a chain of them has no step longer than `reach` [m]."""
+    left = set(np.flatnonzero(chosen).tolist())
+    found = []
+    while left:
+        group, open_ends = [], [min(left)]
+        left.discard(open_ends[0])
+        while open_ends:
+            i = open_ends.pop()
+            group.append(i)
+            near = [j for j in sorted(left) if np.hypot(*(place[j] - place[i])) <= reach]
+            left.difference_update(near)
+            open_ends += near
+        found.append(np.array(sorted(group)))
+    return found
+
+
+def _lump(sites: Sites, group: NDArray[np.intp], baseline: Baseline, p: Floats) -> Lump:
+    """One lump of the sites in a group; neighbours that are raised by half its height belong to it, too."""
+    height = sites.log - baseline.mean
+    peak = group[int(np.argmax(height[group]))]
+    size = float(np.ptp(sites.place[group], axis=0).max()) + 1e-3
+    near = np.linalg.norm(sites.place - sites.place[peak], axis=1) <= max(size, _reach(sites.place))
+    body = near & (height >= 0.5 * height[peak])
+    body[group] = True
+    weight = np.maximum(height[body], 0.0)
+    points = sites.standing[body]
+    if points.any():  # sweeps pass where they pass; points were put where it is stiff
+        weight = np.where(points, weight**2, 0.0)
+    middle = weight @ sites.place[body] / weight.sum()
+    extent = np.sqrt(12 * (weight @ (sites.place[body] - middle) ** 2) / weight.sum())
+    std = float(np.hypot(baseline.spread, sites.std[peak]))
+    contrast = float(np.expm1(height[peak]))
+    (x, y), (wide, high) = middle.tolist(), extent.tolist()
+    return Lump((x, y), (wide, high), contrast, std, float(p[group].min()), checked=bool(points.any()))

@@ -1,0 +1,87 @@
+"""Estimates along the way of the tip, read back from a run folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from palpate import Floats, LogError
+from palpate.host import RunFolder, TrackTable
+
+
+@dataclass(frozen=True)
+class Path2D:
+    """The estimates of one parameter by one track, with the places of the tip; only those that can be used."""
+
+    track: str
+    parameter: str
+    time: Floats  # (n,) [s]
+    place: Floats  # (n, 2) [m] x and y
+    value: Floats  # (n,) [SI]
+    std: Floats  # (n,) [SI] as the estimator believes it
+    nis: float  # mean normalised innovation squared; 1 where model and noise are right
+
+
+def read_path(folder: Path, track: str | None = None, parameter: str | None = None) -> Path2D:
+    """The estimates of a run and of its continuations; by default of its best track's first parameter.
+
+    The best is an offline track where there is one, else the first in the table; each part has its own, since one that
+    was killed has no offline estimates. Raises LogError for what is missing.
+    """
+    run = RunFolder(folder)
+    run.demand_one_pipeline()
+    parts = run.parts
+    known = {name for part in parts for name in tracks_of(part.path)}
+    if not known:
+        raise LogError(f"{folder}: is no run folder: it has no table of estimates")
+    if track is not None and track not in known:
+        raise LogError(f"{folder}: there is no track {track!r} (there are: {', '.join(sorted(known))})")
+    paths = [found for part in parts if (found := _read_part(part, track, parameter)) is not None]
+    if not paths:
+        raise LogError(
+            f"{folder}: holds no estimates in contact with a place: set lateral_x or lateral_y in [alignment]"
+        )
+    shift = np.cumsum([0.0, *(path.time[-1] + 1.0 for path in paths[:-1])])
+    return Path2D(
+        paths[0].track,
+        paths[0].parameter,
+        np.concatenate([path.time + late for path, late in zip(paths, shift, strict=True)]),
+        np.concatenate([path.place for path in paths]),
+        np.concatenate([path.value for path in paths]),
+        np.concatenate([path.std for path in paths]),
+        float(np.mean([path.nis for path in paths])),
+    )
+
+
+def tracks_of(folder: Path) -> list[str]:
+    """The names of the tracks that one folder has estimates of; those whose result is invalid come last."""
+    run = RunFolder(folder)
+    found = run.result["tracks"] if run.finished else {}  # a map fills while the run goes on
+    names = [name for table in run.tables for name in table.tracks]
+    return sorted(names, key=lambda name: found.get(name, {}).get("verdict") == "invalid")
+
+
+def _read_part(part: RunFolder, track: str | None, parameter: str | None) -> Path2D | None:
+    tables = part.tables
+    track = track or next(iter(tracks_of(part.path)), None)
+    for table in tables:
+        if track is not None and track in table.tracks:
+            return _path(part.path, table.track(track), track, parameter)
+    return None
+
+
+def _path(folder: Path, table: TrackTable, track: str, parameter: str | None) -> Path2D | None:
+    parameter = parameter or next(iter(table.values))
+    if parameter not in table.values:
+        raise LogError(f"{folder}: {track} has no {parameter!r} (there are: {', '.join(table.values)})")
+    known = np.isfinite(table.place)
+    place = np.where(known.any(axis=0), table.place, 0.0)  # a sweep may know one coordinate only
+    value, std = table.values[parameter], table.std[parameter]
+    usable = table.usable & np.isfinite(value) & (value > 0) & np.isfinite(std)
+    rows = usable & known.any(axis=1) & np.isfinite(place).all(axis=1)
+    if not rows.any():
+        return None
+    nis = table.others["nis"][rows]
+    mean = float(np.nanmean(nis)) if np.isfinite(nis).any() else 1.0
+    return Path2D(track, parameter, table.time[rows], place[rows], value[rows], std[rows], mean)

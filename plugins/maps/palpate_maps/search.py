@@ -1,0 +1,119 @@
+"""Where to look next: proposals from a map, and when to stop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import ConfigurationError, Floats
+
+from palpate_maps.baseline import find_baseline
+from palpate_maps.findings import Findings, Lump
+from palpate_maps.grid import gaussian_process
+from palpate_maps.sites import Sites, merged
+
+Aim = Literal["suspicion", "uncertainty"]
+
+SETTLED = 4e-3  # [m]: the width of a site
+_LIKELY = 0.5  # suspicion beyond which it is no reason to prefer a place
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A place to palpate next, and why."""
+
+    place: tuple[float, float]  # [m]
+    contrast: float  # expected there, over the baseline
+    std: float  # of it
+    suspicion: float  # probability of a contrast above the threshold
+
+
+def surest(findings: Findings) -> Lump | None:
+    """The lump with the smallest p-value of those that were palpated at a point, too; None where there is none."""
+    return min((lump for lump in findings.lumps if lump.checked), key=lambda lump: lump.p, default=None)
+
+
+def settled(before: Lump | None, now: Lump | None, sure: float, within: float = SETTLED) -> bool:
+    """Whether a search may stop: its surest lump has a p-value below `sure`, and visits no longer move it [m].
+
+    A point on the flank of a lump is significant, too; the lump is placed once another round of visits leaves it there.
+    """
+    if before is None or now is None or now.p >= sure:
+        return False
+    return float(np.hypot(now.place[0] - before.place[0], now.place[1] - before.place[1])) < within
+
+
+def propose(
+    sites: Sites,
+    count: int = 5,
+    aim: Aim = "suspicion",
+    contrast: float = 0.05,
+    area: tuple[float, float, float, float] | None = None,
+    apart: float = 4e-3,
+) -> list[Proposal]:
+    """Up to `count` places to palpate next, within an area (x0, x1, y0, y1) [m] and `apart` [m] from each other.
+
+    A Gaussian process over what is known gives a mean and a standard deviation everywhere; places are taken one after
+    the other. "suspicion": by the highest probability of a contrast above the threshold, and of the likely ones by the
+    highest mean plus standard deviation. "uncertainty": by the highest standard deviation. Each place is believed to
+    come out as expected before the next is chosen (kriging believer, Ginsbourger et al. 2010). Deterministic.
+    """
+    if count < 1:
+        raise ConfigurationError(f"{count} places to propose; there must be at least 1")
+    from scipy.stats import norm
+
+    known = merged(sites, 3e-3)
+    base = find_baseline(known.log, floor=0.005)
+    nodes = _nodes(known.place, area)
+    found: list[Proposal] = []
+    for _ in range(count):
+        mean, std, _ = gaussian_process(known, nodes)
+        spread = np.hypot(std, base.spread / np.sqrt(base.count))
+        suspicion = norm.sf((base.mean + np.log1p(contrast) - mean) / spread)
+        # Of likely places, the one that may be stiffest: a flank that is certain says less than what is beside it.
+        may_be = mean - base.mean + std
+        score = std if aim == "uncertainty" else np.minimum(suspicion, _LIKELY) + 1e-3 * may_be
+        taken = [proposal.place for proposal in found]
+        if aim == "suspicion":
+            taken += [tuple(place) for place in known.place[known.standing]]
+        score = np.where(_near(nodes, taken, apart), -np.inf, score)
+        best = int(np.argmax(score))
+        if not np.isfinite(score[best]):
+            break
+        x, y = (float(value) for value in nodes[best])
+        found.append(
+            Proposal((x, y), float(np.expm1(mean[best] - base.mean)), float(spread[best]), float(suspicion[best]))
+        )
+        known = _with(known, nodes[best], float(mean[best]))
+    return found
+
+
+def _nodes(place: Floats, area: tuple[float, float, float, float] | None) -> Floats:
+    low, high = place.min(axis=0), place.max(axis=0)
+    x0, x1, y0, y1 = area or (low[0], high[0], low[1], high[1])
+    if not (x1 >= x0 and y1 >= y0):
+        raise ConfigurationError(f"area: {x0:g} to {x1:g}, {y0:g} to {y1:g} m is empty")
+    x, y = (np.linspace(a, b, max(min(int((b - a) / 1e-3) + 1, 60), 1)) for a, b in ((x0, x1), (y0, y1)))
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def _near(nodes: Floats, places: Sequence[tuple[float, ...]], apart: float) -> NDArray[np.bool_]:
+    near = np.zeros(len(nodes), bool)
+    for place in places:
+        near |= np.hypot(*(nodes - np.array(place)).T) < apart
+    return near
+
+
+def _with(sites: Sites, place: Floats, log: float) -> Sites:
+    """Sites and one more, believed to be as expected."""
+    return Sites(
+        np.vstack([sites.place, place]),
+        np.append(sites.log, log),
+        np.append(sites.std, 0.005),
+        np.append(sites.time, sites.time[-1] + 1.0),
+        np.append(sites.standing, False),
+        sites.kept,
+    )

@@ -1,0 +1,179 @@
+"""Sites: what an estimate along a way says of one place after the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Floats, LogError
+
+from palpate_maps.path import Path2D
+
+_LOOK = 0.5  # [s] over which it is told whether the tip moves
+_SLOW = 5e-4  # [m/s]; below it stands
+_TAIL = 0.5  # [s] at the end of a stay that count
+_WARM = 1.0  # [s] from its first estimate that a filter is given to find its feet
+# What an estimator believes of its error is mostly common to neighbours and drops out of a difference. Of homogeneous
+# simulated sweeps, 0.3 (kinematic filter) to 0.8 (AFUKF) of it is left as scatter along the sweep.
+KEPT = 0.7
+_KEPT_LEAST = 0.2
+_KEPT_FEWEST = 12  # pieces of a stay that its scatter is told from
+_PAUSE = 0.3  # [s] without estimates that ends a stretch
+
+
+@dataclass(frozen=True)
+class Sites:
+    """Places and what was estimated there; the logarithm, since contrasts are ratios."""
+
+    place: Floats  # (n, 2) [m]
+    log: Floats  # (n,) logarithm of the parameter's SI value
+    std: Floats  # (n,) standard deviation of that logarithm, as the estimator believes it
+    time: Floats  # (n,) [s]
+    standing: NDArray[np.bool_]  # (n,) a point palpation, not a piece of a sweep
+    kept: float = KEPT  # share of `std` that is scatter between neighbours, and not common to them
+
+    def __len__(self) -> int:
+        return len(self.log)
+
+    def __getitem__(self, rows: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Sites:
+        return Sites(self.place[rows], self.log[rows], self.std[rows], self.time[rows], self.standing[rows], self.kept)
+
+    @property
+    def value(self) -> Floats:
+        """(n,) the parameter [SI]."""
+        return np.exp(self.log)
+
+
+def sites_along(path: Path2D, spacing: float = 1e-3) -> Sites:
+    """Sites of a path: one for each `spacing` [m] of a sweep, one for each stay at a place.
+
+    A sweep's site is the mean over its piece of the way; a stay's site the mean over its last half second. The standard
+    deviation of neighbouring samples is that of one of them, since a filter's errors are alike over many samples. The
+    first second of a filter's estimates does not count.
+    """
+    standing = _standing(path)
+    # A new label wherever it stops, starts, pauses, or begins the next piece of the way.
+    step = np.r_[0.0, np.linalg.norm(np.diff(path.place, axis=0), axis=1)]
+    pauses = np.r_[True, np.diff(path.time) > _PAUSE]
+    moves = pauses | np.r_[True, np.diff(standing.astype(int)) != 0]
+    stretch = np.cumsum(moves) - 1
+    way = _since(_smoothed_way(path, step), moves)
+    label = np.unique(
+        np.column_stack([stretch, np.where(standing, 0, np.floor(way / spacing))]), axis=0, return_inverse=True
+    )
+    groups = label[1].ravel()
+    counted = path.time >= path.time[0] + _WARM
+    last = np.zeros(groups.max() + 1)
+    np.maximum.at(last, groups, path.time)
+    counted &= ~standing | (path.time >= last[groups] - _TAIL)
+    if not counted.any():
+        raise LogError(f"{path.track}: the estimates last {path.time[-1] - path.time[0]:.2g} s, too short for any site")
+    return replace(_means(path, groups, counted, standing), kept=_kept(path, standing, spacing))
+
+
+def _kept(path: Path2D, standing: NDArray[np.bool_], spacing: float) -> float:
+    """Share of the believed standard deviation that is scatter, told from the stay before a sweep.
+
+    There the material does not change: what the estimate does, in pieces as long as the sweep takes for one site, is
+    scatter. A stay that is too short, or in which the estimate still settles, tells nothing: then what is known of
+    simulated sweeps holds.
+    """
+    moving = np.flatnonzero(~standing)
+    if not len(moving):
+        return KEPT
+    way = np.linalg.norm(np.diff(path.place[moving], axis=0), axis=1).sum()
+    piece = spacing * len(moving) * float(np.median(np.diff(path.time))) / max(float(way), spacing)
+    stay = standing & (path.time >= path.time[0] + _WARM) & (path.time < path.time[moving[0]])
+    if not stay.any():
+        return KEPT
+    number = np.floor((path.time[stay] - path.time[stay][0]) / piece).astype(int)
+    count = np.bincount(number)[:-1]
+    means = np.bincount(number, np.log(path.value[stay]))[:-1] / np.maximum(count, 1)
+    means = means[count > 0]
+    if len(means) < _KEPT_FEWEST:
+        return KEPT
+    belief = float(np.sqrt(np.mean((path.std[stay] / path.value[stay]) ** 2)))
+    measured = means.std(ddof=1) / belief * (1 + 1 / np.sqrt(len(means)))
+    return float(np.clip(measured, _KEPT_LEAST, KEPT))
+
+
+def _means(path: Path2D, groups: NDArray[np.intp], counted: NDArray[np.bool_], standing: NDArray[np.bool_]) -> Sites:
+    weight = counted.astype(float)
+    total = np.bincount(groups, weight)
+    kept = total > 0
+
+    def mean(values: Floats) -> Floats:
+        return np.asarray(np.bincount(groups, weight * values)[kept] / total[kept])
+
+    logs = np.log(path.value)
+    return Sites(
+        np.column_stack([mean(path.place[:, 0]), mean(path.place[:, 1])]),
+        mean(logs),
+        np.sqrt(mean((path.std / path.value) ** 2)) * np.sqrt(max(path.nis, 1.0)),
+        mean(path.time),
+        mean(standing.astype(float)) > 0.5,
+    )
+
+
+def _standing(path: Path2D) -> NDArray[np.bool_]:
+    """(n,) True where the tip goes less than half a millimetre a second, looking a quarter of a second each way."""
+    begins = np.flatnonzero(np.r_[True, np.diff(path.time) > _PAUSE])
+    ends = np.r_[begins[1:], len(path.time)] - 1
+    stretch = np.searchsorted(begins, np.arange(len(path.time)), side="right") - 1
+    early = np.maximum(path.time - _LOOK / 2, path.time[begins][stretch])
+    late = np.minimum(path.time + _LOOK / 2, path.time[ends][stretch])
+    moved = [np.interp(late, path.time, along) - np.interp(early, path.time, along) for along in path.place.T]
+    return np.asarray(np.hypot(*moved) < _SLOW * np.maximum(late - early, 0.1))
+
+
+def _smoothed_way(path: Path2D, step: Floats) -> Floats:
+    """Way [m] along the path without the noise of the positions: of places a quarter of a second apart."""
+    if len(step) < 2:
+        return np.zeros(len(step))
+    ticks = np.arange(path.time[0], path.time[-1] + _LOOK / 2, _LOOK / 2)
+    x, y = (np.interp(ticks, path.time, path.place[:, axis]) for axis in (0, 1))
+    way = np.r_[0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y)))]
+    return np.asarray(np.interp(path.time, ticks, way))
+
+
+def _since(way: Floats, begins: NDArray[np.bool_]) -> Floats:
+    """Way since the latest beginning."""
+    first = np.maximum.accumulate(np.where(begins, np.arange(len(way)), 0))
+    return np.asarray(way - way[first])
+
+
+def merged(sites: Sites, width: float) -> Sites:
+    """Sites of a sweep joined until each has about a given width [m]; those of stays as they are."""
+    gap = np.r_[0.0, np.linalg.norm(np.diff(sites.place, axis=0), axis=1)]
+    groups, way, group = np.zeros(len(sites), int), 0.0, 0
+    for i in range(1, len(sites)):
+        way += float(gap[i])
+        if way >= width - 1e-9 or sites.standing[i] or sites.standing[i - 1] or gap[i] > width:
+            group, way = group + 1, 0.0
+        groups[i] = group
+    count = np.bincount(groups)
+
+    def mean(values: Floats) -> Floats:
+        return np.asarray(np.bincount(groups, values) / count)
+
+    place = np.column_stack([mean(sites.place[:, 0]), mean(sites.place[:, 1])])
+    std = np.sqrt(mean(sites.std**2))
+    return Sites(place, mean(sites.log), std, mean(sites.time), mean(sites.standing.astype(float)) > 0.5, sites.kept)
+
+
+def line_coordinate(sites: Sites, tolerance: float = 2e-3) -> Floats | None:
+    """(n,) [m] position along the straight line that the sites lie on, or None where they cover an area.
+
+    Along the axis that the line is nearest to, in its own coordinate: a sweep along y is told in y.
+    """
+    centred = sites.place - sites.place.mean(axis=0)
+    spread = centred.T @ centred / max(len(sites), 1)
+    size, axes = np.linalg.eigh(spread)
+    if np.sqrt(12 * max(float(size[0]), 0.0)) > tolerance:
+        return None
+    axis = axes[:, 1]
+    main = int(np.argmax(np.abs(axis)))
+    if abs(axis[main]) > 0.999:
+        return np.asarray(sites.place[:, main])
+    return np.asarray(centred @ (axis * np.sign(axis[main])))

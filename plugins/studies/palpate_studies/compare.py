@@ -1,0 +1,162 @@
+"""``palpate compare``: every model with every estimator on one log, in one table and one picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from palpate import ConfigurationError, UserError, printable
+from palpate.host import (
+    Overrides,
+    Pipeline,
+    Points,
+    RunFolder,
+    Source,
+    analysis,
+    build_pipeline,
+    carried_by,
+    console,
+    pipeline_of,
+    replay_source,
+    save_figure,
+    suggestion_of,
+    write_new,
+)
+from palpate.host import registry as registries
+
+from palpate_studies import comparison
+
+if TYPE_CHECKING:
+    from palpate.host import Result
+    from rich.console import RenderableType
+
+
+def compare(
+    log: Annotated[Path, typer.Argument(help="A log (.mcap, .db3, a bag folder, .csv), or a pipeline file (.toml).")],
+    models: Annotated[str | None, typer.Option(help="Contact models by type, with commas between.")] = None,
+    estimators: Annotated[str | None, typer.Option(help="Estimators by type, with commas between.")] = None,
+    reference: Annotated[str | None, typer.Option(metavar="TRACK", help="Show this track as the truth.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Run folder; must be new or empty.")] = None,
+    overrides: Overrides = None,
+    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="What is the time in a CSV file.")] = None,
+    rate: Annotated[str | None, typer.Option(help="Rate of a CSV file without a time, such as '500 Hz'.")] = None,
+    force: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the force in the log.")] = None,
+    position: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the position.")] = None,
+    velocity: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the velocity.")] = None,
+    points: Points = None,
+) -> None:
+    """Run every model with every estimator on one log, read once; print one table, draw one picture.
+
+    Of a sweep along a line, the curves are drawn, too, with the lumps in each.
+    """
+    from palpate.host import run_pipeline
+
+    given = {"force": force, "position": position, "velocity": velocity, "time": time, "rate": rate}
+    choices = {role: text for role, text in given.items() if text is not None}
+    pipeline = _pipeline(_source(log, choices), models, estimators, overrides or [])
+    names = [track.name for track in pipeline.tracks]
+    if reference is not None and reference not in names:
+        raise ConfigurationError(f"--reference: there is no track {reference!r} (there are: {', '.join(names)})")
+    result = run_pipeline(pipeline, out)
+    terminal = console()
+    for shown in comparison.tables(result):
+        terminal.print(shown if isinstance(shown, str) else shown.view(), highlight=False)
+    for flag in result.flags:
+        terminal.print(f"every track: {flag}", style="yellow", markup=False, highlight=False)
+    if reference is not None:
+        terminal.print(_differences(result, reference))
+    result.demand_whole()
+    write_new(result.folder / "compare.csv", comparison.csv_text(result))
+    typer.echo(f"picture: {_draw(result, reference)}\nwritten to {result.folder}, all tracks in compare.csv")
+    _along(pipeline, result, points)
+
+
+def _along(pipeline: Pipeline, result: Result, points: Path | None) -> None:
+    """Curves of a sweep along a line; nothing where it was none."""
+    aligned = pipeline.alignment
+    if points is not None or aligned.lateral_x is not None or aligned.lateral_y is not None:
+        try:
+            analysis("curves")([result.folder], [""], points, result.folder / "sweep.png")
+        except UserError:  # no curves along a line; without points nobody has asked for them
+            if points is not None:
+                raise
+
+
+def _source(log: Path, choices: Mapping[str, str]) -> Source:
+    """A pipeline file, or what is suggested for a log."""
+    if log.suffix == ".toml":
+        if choices:
+            raise ConfigurationError(f"--{next(iter(choices))} is for logs: {log} says by itself what it reads")
+        return Source.read(log)
+    carried = carried_by(log)
+    if carried is not None and not choices:
+        typer.echo(f"{log}: tip, models, estimators and alignment are those of its run", err=True)
+        return replay_source(carried)
+    suggestion = suggestion_of(log, dict(choices))
+    if suggestion.blanks:
+        raise ConfigurationError(f"{log}: {'; '.join(suggestion.blanks)}")
+    for text in suggestion.doubts:
+        typer.echo(f"check: {printable(text)}", err=True)
+    return Source(pipeline_of(suggestion, log), Path(f"{log.name}.toml"))
+
+
+def _pipeline(source: Source, models: str | None, estimators: str | None, overrides: list[str]) -> Pipeline:
+    for kind, given in (("model", models), ("estimator", estimators)):
+        if given is not None:
+            source.tables[kind] = {name: _table(kind, name, source.tables) for name in _names(given)}
+    for assignment in overrides:
+        source.override(assignment)
+    return build_pipeline(source)
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _table(kind: str, name: str, tables: Mapping[str, Any]) -> dict[str, Any]:
+    """The table of that name, or one of that type with its defaults, on the pipeline's indenter."""
+    known = tables.get(kind, {})
+    if isinstance(known, dict) and name in known:
+        return dict(known[name])
+    entry = registries.load().parts[kind].get(name)
+    table: dict[str, Any] = {"type": name}
+    indenters = tables.get("indenter", {})
+    if entry is not None and "indenter" in entry.part.model_fields and indenters:
+        table["indenter"] = next(iter(indenters))
+    return table
+
+
+def _differences(result: Result, reference: str) -> RenderableType:
+    """Every track's parameters against those of the reference, in per cent and in their joint standard deviations."""
+    from rich.table import Table
+
+    table = Table(title=f"against {reference}", title_justify="left")
+    table.add_column("track")
+    truth = result.tracks[reference].parameters
+    for name in truth:
+        table.add_column(f"{name}\n%", justify="right")
+        table.add_column("sigma\n", justify="right")
+    for label, track in result.tracks.items():
+        if label == reference:
+            continue
+        cells = []
+        for name, true in truth.items():
+            found = track.parameters.get(name) if track.usable else None
+            difference = math.nan if found is None else found.value - true.value
+            spread = math.nan if found is None else math.hypot(found.combined, true.combined)
+            cells += [_cell(100.0 * difference, true.value), _cell(difference, spread)]
+        table.add_row(label, *cells)
+    return table
+
+
+def _cell(value: float, scale: float) -> str:
+    return f"{value / scale:+.2f}" if scale and math.isfinite(value) and math.isfinite(scale) else "-"
+
+
+def _draw(result: Result, reference: str | None) -> Path:
+    path = result.folder / "compare.png"
+    save_figure(comparison.picture(result, RunFolder(result.folder).tracks, reference), path)
+    return path

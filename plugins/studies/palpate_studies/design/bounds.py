@@ -1,0 +1,74 @@
+"""Cramer-Rao bounds of a palpation's parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from palpate import ContactModel, Floats
+from palpate.host import force_slopes
+
+from palpate_studies.design.path import DepthPath
+
+
+@dataclass(frozen=True)
+class Nuisances:
+    """What else is not known, by its standard uncertainty; the height of the surface is never known."""
+
+    bias: float  # [N] offset of the force
+    skew: float | None  # [s] between force and motion; None: known
+    mass: float | None = None  # [kg] of the tip; None: known
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The smallest standard deviations that any unbiased estimator can reach."""
+
+    parameters: Mapping[str, float]  # [SI] by name; infinite where the data do not tell them
+    surface: float  # [m]
+
+
+def cramer_rao(
+    model: ContactModel,
+    theta: Sequence[float],
+    path: DepthPath,
+    tip_mass: float,
+    force_std: float,
+    nuisances: Nuisances,
+    slopes: tuple[Floats, Floats, Floats, Floats] | None = None,
+) -> Bound:
+    """Bounds from the force along a known motion, u = F(d, d'; theta) + m d'' + bias, white noise of `force_std`.
+
+    Fisher information J^T J/sigma^2 + priors, with columns dF/dtheta, dF/dd (the surface), 1 (bias), du/dt (skew) and
+    d'' (mass); priors 1/u^2 on the nuisances, none on parameters and surface. Source: Cramer 1946, Rao 1945; van Trees
+    1968 for the priors. `slopes` are those of `force_slopes` along the path, where they are at hand.
+    """
+    _, by_parameter, by_depth, by_rate = slopes or force_slopes(model, path.depth, path.rate, theta)
+    columns = [*by_parameter.T, by_depth, np.ones_like(path.time)]
+    priors = [0.0] * (len(theta) + 1) + [nuisances.bias]
+    if nuisances.skew is not None:
+        columns.append(by_depth * path.rate + by_rate * path.acceleration + tip_mass * path.jerk)
+        priors.append(nuisances.skew)
+    if nuisances.mass is not None:
+        columns.append(path.acceleration)
+        priors.append(nuisances.mass)
+    std = _stds(np.column_stack(columns) / force_std, np.array(priors))
+    names = [parameter.name for parameter in model.parameters]
+    return Bound(dict(zip(names, std.tolist(), strict=False)), float(std[len(theta)]))
+
+
+def _stds(jacobian: Floats, priors: Floats) -> Floats:
+    """Square roots of the diagonal of the inverse information; infinite where the columns cannot be told apart."""
+    # Columns of length one: the parameters' units differ by many powers of ten.
+    scale = np.linalg.norm(jacobian, axis=0)
+    if not (scale[: np.flatnonzero(priors)[0]] > 0).all():
+        return np.full(len(priors), np.inf)
+    scale = np.where(scale > 0, scale, 1.0)
+    known = np.where(priors > 0, 1.0 / (np.where(priors > 0, priors, 1.0) * scale), 0.0)
+    rows = np.vstack([jacobian / scale, np.diag(known)])
+    _, singular, turned = np.linalg.svd(rows, full_matrices=False)
+    if singular[-1] < 1e-9 * singular[0]:
+        return np.full(len(priors), np.inf)
+    variance = ((turned.T / singular) ** 2).sum(axis=1)
+    return np.asarray(np.sqrt(variance) / scale)

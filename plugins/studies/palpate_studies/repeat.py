@@ -1,0 +1,197 @@
+"""``palpate repeat``: what many runs of one palpation say together."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from palpate import ConfigurationError, LogError, UserError
+from palpate.host import console, finite_tree, measured, people, read_flags, suggest, upgraded, verdict
+
+from palpate_studies.repeat_picture import draw_repeatability
+from palpate_studies.repeatability import WINDOW, repeatability
+
+_BAR = 40  # characters of the tallest bar
+_CAUTION = (
+    "p is the chance of such a difference between repeats at one site each. Sites of one material differ, too: before "
+    "a difference is called a lump, compare it with the spread over a dozen baseline sites."
+)
+
+
+def repeat(
+    sources: Annotated[
+        list[Path] | None, typer.Argument(metavar="RUN...", help="Run folders, or result.json or fit.json files.")
+    ] = None,
+    group: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=PATTERN", help="A group of runs by a pattern; can be repeated.")
+    ] = None,
+    track: Annotated[str | None, typer.Option(help="Track, such as dr/fit. [default: the only one]")] = None,
+    parameter: Annotated[str, typer.Option(help="Parameter, or surface.")] = "elasticity",
+    picture: Annotated[
+        Path | None, typer.Option(help="Draw histogram, autocorrelation and moving average here.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
+) -> None:
+    """Mean, standard uncertainty, autocorrelation, trend and histogram over many runs; t-tests between groups."""
+    files = _groups(sources or [], group or [])
+    found: dict[str, list[float]] = {}
+    unit, skipped, failures = "", 0, dict[str, UserError]()
+    for name, paths in files.items():
+        values = []
+        for path in paths:
+            try:
+                of_file = list(_values(path, track, parameter))
+            except UserError as error:
+                failures[str(path)] = error
+                typer.echo(f"{path} is left out: {error}", err=True)
+                continue
+            for value, unit_found in of_file:
+                unit = unit_found
+                if value is None:
+                    skipped += 1
+                else:
+                    values.append(value)
+        if not values and failures:
+            raise next(iter(failures.values()))
+        if not values:
+            raise LogError(f"group {name}: no run has a value of {parameter}")
+        found[name] = values
+    document = finite_tree({"parameter": parameter, "unit": unit, "skipped": skipped, **repeatability(found)})
+    if picture is not None:
+        draw_repeatability(document, picture)
+    if as_json:
+        typer.echo(json.dumps(document, indent=2))
+    else:
+        terminal = console()
+        for view in _views(document):
+            terminal.print(view, highlight=False, markup=False)
+    if failures:
+        typer.echo(f"{len(failures)} runs failed: {', '.join(failures)}", err=True)
+        raise typer.Exit(1)
+
+
+def _groups(sources: list[Path], groups: list[str]) -> dict[str, list[Path]]:
+    """Files by group, each group in the natural order of its names, so that no order of arguments matters."""
+    found: dict[str, list[Path]] = {"runs": list(sources)} if sources else {}
+    for text in groups:
+        name, equals, pattern = text.partition("=")
+        if not equals or not name or not pattern:
+            raise ConfigurationError(f'--group {text}: write NAME=PATTERN, such as soft="runs/soft_*"')
+        base = Path(pattern).anchor or "."
+        relative = str(Path(pattern).relative_to(base)) if Path(pattern).anchor else pattern
+        paths = list(Path(base).glob(relative))
+        if not paths:
+            raise ConfigurationError(f"--group {text}: nothing matches {pattern!r}")
+        found[name] = [*found.get(name, []), *paths]
+    if not found:
+        raise ConfigurationError("name at least one run folder, or a --group NAME=PATTERN")
+    return {name: sorted(set(paths), key=_natural) for name, paths in found.items()}
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", str(path)) if part]
+
+
+def _values(path: Path, track: str | None, parameter: str) -> Iterator[tuple[float | None, str]]:
+    """Values in one file and their unit: one of a run; one for each log, or each cycle, of `palpate fit`."""
+    file = path
+    if path.is_dir():
+        file = path / "fit.json" if (path / "fit.json").is_file() else path / "result.json"
+    try:
+        document = json.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise LogError(f"{file}: cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise LogError(f"{file}: is no result of palpate: {error}") from error
+    if isinstance(document, dict) and document.get("cycles"):
+        rows = [row for row in document["cycles"] if track in (None, row["track"])]
+        name = _chosen({row["track"]: None for row in rows}, track, file)
+        rows = [row for row in rows if row["track"] == name]
+        for row in sorted(rows, key=lambda row: (_natural(Path(row["log"])), row["cycle"])):
+            known = row["unknowns"].get(parameter, {})
+            usable = verdict(read_flags(row["flags"])) != "invalid"
+            yield known.get("value") if usable else None, known.get("unit", "")
+    elif isinstance(document, dict) and "logs" in document:
+        for log in sorted(document["logs"], key=lambda name: _natural(Path(name))):
+            yield _one(upgraded(document["logs"][log], file), file, track, parameter)
+    else:
+        yield _one(upgraded(document, file), file, track, parameter)
+
+
+def _one(document: dict[str, Any], file: Path, track: str | None, parameter: str) -> tuple[float | None, str]:
+    result = document["tracks"][_chosen(document["tracks"], track, file)]
+    known = {**result["parameters"], "surface": result["surface"]}
+    if parameter not in known:
+        raise ConfigurationError(f"{file}: there is no parameter {parameter!r}{suggest(parameter, known)}")
+    usable = result["verdict"] != "invalid"
+    return known[parameter]["value"] if usable else None, known[parameter]["unit"]
+
+
+def _chosen(tracks: Mapping[str, Any], track: str | None, file: Path) -> str:
+    if track is None and len(tracks) == 1:
+        return next(iter(tracks))
+    if track is None:
+        raise ConfigurationError(f"{file}: has {len(tracks)} tracks; choose one with --track: {', '.join(tracks)}")
+    if track not in tracks:
+        raise ConfigurationError(f"{file}: there is no track {track!r}{suggest(track, tracks)}")
+    return track
+
+
+def _views(document: dict[str, Any]) -> Iterator[Any]:
+    from rich.table import Table
+
+    word, factor = people(document["unit"])
+    table = Table(title=f"{document['parameter']} [{word}]", title_justify="left")
+    headings = ("group", "n", "mean", "std", "of mean", "correlation\nof neighbours", "correlation\nwith order (p)")
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading == "group" else "right")
+    for name, found in document["groups"].items():
+        table.add_row(name, str(found["count"]), *_statistics(found, factor))
+    yield table
+    for name, found in document["groups"].items():
+        yield from _histogram(name, found, factor)
+        if found["moving_average"]:
+            ends = found["moving_average"][0] * factor, found["moving_average"][-1] * factor
+            yield f"{name}: moving average over {WINDOW} goes from {ends[0]:.5g} to {ends[1]:.5g} {word}"
+    if document["tests"]:
+        yield _tests(document["tests"], word, factor)
+        yield _CAUTION
+    if document["skipped"]:
+        yield f"{document['skipped']} runs without a value, or with an invalid one, were left out"
+
+
+def _statistics(found: dict[str, Any], factor: float) -> list[str]:
+    std = (found["std"] or 0.0) * factor
+    trend = found["correlation_with_order"]
+    return [
+        measured(found["mean"] * factor, (found["std_of_mean"] or 0.0) * factor),
+        f"{std:.3g}",
+        f"{(found['std_of_mean'] or 0.0) * factor:.3g}",
+        "-" if found["correlation"] is None else f"{found['correlation']:+.2f}",
+        "-" if trend is None else f"{trend:+.2f} ({found['correlation_with_order_p']:.2g})",
+    ]
+
+
+def _histogram(name: str, found: dict[str, Any], factor: float) -> Iterator[str]:
+    counts, edges = found["histogram"]["counts"], found["histogram"]["edges"]
+    tallest = max(counts, default=0)
+    if tallest:
+        yield f"{name}:"
+    for count, low, high in zip(counts, edges, edges[1:], strict=False):
+        yield f"  {low * factor:10.5g} .. {high * factor:10.5g}  {'#' * round(_BAR * count / tallest)} {count}"
+
+
+def _tests(rows: list[dict[str, Any]], word: str, factor: float) -> Any:
+    from rich.table import Table
+
+    table = Table(title="Welch's t-test", title_justify="left")
+    for heading in ("groups", f"difference\n{word}", "t", "degrees of\nfreedom", "p"):
+        table.add_column(heading, justify="left" if heading == "groups" else "right")
+    for row in rows:
+        cells = ["-" if row[key] is None else f"{row[key]:.3g}" for key in ("t", "degrees_of_freedom", "p")]
+        table.add_row(f"{row['first']}, {row['second']}", f"{row['difference'] * factor:.4g}", *cells)
+    return table

@@ -1,0 +1,124 @@
+"""Repeatability: what many estimates of one quantity say together (paper, section Estimates Correlation)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from palpate import Floats
+
+WINDOW = 30  # of the moving average, as in the paper
+_LAGS = 30
+
+
+@dataclass(frozen=True)
+class Repeatability:
+    """Estimates of one quantity in the order of their taking."""
+
+    values: Floats  # (n,)
+
+    @property
+    def mean(self) -> float:
+        """Mean."""
+        return float(self.values.mean())
+
+    @property
+    def std(self) -> float:
+        """Standard uncertainty of one estimate: the scatter with n - 1; NaN for a single one."""
+        return float(self.values.std(ddof=1)) if len(self.values) > 1 else math.nan
+
+    @property
+    def std_of_mean(self) -> float:
+        """Standard uncertainty of the mean with neighbours' correlation r: s/sqrt(n) sqrt((1 + r)/(1 - r)), r >= 0."""
+        r = min(max(self.lag_one, 0.0), 0.99) if len(self.values) > 3 else 0.0
+        return self.std / math.sqrt(len(self.values)) * math.sqrt((1 + r) / (1 - r))
+
+    @property
+    def lag_one(self) -> float:
+        """Correlation coefficient of neighbours; NaN where there is no scatter."""
+        found = autocorrelation(self.values, 1)
+        return float(found[1]) if len(found) > 1 else math.nan
+
+    @property
+    def trend(self) -> tuple[float, float]:
+        """Correlation coefficient with the order of taking, and its p-value without a trend; NaN for fewer than 3."""
+        from scipy.stats import t as student
+
+        if len(self.values) < 3 or not _scatters(self.values):
+            return math.nan, math.nan
+        rho = float(np.corrcoef(np.arange(len(self.values)), self.values)[0, 1])
+        freedom = len(self.values) - 2
+        size = abs(rho) * math.sqrt(freedom / max(1.0 - rho**2, 1e-300))
+        return rho, float(2 * student.sf(size, freedom))
+
+    def table(self) -> dict[str, Any]:
+        """Everything, as plain data."""
+        counts, edges = (
+            np.histogram(self.values, bins="auto") if len(self.values) > 1 else (np.zeros(0, int), np.zeros(0))
+        )
+        correlation, p_value = self.trend
+        return {
+            "count": len(self.values),
+            "mean": self.mean,
+            "std": self.std,
+            "std_of_mean": self.std_of_mean,
+            "correlation": self.lag_one,
+            "correlation_with_order": correlation,
+            "correlation_with_order_p": p_value,
+            "autocorrelation": autocorrelation(self.values, _LAGS).tolist(),
+            "autocorrelation_95": 1.96 / math.sqrt(len(self.values)),
+            "moving_average": moving_average(self.values, WINDOW).tolist(),
+            "histogram": {"counts": counts.tolist(), "edges": edges.tolist()},
+            "values": self.values.tolist(),
+        }
+
+
+def _scatters(values: Floats) -> bool:
+    """Whether values differ by more than rounding."""
+    return bool(np.ptp(values) > 1e-12 * np.abs(values).max())
+
+
+def autocorrelation(values: Floats, lags: int) -> Floats:
+    """Autocorrelation (lags + 1,) of values (n,), biased estimator, from lag 0; empty where there is no scatter."""
+    centred = np.asarray(values, float) - np.mean(values)
+    power = float(centred @ centred)
+    if not _scatters(values):
+        return np.zeros(0)
+    lags = min(lags, len(centred) - 1)
+    return np.array([float(centred[: len(centred) - lag] @ centred[lag:]) / power for lag in range(lags + 1)])
+
+
+def moving_average(values: Floats, window: int) -> Floats:
+    """Means (n - window + 1,) over a sliding window; empty where there are fewer values than that."""
+    if len(values) < window:
+        return np.zeros(0)
+    return np.convolve(values, np.full(window, 1.0 / window), mode="valid")
+
+
+def welch_tests(groups: Mapping[str, Floats]) -> list[dict[str, Any]]:
+    """Welch's t-test between every two groups: t, degrees of freedom, two-sided p-value of equal means."""
+    from scipy.stats import t as student
+
+    found = []
+    for first, second in combinations(groups, 2):
+        a, b = groups[first], groups[second]
+        row: dict[str, Any] = {"first": first, "second": second, "difference": float(b.mean() - a.mean())}
+        value = freedom = math.nan
+        if len(a) > 1 and len(b) > 1 and (_scatters(a) or _scatters(b)):
+            spread_a, spread_b = a.var(ddof=1) / len(a), b.var(ddof=1) / len(b)
+            value = row["difference"] / math.sqrt(spread_a + spread_b)
+            freedom = (spread_a + spread_b) ** 2 / (spread_a**2 / (len(a) - 1) + spread_b**2 / (len(b) - 1))
+        p_value = float(2 * student.sf(abs(value), freedom))
+        found.append(row | {"t": float(value), "degrees_of_freedom": float(freedom), "p": p_value})
+    return found
+
+
+def repeatability(groups: Mapping[str, Sequence[float]]) -> dict[str, Any]:
+    """Statistics of each group, and the tests between them; groups in the order of their names."""
+    ordered = {name: np.asarray(groups[name], float) for name in sorted(groups)}
+    tables = {name: Repeatability(values).table() for name, values in ordered.items()}
+    return {"groups": tables, "tests": welch_tests(ordered)}

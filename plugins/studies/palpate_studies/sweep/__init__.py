@@ -1,0 +1,1 @@
+"""Sweeps of settings: combinations as plain data, and their table."""

@@ -1,0 +1,63 @@
+"""Uncertainty: what the tracks of a run are judged by when it has ended, and what their uncertainty is made of."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from palpate import Command, Diagnosis, FlagMeaning, plugin
+
+if TYPE_CHECKING:
+    from palpate import Settings
+
+
+@plugin
+def palpate_diagnoses() -> dict[str, Diagnosis]:
+    """Judges of every track."""
+    return {
+        "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
+        "model-choice": Diagnosis("palpate_uncertainty.choice:model_choice"),
+        "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),
+    }
+
+
+@plugin
+def palpate_tables() -> dict[str, type[Settings]]:
+    """Models between which nobody but the record can choose."""
+    from palpate_uncertainty.settings import ChoiceSettings
+
+    return {"choice": ChoiceSettings}
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """What the uncertainty of a run is made of."""
+    return {
+        "budget": Command("palpate_uncertainty.budget:budget", "What the uncertainty of a run's values is made of.")
+    }
+
+
+@plugin
+def palpate_flags() -> dict[str, FlagMeaning]:
+    """What their flags mean."""
+    return {
+        "lack-of-fit": FlagMeaning(
+            "doubtful",
+            "What the model leaves of the force is not the noise that the channel had at standstill, and it matters.",
+            "Use a model of the named reason (thickness, memory, timing, lift-off, tip, drift), or declare it.",
+        ),
+        "model-choice": FlagMeaning(
+            "note",
+            "Several models are admitted; the record's evidence for each, and what all of them say together.",
+            "Give the combined value, or state the geometry that leaves one model.",
+        ),
+        "choice-incomplete": FlagMeaning(
+            "doubtful",
+            "A model that the stated geometry admits has no result, so that the spread of the models leaves it out.",
+            "Correct the name in [choice] candidates, or let the model run with the same estimator.",
+        ),
+        "outliers": FlagMeaning(
+            "doubtful",
+            "Single readings of the force are off by many times its noise, and the estimator gives them full weight.",
+            "Set student = 4 (kinematic filters), a robust loss (fits), or find out what disturbs the sensor.",
+        ),
+    }

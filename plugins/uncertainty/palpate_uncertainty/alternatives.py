@@ -1,0 +1,184 @@
+"""What else a record may be: the model, changed in one respect, fitted again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate_uncertainty.course import Course
+from palpate_uncertainty.memory import relaxed
+from palpate_uncertainty.whitening import Floats
+
+_LAYER = (1.133, 1.283, 0.769, 0.0975)  # Dimitriadis et al. 2002, eq. 13
+_DEEPER = 1e-6  # [m], for slopes
+_LATEST = 0.02  # [s]
+_MOST = 3000  # samples that a refit looks at
+_FARTHEST = 0.02  # [m] that the surface may move
+
+# From the model's parameters (k,), the surface [m] and the extra numbers:
+Force = Callable[[Floats, float, Floats], Floats]  # the force (n,) [N]
+Candidates = Callable[[Floats, float, Floats], Floats]  # parameters (c, k) that the estimate may stand for
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """One respect in which a model may be wrong, with the bounds of the numbers that it adds."""
+
+    reason: str
+    force: Force
+    start: tuple[float, ...] = ()
+    lower: tuple[float, ...] = ()
+    upper: tuple[float, ...] = ()
+    candidates: Candidates = lambda theta, surface, extra: theta[None]
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A model fitted to a course by least squares."""
+
+    reason: str  # empty for the model as it is
+    theta: Floats  # (k,) the model's parameters
+    surface: float  # [m]
+    candidates: Floats  # (c, k) what the parameters may be if this is the truth
+    residual: Floats  # (n,) [N] over the course's fitted samples
+
+
+Maker = Callable[[Course], Alternative]
+
+
+def unchanged(course: Course) -> Alternative:
+    """The model as it is."""
+    return Alternative("", lambda theta, surface, extra: course.forces(theta, surface))
+
+
+def refit(course: Course, theta: Floats, surface: float, make: Maker = unchanged) -> Refit:
+    """A model fitted from a start, parameters within its bounds."""
+    from scipy.optimize import least_squares
+
+    small = course if course.model.memory else course.reduced(_MOST)
+    made, k = make(small), len(theta)
+    rows = np.flatnonzero(small.used)
+    rows = rows[:: max(1, -(-len(rows) // _MOST))]
+    sizes = np.where(theta != 0, np.abs(theta), 1.0)
+    scale = np.concatenate([sizes, [1e-4], np.subtract(made.upper, made.lower)])
+    lower = np.array([*(p.lower for p in course.model.parameters), -_FARTHEST, *made.lower]) / scale
+    upper = np.array([*(p.upper for p in course.model.parameters), _FARTHEST, *made.upper]) / scale
+    start = np.array([*theta, 0.0, *made.start]) / scale
+    margin = 1e-9 * np.maximum(1.0, np.abs(start))
+    start = np.clip(start, lower + margin, upper - margin)
+
+    def parts(x: Floats) -> tuple[Floats, float, Floats]:
+        numbers = x * scale
+        return numbers[:k], surface + float(numbers[k]), numbers[k + 1 :]
+
+    def residual(x: Floats) -> Floats:
+        error = (small.force - made.force(*parts(x)))[rows]
+        return np.asarray(np.where(np.isfinite(error), error, 1e6))
+
+    found = least_squares(residual, start, bounds=(lower, upper), x_scale="jac", ftol=1e-7, xtol=1e-7, max_nfev=40)
+    numbers, full = parts(found.x), made if small is course else make(course)
+    error = (course.force - full.force(*numbers))[course.used]
+    return Refit(made.reason, numbers[0], numbers[1], full.candidates(*numbers), error)
+
+
+def alternatives(course: Course, base: Refit) -> Iterator[Refit]:
+    """Refits of all that the residual may say is wrong; for a model with memory of its own only timing and drift."""
+    elastic = [i for i, parameter in enumerate(course.model.parameters) if parameter.role == "elastic"]
+    makers: list[Maker] = [_timing, _drift]
+    if elastic and not course.model.memory:
+        shape = _shape(course, base)
+        makers += [
+            lambda c: _thickness(c, base.theta, shape),
+            lambda c: _tip(c, elastic, shape),
+            _lift_off,
+        ]
+    for make in makers:
+        yield refit(course, base.theta, base.surface, make)
+    if len(elastic) == 1 and not course.model.memory and all(p.role for p in course.model.parameters):
+        stays, surface, at_first, residual = relaxed(course, base.theta, base.surface, elastic[0])
+        yield Refit("memory", stays, surface, np.array([stays, at_first]), residual)
+
+
+def _timing(course: Course) -> Alternative:
+    """A force that is recorded late, to first order."""
+    return Alternative(
+        "timing",
+        lambda theta, surface, x: course.forces(theta, surface) - x[0] * course.change(theta, surface),
+        (0.0,),
+        (-_LATEST,),
+        (_LATEST,),
+    )
+
+
+def _drift(course: Course) -> Alternative:
+    """A force that drifts from the first contact on; where there was no air before it, from anywhere."""
+    since, most = (course.time - course.begin) / course.span, float(np.max(np.abs(course.force[course.used])))
+    if course.from_air:
+        return Alternative("drift", lambda t, s, x: course.forces(t, s) + x[0] * since, (0.0,), (-most,), (most,))
+    ends = (most, most)
+    return Alternative(
+        "drift", lambda t, s, x: course.forces(t, s) + x[0] * since + x[1], (0.0, 0.0), (-most, -most), ends
+    )
+
+
+def _lift_off(course: Course) -> Alternative:
+    """A surface that does not pull: the tip leaves it faster than it comes back."""
+    return Alternative("lift-off", lambda theta, surface, x: np.maximum(course.forces(theta, surface), 0.0))
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """The elastic force of a model at the mean depth of a record."""
+
+    depth: float  # [m]
+    slope: float  # [N/m]
+    power: float  # of depth, that it grows with
+
+
+def _shape(course: Course, base: Refit) -> _Shape:
+    depth, (low, slope) = course.depth(base.surface)[course.used], course.elastic(base.theta, base.surface)
+    low, slope = low[course.used], slope[course.used]
+    return _Shape(float(np.mean(depth)), float(np.mean(slope)), float(np.mean(slope * depth) / np.mean(low)))
+
+
+def _thickness(course: Course, unit: Floats, shape: _Shape) -> Alternative:
+    """The elastic force times c(X), X growing as the contact radius, and the viscous force after its derivative.
+
+    The contact radius is the slope of the elastic force in depth, but for a constant, which the extra number takes.
+    """
+
+    def layer(surface: float, extra: Floats) -> Floats:
+        x = float(extra[0]) * course.elastic(unit, surface)[1] / shape.slope
+        return np.asarray(1.0 + x * (_LAYER[0] + x * (_LAYER[1] + x * (_LAYER[2] + x * _LAYER[3]))))
+
+    def force(theta: Floats, surface: float, extra: Floats) -> Floats:
+        low, slope = course.elastic(theta, surface)
+        factor, deeper = layer(surface, extra), layer(surface + _DEEPER, extra)
+        growth = np.divide(low, slope, out=np.zeros_like(low), where=slope > 0) * (deeper - factor) / _DEEPER
+        viscous = course.forces(theta, surface) - low
+        return np.asarray(low * factor + viscous * (factor + growth))
+
+    return Alternative("thickness", force, (0.2,), (0.0,), (1.5,))
+
+
+def _tip(course: Course, elastic: list[int], shape: _Shape) -> Alternative:
+    """An elastic force that is another power of depth, and the viscous force after its slope.
+
+    Which tip that is, nobody knows: the elastic parameters may be what the force, or what its slope, at the mean depth
+    would need in the model.
+    """
+
+    def force(theta: Floats, surface: float, extra: Floats) -> Floats:
+        change = (np.maximum(course.depth(surface), 1e-9) / shape.depth) ** float(extra[0])
+        low, _ = course.elastic(theta, surface)
+        viscous = course.forces(theta, surface) - low
+        return np.asarray(change * (low + viscous * (1.0 + float(extra[0]) / shape.power)))
+
+    def candidates(theta: Floats, surface: float, extra: Floats) -> Floats:
+        by_slope = theta.copy()
+        by_slope[elastic] *= 1.0 + float(extra[0]) / shape.power
+        return np.array([theta, by_slope])
+
+    return Alternative("wrong-tip", force, (0.0,), (0.3 - shape.power,), (2.5,), candidates)

@@ -1,0 +1,96 @@
+"""The record of a palpation as the refits of the lack-of-fit test see it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import ContactModel, TrackEvidence, contact_force, force_over_time
+
+from palpate_uncertainty.whitening import Floats, Runs
+
+_SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
+_STEP, _RATE_STEP = 1e-6, 1e-5  # [m], [m/s]; for slopes
+_GAP = 2.5  # of the usual interval
+
+
+@dataclass(frozen=True)
+class Course:
+    """Samples in contact, in their order, and those among them that are fitted."""
+
+    model: ContactModel
+    time: Floats  # (n,) [s]
+    force: Floats  # (n,) [N] without the inertia of the tip
+    height: Floats  # (n,) [m]
+    rate: Floats  # (n,) [m/s] of the depth
+    acceleration: Floats  # (n,) [m/s^2] of the depth
+    runs: Runs  # (n,) number of the stretch without a gap
+    used: NDArray[np.bool_]  # (n,) fitted
+    begin: float  # [s] of the first sample
+    span: float  # [s] to the last
+    from_air: bool  # whether the record saw the tip come into contact
+
+    def reduced(self, most: int) -> Course:
+        """At most so many of the fitted samples, and no others: for what does not depend on the past."""
+        rows = np.flatnonzero(self.used)
+        rows = rows[:: max(1, -(-len(rows) // most))]
+        names = ("time", "force", "height", "rate", "acceleration", "runs", "used")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+    def depth(self, surface: float) -> Floats:
+        """Depth (n,) [m] below a surface [m]; negative above."""
+        return np.asarray(surface - self.height)
+
+    def forces(self, theta: Floats, surface: float) -> Floats:
+        """Contact force (n,) [N] of the model."""
+        return self._force(self.depth(surface), self.rate, theta)
+
+    def _force(self, depth: Floats, rate: Floats, theta: Floats) -> Floats:
+        if self.model.memory:
+            return np.asarray(force_over_time(self.model, self.time, depth, rate, theta.tolist()))
+        return np.asarray(contact_force(self.model, depth, rate, theta.tolist()), dtype=float) + 0.0 * depth
+
+    def elastic(self, theta: Floats, surface: float) -> tuple[Floats, Floats]:
+        """Force (n,) [N] at the same depths at rest, and its slope in depth (n,) [N/m]; for models without memory."""
+        depth, still = np.maximum(self.depth(surface), 0.0), np.zeros(len(self.time))
+        low = self._force(depth, still, theta)
+        return low, (self._force(depth + _STEP, still, theta) - low) / _STEP
+
+    def change(self, theta: Floats, surface: float) -> Floats:
+        """Slope in time (n,) [N/s] of the model's force."""
+        depth, force = self.depth(surface), self.forces(theta, surface)
+        if self.model.memory:
+            return np.asarray(np.gradient(force, self.time))
+        by_depth = (self._force(depth + _STEP, self.rate, theta) - force) / _STEP
+        by_rate = (self._force(depth, self.rate + _RATE_STEP, theta) - force) / _RATE_STEP
+        return np.asarray(by_depth * self.rate + by_rate * self.acceleration)
+
+
+def runs_of(track: TrackEvidence) -> Runs:
+    """Numbers (n,) of the stretches of a track's kept samples that have no gap."""
+    kept = track.kept
+    step = np.diff(kept.time, prepend=kept.time[:1])
+    usual = float(np.median(step[1:])) if len(step) > 1 else 0.0
+    jumps = np.diff(kept.index, prepend=kept.index[:1] - 1) != 1
+    return np.asarray(np.cumsum(jumps | (step > _GAP * usual)), dtype=np.int64)
+
+
+def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
+    """The course of a track's kept samples; those at the ends of runs are not fitted."""
+    kept, runs = track.kept, runs_of(track)
+    acceleration = np.full(len(kept.time), np.nan)
+    k = _SLOPE_SAMPLES
+    if len(kept.time) > 2 * k:
+        change = kept.velocity[: -2 * k] - kept.velocity[2 * k :]  # depth counts down, height up
+        whole = (runs[2 * k :] == runs[: -2 * k]) & (kept.time[2 * k :] > kept.time[: -2 * k])
+        span = np.where(whole, kept.time[2 * k :] - kept.time[: -2 * k], np.nan)
+        acceleration[k:-k] = change / span
+    force = kept.force - (track.tip_mass or 0.0) * np.nan_to_num(acceleration)
+    known = np.isfinite(force) & np.isfinite(kept.position) & np.isfinite(kept.velocity) & np.isfinite(acceleration)
+    first, last = (float(kept.time[0]), float(kept.time[-1])) if len(kept.time) else (0.0, 0.0)
+    rate = np.nan_to_num(-kept.velocity)
+    return Course(
+        track.model, kept.time, force, kept.position, rate, np.nan_to_num(acceleration), runs, used & known, first,
+        max(last - first, 1e-9), len(track.air_time) > 0,
+    )  # fmt: skip

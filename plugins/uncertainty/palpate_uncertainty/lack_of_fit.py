@@ -1,0 +1,204 @@
+"""Lack of fit: whether what a track leaves of its record is the noise of the channel, and what else it may be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from palpate import Diagnosed, Flag, TrackEvidence
+
+from palpate_uncertainty.alternatives import Refit, alternatives, refit
+from palpate_uncertainty.course import Course, make_course, runs_of
+from palpate_uncertainty.whiteness import Tested, examined, oscillation
+from palpate_uncertainty.whitening import ENOUGH, WHITE, Floats, Null, null_of
+
+LEVEL = 1e-3  # of the family's p
+_ENOUGH = 300  # samples
+_STILL = 1e-4  # [m]
+_SWEEP = 1e-3  # [m] sideways
+_SMALL = 0.005  # of a parameter; less matters to nobody
+_LEFT = 0.02  # of the misfit's power; an alternative that leaves less has explained it
+_FAINT = 0.01  # the same, of the variance of the noise
+_NAMED = 0.2  # the same, for a reason that is worth naming though it does not explain it all
+
+
+def lack_of_fit(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
+    """Diagnoseds on all tracks; see docs/uncertainty.md."""
+    known: dict[Any, _Base] = {}
+    return {track.name: found for track in tracks if (found := _judge(track, known)) is not None}
+
+
+@dataclass(frozen=True)
+class _Base:
+    """A model fitted to what a track used, and how it is tested."""
+
+    course: Course
+    fit: Refit
+    null: Null
+    phase: Floats | None  # (n,) [rad] of the fitted samples
+
+    def test(self, residual: Floats) -> Tested:
+        rows, course = self.course.used, self.course
+        return examined(residual, course.runs[rows], course.time[rows], -course.height[rows], self.phase, self.null)
+
+
+def _judge(track: TrackEvidence, known: dict[Any, _Base]) -> Diagnosed | None:
+    if np.count_nonzero(track.kept.used) < _ENOUGH:
+        return None
+    if track.report is not None and np.isfinite(track.kept.innovation).any():
+        found = _by_innovations(track)
+        return _explained(track, found, _base(track, known)) if found.p < LEVEL else _table(found)
+    if _sweeps(track):
+        return None
+    base = _base(track, known)
+    found = base.test(base.fit.residual)
+    return _explained(track, found, base) if found.p < LEVEL else _table(found)
+
+
+def left_by(track: TrackEvidence) -> Floats:
+    """What the model, fitted again to a track's samples, leaves of the force (n,) [N]."""
+    return _base(track, {}).fit.residual
+
+
+def _sweeps(track: TrackEvidence) -> bool:
+    """Whether the tip went along the surface, so that one value does not hold for the whole record."""
+    place = track.kept.lateral[track.kept.used]
+    place = place[np.isfinite(place).all(axis=1)]
+    return track.estimator.follows_changes or (len(place) > 0 and bool(np.max(np.ptp(place, axis=0)) > _SWEEP))
+
+
+def standstill(track: TrackEvidence) -> Floats:
+    """Force (n,) [N] before the tip began to move; empty where the record has none."""
+    place = track.air_position
+    if not len(place):
+        return np.zeros(0)
+    moving = np.abs(place - place[0]) > _STILL
+    return track.air_force[: int(np.argmax(moving)) if moving.any() else len(place)]
+
+
+def _base(track: TrackEvidence, known: dict[Any, _Base]) -> _Base:
+    """The model fitted to the track's samples; once for all tracks that share them."""
+    used = track.kept.used
+    key = id(track.model), int(np.count_nonzero(used)), float(track.kept.time[used][0])
+    if key not in known:
+        course = make_course(track, used)
+        fit = refit(course, track.values, track.surface)
+        rhythm = oscillation(course.time[course.used], course.height[course.used])
+        phase = rhythm[1] if rhythm else None
+        known[key] = _Base(course, fit, _null(track, fit.residual, phase), phase)
+    return known[key]
+
+
+def _null(track: TrackEvidence, residual: Floats, phase: Floats | None) -> Null:
+    """Noise at standstill; where none was recorded, the residual's own less its pattern over phase."""
+    noise = standstill(track)
+    if np.count_nonzero(np.isfinite(noise)) >= ENOUGH:
+        return null_of(noise)
+    if len(residual) < _ENOUGH:
+        return WHITE
+    rest = residual.copy()
+    if phase is not None:
+        bins = np.floor(phase / (2 * np.pi) * 32).astype(int) % 32
+        number = np.maximum(np.bincount(bins, minlength=32), 1)
+        rest -= (np.bincount(bins, weights=residual, minlength=32) / number)[bins]
+    return null_of(rest, "residual")
+
+
+def _by_innovations(track: TrackEvidence) -> Tested:
+    """The tests of what the estimator itself left."""
+    kept = track.kept
+    rows = kept.used & np.isfinite(kept.innovation) & np.isfinite(kept.position)
+    time, height, values = kept.time[rows], kept.position[rows], kept.innovation[rows]
+    rhythm = oscillation(time, height)
+    phase = rhythm[1] if rhythm else None
+    return examined(values, runs_of(track)[rows], time, -height, phase, _null(track, values, phase))
+
+
+def _table(found: Tested) -> Diagnosed:
+    return Diagnosed(table={"p": found.p, "tests": dict(found.tests), "null": found.null})
+
+
+def _explained(track: TrackEvidence, found: Tested, base: _Base) -> Diagnosed:
+    """What the pattern says of the reason, and by how much each parameter may be off for it."""
+    first = base.test(base.fit.residual)
+    if first.p >= LEVEL:  # the model is right, and what is amiss is how far the track is from it
+        others = [(base.fit, first)]
+    else:
+        others = [(other, base.test(other.residual)) for other in alternatives(base.course, base.fit)]
+    left = {other.reason: _ratio(test.misfit, first.misfit) for other, test in others if other.reason}
+    removing = [other for other, test in others if _removes(test, first)]
+    naming = [other for other, _ in others if left.get(other.reason, 1.0) < _NAMED]
+    shifts = np.max([np.max(np.abs(o.candidates - track.values), axis=0) for o in removing or naming or [base.fit]], 0)
+    if not removing:
+        shifts = np.maximum(shifts, _by_size(base, first.misfit))
+    # Without a standstill it may be the channel's noise after all, where no alternative takes anything of it.
+    known = bool(removing) or (base.null.source != "standstill" and not naming)
+    reasons = sorted((other.reason for other in removing or naming if other.reason), key=lambda reason: left[reason])
+    effects = shifts / np.maximum(np.abs(track.values), 1e-300)
+    matters = bool(np.any((effects > _SMALL) & ~(shifts < 0.5 * track.combined)))
+    names = [parameter.name for parameter in track.model.parameters]
+    table = dict(_table(found).table) | {
+        "matters": matters,
+        "effect": dict(zip(names, (100.0 * effects).tolist(), strict=True)),  # per cent
+        "reasons": reasons,
+        "explained": bool(removing),
+        "left": left,
+        "alternatives": {
+            other.reason: {name: other.candidates[:, i].tolist() for i, name in enumerate(names)}
+            for other, _ in others
+            if other.reason
+        },
+    }
+    if not matters:
+        return Diagnosed(table=table)
+    text = _sentence(found, reasons, bool(removing), known, dict(zip(names, effects.tolist(), strict=True)))
+    terms = dict(zip(names, shifts.tolist(), strict=True)) if known else {}
+    return Diagnosed((Flag("lack-of-fit", text),), terms, frozenset() if known else frozenset(names), table)
+
+
+def _ratio(part: float, whole: float) -> float:
+    return part / whole if whole > 0 else 1.0
+
+
+def _removes(test: Tested, first: Tested) -> bool:
+    return test.p >= LEVEL or test.misfit < max(_LEFT * first.misfit, _FAINT)
+
+
+def _sentence(found: Tested, reasons: list[str], explained: bool, known: bool, effects: Mapping[str, float]) -> str:
+    level = f"p {found.p:.0e}" if found.p > 1e-99 else "p < 1e-99"
+    sizes = [f"{name} by {_percent(effect)}" for name, effect in effects.items() if effect > _SMALL]
+    off = f"{', '.join(sizes)} may be wrong" if sizes else "what it does to the parameters is small"
+    likely = f"; likely {' or '.join(reasons)}" if reasons else ""
+    unknown = "" if explained else "; no alternative explains it, and there is no standstill to know the noise by"
+    if not known:
+        unknown = "; no alternative explains all of it, so the uncertainty is not known"
+    return f"what the model leaves is not the noise of the channel ({level}){likely}; {off}{unknown}"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share < 10 else "more than tenfold"
+
+
+def _by_size(base: _Base, misfit: float) -> Floats:
+    """Shift (k,) of each parameter by a force as large as the pattern, along the parameter's own slope.
+
+    The slope is what is left of it when the other parameters and the surface have taken their share: what a residual
+    that a fit has left could have moved, had it not been at right angles to the fit.
+    """
+    course, fit = base.course.reduced(3000), base.fit
+    columns = []
+    for i, value in enumerate(fit.theta):
+        step = np.zeros_like(fit.theta)
+        step[i] = 1e-4 * (abs(value) or 1.0)
+        columns.append((course.forces(fit.theta + step, fit.surface) - course.forces(fit.theta, fit.surface)) / step[i])
+    columns.append((course.forces(fit.theta, fit.surface + 1e-6) - course.forces(fit.theta, fit.surface)) / 1e-6)
+    slopes = np.column_stack(columns)
+    size, shifts = float(np.std(base.fit.residual)) * float(np.sqrt(misfit)), []
+    for i in range(len(fit.theta)):
+        others = np.delete(slopes, i, axis=1)
+        others = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)
+        own = slopes[:, i] - others @ np.linalg.lstsq(others, slopes[:, i], rcond=None)[0]
+        shifts.append(size / max(float(np.sqrt(np.mean(own**2))), 1e-300))
+    return np.array(shifts)

@@ -1,0 +1,50 @@
+"""Outliers: readings of the force that no motion and no noise explains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from palpate import Diagnosed, Flag, TrackEvidence
+
+from palpate_uncertainty.whitening import Floats
+
+_REACH = 5  # samples to either side, of the running median
+_SIGMAS = 8.0
+_FEWEST = 100  # samples
+
+
+def outliers(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
+    """Findings on every track whose force holds spikes and whose estimator gives them their full weight."""
+    found: dict[str, Diagnosed] = {}
+    for track in tracks:
+        force = track.kept.force[track.kept.used]
+        spikes = spikes_of(force)
+        if not len(spikes):
+            continue
+        share, size = len(spikes) / len(force), float(np.max(np.abs(spikes)))
+        table = {"count": len(spikes), "share": share, "largest": size}
+        text = f"{len(spikes)} readings of the force ({100 * share:.2g} %) are spikes of up to {size:.2g} N"
+        flags = () if track.estimator.robust else (Flag("outliers", f"{text}, which this estimator gives full weight"),)
+        found[track.name] = Diagnosed(flags, table=table)
+    return found
+
+
+def spikes_of(force: Floats) -> Floats:
+    """How far [N] readings are off that are more than 8 standard deviations from the median of their neighbours.
+
+    Noise by the median size of second differences, 6 times its variance in white noise; not below the least step of the
+    readings. Source: Hampel 1974.
+    """
+    from scipy.ndimage import median_filter
+
+    force = force[np.isfinite(force)]
+    if len(force) < _FEWEST:
+        return np.zeros(0)
+    off = force - median_filter(force, 2 * _REACH + 1, mode="nearest")
+    steps = np.abs(np.diff(force))
+    least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
+    scale = max(1.4826 * float(np.median(np.abs(np.diff(force, 2)))) / np.sqrt(6.0), least)
+    # A fast motion is no spike: what the readings beside it do as well.
+    bend = _SIGMAS * scale + 2.0 * median_filter(np.abs(np.gradient(force)), 2 * _REACH + 1, mode="nearest") * _REACH
+    return off[np.abs(off) > bend] if scale > 0 else np.zeros(0)

@@ -1,0 +1,121 @@
+"""Four tests of residuals or innovations: their memory, and their means over phase, time and depth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate_uncertainty.whitening import Floats, Null, Runs
+
+LAGS, PHASES, BLOCKS, DEPTHS = 50, 32, 20, 10
+_FEWEST = 8  # samples of a bin, for its mean to be nearly normal
+_CLIPPED = 6.0  # standard deviations; what is beyond is an outlier, which is flagged as such
+_SHARE = 0.5  # of the motion's variance in one line of its spectrum, from which on it oscillates
+_CYCLES = 4.0
+
+
+@dataclass(frozen=True)
+class Tested:
+    """p-values of one track."""
+
+    p: float  # of the family: the smallest after Holm
+    tests: Mapping[str, float]  # by name, as they are
+    misfit: float = 0.0  # share of the variance that is a pattern: by memory, phase, time or depth, the largest of them
+    null: str = "assumed"  # where the noise comes from: "standstill", "residual", or white noise "assumed"
+
+
+def examined(values: Floats, runs: Runs, time: Floats, depth: Floats, phase: Floats | None, null: Null) -> Tested:
+    """The tests of residuals or innovations (n,) of any scale, against the noise that `null` says.
+
+    `runs` (n,) numbers the stretches without a gap, `phase` (n,) [rad] is that of the oscillation, None where there is
+    none. The whitened values are clipped at 6 standard deviations. Under a null that comes from n0 samples whitening
+    leaves a memory of the order 1/n0, so that the Ljung-Box sum is divided by 1 + n/n0 where it has whitened anything,
+    and the sums of means by `null.excess`.
+    Sources: Ljung and Box 1978; Holm 1979.
+    """
+    white, known = null.whitened(values, runs)
+    white, runs, time, depth = white[known], runs[known], time[known], depth[known]
+    scale = float(np.median(np.abs(white - np.median(white)))) * 1.4826 if len(white) else 0.0
+    if len(white) < 4 * LAGS or scale == 0.0:
+        return Tested(1.0, {}, 0.0, null.source)
+    white = np.clip(white, -_CLIPPED * scale, _CLIPPED * scale)
+    white = white / np.sqrt(np.mean(white**2))
+    tests, patterns = {}, {}
+    if null.source != "residual":  # whitened by themselves, they have no memory left to test
+        tests["memory"], patterns["memory"] = _memory(white, runs, null)
+    order = np.argsort(np.argsort(depth, kind="stable"), kind="stable")
+    bins = {"time": (np.arange(len(white)) * BLOCKS // len(white), BLOCKS)}
+    bins["depth"] = (order * DEPTHS // len(white), DEPTHS)
+    if phase is not None:
+        bins["phase"] = (np.floor(phase[known] / (2 * np.pi) * PHASES).astype(int) % PHASES, PHASES)
+    for name, (places, count) in bins.items():
+        tests[name], patterns[name] = _means(white, places, count, null.excess)
+    tests["depth"] = _means(np.sign(white), *bins["depth"], null.excess)[0]
+    return Tested(min(1.0, len(tests) * min(tests.values())), tests, max(patterns.values()), null.source)
+
+
+def _memory(white: Floats, runs: Runs, null: Null) -> tuple[float, float]:
+    """p of Ljung and Box's test over 50 lags, within the runs, and the power of a slow sine that would give it.
+
+    A sine of power s in noise of power 1 - s correlates by s cos(w k): over m lags the sum is n m s^2/2.
+    """
+    from scipy.stats import chi2
+
+    n, power = len(white), float((white**2).sum())
+    total = 0.0
+    for lag in range(1, LAGS + 1):
+        together = runs[lag:] == runs[:-lag]
+        pairs = int(np.count_nonzero(together))
+        if pairs:
+            share = float((white[lag:] * white[:-lag])[together].sum()) / power
+            total += n * (n + 2.0) / pairs * share**2
+    if len(null.coefficients):
+        total /= 1.0 + n / max(null.samples, 1)
+    return float(chi2.sf(total, LAGS)), float(np.sqrt(max(2.0 * (total - LAGS), 0.0) / (n * LAGS)))
+
+
+def _means(white: Floats, bins: NDArray[np.int64], count: int, excess: float) -> tuple[float, float]:
+    """p of the means over bins, of values of variance 1 and mean 0 under the null, and the power of their pattern."""
+    from scipy.stats import chi2
+
+    number = np.bincount(bins, minlength=count)
+    sums = np.bincount(bins, weights=white, minlength=count)
+    enough = number >= _FEWEST
+    freedom = max(int(np.count_nonzero(enough)), 1)
+    total = float((sums[enough] ** 2 / number[enough]).sum())
+    return float(chi2.sf(total / excess, freedom)), max(total - excess * freedom, 0.0) / len(white)
+
+
+def oscillation(time: Floats, position: Floats) -> tuple[float, Floats] | None:
+    """Frequency [Hz] and phase (n,) [rad] of a motion that mostly oscillates with one frequency; else None.
+
+    The strongest line of the periodogram, refined by least squares of a sine; it must hold half of the variance.
+    """
+    if len(time) < 4 * LAGS or not np.isfinite(position).all():
+        return None
+    span = float(time[-1] - time[0])
+    even = np.linspace(float(time[0]), float(time[-1]), min(len(time), 16384))
+    level = np.interp(even, time, position)
+    level = level - np.polyval(np.polyfit(even - even[0], level, 1), even - even[0])
+    variance = float(np.mean(level**2))
+    if variance == 0.0:
+        return None
+    spectrum = np.abs(np.fft.rfft(level * np.hanning(len(level)), 4 * len(level)))
+    peak = int(np.argmax(spectrum[1:])) + 1
+    lines = (peak + np.linspace(-4, 4, 81)) / (4 * span)
+    best = max(lines.tolist(), key=lambda line: _sine(even, level, line)[0])
+    power, angle = _sine(even, level, best)
+    if power < _SHARE * variance or best * span < _CYCLES:
+        return None
+    return best, np.mod(2 * np.pi * best * (time - even[0]) + angle, 2 * np.pi)
+
+
+def _sine(time: Floats, level: Floats, frequency: float) -> tuple[float, float]:
+    """Variance that a sine of a frequency takes, and its phase [rad] at the beginning."""
+    angle = 2 * np.pi * frequency * (time - time[0])
+    columns = np.column_stack([np.sin(angle), np.cos(angle)])
+    (a, b), *_ = np.linalg.lstsq(columns, level, rcond=None)
+    return float(a * a + b * b) / 2, float(np.arctan2(b, a))

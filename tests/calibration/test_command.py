@@ -1,0 +1,151 @@
+"""`palpate calibrate`: from a rig that nobody knows to a viscosity that means something."""
+
+import json
+import tomllib
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+QUICK = ("--set", "calibration.trajectory.duration=4 s", "--set", "calibration.trajectory.rest=1 s")
+
+
+@pytest.fixture
+def late(root, tmp_path):
+    """The example with a force that is 7 ms late, its mass not weighed."""
+    text = (root / "pipelines" / "late.toml").read_text()
+    weighed = next(line for line in text.splitlines() if "by a scale" in line)
+    text = text.replace(weighed, "")
+    file = tmp_path / "late.toml"
+    file.write_text(text)
+    return file
+
+
+def viscosity(palpate, file, folder, *overrides):
+    done = palpate("run", file, "--json", "--out", folder, "--set", 'run.tracks=["dr/kinematic"]', *overrides)
+    assert done.returncode == 0, done.stderr
+    track = json.loads(done.stdout)["tracks"]["dr/kinematic"]
+    return track["parameters"], [flag["code"] for flag in track["flags"]]
+
+
+def test_calibration_turns_a_delay_into_a_viscosity(palpate, late, tmp_path):
+    truth, shear = 362.0, 112.5e3 / 3
+    weighed = ("--set", "alignment.tip_mass=163 g")
+    before, flags = viscosity(palpate, late, tmp_path / "before", *weighed)
+    assert "timing-undeclared" in flags
+    off = before["viscosity"]["value"] - truth
+    assert off == pytest.approx(-shear * 7e-3, rel=0.05), "the force late by 7 ms takes G times 7 ms away"
+    unsure = ("--set", "alignment.force.uncertainty=7 ms")
+    _, flags = viscosity(palpate, late, tmp_path / "unsure", *weighed, *unsure)
+    assert "not-distinguishable-from-delay" in flags
+    done = palpate("calibrate", late)
+    assert done.returncode == 0, done.stderr
+    for text in ("mass", "163.", "delay", "95 % interval", "3 shakes of 5 Hz", 'calibration = "late.calibration.toml"'):
+        assert text in done.stdout
+    after, flags = viscosity(palpate, late, tmp_path / "after", "--set", "run.calibration=late.calibration.toml")
+    assert after["viscosity"]["value"] == pytest.approx(truth, rel=0.02)
+    assert after["elasticity"]["value"] == pytest.approx(112.5e3, rel=0.01)
+    assert not {"timing-undeclared", "not-distinguishable-from-delay"} & set(flags)
+    assert not [code for code in flags if code.startswith("calibration")]
+    found = after["viscosity"]
+    assert found["systematic"] > 0
+    assert found["combined"] >= max(found["systematic"], found["std"])
+    assert found["systematic_timing"] == pytest.approx(after["elasticity"]["value"] / 3 * 3.5e-5, rel=0.3)
+    assert found["equivalent_delay"] == pytest.approx(truth / shear, rel=0.03)
+
+
+def test_the_file_says_what_it_takes_to_trust_it(palpate, late, tmp_path):
+    target = tmp_path / "rig.toml"
+    assert palpate("calibrate", late, *QUICK, "--out", target).returncode == 0
+    table = tomllib.loads(target.read_text())
+    mass = table["values"]["mass"]
+    assert mass["unit"] == "kg"
+    assert mass["interval"][0] < 0.163 < mass["interval"][1]
+    assert len(mass["repeats"]) == 3
+    assert {"fit", "type_a", "type_b", "std"} <= set(mass)
+    assert datetime.now(UTC) - table["created"] < timedelta(hours=1)
+    assert {value["unit"] for value in table["values"].values()} == {"kg", "s", "N", "N/s", "m", "m/s"}
+    assert table["devices"]["rig"] == {"serial_number": "SIM-0001", "type": "sim"}
+    assert table["tip"] == {"type": "sphere", "radius": 0.005}
+    assert table["channels"]["force"] == "rig.wrench.z"
+    assert table["shake"]["frequencies"] == [pytest.approx(5.0, abs=1e-3)]
+    assert "palpate" in table["versions"]
+    assert {"offset", "bias", "drift", "force_std", "velocity_std", "paper_velocity_std"} <= set(table["values"])
+
+
+def test_a_recorded_log_calibrates_like_the_rig_that_made_it(palpate, late, tmp_path):
+    """Record a shake with `palpate run`, then calibrate from the log."""
+    begin, end = late.read_text().index("[trajectory.press]"), late.read_text().index("[calibration]")
+    text = late.read_text()[:begin] + '[trajectory.shake]\ntype = "shake"\namplitude = "5 mm"\n'
+    text += late.read_text()[end:] + '\n[sink.log]\ntype = "mcap"\n'
+    (tmp_path / "shake.toml").write_text(text)
+    overrides = ("--set", "alignment.tip_mass=163 g", "--set", 'run.tracks=["dr/ekf"]')
+    done = palpate("run", tmp_path / "shake.toml", "--out", tmp_path / "shaken", *overrides)
+    assert done.returncode == 0, done.stderr
+    replay = tmp_path / "replay.toml"
+    replay.write_text(
+        '[device.rig]\ntype = "mcap-replay"\nfile = "shaken/log.mcap"\n'
+        '[alignment]\nforce = "rig.wrench.z"\nposition = "rig.tip.z"\nvelocity = "rig.twist.z"\n'
+    )
+    done = palpate("calibrate", replay)
+    assert done.returncode == 0, done.stderr
+    table = tomllib.loads((tmp_path / "replay.calibration.toml").read_text())
+    assert table["values"]["mass"]["value"] == pytest.approx(0.163, abs=2e-3)
+    assert table["values"]["delay"]["value"] == pytest.approx(0.007, abs=3e-4)
+    assert "type_a" not in table["values"]["mass"]
+    assert len(table["devices"]["rig"]["sha256"]) == 64
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("calibration.trajectory.amplitude=60 mm", "must stay in air"),
+        ("calibration.trajectory.amplitude=20 mm", "top_speed: the motion reaches"),
+        ("calibration.top_acceleration=1", "top_acceleration: the motion reaches 4.9"),
+        ("calibration.lowest=48 mm", "lowest: the motion reaches 0.045 m"),
+        ("calibration.trajectory.amplitude=0.05 mm", "the amplitude is too small"),
+        ("device.rig.force_limit=1.05 N", "saturated"),
+        ("calibration.repeat=4", "unknown key 'repeat'; did you mean 'repeats'"),
+        ("calibration.trajectory.frequencies=[]", "frequencies"),
+        ("alignment.force=rig.wrench.zz", "no device has a channel"),
+    ],
+)
+def test_what_cannot_be_calibrated_is_refused_with_the_reason(palpate, late, tmp_path, override, message):
+    done = palpate("calibrate", late, *QUICK, "--set", override)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert message in " ".join(done.stderr.split())
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "late.calibration.toml").exists()
+
+
+def test_a_sensor_that_is_stuck_is_refused(palpate, late):
+    """Without noise and drift it repeats one reading at rest."""
+    done = palpate("calibrate", late, *QUICK, "--set", "device.rig.force_std=0 N", "--set", "device.rig.drift=0 N/s")
+    assert done.returncode == 2
+    assert "the force sensor is stuck: it repeats one reading for" in " ".join(done.stderr.split())
+
+
+def test_a_tip_that_touches_is_refused(palpate, late, tmp_path):
+    """The skin is 3.4 mm high, and the tip is shaken through it."""
+    low = ("calibration.trajectory.height=5.5 mm", "calibration.lowest=0 mm", "device.rig.specimen.surface=3.4 mm")
+    done = palpate("calibrate", late, *QUICK, *(word for override in low for word in ("--set", override)))
+    assert done.returncode == 2, done.stdout
+    assert "contact" in done.stderr
+    assert not (tmp_path / "late.calibration.toml").exists()
+
+
+def test_a_folder_that_is_not_there_is_told_before_anything_moves(palpate, late, tmp_path):
+    done = palpate("calibrate", late, "--out", tmp_path / "none" / "c.toml")
+    assert done.returncode == 2
+    assert "there is no folder" in " ".join(done.stderr.split())
+    assert "repeat" not in done.stderr
+
+
+def test_an_older_file_stays_unless_told_otherwise(palpate, late, tmp_path):
+    target = tmp_path / "late.calibration.toml"
+    target.write_text("precious")
+    done = palpate("calibrate", late, *QUICK)
+    assert done.returncode == 2
+    assert "exists already" in done.stderr
+    assert target.read_text() == "precious"
+    assert palpate("calibrate", late, *QUICK, "--force").returncode == 0
+    assert "[values.mass]" in target.read_text()

@@ -1,0 +1,43 @@
+"""The first second: what is looked up imports neither numbers nor parts, and every public name is still there."""
+
+import ast
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent.parent
+LAZY = ["palpate", "palpate_models", "palpate_filters", "palpate_devices", "palpate_trajectories"]
+SLOW = ("numpy", "pydantic", "typer", "rich", "pint", "casadi", "scipy")
+
+
+@pytest.mark.parametrize("argument", ["--version", "--help"])
+def test_looking_up_imports_neither_numbers_nor_parts(argument):
+    script = (
+        "import sys\nfrom palpate.cli import main\n"
+        f"main([{argument!r}])\n"
+        f"sys.exit(' '.join(name for name in {SLOW!r} if name in sys.modules))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+    assert done.stderr.strip() == ""
+    assert done.stdout
+
+
+@pytest.mark.parametrize("name", LAZY)
+def test_every_public_name_is_there_and_type_checkers_see_it(name):
+    module = importlib.import_module(name)
+    for public in module.__all__:
+        assert getattr(module, public) is not None
+    tree = ast.parse(Path(module.__file__).read_text())
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    seen = {alias.name: node.module for node in nodes for alias in node.names}
+    assert set(module.__all__) <= set(seen)
+    for public in module.__all__:
+        assert getattr(importlib.import_module(seen[public]), public) is getattr(module, public)
+
+
+def test_a_name_that_is_not_there():
+    with pytest.raises(ImportError, match="cannot import name 'Spere'"):
+        exec("from palpate_models import Spere")

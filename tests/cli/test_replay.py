@@ -1,0 +1,111 @@
+"""``palpate replay``: the run of a log, by the pipeline that the log carries."""
+
+import json
+import shutil
+
+import pytest
+
+SHORT = [
+    "--set",
+    "trajectory.press.duration=2 s",
+    "--set",
+    "indenter.tip.radius=2.5 mm",
+    "--set",
+    "estimator.ekf.force_std=0.04 N",
+    "--set",
+    'run.tracks=["*/ekf"]',
+]
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory, root):
+    """A run with another tip than the file's, by --set, and its log."""
+    from palpate.config import load_pipeline
+    from palpate.pipeline import run_pipeline
+
+    folder = tmp_path_factory.mktemp("recorded")
+    file = shutil.copy(root / "pipelines" / "point.toml", folder)
+    return run_pipeline(load_pipeline(type(root)(file), SHORT[1::2]), folder / "run").folder
+
+
+def tracks(folder):
+    found = json.loads((folder / "result.json").read_text())["tracks"]
+    for track in found.values():
+        del track["seconds_per_sample"]
+    return found
+
+
+@pytest.mark.parametrize("source", ["run", "run/log.mcap"])
+def test_the_same_bits_from_a_run_folder_and_from_its_log(recorded, palpate, tmp_path, source):
+    done = palpate("replay", recorded.parent / source, "--out", tmp_path / "again")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "again" / "estimates.csv").read_bytes() == (recorded / "estimates.csv").read_bytes()
+    assert tracks(tmp_path / "again") == tracks(recorded)
+
+
+def test_a_log_alone_is_enough(recorded, palpate, tmp_path):
+    log = shutil.copy(recorded / "log.mcap", tmp_path)
+    done = palpate("replay", log, "--out", tmp_path / "again")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "again" / "estimates.csv").read_bytes() == (recorded / "estimates.csv").read_bytes()
+
+
+def test_one_more_estimator_and_other_settings(recorded, palpate, tmp_path):
+    done = palpate("replay", recorded, "--add-estimator", "kinematic-ekf", "--out", tmp_path / "more")
+    assert done.returncode == 0, done.stderr
+    assert set(tracks(tmp_path / "more")) == {"dr/ekf", "dr/kinematic-ekf"}
+    assert tracks(tmp_path / "more")["dr/ekf"] == tracks(recorded)["dr/ekf"]
+    done = palpate("replay", recorded, "--set", "estimator.ekf.force_std=0.1 N", "--out", tmp_path / "other")
+    assert done.returncode == 0, done.stderr
+    assert tracks(tmp_path / "other")["dr/ekf"] != tracks(recorded)["dr/ekf"]
+
+
+def test_compare_takes_the_tip_of_the_run(recorded, palpate, tmp_path):
+    """Not the paper's defaults, which are another tip here."""
+    done = palpate("compare", recorded / "log.mcap", "--estimators", "ekf", "--out", tmp_path / "compared")
+    assert done.returncode == 0, done.stderr
+    assert "those of its run" in done.stderr
+    found, before = tracks(tmp_path / "compared")["dr/ekf"], tracks(recorded)["dr/ekf"]
+    assert found["parameters"]["elasticity"]["value"] == before["parameters"]["elasticity"]["value"]
+
+
+def test_a_log_is_no_pipeline_file(recorded, palpate):
+    done = palpate("run", recorded / "log.mcap")
+    assert done.returncode == 2
+    assert "palpate replay" in done.stderr
+    done = palpate("run", recorded)
+    assert done.returncode == 2
+    assert "palpate replay" in done.stderr
+
+
+def test_a_plugin_file_of_the_recording_is_needed_and_must_be_the_same(palpate, point_pipeline, tmp_path):
+    own = tmp_path / "my_tip.py"
+    own.write_text(
+        "from palpate import Indenter, Length, plugin\n"
+        "class Mine(Indenter):\n"
+        "    radius: Length\n"
+        "    def contact_radius(self, depth):\n"
+        "        return (self.radius * depth) ** 0.5\n"
+        "@plugin\ndef palpate_indenters():\n    return {'mine': Mine}\n"
+    )
+    sets = ["--set", 'run.plugins=["my_tip.py"]', "--set", 'indenter.tip={type="mine", radius="5 mm"}']
+    short = ["--set", "trajectory.press.duration=1 s", "--set", 'run.tracks=["*/ekf"]']
+    done = palpate("run", point_pipeline, "--out", tmp_path / "run", *sets, *short)
+    assert done.returncode == 0, done.stderr
+    again = palpate("replay", tmp_path / "run", "--out", tmp_path / "again")
+    assert again.returncode == 0, again.stderr
+    own.write_text(own.read_text() + "# changed\n")
+    other = palpate("replay", tmp_path / "run", "--out", tmp_path / "other")
+    assert other.returncode == 2
+    assert "another version of the plugin file" in other.stderr
+    own.unlink()
+    gone = palpate("replay", tmp_path / "run", "--out", tmp_path / "gone")
+    assert gone.returncode == 2
+    assert "is not on this machine" in gone.stderr
+    assert not (tmp_path / "gone").exists()
+
+
+def test_a_foreign_log_carries_no_pipeline(palpate, root):
+    done = palpate("replay", root / "tests" / "devices" / "corpus" / "commas.csv")
+    assert done.returncode == 2
+    assert "carries no pipeline" in done.stderr

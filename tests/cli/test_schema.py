@@ -1,0 +1,116 @@
+"""`palpate schema`: what the editor says is what the run says."""
+
+import json
+import re
+import tomllib
+from copy import deepcopy
+from pathlib import Path
+
+import pytest
+from jsonschema import Draft202012Validator
+from palpate.config import pipeline_schema
+from palpate.registry import load
+
+ROOT = Path(__file__).parent.parent.parent
+NEEDED = {"device", "alignment", "model", "estimator"}
+DOCUMENTS = [path for path in ROOT.rglob("*.md") if not {".git", ".venv", "node_modules"} & set(path.parts)]
+BLOCKS = [
+    pytest.param(path, text, id=f"{path.relative_to(ROOT)}-{number}")
+    for path in sorted(DOCUMENTS)
+    for number, text in enumerate(re.findall(r"^```toml\n(.*?)^```$", path.read_text(), re.MULTILINE | re.DOTALL))
+    if set(tomllib.loads(text)) >= NEEDED
+]
+PLUGIN = re.compile(r"^```python\n# file: (\S+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def validator():
+    schema = pipeline_schema(load())
+    Draft202012Validator.check_schema(schema)
+    return Draft202012Validator(schema)
+
+
+@pytest.fixture(scope="module")
+def point():
+    return tomllib.loads((ROOT / "pipelines" / "point.toml").read_text())
+
+
+@pytest.mark.parametrize("pipeline", sorted((ROOT / "pipelines").rglob("*.toml")), ids=lambda path: path.stem)
+def test_every_shipped_pipeline_is_accepted(validator, pipeline):
+    assert [error.message for error in validator.iter_errors(tomllib.loads(pipeline.read_text()))] == []
+
+
+@pytest.mark.parametrize(("document", "text"), BLOCKS)
+def test_every_pipeline_in_a_document_is_accepted(tmp_path, document, text):
+    tables = tomllib.loads(text)
+    for name, source in PLUGIN.findall(document.read_text()):
+        (tmp_path / name).write_text(source)
+    files = [tmp_path / name for name in tables.get("run", {}).get("plugins", [])]
+    validator = Draft202012Validator(pipeline_schema(load(files)))
+    assert [error.message for error in validator.iter_errors(tables)] == []
+
+
+MISTAKES = {
+    "unknown table": (("estimater",), {}),
+    "unknown key": (("model", "dr", "poison"), 0.5),
+    "unknown key of alignment": (("alignment", "tip_masse"), "140 g"),
+    "unknown key of a signal": (("alignment", "force", "sing"), -1),
+    "unknown part": (("estimator", "ekf", "type"), "ekff"),
+    "no type": (("estimator", "ekf"), {}),
+    "wrong type": (("run", "seed"), "one"),
+    "text in place of a list": (("run", "tracks"), "dr/ekf"),
+    "a wrong choice": (("alignment", "force", "sign"), 2),
+    "below the least": (("model", "dr", "poisson"), -0.1),
+    "another dimension": (("trajectory", "press", "bias"), "4 kPa"),
+    "no unit in a text": (("trajectory", "press", "bias"), "4"),
+    "a tare that is no word": (("alignment", "tare"), "free air"),
+    "part that is a number": (("model", "dr", "indenter"), 5),
+    "a table in place of a text": (("alignment", "position"), {}),
+    "a kind without names": (("model", "type"), "dimensionality-reduction"),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_typical_mistake_is_caught(validator, point, mistake):
+    location, value = MISTAKES[mistake]
+    wrong = deepcopy(point)
+    table = wrong
+    for key in location[:-1]:
+        table = table[key]
+    table[location[-1]] = value
+    assert not validator.is_valid(wrong)
+
+
+@pytest.mark.parametrize(
+    ("location", "value"),
+    [
+        (("alignment", "tare"), "1.8 N"),
+        (("alignment", "tare"), "none"),
+        (("alignment", "tare"), -0.4),
+        (("alignment", "force"), "rig.wrench.z"),
+        (("model", "dr", "thickness"), "none"),
+        (("model", "dr", "indenter"), {"type": "sphere", "radius": "5 mm"}),
+        (("trajectory", "press", "bias"), 0.004),
+        (("trajectory", "press", "bias"), "4 millimeter"),
+        (("trajectory", "press", "bias"), "4e3 µm"),
+        (("device", "rig", "specimen"), {"model": "dr", "name": "S2"}),
+    ],
+)
+def test_other_ways_to_write_are_accepted(validator, point, location, value):
+    other = deepcopy(point)
+    table = other
+    for key in location[:-1]:
+        table = table[key]
+    table[location[-1]] = value
+    assert [error.message for error in validator.iter_errors(other)] == []
+
+
+def test_it_is_written_to_a_file(palpate, tmp_path):
+    assert palpate("schema", "-o", "palpate.schema.json").stdout == ""
+    assert json.loads((tmp_path / "palpate.schema.json").read_text()) == json.loads(palpate("schema").stdout)
+    assert palpate("schema", "-o", "nowhere/schema.json").returncode == 2
+
+
+@pytest.mark.parametrize("pipeline", sorted((ROOT / "pipelines").glob("*.toml")), ids=lambda path: path.stem)
+def test_the_examples_name_it(pipeline):
+    assert pipeline.read_text().startswith("#:schema palpate.schema.json\n")

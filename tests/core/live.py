@@ -1,0 +1,160 @@
+"""A live rig for tests, and a sink that keeps all that it is told; a pipeline names them as "live" and "kept"."""
+
+import threading
+import time
+from contextlib import contextmanager
+
+import numpy as np
+from palpate import Batch, Channel, Device, Sink, Stream, plugin
+
+ELASTICITY, RADIUS = 112.5e3, 5e-3  # [Pa], [m]
+LINKS, LISTENERS, EVENTS = [], [], []
+
+PIPELINE = """
+[run]
+plugins = ["{plugin}"]
+[device.rig]
+type = "live"
+[alignment]
+force = {{ channel = "rig.wrench.z", uncertainty = "0.1 ms" }}
+position = "rig.tip.z"
+velocity = {{ channel = "rig.tip.vz", uncertainty = "0.1 ms" }}
+measuring = "rig.tip.measuring"
+tip_mass = "140 g"
+tare_duration = "0.15 s"
+[indenter.tip]
+type = "sphere"
+radius = "5 mm"
+[model.dr]
+type = "dimensionality-reduction"
+indenter = "tip"
+[estimator.ekf]
+type = "ekf"
+[trajectory.press]
+type = "point"
+bias = "4 mm"
+amplitude = "1 mm"
+frequency = "2 Hz"
+duration = "1 s"
+clearance = "3 mm"
+rest = "0 s"
+[sink.kept]
+type = "kept"
+[safety]
+low = ["-5 mm", "-5 mm", "-7 mm"]
+high = ["5 mm", "5 mm", "20 mm"]
+force = "20 N"
+stop_force = "12 N"
+stiffness = "3 N/mm"
+latency = "60 ms"
+rest = "0.2 s"
+stale = "5 s"
+"""
+
+
+class LiveRig(Device):
+    """An elastic half-space under a sphere; the tip is where it shall be."""
+
+    pace: float = 1.0  # [s] of the record in one second
+    rate: float = 500.0
+
+    @property
+    def live(self):
+        return True
+
+    @property
+    def streams(self):
+        wrench = tuple(Channel(axis, "N", (-500.0, 500.0)) for axis in "xyz")
+        tip = (Channel("z", "m"), Channel("vz", "m/s"), Channel("measuring", "1"))
+        return (Stream("wrench", wrench, self.rate, clock="host"), Stream("tip", tip, self.rate, clock="host"))
+
+    @contextmanager
+    def connect(self, seed):
+        LINKS.append(LiveLink(self, seed))
+        yield LINKS[-1]
+
+
+class LiveLink:
+    """The rig at work."""
+
+    def __init__(self, device, seed):
+        self.device, self.noise = device, np.random.default_rng(seed)
+        self.trajectory, self.begin, self.ended = None, 0.0, threading.Event()
+        self.stops = []  # when, and what
+
+    def follow(self, trajectory):
+        self.begin, self.trajectory = self.now, trajectory
+
+    def stop(self):
+        self.stops.append((time.monotonic(), "stop"))
+        self.ended.set()
+
+    def retract(self):
+        self.stops.append((time.monotonic(), "retract"))
+        self.ended.set()
+
+    @property
+    def now(self):
+        return (time.monotonic() - self.origin) * self.device.pace
+
+    def batches(self):
+        self.origin, epoch, done = time.monotonic(), time.time_ns(), 0
+        period = 1.0 / self.device.rate
+        while not self.ended.is_set():
+            time.sleep(0.004)
+            count = int(self.now / period)
+            if count == done:
+                continue
+            times = np.arange(done, count) * period
+            done = count
+            moving = self.trajectory is not None
+            setpoint = self.trajectory.at(times - self.begin) if moving else None
+            height = setpoint.position[:, 2] if moving else np.full(len(times), 0.005)
+            speed = setpoint.velocity[:, 2] if moving else np.zeros(len(times))
+            measuring = setpoint.measuring if moving else np.zeros(len(times), bool)
+            force = 16 / 9 * ELASTICITY * RADIUS**0.5 * np.maximum(-height, 0.0) ** 1.5
+            wrench = 0.02 * self.noise.standard_normal((len(times), 3))
+            wrench[:, 2] += force
+            stamps = epoch + np.rint(times * 1e9).astype(np.int64)
+            received = np.full(len(times), time.time_ns())
+            yield Batch("wrench", stamps, received, wrench)
+            yield Batch("tip", stamps, received, np.column_stack([height, speed, measuring]))
+            if moving and times[-1] > self.begin + self.trajectory.total_duration:
+                return
+
+
+class Listener:
+    """A writer that keeps all that it is told."""
+
+    def __init__(self):
+        self.heard, self.run = [], None
+
+    def __getattr__(self, name):
+        if name not in ("batch", "samples", "estimates", "health", "flags", "guard", "result"):
+            raise AttributeError(name)
+        return lambda *values: self.heard.append((name, *values))
+
+    def of(self, name):
+        return [values for kind, *values in self.heard if kind == name]
+
+
+class Kept(Sink):
+    """A sink that hands out a listener ."""
+
+    @contextmanager
+    def open(self, run):
+        LISTENERS.append(listener := Listener())
+        listener.run = run
+        EVENTS.append("open")
+        yield listener
+        EVENTS.append("close")
+
+
+@plugin
+def palpate_devices():
+    return {"live": LiveRig}
+
+
+@plugin
+def palpate_sinks():
+    return {"kept": Kept}

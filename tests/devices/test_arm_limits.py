@@ -1,0 +1,281 @@
+"""Limits in the servo process, with the host's checks left out; judged by what the twin's arm truly did."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from palpate import DeviceError, ForceWatch, Setpoint
+from palpate.safety import SafetySettings
+from palpate_devices.bota.device import BotaSensor
+from palpate_devices.ur3e.device import UR
+from palpate_devices.ur3e.servo import PERIOD
+from palpate_trajectories.point import Point
+
+WORK = {"origin": (-0.3, -0.13, 0.1)}
+LIMITS = SafetySettings(
+    low=(-0.005, -0.005, -0.007),
+    high=(0.005, 0.005, 0.02),
+    speed=0.04,
+    acceleration=0.5,
+    force=20.0,
+    stop_force=12.0,
+    stiffness=3000.0,
+)
+PRESS = Point(bias=0.002, amplitude=0.0005, clearance=0.003, rest=0.0, duration=0.5)
+
+
+@dataclass(frozen=True)
+class Illegal:
+    """Any positions, with any stated velocity."""
+
+    positions: np.ndarray
+    velocity: tuple = (0.0, 0.0, 0.0)
+
+    @property
+    def total_duration(self):
+        return PERIOD * (len(self.positions) - 1)
+
+    def at(self, time):
+        row = np.clip(np.round(time / PERIOD).astype(int), 0, len(self.positions) - 1)
+        stated = np.tile(np.array(self.velocity, float), (len(row), 1))
+        return Setpoint(self.positions[row], stated, np.zeros(len(row), bool))
+
+
+def rows(*places, count=200):
+    """So many setpoints at each of some places."""
+    return np.repeat(np.array(places, float), count, axis=0)
+
+
+def device(twin, **changes):
+    patient = {"stale": 5.0, "watchdog": 1.0, "host_limit": 10.0}
+    return UR.model_validate({"host": twin.host, "work": WORK, **patient, **changes})
+
+
+def begun(link):
+    """The batches of a link, once something is known."""
+    batches = link.batches()
+    seen = 0
+    for batch in batches:
+        seen += len(batch.time) * (batch.stream == "tip")
+        if seen > 20:
+            return batches
+    raise AssertionError("no states")
+
+
+def moved(twin, trajectory, limits=LIMITS, retreat=False, **changes):
+    """Follow a trajectory by link alone: what it was stopped for, and the twin's truth."""
+    why = []
+    with device(twin, **changes).connect(0) as link:
+        batches = begun(link)
+        link.limit(limits.of_an_arm, why.append)
+        twin.fault("mark")
+        if retreat:
+            link.retreat(0.5e-3, 2e-3)
+        link.follow(trajectory)
+        try:
+            for _ in batches:
+                pass
+        except DeviceError as error:
+            why.append(str(error))
+        health = link.health
+    twin.wait(lambda state: state["joint_speed"] < 1e-3, 3.0)
+    return " ".join(why), twin.state(), health
+
+
+def test_a_lawful_motion_goes_through_and_keeps_its_limits(restored):
+    why, truth, health = moved(restored, PRESS)
+    assert why == ""
+    assert truth["low"][2] == pytest.approx(-0.0025, abs=3e-4)
+    assert truth["fastest_tip"] < 1.2 * LIMITS.speed
+    assert truth["fastest_joint"] < np.radians(90)
+    assert "own_stop" not in health
+
+
+@pytest.mark.parametrize(
+    ("positions", "velocity", "words"),
+    [
+        (rows((0, 0, 0.003), (0, 0, -0.0065)), (0, 0, 0), "setpoints move at 4750.0 mm/s"),
+        (rows((0, 0, 0.003), (0, 0, -0.0075)), (0, 0, 0), "below the limit of -7 mm"),
+        (rows((0.0, 0, 0.003)) + np.linspace(0, 1, 200)[:, None] * [0.006, 0, 0], (0.015, 0, 0), "x = 6.00 mm, above"),
+        (rows((0.0, 0, 0.003)) - np.linspace(0, 1, 200)[:, None] * [0, 0.006, 0], (0, -0.015, 0), "y = -6.00 mm"),
+        (rows((0, 0, 0.003), (0, np.nan, 0.003)), (0, 0, 0), "not a finite number"),
+        (rows((0, 0, 0.003)), (0, 0, -0.5), "say that they move at 500.0 mm/s"),
+    ],
+    ids=["jump", "deep", "x", "y", "nan", "stated"],
+)
+def test_illegal_setpoints_move_nothing(restored, positions, velocity, words):
+    why, truth, health = moved(restored, Illegal(positions, velocity))
+    assert words in why
+    assert truth["fastest_tip"] < 1e-3
+    assert words in health["own_stop"]["reason"]
+
+
+def test_a_joint_that_would_be_too_fast_ends_the_motion(restored):
+    why, truth, _ = moved(restored, PRESS, joint_speed="2 deg/s")
+    assert "over 2 deg/s ([device.*] joint_speed)" in why
+    assert truth["fastest_joint"] < np.radians(3.0)
+
+
+def test_links_out_of_their_box_end_the_motion(restored):
+    why, truth, _ = moved(restored, PRESS, links_low=("-2 m", "-2 m", "0.3 m"))
+    assert "out of the box of [device.*] links_low" in why
+    # It holds where it is, by a pose with noise: it trembles, and goes nowhere.
+    assert np.ptp([truth["low"], truth["high"]], axis=0).max() < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("turn", "words"),
+    [
+        ((8.0, 0.0, 0.0), "turned by 8.0 deg"),
+        ((0.0, 0.0, 90.0), 'work.turn = "90.0 deg" it would be off by 0.0 deg'),
+    ],
+)
+def test_a_tool_that_looks_elsewhere_is_refused_before_anything_moves(bench, short, turn, words):
+    twin = bench(*short, f"twin.bench.tool_rotation={[f'{x} deg' for x in turn]}")
+    with pytest.raises(DeviceError, match="orientation = 5 deg") as caught:
+        moved(twin, PRESS)
+    assert words in str(caught.value)
+    assert twin.state()["fastest_joint"] < 1e-6
+    # By the servo process as well, where the host does not look.
+    with device(twin).connect(0) as link:
+        batches, why = begun(link), []
+        link.limit(LIMITS.of_an_arm, why.append)
+        link._limits = None
+        link.follow(PRESS)
+        for _ in batches:
+            pass
+    assert "off the work frame, over 5 deg" in why[0]
+    assert twin.state()["fastest_joint"] < np.radians(1.0)  # it holds where it is, by a pose with noise
+
+
+def test_a_small_turn_is_made_slowly_on_the_way_about_the_tip(bench, short):
+    twin = bench(*short, 'twin.bench.tool_rotation=["3 deg", "-2 deg", "1 deg"]')
+    why, truth, health = moved(twin, PRESS, retreat=True)
+    assert why == ""
+    assert truth["fastest_turn"] < 1.05 * LIMITS.angular_speed
+    assert truth["fastest_tip"] < 1.2 * LIMITS.speed
+    assert truth["fastest_joint"] < np.radians(30)
+    assert max(map(abs, (*truth["low"][:2], *truth["high"][:2]))) < 0.1e-3  # the tip stays where it is
+    assert health["tool_off_by_deg"] < 0.1
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("stuck-pose", "stands still to the last digit"),
+        ("jam", "has moved by"),
+        ("nan-pose", "pose or joints are no numbers"),
+        ("mute-control", "has moved by .*The control link does not answer|program was stopped"),
+    ],
+)
+def test_what_the_robot_says_is_doubted(restored, fault, words):
+    """In motion at 1 mm deep: told with its cause, and the arm goes hardly further."""
+    import re
+    import threading
+
+    places = []
+
+    def make():
+        places.append(restored.wait(lambda state: state["height"] < -0.0005)["height"])
+        restored.fault(fault)
+
+    thread = threading.Thread(target=make)
+    thread.start()
+    slow = Point(bias=0.006, amplitude=0.0005, clearance=0.003, rest=0.0, duration=2.0, speed=0.01)
+    why, truth, _ = moved(restored, slow, watchdog="10 Hz")
+    thread.join()
+    assert re.search(words, why), why
+    assert truth["low"][2] > places[0] - 0.002
+    assert truth["fastest_tip"] < 1.2 * LIMITS.speed
+
+
+def test_the_force_stops_it_although_nobody_of_the_host_looks(bench, short, force_limit):
+    """The job reads nothing for as long as the motion takes: the servo process reads the sensor by itself."""
+    twin = bench(*short, "twin.bench.specimen.elasticity=2.25 MPa", "twin.bench.specimen.viscosity=7240 Pa*s")
+    sensor = BotaSensor.model_validate({"port": str(twin.port), "settle": "0.1 s", "silence": "5 s"})
+    deep = Point(bias=0.004, amplitude=0.001, clearance=0.003, rest=0.0, duration=1.0)
+    with sensor.connect(0) as force, device(twin).connect(0) as link:
+        batches, why = begun(link), []
+        rest = np.concatenate([b.values for b, _ in zip(force.batches(), range(60), strict=False)
+                               if b.stream == "wrench"])  # fmt: skip
+        link.limit(LIMITS.of_an_arm, why.append)
+        tare = tuple(rest[:, :3].mean(axis=0).tolist())
+        link.watch_force(ForceWatch(force.shared("wrench"), (0, 1, 2), tare, 12.0, "sensor.wrench.z"))
+        link.follow(deep)
+        state = twin.wait(lambda state: state["peak_force"] > 12.0)
+        state = twin.wait(lambda state: state["height"] > 0.002)
+        for _ in batches:
+            pass
+        assert "over the limit of 12 N that stops the motion" in link.health["own_stop"]["reason"]
+    assert state["peak_force"] < force_limit.bound(2.25e6, 0.0165)
+    assert state["fastest_tip"] < 1.2 * LIMITS.speed
+
+
+def test_payload_tool_and_model_are_told(bench, short):
+    twin = bench(*short, 'twin.bench.tcp_rotation=["0 deg", "0 deg", "45 deg"]', "twin.bench.robot=ur5e")
+    found = []
+    for changes in ({}, {"payload": "0.35 kg", "payload_centre": ["0 mm", "0 mm", "40 mm"]}):
+        with device(twin, **changes).connect(0) as link:
+            begun(link)
+            found.append(link.health)
+    assert found[0]["model"] == "ur5e"
+    assert found[0]["payload"] == 0.0
+    assert found[1]["payload"] == pytest.approx(0.35)
+    assert found[0]["tool_off_by_deg"] < 0.1  # the pendant's turn of the tool is kept
+    with (
+        pytest.raises(DeviceError, match=r"from where the joints of a ur3e put it"),
+        device(twin, model="ur3e").connect(0),
+    ):
+        pass
+
+
+def test_looking_leaves_a_running_program_alone(restored):
+    with device(restored).connect(0) as link:
+        batches = begun(link)
+        before = restored.state()["uploads"]
+        with device(restored).observe(0) as other:
+            begun(other)
+            place, facts = other.way(PRESS)[1].position[0], other.health
+        assert restored.state()["uploads"] == before
+        assert place[2] == pytest.approx(0.004, abs=1e-4)
+        assert facts["tool_off_by_deg"] < 0.1
+        link.follow(PRESS)  # it still commands
+        began = time.monotonic()
+        for _ in batches:
+            pass
+        assert time.monotonic() - began > PRESS.total_duration
+    assert restored.state()["low"][2] < -0.002
+
+
+def test_a_retreat_needs_room(restored):
+    with device(restored).connect(0) as link:
+        begun(link)
+        link.limit(LIMITS.model_copy(update={"high": (0.005, 0.005, 0.004)}).of_an_arm, print)
+        with pytest.raises(DeviceError, match="no room for the retreat"):
+            link.retreat(0.5e-3, 2e-3)
+
+
+def refused(twin, *overrides):
+    with pytest.raises(DeviceError) as caught:
+        twin.run('run.tracks=["dr/ekf"]', *overrides, out=f"out{len(overrides)}")
+    return str(caught.value)
+
+
+def test_a_preload_is_refused_whatever_the_tare_hides(bench, short):
+    """The tip 5 mm deep at the start, 17 N on the skin: by its size, by its sum, by a retreat; never pressed deeper."""
+    twin = bench(*short, "twin.bench.height=-5 mm", "twin.bench.specimen.elasticity=366 kPa")
+    assert "over [safety] rest_force = 5 N" in refused(twin)
+    before = twin.state()
+    assert "over force = 20 N" in refused(twin, "safety.rest_force=50 N")
+    many = ("safety.rest_force=50 N", "safety.force=60 N")
+    assert "the tip touches something: sensor.wrench.z fell by" in refused(twin, *many)
+    after = twin.state()
+    assert after["low"][2] > -0.00502
+    assert after["peak_force"] < before["peak_force"] + 0.1
+
+
+def test_a_light_touch_is_felt(bench, short):
+    twin = bench(*short, "twin.bench.height=0.1 mm")  # the skin is at 0.3 mm
+    assert "the tip touches something" in refused(twin)
+    assert twin.state()["low"][2] > 0.00008

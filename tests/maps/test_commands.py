@@ -1,0 +1,352 @@
+"""`palpate plan`, `map`, `lumps`, `search`, `resume`, `compare`: from a pipeline to a picture and a list of lumps."""
+
+import csv
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from palpate.config import load_pipeline
+from palpate.pipeline import remaining_pipeline, run_pipeline
+from palpate_maps.analysis import find_lumps, make_map, read_path, sites_along
+
+SMALL = (
+    'trajectory.raster.size=["20 mm", "10 mm"]',
+    "trajectory.raster.settle=1 s",
+    "trajectory.raster.pitch=5 mm",
+    "device.rig.sensor_rate=500 Hz",
+    'trajectory.raster.centre=["-16 mm", "6 mm"]',
+)
+
+
+def options(assignments):
+    return [part for assignment in assignments for part in ("--set", assignment)]
+
+
+@pytest.fixture(scope="module")
+def sweep_run(root, tmp_path_factory):
+    """The example sweep, run once."""
+    folder = tmp_path_factory.mktemp("sweep") / "run"
+    run_pipeline(load_pipeline(root / "pipelines" / "sweep.toml", ['run.tracks=["dr/smoother", "dr/ekf"]']), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def raster_run(root, tmp_path_factory):
+    """A small part of the example raster, run once."""
+    folder = tmp_path_factory.mktemp("raster") / "run"
+    run_pipeline(load_pipeline(root / "pipelines" / "raster.toml", SMALL), folder)
+    return folder
+
+
+def test_a_sweep_gives_a_picture_and_its_lumps(palpate, sweep_run):
+    done = palpate("map", sweep_run)
+    assert done.returncode == 0, done.stderr
+    assert (sweep_run / "maps" / "sweep.png").read_bytes().startswith(b"\x89PNG")
+    rows = (sweep_run / "maps" / "sweep.csv").read_text().splitlines()
+    assert rows[0] == "track,along_m,x_m,y_m,elasticity,elasticity_std"
+    assert len(rows) > 130
+    found = json.loads(palpate("lumps", sweep_run, "--json").stdout)
+    assert [lump["y"] for lump in found["lumps"]] == [pytest.approx(-0.014, abs=1e-3), pytest.approx(0.014, abs=1e-3)]
+    text = palpate("lumps", sweep_run).stdout
+    assert "contrast" in text
+    assert "kPa" in text
+
+
+def test_the_papers_filter_finds_no_lump_in_the_same_sweep(sweep_run):
+    assert find_lumps(sites_along(read_path(sweep_run, "dr/ekf"))).lumps == ()
+
+
+def test_a_raster_gives_a_map(palpate, raster_run):
+    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
+    done = palpate("map", raster_run, "--cell", "2 mm", "--svg")
+    assert done.returncode == 0, done.stderr
+    with np.load(raster_run / "maps" / "map.npz") as arrays:
+        assert arrays["value"].shape == arrays["std"].shape == arrays["covered"].shape == (6, 11)
+        peak = np.unravel_index(np.nanargmax(arrays["value"]), arrays["value"].shape)
+        assert arrays["x"][peak[1]] == pytest.approx(-0.016, abs=2.1e-3)
+        assert str(arrays["parameter"]) == "elasticity"
+    assert (
+        (raster_run / "maps" / "map.csv").read_text().startswith("x_m,y_m,elasticity,elasticity_std,covered,p,stiff\n")
+    )
+    assert (raster_run / "maps" / "map.svg").stat().st_size > 10_000
+
+
+def test_a_pipeline_file_becomes_a_map_in_one_command(palpate, root, tmp_path):
+    file = tmp_path / "raster.toml"
+    text = (root / "pipelines" / "raster.toml").read_text()
+    text = text.replace('size = ["60 mm", "40 mm"]', 'size = ["20 mm", "10 mm"]').replace(
+        'settle = "2 s"', 'settle = "1 s"'
+    )
+    file.write_text(text.replace("[run]", '[run]\ntracks = ["dr/kinematic"]'))
+    done = palpate("map", file, "--method", "average", "--out", tmp_path / "maps")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "maps" / "map.png").read_bytes().startswith(b"\x89PNG")
+    assert len(list((tmp_path / "runs").glob("*/result.json"))) == 1
+
+
+def test_the_log_and_the_map_as_mcap_say_where(palpate, raster_run):
+    """The estimates of a run have a place while it goes on; the map is a Grid that another decoder reads."""
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    with (raster_run / "log.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        found = [m for *_, m in reader.iter_decoded_messages(topics=["/palpate/estimates/dr/kinematic"])]
+    with (raster_run / "estimates.csv").open(newline="") as file:
+        rows = {round(float(row["time_s"]), 3): row for row in csv.DictReader(file)}
+    compared = [(m, rows[key]) for m in found if (key := round(m.time, 3)) in rows]
+    assert len(compared) > 1000
+    logged = np.array([(m.x, m.y) for m, _ in compared])
+    written = np.array([(float(row["x_m"]), float(row["y_m"])) for _, row in compared])
+    np.testing.assert_allclose(logged, written, rtol=1e-9, atol=1e-12)  # the table has ten digits
+
+    done = palpate("map", raster_run, "--cell", "2 mm", "--method", "average", "--mcap")
+    assert done.returncode == 0, done.stderr
+    with (raster_run / "maps" / "map.mcap").open("rb") as file:
+        ((*_, grid),) = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+    with np.load(raster_run / "maps" / "map.npz") as arrays:
+        assert grid.column_count == len(arrays["x"])
+        assert (grid.pose.position.x, grid.pose.position.y) == pytest.approx(
+            (arrays["x"][0] - 1e-3, arrays["y"][0] - 1e-3)
+        )
+        cells = np.frombuffer(bytes(grid.data), "<f8").reshape(len(arrays["y"]), grid.row_stride // grid.cell_stride, 2)
+        np.testing.assert_array_equal(cells[..., 0], arrays["value"])
+        np.testing.assert_array_equal(cells[..., 1][arrays["covered"]], arrays["std"][arrays["covered"]])
+    assert [(field.name, field.offset, field.type) for field in grid.fields] == [
+        ("elasticity", 0, 8),
+        ("elasticity_std", 8, 8),
+    ]
+
+
+def test_an_interrupted_raster_resumes_at_the_last_whole_line(root, raster_run, tmp_path, palpate):
+    """The first part is cut by hand to what a kill in the second line leaves."""
+    cut = tmp_path / "cut"
+    shutil.copytree(raster_run, cut, ignore=shutil.ignore_patterns("maps", "estimates-offline.csv", "result.json"))
+    rows = (cut / "estimates.csv").read_text().splitlines(keepends=True)
+    last = next(i for i, row in enumerate(rows[1:], 1) if float(row.split(",")[0]) > 12.0)
+    (cut / "estimates.csv").write_text("".join(rows[:last]) + rows[last][:20])
+    done = palpate("resume", cut)
+    assert done.returncode == 0, done.stderr
+    assert "first_line = 1" in (cut / "part-2" / "resolved.toml").read_text()
+    assert "nothing is left" in palpate("resume", cut).stdout
+    whole, pieces = (make_map(sites_along(read_path(run)), 2e-3, "average") for run in (raster_run, cut))
+    both = whole.covered[:-1, :-1] & pieces.covered[: whole.covered.shape[0] - 1, : whole.covered.shape[1] - 1]
+    assert both.mean() > 0.9
+    apart = (whole.value[:-1, :-1] - pieces.value[:-1, :-1])[both] / np.hypot(whole.std, pieces.std)[:-1, :-1][both]
+    assert np.sqrt(np.mean(apart**2)) < 1.5
+
+
+def test_ctrl_c_leaves_a_raster_that_resumes(root, tmp_path):
+    out = tmp_path / "out"
+    command = [sys.executable, "-c", "from palpate.cli import main; main()", "run", str(root / "pipelines/raster.toml")]
+    command += ["--out", str(out), *options([*SMALL, "device.rig.pace=real-time"])]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    log, deadline = out / "log.mcap", time.monotonic() + 120
+    while not (log.exists() and log.stat().st_size > 100_000) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=120)
+    assert process.returncode == 130, errors
+    (rest,) = remaining_pipeline(out).trajectories.values()
+    assert rest.first_line == 0
+    assert rest.lines == 3
+
+
+def test_a_killed_raster_resumes_and_gives_the_map_of_an_uninterrupted_one(palpate, root, tmp_path):
+    """Killed without warning in its second line; the rest is done by `palpate resume`."""
+    small = [
+        'trajectory.raster.size=["16 mm", "10 mm"]',
+        "trajectory.raster.settle=1 s",
+        "trajectory.raster.speed=6 mm/s",
+    ]
+    small += ['trajectory.raster.centre=["-16 mm", "6 mm"]', "device.rig.sensor_rate=500 Hz"]
+    small += ["estimator.kinematic.sweep_speed=6 mm/s", 'run.tracks=["dr/kinematic"]']
+    out, file = tmp_path / "out", root / "pipelines" / "raster.toml"
+    command = [sys.executable, "-c", "from palpate.cli import main; main()", "run", str(file), "--out", str(out)]
+    process = subprocess.Popen(
+        [*command, *options([*small, "device.rig.pace=real-time"])],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    first_line = next(iter(load_pipeline(file, small).trajectories.values())).total_duration / 3
+    deadline = time.monotonic() + 180
+    while last_time(out / "estimates.csv") < first_line + 1.5 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.kill()
+    process.wait()
+    assert not (out / "result.json").exists()
+    resolved = out / "resolved.toml"
+    resolved.write_text(resolved.read_text().replace('pace = "real-time"', 'pace = "fast"'))
+    done = palpate("resume", out)
+    assert done.returncode == 0, done.stderr
+    (rest,) = load_pipeline(out / "part-2" / "resolved.toml").trajectories.values()
+    assert rest.first_line in (1, 2)  # 2 where the machine was slow to kill it
+    run_pipeline(load_pipeline(file, small), tmp_path / "whole")
+    whole, pieces = (make_map(sites_along(read_path(run)), 2e-3, "average") for run in (tmp_path / "whole", out))
+    both = whole.covered[:5, :7] & pieces.covered[:5, :7]
+    assert both.mean() > 0.9
+    apart = (whole.value - pieces.value)[:5, :7] / np.hypot(whole.std, pieces.std)[:5, :7]
+    assert np.sqrt(np.mean(apart[both] ** 2)) < 1.5
+
+
+def last_time(table):
+    """Time [s] of the last whole row of a table of estimates; 0 where there is none."""
+    rows = table.read_text().splitlines()[1:-1] if table.exists() else []
+    return float(rows[-1].split(",")[0]) if rows else 0.0
+
+
+def test_a_motion_that_can_only_be_done_as_one_does_not_resume(palpate, sweep_run, tmp_path):
+    cut = tmp_path / "cut"
+    shutil.copytree(sweep_run, cut)
+    rows = (cut / "estimates.csv").read_text().splitlines(keepends=True)
+    (cut / "estimates.csv").write_text("".join(rows[:1000]))
+    done = palpate("resume", cut)
+    assert done.returncode == 2
+    assert "only be done as one" in done.stderr
+
+
+def test_a_plan_is_drawn_before_anything_moves(palpate, root, tmp_path):
+    done = palpate("plan", root / "pipelines" / "raster.toml", "--out", tmp_path / "plan.png")
+    assert done.returncode == 0, done.stderr
+    for text in ("duration", "speed", "acceleration", "force         up to", "senses forces"):
+        assert text in done.stdout
+    assert (tmp_path / "plan.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("assignment", "word"),
+    [
+        ("trajectory.raster.pitch=0 mm", "pitch"),
+        ("trajectory.raster.press.bias=25 mm", "thickness"),
+        ('trajectory.raster.size=["100 mm", "40 mm"]', "outside the specimen"),
+        ("trajectory.raster.speed=60 mm/s", "periods"),
+    ],
+)
+@pytest.mark.parametrize("command", ["plan"])
+def test_an_impossible_motion_is_refused_by_name(palpate, root, command, assignment, word):
+    done = palpate(command, root / "pipelines" / "raster.toml", "--set", assignment)
+    assert done.returncode == 2
+    assert word in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+SAFETY = (
+    'safety.low=["-50 mm", "-50 mm", "-10 mm"]',
+    'safety.high=["50 mm", "50 mm", "20 mm"]',
+    "safety.force=40 N",
+    "safety.stop_force=20 N",
+    "safety.stiffness=3 N/mm",
+)
+
+
+@pytest.mark.parametrize("command", ["plan", "run"])
+def test_a_motion_outside_of_the_workspace_is_refused_by_name(palpate, root, tmp_path, command):
+    file = root / "pipelines" / "raster.toml"
+    kept = palpate("plan", file, *options(SAFETY), "--out", tmp_path / "plan.png")
+    assert kept.returncode == 0, kept.stderr
+    assert "every limit of [safety] is kept" in kept.stdout
+    done = palpate(command, file, *options([*SAFETY, 'safety.high=["20 mm", "50 mm", "20 mm"]']))
+    assert done.returncode == 2
+    assert "x goes to 30.00 mm, above the limit of 20.00 mm" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("--track", "dr/none"), "there is no track"),
+        (("--parameter", "weight"), "has no 'weight'"),
+        (("--method", "wavelets"), "is none of"),
+    ],
+)
+@pytest.mark.parametrize("command", ["map", "lumps"])
+def test_what_is_not_there_is_said(palpate, sweep_run, command, arguments, word):
+    done = palpate(command, sweep_run, *arguments)
+    assert done.returncode == 2
+    assert word in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_folder_that_is_no_run_is_refused(palpate, tmp_path):
+    for command in ("lumps", "search", "resume"):
+        done = palpate(command, tmp_path)
+        assert done.returncode == 2, command
+        assert "no run folder" in done.stderr
+
+
+def test_a_search_visits_what_it_suspects(palpate, raster_run, tmp_path):
+    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
+    copy = tmp_path / "search"
+    shutil.copytree(raster_run, copy)
+    done = palpate("search", copy, "--go", "--points", 2, "--palpation", 2, "--budget", 5)
+    assert done.returncode == 0, done.stderr
+    assert "stopped:" in done.stdout
+    visited = sites_along(read_path(copy / "part-2"))
+    assert np.count_nonzero(visited.standing) == 2
+    assert np.hypot(*(visited.place[0] - [-0.016, 0.006])) < 6e-3
+
+
+def test_the_recorded_sweep_holds_a_sphere_and_a_horseshoe_and_nothing_else(palpate, root, shared, tmp_path):
+    """Default settings from the command line to the lumps; y of the record begins at 450 mm."""
+    file = f"device.log.file={shared / 'ur3e-bota-2024' / 'tran_4mms.csv.gz'}"
+    given = options([file, 'run.tracks=["dr/smoother", "dr/ekf"]'])
+    done = palpate("run", root / "pipelines" / "figures" / "recorded.toml", *given, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    for method in ("prominence", "cusum"):
+        found = json.loads(palpate("lumps", tmp_path / "out", "--method", method, "--json").stdout)
+        assert found["track"] == "dr/smoother"
+        sphere, horseshoe = found["lumps"]
+        assert 1e3 * sphere["y"] - 450 == pytest.approx(20.0, abs=3.0)
+        assert 42.0 - 3.0 < 1e3 * horseshoe["y"] - 450 < 48.0 + 3.0
+    assert "no lumps" in palpate("lumps", tmp_path / "out", "--track", "dr/ekf").stdout
+
+
+def test_curves_of_filters_are_compared_with_points(palpate, root, tmp_path):
+    """As in the paper's figure, over a shorter line with the sphere in its middle."""
+    points = tmp_path / "points.toml"
+    text = (root / "pipelines" / "points.toml").read_text().replace('duration = "4 s"', 'duration = "2 s"')
+    points.write_text(text.replace('size = ["70 mm", "0 mm"]', 'size = ["20 mm", "0 mm"]\ncentre = ["0 mm", "-14 mm"]'))
+    line = ('trajectory.sweep.start=["0 mm", "-30 mm"]', 'trajectory.sweep.end=["0 mm", "0 mm"]')
+    arguments = ["compare", root / "pipelines" / "sweep.toml", "--estimators", "kinematic,ekf", "--points", points]
+    done = palpate(*arguments, "--out", tmp_path / "out", *options([*line, "trajectory.sweep.settle=2 s"]))
+    assert done.returncode == 0, done.stderr
+    table = {
+        row.split("│")[1].strip(): row.split("│")
+        for row in done.stdout.partition("along the sweep")[2].splitlines()
+        if row.startswith("│")
+    }
+    assert float(table["dr/kinematic"][2].split()[0]) == pytest.approx(-14.0, abs=1.0)
+    assert float(table["dr/kinematic"][3]) < 2.0 < 5.0 < float(table["dr/ekf"][3])
+    assert (tmp_path / "out" / "sweep.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "out" / "points" / "result.json").is_file()
+
+
+def test_settings_are_compared_along_a_sweep(palpate, root, tmp_path):
+    line = ['trajectory.sweep.start=["0 mm", "-30 mm"]', 'trajectory.sweep.end=["0 mm", "0 mm"]']
+    few = ["trajectory.sweep.settle=2 s", 'sweep.estimator.afukf.fading.theta=["1 mm/s", "2 mm/s"]']
+    file = tmp_path / "fading.toml"
+    text = (root / "pipelines" / "figures" / "fading.toml").read_text()
+    file.write_text(text.partition("[sweep]")[0])
+    done = palpate("sweep", file, "--picture", "--jobs", 1, "--out", tmp_path / "out", *options([*line, *few]))
+    assert done.returncode == 0, done.stderr
+    for label in ("theta 1 mm/s", "theta 2 mm/s"):
+        assert label in done.stdout
+    assert (tmp_path / "out" / "sweep.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_points_of_what_is_no_sweep_are_refused(palpate, root, raster_run, tmp_path):
+    done = palpate("compare", root / "pipelines" / "point.toml", "--estimators", "ekf", "--points", raster_run)
+    assert done.returncode == 2
+    assert "no sweep along a line" in done.stderr
+
+
+def test_too_few_baseline_sites_are_refused(palpate, sweep_run, tmp_path):
+    other = shutil.copytree(sweep_run, tmp_path / "other")
+    done = palpate("compare-sites", "--baseline", sweep_run, "--suspect", other)
+    assert done.returncode == 2
+    assert "too few for prediction; 4 are needed" in done.stderr

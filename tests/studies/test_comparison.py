@@ -1,0 +1,42 @@
+"""What `palpate compare` shows of many tracks."""
+
+import csv
+
+import numpy as np
+from palpate_studies.comparison import _limits
+
+
+def test_one_curve_far_away_does_not_flatten_the_others():
+    near = [np.full(50, 100.0), np.full(50, 104.0), np.full(50, 98.0)]
+    low, high = _limits([*near, np.full(50, 1e8)])
+    assert 50 < low < 98
+    assert 104 < high < 160
+    assert _limits([]) is None
+
+
+def test_tables_by_model_with_the_number_of_usable_tracks_and_a_csv(palpate, point_pipeline, tmp_path):
+    short = ["--set", "trajectory.press.duration=2 s", "--set", 'run.tracks=["*"]']
+    kinds = ["--models", "dr,kelvin-voigt", "--estimators", "ekf,kinematic-ekf"]
+    done = palpate("compare", point_pipeline, *short, *kinds, "--out", "out", COLUMNS="100")
+    assert done.returncode == 0, done.stderr
+    assert "model dr" in done.stdout
+    assert "model kelvin-voigt" in done.stdout
+    assert "of 4 usable" in done.stdout
+    assert "kinematic-ekf" in done.stdout  # never cut
+    with (tmp_path / "out" / "compare.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {(row["model"], row["estimator"]) for row in rows} == {
+        (model, estimator) for model in ("dr", "kelvin-voigt") for estimator in ("ekf", "kinematic-ekf")
+    }
+    truth = {row["parameter"]: row["truth"] for row in rows if row["model"] == "dr"}
+    assert float(truth["elasticity"]) == 112.5e3
+
+
+def test_a_sweep_prints_its_best_rows(palpate, point_pipeline):
+    text = point_pipeline.read_text() + '\n[sweep]\n"estimator.ekf.force_std" = ["0.05 N", "0.1 N"]\n'
+    point_pipeline.write_text(text)
+    short = ["--set", "trajectory.press.duration=1 s", "--set", 'run.tracks=["*/ekf"]']
+    done = palpate("sweep", point_pipeline, *short, "--jobs", "1", "--out", "out")
+    assert done.returncode == 0, done.stderr
+    assert "best of 2 rows" in done.stdout
+    assert "0.1 N" in done.stdout

@@ -1,0 +1,142 @@
+"""Nothing mixed, nothing half, nothing lost: sweeps with other settings, damaged results, batches, killed workers."""
+
+import json
+import shutil
+
+import pytest
+from palpate import LogError, OutputError
+from palpate.config import load_pipeline
+from palpate.host import Job, RunFolder, differences, finished, on_all_cores, resolved_text, whole_file
+from palpate_maps.commands.lumps import by_place
+
+SWEEP = '[sweep]\n"run.seed" = [1, 2]\n'
+SHORT = ("--set", "trajectory.press.duration=1 s")
+
+
+@pytest.fixture
+def sweep_file(point_pipeline):
+    """The example with two seeds."""
+    text = point_pipeline.read_text().replace("seed = 1\n", 'seed = 1\ntracks = ["dr/ekf"]\n', 1)
+    point_pipeline.write_text(text + SWEEP)
+    return point_pipeline
+
+
+def test_a_sweep_is_not_gone_on_with_by_other_settings_and_half_a_result_is_none(palpate, sweep_file, tmp_path):
+    out = tmp_path / "out"
+    assert palpate("sweep", sweep_file, "--out", out, "--jobs", 1, *SHORT).returncode == 0
+    before = (out / "sweep.csv").read_bytes()
+    done = palpate("sweep", sweep_file, "--out", out, "--jobs", 1, *SHORT, "--set", "estimator.ekf.force_std=0.2 N")
+    assert done.returncode == 2
+    assert "combination 1 was run with other settings: estimator.ekf.force_std is 0.2, was 0.05" in done.stderr
+    assert (out / "sweep.csv").read_bytes() == before
+    result = out / "00002" / "result.json"
+    result.write_bytes(result.read_bytes()[:300])
+    done = palpate("sweep", sweep_file, "--out", out, "--jobs", 1, *SHORT)
+    assert done.returncode == 0, done.stderr
+    assert "1 found in the folder" in done.stdout
+    assert (out / "sweep.csv").read_bytes() == before
+
+
+def test_what_is_refused_leaves_no_folder(palpate, sweep_file, tmp_path):
+    for command in ("run", "sweep"):
+        done = palpate(command, sweep_file, "--set", "estimator.ekf.force_std=-1 N")
+        assert done.returncode == 2
+    done = palpate("run", sweep_file, "--set", 'device.rig={type="mcap-replay", file="none.mcap"}', "--out", "out")
+    assert done.returncode == 2
+    log = tmp_path / "cut.mcap"
+    log.write_bytes(b"\x89MCAP0\r\n" + bytes(100))
+    done = palpate("run", sweep_file, "--set", f'device.rig={{type="mcap-replay", file="{log}"}}', "--out", "out")
+    assert done.returncode == 2
+    assert not (tmp_path / "runs").exists()
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_part_of_other_settings_is_no_part(point_pipeline, tmp_path):
+    first, other = (load_pipeline(point_pipeline, [f"estimator.ekf.force_std={std}"]) for std in (0.05, 0.06))
+    for folder, pipeline in ((tmp_path / "run", first), (tmp_path / "run" / "part-2", other)):
+        folder.mkdir()
+        (folder / "resolved.toml").write_text(resolved_text(pipeline))
+    with pytest.raises(LogError, match=r"nothing is mixed: estimator.ekf.force_std is 0.06, was 0.05"):
+        RunFolder(tmp_path / "run").demand_one_pipeline()
+    (tmp_path / "run" / "part-2" / "resolved.toml").write_text(resolved_text(first).replace("seed = 1", "seed = 9"))
+    RunFolder(tmp_path / "run").demand_one_pipeline()
+
+
+def test_differences_are_named_by_their_keys():
+    assert differences("a = 1\n[b]\nc = 2", "a = 1\n[b]\nc = 2") == ""
+    assert differences("[b]\nc = 2\nd = 1", "[b]\nc = 3\nd = 4", ("b.d",)) == "b.c is 2, was 3"
+    assert differences("[b]\nc = 2", "") == "b.c is 2, was not given"
+
+
+def test_a_file_is_whole_or_as_it_was(tmp_path):
+    path = tmp_path / "result.json"
+    path.write_text("old")
+
+    def fill():
+        with whole_file(path) as file:
+            file.write("half")
+            raise OSError(28, "No space left on device")
+
+    with pytest.raises(OutputError, match="No space left"):
+        fill()
+    assert path.read_text() == "old"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["result.json"]
+    with whole_file(path) as file:
+        file.write("new")
+        assert path.read_text() == "old"
+    assert path.read_text() == "new"
+
+
+def test_a_batch_goes_on_after_a_bad_one(palpate, point_pipeline, run_point, tmp_path):
+    good = [run_point("trajectory.press.duration=1 s", f"run.seed={seed}", name=f"run{seed}") for seed in (1, 2)]
+    (tmp_path / "bad").mkdir()
+    (tmp_path / "bad" / "result.json").write_text('{"half": ')
+    done = palpate("repeat", *(run.folder for run in good), tmp_path / "bad", "--track", "dr/ekf", "--json")
+    assert done.returncode == 1
+    assert json.loads(done.stdout)["groups"]["runs"]["count"] == 2
+    assert "bad is left out" in done.stderr
+    assert "is no result of palpate" in done.stderr
+    shutil.copy(good[0].folder / "log.mcap", tmp_path / "good.mcap")
+    (tmp_path / "bad.mcap").write_bytes((tmp_path / "good.mcap").read_bytes()[:5000])
+    done = palpate("fit", "bad.mcap", "good.mcap", "--no-pictures", "--out", "fits")
+    assert done.returncode == 1, done.stderr
+    assert "bad.mcap is left out" in done.stderr or "bad is left out" in done.stderr
+    assert list(json.loads((tmp_path / "fits" / "fit.json").read_text())["logs"]) == ["good"]
+    assert palpate("fit", "bad.mcap", "--no-pictures", "--out", "none").returncode == 2
+    assert not (tmp_path / "none").exists()
+
+
+def test_sites_are_counted_by_place_and_points_without_one_are_sites(palpate, run_point, tmp_path):
+    runs = [run_point("trajectory.press.duration=1 s", f"run.seed={n}", name=f"r{n}").folder for n in (1, 2)]
+    more = []
+    for number in range(3):
+        shutil.copytree(runs[0], tmp_path / f"copy{number}")
+        more.append(tmp_path / f"copy{number}")
+    baseline = [part for run in (runs[0], *more) for part in ("--baseline", run)]
+    done = palpate("compare-sites", *baseline, "--suspect", runs[1], "--track", "dr/ekf")
+    assert done.returncode == 0, done.stderr
+    assert "4 baseline" in done.stdout
+    done = palpate("compare-sites", *baseline, "--suspect", runs[0], "--track", "dr/ekf")
+    assert done.returncode == 2
+    assert "is also a --baseline" in done.stderr
+    done = palpate("compare-sites", *baseline, "--baseline", runs[0], "--suspect", runs[1], "--track", "dr/ekf")
+    assert done.returncode == 2
+    assert "given twice" in done.stderr
+    near = [((0.0, 0.0), 1.0), ((1e-4, 0.0), 4.0), ((0.01, 0.0), 3.0)]
+    assert by_place(near).tolist() == [pytest.approx(2.0), pytest.approx(3.0)]
+
+
+KILLER = "import os, pathlib, signal\n{guard}os.kill(os.getpid(), signal.SIGKILL)\n"
+
+
+def test_a_killed_worker_loses_no_job_and_the_one_that_kills_three_is_named(tmp_path):
+    once = "if not pathlib.Path('killed').exists():\n    pathlib.Path('killed').touch()\n    "
+    (tmp_path / "once.py").write_text(KILLER.format(guard=once).replace("'killed'", repr(str(tmp_path / "killed"))))
+    (tmp_path / "always.py").write_text(KILLER.format(guard=""))
+    texts = ["[run]\n"] * 3 + ['[run]\nplugins = ["once.py"]\n', '[run]\nplugins = ["always.py"]\n'] + ["[run]\n"] * 3
+    jobs = [Job(n, text, str(tmp_path / "p.toml"), (), {}, str(tmp_path)) for n, text in enumerate(texts, 1)]
+    found = {job.number: result["error"] for job, result in on_all_cores(jobs, 2)}
+    assert sorted(found) == list(range(1, 9))
+    assert "its process was killed 3 times" in found.pop(5)
+    assert all("[alignment] is missing" in error for error in found.values())
+    assert all(finished(job) is None for job in jobs)

@@ -1,0 +1,151 @@
+"""Lack of fit: clean records pass, wrong models are flagged with a reason, and the uncertainty holds the truth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from palpate import Estimates, Samples
+from palpate.diagnosis import Keeper
+from palpate_filters import CasadiFit, ExtendedKalmanFilter, KinematicFilter, KinematicSmoother
+from palpate_uncertainty.lack_of_fit import LEVEL, lack_of_fit
+from palpate_uncertainty.whiteness import examined, oscillation
+from palpate_uncertainty.whitening import WHITE, null_of
+
+E = 282.1e3
+N = 4000
+TIME = np.arange(N) / 500.0
+ONE_RUN = np.zeros(N, np.int64)
+
+
+def coloured(seed, n, share):
+    noise = np.random.default_rng(seed).standard_normal(n + 100)
+    for i in range(1, len(noise)):
+        noise[i] += share * noise[i - 1]
+    return noise[100:]
+
+
+def judged(track):
+    (finding,) = lack_of_fit([track]).values()
+    return finding
+
+
+def p_values(values, null, seed=0):
+    phase = 4 * np.pi * TIME
+    return examined(values, ONE_RUN, TIME, np.sin(phase), phase, null)
+
+
+def test_white_noise_passes_as_often_as_it_should():
+    found = [p_values(np.random.default_rng(seed).standard_normal(N), WHITE).p for seed in range(200)]
+    assert np.mean(np.array(found) < 0.1) < 0.16  # binomial: 0.16 is exceeded once in 200 times
+    assert min(found) > 1e-4
+
+
+def test_noise_that_is_filtered_is_judged_by_the_noise_at_standstill():
+    found = [p_values(coloured(seed, N, 0.9), null_of(coloured(1000 + seed, 500, 0.9))).p for seed in range(30)]
+    assert min(found) > LEVEL
+    assert p_values(coloured(0, N, 0.9), WHITE).p < 1e-99
+
+
+@pytest.mark.parametrize("name", ["phase", "time", "depth"])
+def test_a_pattern_half_of_the_noise_is_found_even_in_filtered_noise(name):
+    noise = coloured(1, N, 0.5)
+    pattern = {
+        "phase": np.sin(8 * np.pi * TIME + 1.0),
+        "time": np.linspace(-1.7, 1.7, N),
+        "depth": np.sin(4 * np.pi * TIME),
+    }[name]
+    found = p_values(noise + 0.5 * noise.std() * pattern, null_of(coloured(2, 1000, 0.5)))
+    assert found.tests[name] < LEVEL
+    assert found.misfit > 0.01
+
+
+def test_an_oscillation_is_told_from_a_ramp():
+    time = np.arange(5000) / 500.0
+    frequency, phase = oscillation(time, 1e-3 * np.sin(2 * np.pi * 2.03 * time + 0.5))
+    assert frequency == pytest.approx(2.03, abs=1e-3)
+    assert np.angle(np.exp(1j * (phase[0] - 0.5))) == pytest.approx(0.0, abs=0.02)
+    assert oscillation(time, 1e-3 * time) is None
+
+
+def test_a_keeper_keeps_the_same_samples_however_they_are_cut():
+    n = 150_000
+    time = np.arange(n) / 500.0
+    random = np.random.default_rng(0)
+    columns = [random.standard_normal(n) for _ in range(3)]
+    contact = time > 1.0
+    samples = Samples(np.arange(n), time, np.full(n, 0.002), *columns, contact, contact)
+    cuts = [[n], [1, 2, 3, 5000, 5001, 70_000, n], [*range(997, n, 997), n]]
+    kept = []
+    for ends in cuts:
+        keeper, begin = Keeper(), 0
+        for end in ends:
+            part = samples[begin:end]
+            keeper.add(part, Estimates.idle(part, 2))
+            begin = end
+        kept.append((keeper.kept, keeper.air))
+    for other, air in kept[1:]:
+        np.testing.assert_array_equal(air, kept[0][1])
+        for name in vars(other):
+            np.testing.assert_array_equal(getattr(other, name), getattr(kept[0][0], name))
+    index = kept[0][0].index
+    assert 8 * 4096 <= len(index) <= 17 * 4096
+    assert index[-1] > 0.9 * n
+    assert len(kept[0][1][0]) == np.count_nonzero(~contact)
+
+
+@pytest.mark.parametrize("estimator", [CasadiFit(), KinematicFilter(), KinematicSmoother(), ExtendedKalmanFilter()])
+@pytest.mark.parametrize("colour", [0.0, 0.8])
+def test_a_clean_record_is_not_flagged(evidence, estimator, colour):
+    finding = judged(evidence("clean", estimator, seed=5, colour=colour))
+    assert not finding.flags
+    assert not finding.terms
+    assert finding.table["p"] > LEVEL
+
+
+@pytest.mark.parametrize("estimator", [CasadiFit(), KinematicFilter(), ExtendedKalmanFilter()])
+@pytest.mark.parametrize("kind", ["thickness", "memory"])
+def test_a_wrong_model_is_flagged_with_its_reason_and_the_uncertainty_holds_the_truth(evidence, estimator, kind):
+    track = evidence(kind, estimator, radius=10e-3)
+    finding = judged(track)
+    assert [flag.code for flag in finding.flags] == ["lack-of-fit"]
+    assert kind in finding.table["reasons"]
+    assert track.values[0] > 1.4 * E
+    if not finding.unknown:
+        assert abs(track.values[0] - E) < 2 * finding.terms["elasticity"]
+
+
+def test_where_no_alternative_explains_the_residual_nobody_knows_the_uncertainty(evidence):
+    finding = judged(evidence("wrong-tip", CasadiFit()))
+    assert finding.unknown == {"elasticity", "viscosity"}
+    assert not finding.terms
+    assert "not known" in finding.flags[0].message
+    assert finding.table["effect"]["elasticity"] > 25  # per cent; it is 54
+
+
+def test_a_drifting_sensor_is_told_from_a_relaxing_material(evidence):
+    track = evidence("drift", CasadiFit())
+    finding = judged(track)
+    assert finding.table["reasons"] == ["drift"]
+    assert abs(track.values[0] - E) < 2 * finding.terms["elasticity"]
+
+
+def test_a_sweep_is_not_judged_as_a_point(evidence):
+    track = evidence("clean", KinematicFilter(sweep_speed=4e-3))
+    assert lack_of_fit([track]) == {}
+    lateral = np.column_stack([np.linspace(0, 0.02, len(track.kept.time)), np.zeros(len(track.kept.time))])
+    point = evidence("clean", KinematicFilter())
+    assert lack_of_fit([replace(point, kept=replace(point.kept, lateral=lateral))]) == {}
+
+
+def test_without_a_standstill_what_nothing_explains_may_be_the_channel(evidence):
+    track = evidence("clean", CasadiFit())
+    kept = track.kept
+    hum = np.sin(2 * np.pi * 3.3 * kept.time + 3.0 * np.sin(2 * np.pi * 0.31 * kept.time))
+    loud = replace(track, kept=replace(kept, force=kept.force + 0.1 * hum, innovation=kept.innovation + 2.0 * hum))
+    finding = judged(loud)
+    assert finding.unknown == {"elasticity", "viscosity"}
+    assert not finding.terms
+    nothing = np.zeros(0)
+    finding = judged(replace(loud, air_time=nothing, air_force=nothing, air_position=nothing))
+    assert finding.table["null"] == "residual"
+    assert not finding.unknown
