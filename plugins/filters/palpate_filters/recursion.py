@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from palpate import Floats, Layout, Samples, Status, Step
+from palpate import Floats, Layout, Samples, Status
+
+from palpate_filters.kernel import Step
 
 MARKS = {
     "lifted": Status.LIFTED,
