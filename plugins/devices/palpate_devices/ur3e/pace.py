@@ -1,4 +1,8 @@
-"""The pace of the servo loop: absolute deadlines, and what the host makes of them."""
+"""The pace of the servo loop: absolute deadlines, and what the host makes of them.
+
+What the host holds up is not made up for: motion time stands still meanwhile, so that no motion is ever faster than it
+was planned.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,11 @@ from palpate_devices.process.ring import Ring
 from palpate_devices.ur3e.servo import PERIOD
 
 _TICK = round(PERIOD * 1e9)  # [ns]
-_MOST_BEHIND = 4  # periods; what is later is not made up for
+
+
+def next_deadline(deadline: int, now: int) -> int:
+    """The next deadline [ns] after one; those that have passed while the host held the loop up are left out."""
+    return deadline + max(-(-(now - deadline) // _TICK), 1) * _TICK
 
 
 class Pace:
@@ -37,12 +45,10 @@ class Pace:
             if rest > _TICK // 4:
                 self._sleep(round(rest * random.uniform(0.0, 0.95)))
                 look()
-            deadline += _TICK
-            behind = time.monotonic_ns() - deadline
-            if behind > _MOST_BEHIND * _TICK:
-                if self._counted():
-                    self._lateness.skipped(behind + _TICK)
-                deadline += behind + _TICK
+            following = next_deadline(deadline, time.monotonic_ns())
+            if following > deadline + _TICK and self._counted():
+                self._lateness.skipped(following - deadline - _TICK)
+            deadline = following
 
     def _sleep(self, duration: int) -> int:
         """Sleep [ns]; the time then. What it takes longer is counted as the host's."""

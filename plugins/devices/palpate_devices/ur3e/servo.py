@@ -20,8 +20,9 @@ _SHORTEST = 0.15  # [s] of a way, however short
 class Law:
     """How setpoints become commands.
 
-    "pd": the paper's Cartesian law, speed = gain (z_d - z) + damping (z_d' - z'), integrated to positions for `servoL`;
-    "servo": the setpoints themselves.
+    "pd": the paper's Cartesian law, speed = gain (z_d - z) + damping (z_d' - z'), integrated to positions for `servoL`,
+    and never over `most`: an arm that does not follow is not called faster and faster; "servo": the setpoints
+    themselves.
     """
 
     control: str
@@ -32,6 +33,7 @@ class Law:
     acceleration: float  # [m/s^2] of what is not a trajectory
     angular_speed: float = math.radians(10.0)  # [rad/s] at most, on the way to the start
     lever: float = 0.0  # [m] from the tip to the flange, which swings when the tool turns about the tip
+    most: float = math.inf  # [m/s] that the law may ask for
 
 
 @dataclass(frozen=True)
@@ -149,7 +151,8 @@ class Commander:
         if law.control == "pd":
             wanted, rate = row[SETPOINT["position"]], row[SETPOINT["velocity"]]
             speed = law.gain * (wanted - position) + law.damping * (rate - velocity)
-            self.command = before + speed * PERIOD
+            length = float(np.linalg.norm(speed))
+            self.command = before + (speed if length <= law.most else speed * (law.most / length)) * PERIOD
         else:
             self.command = row[SETPOINT["position"]].copy()
         self._speed = (self.command - before) / PERIOD

@@ -241,11 +241,12 @@ class _Loop:
 
 
 def _slower(law: Law, limits: dict[str, Any]) -> dict[str, float]:
-    """What the arm does by itself keeps the limits of the motion."""
+    """What the arm does by itself, and what the law makes of setpoints, keeps the limits of the motion."""
     return {
         "approach_speed": min(law.approach_speed, limits["speed"]),
         "retract_speed": min(law.retract_speed, limits["speed"]),
         "angular_speed": limits["angular_speed"],
+        "most": limits["speed"],
     }
 
 
