@@ -68,7 +68,10 @@ class _Loop:
 
     def run(self) -> NoReturn:
         """One cycle after another, each at its deadline."""
-        Pace(self._ring, lambda: self._following).run(self._cycle, self._take_state)
+        Pace(self._ring, lambda: self._following, self._haste).run(self._cycle, self._take_state)
+
+    def _haste(self) -> float:
+        return 0.0 if self._commander is None else self._commander.haste
 
     @property
     def _following(self) -> bool:
