@@ -66,7 +66,7 @@ class Fact:
 class Template:
     """A text that `palpate` writes for a user to fill in, from a plugin's package data."""
 
-    package: str  # "palpate_filters"
+    package: str  # of the plugin: "my_filters"
     path: str  # within the package: "templates/point.toml"
     help: str  # one line
 
