@@ -100,7 +100,10 @@ class Registry:
         """A subcommand; raises PluginError with what there is, and what may have been meant."""
         if name not in self.commands:
             failed = "".join(f"; plugin {plugin} could not be loaded: {why}" for plugin, why in self.failures.items())
-            raise PluginError(f"there is no command {name!r}{suggest(name, self.commands)}{failed}")
+            hint = suggest(name, self.commands)
+            # An editable installation knows the plugins of the day it was made.
+            hint += "" if "did you mean" in hint else "; after an update, install palpate anew (pip install)"
+            raise PluginError(f"there is no command {name!r}{hint}{failed}")
         return self.commands[name]
 
     def name_of(self, part: type[Part]) -> str:
