@@ -32,7 +32,6 @@ from palpate.device import (
     Turnable as Turnable,
     Watched as Watched,
 )
-from palpate.diagnosis import Diagnosed as Diagnosed, Kept as Kept, TrackEvidence as TrackEvidence
 from palpate.errors import (
     ConfigurationError as ConfigurationError,
     DeviceError as DeviceError,
@@ -85,6 +84,14 @@ from palpate.recording import (
     Survey as Survey,
     TopicSurvey as TopicSurvey,
 )
+from palpate.result.evidence import (
+    Diagnosed as Diagnosed,
+    Ending as Ending,
+    Term as Term,
+    TrackEvidence as TrackEvidence,
+)
+from palpate.result.kept import Kept as Kept
+from palpate.result.record import Tail as Tail
 from palpate.sink import (
     GuardState as GuardState,
     Run as Run,

@@ -31,6 +31,7 @@ from palpate.pipeline.tracks import RunningTrack, Tracks, start_tracks
 from palpate.result import (
     SCHEMA,
     Diagnosable,
+    Judged,
     TrackResult,
     diagnosed,
     finite,
@@ -230,12 +231,12 @@ def _tracks(
 ) -> dict[str, TrackResult]:
     """The results of all tracks, judged by every diagnosis that is installed, and by what their flags mean."""
     settings, average = pipeline.alignment, pipeline.run.average
-    known = pipeline.run.uncertainties
-    results: dict[str, TrackResult] = {r.track.name: r.result(report, settings, average, known) for r in running}
+    results: dict[str, TrackResult] = {r.track.name: r.result(report, settings, average) for r in running}
     whole: dict[str, Diagnosable] = {
         r.track.name: Diagnosable(r.track.model, r.track.estimator, r.record, results[r.track.name])
         for r in running
         if r.record.failure is None
     }
-    found = {**results, **diagnosed(whole, pipeline.registry.diagnoses, settings.tip_mass, pipeline.tables)}
+    of_run = Judged(settings, report, average, pipeline.run.uncertainties, pipeline.tables)
+    found = {**results, **diagnosed(whole, pipeline.registry.diagnoses, of_run)}
     return {name: result.judged(pipeline.registry, flags) for name, result in found.items()}

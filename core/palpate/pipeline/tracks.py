@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.config import Pipeline, Track
 from palpate.errors import ConfigurationError, PalpateError, PluginError
 from palpate.estimation import Estimates, Problem, Samples, Tracker
 from palpate.pipeline.failing import Blame, judged
-from palpate.result import TrackRecord, TrackResult, timing_uncertainty, track_result
+from palpate.result import TrackRecord, TrackResult, track_result
 
 
 @dataclass
@@ -41,18 +40,16 @@ class RunningTrack:
             return Estimates.idle(samples, parameters)
         return estimates
 
-    def result(
-        self, report: AlignmentReport, settings: AlignmentSettings, average: float, known: Mapping[str, Any]
-    ) -> TrackResult:
+    def result(self, report: AlignmentReport, settings: AlignmentSettings, average: float) -> TrackResult:
         """What the track found."""
         track, online = self.track, self.track.estimator.online
         try:
-            return track_result(track.name, track.model, self.record, report, settings, average, online, known)
+            return track_result(track.name, track.model, self.record, report, settings, average, online)
         except PalpateError:
             raise
         except Exception as error:  # a model that cannot say what its parameters mean
             self.record.failure = self.blame.flag(error)
-            return track_result(track.name, track.model, self.record, report, settings, average, online, known)
+            return track_result(track.name, track.model, self.record, report, settings, average, online)
 
 
 class Tracks:
@@ -93,7 +90,7 @@ def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
     running = []
     for track in pipeline.tracks:
         blame = Blame(track, pipeline.registry)
-        timing = timing_uncertainty(pipeline.alignment)
+        timing = pipeline.alignment.timing_uncertainty
         problem = Problem(track.model, pipeline.alignment.tip_mass, timing, rest, _others(pipeline, track.name.model))
         try:
             tracker = track.estimator.start(problem)
