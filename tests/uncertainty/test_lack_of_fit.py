@@ -47,7 +47,7 @@ def test_noise_that_is_filtered_is_judged_by_the_noise_at_standstill():
 
 
 def test_the_inertia_of_an_uneven_motion_is_no_lack_of_fit():
-    """What a slope over 11 samples leaves of jolts of 2 samples: beyond a standstill's noise, and none of the model's."""
+    """What a slope over 11 samples leaves of jolts of 2 samples: no noise of a standstill, and none of the model's."""
     found = []
     for seed in range(30):
         random = np.random.default_rng(seed)
