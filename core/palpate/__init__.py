@@ -58,7 +58,7 @@ if TYPE_CHECKING:
         Tracker,
         track_by_step,
     )
-    from palpate.extensions import Command, Diagnosis, ReportSection, Template
+    from palpate.extensions import Command, Diagnosis, Display, ReportSection, Template
     from palpate.fit_report import BudgetRow, Effect, FitReport, Unknown
     from palpate.flags import Flag, FlagMeaning
     from palpate.hooks import plugin
@@ -109,7 +109,7 @@ __getattr__ = lazily(
         "palpate.diagnosis": "Diagnosed Kept TrackEvidence",
         "palpate.errors": "ConfigurationError DeviceError LogError OutputError PalpateError PluginError UserError",
         "palpate.estimation": "Belief Estimates Estimator Moment Problem Samples Status Tracker track_by_step",
-        "palpate.extensions": "Command Diagnosis ReportSection Template",
+        "palpate.extensions": "Command Diagnosis Display ReportSection Template",
         "palpate.fit_report": "BudgetRow Effect FitReport Unknown",
         "palpate.flags": "Flag FlagMeaning",
         "palpate.hooks": "plugin",
@@ -155,6 +155,7 @@ __all__ = [
     "DeviceError",
     "Diagnosed",
     "Diagnosis",
+    "Display",
     "Effect",
     "Estimates",
     "Estimator",

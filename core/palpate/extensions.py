@@ -56,6 +56,17 @@ class Diagnosis:
 
 
 @dataclass(frozen=True)
+class Display:
+    """What shows a run on the terminal: ``function(pipeline)`` answers a context with a writer that has `progress`."""
+
+    target: str  # "module:function"
+
+    def function(self) -> Callable[..., Any]:
+        """The function; raises PluginError where it cannot be imported."""
+        return imported(self.target)
+
+
+@dataclass(frozen=True)
 class Template:
     """A text that `palpate` writes for a user to fill in, from a plugin's package data."""
 

@@ -7,18 +7,16 @@ from typing import Annotated
 
 import typer
 
-from palpate.display import console, result_view
+from palpate.cli.run import execute
 
 
 def resume(run: Annotated[Path, typer.Argument(help="The folder of the run that was interrupted.")]) -> None:
     """Do what an interrupted run left: whole lines of a raster, whole points; in a folder inside the run's."""
-    from palpate.pipeline import remaining_pipeline, run_pipeline
+    from palpate.pipeline import remaining_pipeline
     from palpate.result import RunFolder
 
     pipeline = remaining_pipeline(run)
     if pipeline is None:
         typer.echo(f"{run}: was finished; nothing is left to do")
         return
-    result = run_pipeline(pipeline, RunFolder(run).next_part)
-    console().print(result_view(result, pipeline.registry.sections))
-    result.demand_whole()
+    execute(pipeline, RunFolder(run).next_part)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate import Command, plugin
+from palpate import Command, Display, plugin
 
 if TYPE_CHECKING:
     from palpate import Sink
@@ -22,3 +22,9 @@ def palpate_sinks() -> dict[str, type[Sink]]:
 def palpate_commands() -> dict[str, Command]:
     """The page of what was recorded."""
     return {"watch": Command("palpate_live.watch:watch", "See a recorded run on the live page.", "logs")}
+
+
+@plugin
+def palpate_displays() -> dict[str, Display]:
+    """The panel."""
+    return {"panel": Display("palpate_live.terminal:panel")}

@@ -52,7 +52,7 @@ class Child:
         return f"http://127.0.0.1:{self.port}/{self.token}/"
 
     def _started(self, listener: socket.socket, theirs: socket.socket) -> subprocess.Popen[bytes]:
-        """In a session of its own, so that Ctrl-C reaches the run only; without the folder it is started in on its path."""
+        """In a session of its own, so that Ctrl-C reaches the run only; it imports nothing from the current folder."""
         numbers = listener.fileno(), theirs.fileno()
         command = [sys.executable, "-P", "-m", "palpate_live.server", *map(str, numbers)]
         try:
@@ -102,7 +102,9 @@ class Child:
         self._process.wait()
 
     def close(self) -> str | None:
-        """End the process; a sentence where something was not as it should be."""
+        """End the process; a sentence where something was not as it should be. Once more does nothing."""
+        if self._errors.closed:
+            return None
         with suppress(OSError):
             self._socket.shutdown(socket.SHUT_WR)
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +15,7 @@ from palpate.host import people
 COMMON = ("force", "position", "x", "y", "contact")
 PER_TRACK = ("surface", "force", "nis", "innovation")  # besides value and uncertainty of each parameter
 RATE = 100.0  # [Hz] of the rows
-_UNUSABLE = int(Status.IDLE | Status.WAITING | Status.DIVERGED)
+UNUSABLE = int(Status.IDLE | Status.WAITING | Status.DIVERGED)
 
 Table = NDArray[np.float32]
 
@@ -63,7 +64,7 @@ class Columns:
             table[:, count : 2 * count] = np.hypot(estimates.std[rows], beyond)
             for place, name in enumerate(PER_TRACK, 2 * count):
                 table[:, place] = getattr(estimates, name)[rows]
-        table[(estimates.status[rows] & _UNUSABLE) != 0] = np.nan
+        table[(estimates.status[rows] & UNUSABLE) != 0] = np.nan
         return table
 
 
@@ -89,3 +90,10 @@ def described(run: Run, recorded: bool) -> dict[str, Any]:
 def _shown(parameter: Parameter) -> dict[str, Any]:
     unit, factor = people(parameter.unit)
     return {"name": parameter.name, "unit": unit, "factor": factor}
+
+
+def beyond(part: Mapping[str, Any]) -> float:
+    """What of a combined standard uncertainty [SI] the estimator does not know; NaN where nobody can tell it."""
+    if part["combined"] is None and part["std"] is not None:
+        return math.nan
+    return math.hypot(part["settling"] or 0.0, part.get("systematic") or 0.0)

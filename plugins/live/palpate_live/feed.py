@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from palpate import Batch, Estimates, Flag, FlagMeaning, GuardState, Run, Samples
 from palpate.host import finite_tree, people
 
-from palpate_live.columns import RATE, Columns, Table, described
+from palpate_live.columns import RATE, Columns, Table, beyond, described
 from palpate_live.wire import pack, pack_rows, pieces
 
 _EVERY = 0.05  # [s] between two messages with rows
@@ -25,6 +25,7 @@ class Feed:
 
     def __init__(self, run: Run, send: Send, meanings: Mapping[str, FlagMeaning], recorded: bool = False) -> None:
         self._send, self._meanings = send, meanings
+        self.by_record = recorded
         self._columns = Columns(run.tracks)
         self._begins = self._columns.begins
         self._beyond = {track: np.zeros(len(parameters)) for track, parameters in run.tracks.items()}
@@ -78,10 +79,7 @@ class Feed:
 
     def _found(self, track: str, found: Mapping[str, Any], final: bool = False) -> None:
         """Values with their combined uncertainty; rows from now on have it, too."""
-        parts = list(found["parameters"].values())
-        beyond = [math.hypot(part["settling"] or 0.0, part.get("systematic") or 0.0) for part in parts]
-        unknown = [part["combined"] is None and part["std"] is not None for part in parts]
-        self._beyond[track] = np.where(unknown, np.nan, beyond)
+        self._beyond[track] = np.array([beyond(part) for part in found["parameters"].values()])
         shown = {kind: {n: _value(p) for n, p in found.get(kind, {}).items()} for kind in ("parameters", "derived")}
         self._tell({"kind": "found", "track": track, "final": final, "verdict": found.get("verdict"), **shown})
 

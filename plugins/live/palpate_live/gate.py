@@ -74,7 +74,8 @@ def response(status: int, body: bytes, kind: str, host: str = "") -> Response:
     """A response that tells the browser to trust nothing but this page."""
     policy = (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
-        f"connect-src 'self'{f' ws://{host}' if host else ''}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        f"connect-src 'self'{f' ws://{host}' if host else ''}; "
+        "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     )
     headers = Headers(
         {

@@ -9,8 +9,9 @@ import socket
 import sys
 from contextlib import suppress
 
-from websockets.asyncio.server import Request, Response, ServerConnection, broadcast, serve
+from websockets.asyncio.server import ServerConnection, broadcast, serve
 from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
 
 from palpate_live.gate import answer
 from palpate_live.history import History

@@ -1,8 +1,8 @@
 """What goes from the run to the page: messages, each whole in one datagram, which browsers get as they are.
 
-A message is a header in JSON. One with rows has numbers behind it: the length of the header (uint32), the header, filled up
-with blanks so that the numbers begin at a multiple of 8 bytes, times (n,) as float64, columns (columns, n) as float32, all
-little-endian.
+A message is a header in JSON. One with rows has numbers behind it: the length of the header (uint32), the header,
+filled up with blanks so that the numbers begin at a multiple of 8 bytes, times (n,) as float64, columns (columns, n) as
+float32, all little-endian.
 """
 
 from __future__ import annotations

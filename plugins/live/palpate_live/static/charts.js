@@ -114,12 +114,12 @@ function column(rows, value) {
   return found;
 }
 
-// Lowest, middle and highest of a curve; a robust one leaves out a twentieth at either end.
+// Lowest, middle and highest of a curve; a robust one leaves out what is rare.
 function span(values, robust) {
   const known = values.filter((v) => v !== null).sort((a, b) => a - b);
   if (!known.length) return null;
   const at = (share) => known[Math.min(Math.floor(share * known.length), known.length - 1)];
-  return robust ? [at(0.05), at(0.5), at(0.95)] : [known[0], at(0.5), known[known.length - 1]];
+  return robust ? [at(0.03), at(0.5), at(0.97)] : [known[0], at(0.5), known[known.length - 1]];
 }
 
 // What the axis shows: curves far from all others flatten nobody.
@@ -131,6 +131,6 @@ function union(spans, lines, least, robust) {
     known = known.filter((s) => Math.abs(s[1] - middle) <= 4 * Math.abs(middle) + least);
   }
   let low = Math.min(...known.map((s) => s[0]), ...lines), high = Math.max(...known.map((s) => s[2]), ...lines);
-  const pad = Math.max(0.08 * (high - low), robust ? 0.03 * Math.abs(high + low) / 2 : 0, least / 2, 1e-12);
+  const pad = Math.max((robust ? 0.2 : 0.08) * (high - low), robust ? 0.03 * Math.abs(high + low) / 2 : 0, least / 2, 1e-12);
   return [low - pad, high + pad];
 }

@@ -41,7 +41,7 @@ function begin(run) {
   $("name").textContent = run.name;
   $("stop-box").hidden = run.recorded;
   $("player").hidden = !run.recorded;
-  $("what-u").textContent = "± is the standard uncertainty: scatter, settling, timing, mass, tare and declared sources together, as far as they are known by now. What only the whole record shows, such as a lack of fit, joins it in the result.";
+  $("what-u").textContent = "± u is the standard uncertainty: scatter, settling, timing, mass, tare and declared sources together, as far as they are known by now. What only the whole record shows, such as a lack of fit, joins it in the result.";
   const styles = run.tracks.map((_, i) => style(i));
   cards = new Cards($("tracks"), run, styles);
   $("charts").replaceChildren();
@@ -64,15 +64,15 @@ function makeCharts(run, styles) {
   for (const name of new Set(tracks.flatMap((track) => track.parameters.map((p) => p.name)))) {
     const own = tracks.filter((track) => track.parameters.some((p) => p.name === name));
     const unit = own[0].parameters.find((p) => p.name === name).unit;
-    slow.push(new Chart(parent, { title: `${name}, ${unit} (band: ± standard uncertainty)`, robust: true, series: own.map((track) => {
+    slow.push(new Chart(parent, { title: `${name}, ${unit} (band ± u)`, robust: true, series: own.map((track) => {
       const k = track.parameters.findIndex((p) => p.name === name), { factor } = track.parameters[k];
       const value = at(track.begin + k, factor), u = at(track.begin + track.n + k, factor);
       return line(track, value, { low: (row) => value(row) - u(row), high: (row) => value(row) + u(row) });
     }) }));
   }
-  slow.push(new Chart(parent, { title: "innovation over its standard deviation (±2 dashed)", lines: [-2, 2], series:
+  slow.push(new Chart(parent, { title: "innovation over its std (±2 dashed)", lines: [-2, 2], series:
     tracks.map((track) => line(track, at(track.begin + 2 * track.n + 3))) }));
-  slow.push(new Chart(parent, { title: "NIS, mean over 1 s (1 where model and noise are right)", lines: [1], least: 0.5, robust: true, series:
+  slow.push(new Chart(parent, { title: "NIS, mean over 1 s (1 is right)", lines: [1], least: 0.5, robust: true, series:
     tracks.map((track) => line(track, overASecond(track.begin + 2 * track.n + 2))) }));
   return { fast: [force, depth], slow };
 }
@@ -84,7 +84,7 @@ function overASecond(column) { // a mean that moves on with the rows that are as
     if (row < to || from > record.count) { from = to = Math.max(row - 200, 0); sum = count = 0; }
     for (; to <= row; to++) if (values[to] === values[to]) { sum += values[to]; count++; }
     for (; time[from] < time[row] - 1; from++) if (values[from] === values[from]) { sum -= values[from]; count--; }
-    return count ? sum / count : NaN;
+    return count && values[row] === values[row] ? sum / count : NaN;
   };
 }
 
