@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as some
+from hypothesis import given, settings, strategies as some
 from palpate import Flag, FlagMeaning, GuardState, Status
 from palpate_live.feed import Feed
 from palpate_live.history import ROWS, History
