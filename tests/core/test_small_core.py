@@ -11,12 +11,13 @@ from palpate.registry import load
 ANALYSES = [
     "palpate_calibration",
     "palpate_hardware",
+    "palpate_live",
     "palpate_maps",
     "palpate_studies",
     "palpate_testing",
     "palpate_uncertainty",
 ]
-LIBRARIES = {"filterpy", "csv", "mcap", "point"}  # words that are libraries, formats or plain English, too
+LIBRARIES = {"filterpy", "csv", "mcap", "point", "live"}  # words that are libraries, formats or plain English, too
 
 
 def strings(path):
