@@ -37,7 +37,7 @@ if TYPE_CHECKING:
         Turnable,
         Watched,
     )
-    from palpate.diagnosis import Diagnosed, Kept, TrackEvidence
+    from palpate.diagnosis import Bias, Diagnosed, Kept, TrackEvidence
     from palpate.errors import (
         ConfigurationError,
         DeviceError,
@@ -106,7 +106,7 @@ __getattr__ = lazily(
         "force_over_time log select sqrt tanh tip_profile",
         "palpate.device": "Approaching Arm Attending Batch Channel Device Link Observable Refusing "
         "Retractable SelfMoving Simulated Stream Turnable Watched",
-        "palpate.diagnosis": "Diagnosed Kept TrackEvidence",
+        "palpate.diagnosis": "Bias Diagnosed Kept TrackEvidence",
         "palpate.errors": "ConfigurationError DeviceError LogError OutputError PalpateError PluginError UserError",
         "palpate.estimation": "Belief Estimates Estimator Moment Problem Samples Status Tracker track_by_step",
         "palpate.extensions": "Command Diagnosis ReportSection Template",
@@ -142,6 +142,7 @@ __all__ = [
     "Attending",
     "Batch",
     "Belief",
+    "Bias",
     "BudgetRow",
     "ChangePoint",
     "Channel",
