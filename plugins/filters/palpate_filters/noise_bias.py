@@ -16,13 +16,12 @@ from palpate import (
     InertialProcess,
     Layout,
     Samples,
-    Step,
     TrackEvidence,
-    compile_step,
 )
 
 from palpate_filters.fit.motion import noise_of, zero_phase_motion
 from palpate_filters.inertial_filter import InertialFilter, PaperStart
+from palpate_filters.kernel import Step, compile_step
 from palpate_filters.symmetric import congruence, mirrored
 
 _ENOUGH = 500  # samples
