@@ -13,7 +13,6 @@ from palpate import (
     Flag,
     FlagMeaning,
     Floats,
-    InertialProcess,
     Layout,
     Samples,
     TrackEvidence,
@@ -22,6 +21,7 @@ from palpate import (
 from palpate_filters.fit.motion import noise_of, zero_phase_motion
 from palpate_filters.inertial_filter import InertialFilter, PaperStart
 from palpate_filters.kernel import Step, compile_step
+from palpate_filters.process import InertialProcess
 from palpate_filters.symmetric import congruence, mirrored
 
 _ENOUGH = 500  # samples
