@@ -91,6 +91,7 @@ from palpate.result.evidence import (
     Term as Term,
     TrackEvidence as TrackEvidence,
 )
+from palpate.result.found import Bias as Bias
 from palpate.result.kept import Kept as Kept
 from palpate.result.record import Tail as Tail
 from palpate.sink import (

@@ -47,6 +47,7 @@ class Diagnosis:
 
     target: str | Callable[..., Any]  # "module:function", imported when a run has ended; or the function
     order: int = 50
+    quick: bool = False  # it is asked once a second while a run goes on, too
 
 
 @dataclass(frozen=True)

@@ -72,11 +72,12 @@ def with_findings(result: TrackResult, model: ContactModel, name: str, finding: 
     """A result with the flags, uncertainties and numbers of a finding; derived values take them over."""
     cause = name.replace("-", "_")
     names = [parameter.name for parameter in model.parameters]
-    parameters = {}
-    for i, key in enumerate(names):
-        causes = [(term.cause, abs(float(term.shifts[i]))) for term in finding.sources]
-        causes.append((cause, finding.terms.get(key, 0.0)))
-        parameters[key] = _taken_over(result.parameters[key], key, finding, causes, key in finding.unknown)
+    parameters = {
+        key: _caused(
+            result.parameters[key], finding, key, [abs(float(term.shifts[i])) for term in finding.sources]
+        ).diagnosed(cause, finding.terms.get(key, 0.0), key in finding.unknown, finding.biases.get(key))
+        for i, key in enumerate(names)
+    }
     return replace(
         result,
         parameters=parameters,
@@ -87,11 +88,10 @@ def with_findings(result: TrackResult, model: ContactModel, name: str, finding: 
     )
 
 
-def _taken_over(
-    found: Found, name: str, finding: Diagnosed, causes: Iterable[tuple[str, float]], unknown: bool
-) -> Found:
-    for cause, share in causes:
-        found = found.diagnosed(cause, share, unknown)
+def _caused(found: Found, finding: Diagnosed, name: str, shares: Iterable[float]) -> Found:
+    """With a share of each source of a finding, and with the delay that the value looks like."""
+    for term, share in zip(finding.sources, shares, strict=True):
+        found = found.diagnosed(term.cause, share)
     return replace(found, per_shear=finding.delays.get(name, found.per_shear))
 
 
@@ -105,7 +105,10 @@ def _rows(result: TrackResult, names: Sequence[str], name: str, finding: Diagnos
         }
         label = term.cause if term.declared else f"{term.cause} (not declared)"
         yield BudgetRow(label, term.std, term.unit, effects)
-    shares = {key: share for key, share in finding.terms.items() if share > 0 and key in result.parameters}
+    terms = dict(finding.terms)
+    for key, bias in finding.biases.items():
+        terms[key] = math.hypot(terms.get(key, 0.0), bias.shift)
+    shares = {key: share for key, share in terms.items() if share > 0 and key in result.parameters}
     if shares:
         yield BudgetRow(name, None, "", {key: result.parameters[key].effect(share) for key, share in shares.items()})
 
@@ -115,10 +118,12 @@ def _derived(value: Derived, model: ContactModel, result: TrackResult, finding: 
     values = [result.parameters[name].value for name in names]
     material = next(m for m in model.material(values) if m.name == value.name)
     gradient = np.array(material.gradient)
-    causes = [(term.cause, abs(float(gradient @ term.shifts))) for term in finding.sources]
-    causes.append((cause, material.std([finding.terms.get(name, 0.0) for name in names])))
+    share = material.std([finding.terms.get(name, 0.0) for name in names])
+    shifts = [finding.biases[name].shift if name in finding.biases else 0.0 for name in names]
+    share = math.hypot(share, sum(slope * shift for slope, shift in zip(material.gradient, shifts, strict=True)))
     touched = any(slope and name in finding.unknown for name, slope in zip(names, material.gradient, strict=True))
-    return replace(value, found=_taken_over(value.found, value.name, finding, causes, touched))
+    shares = [abs(float(gradient @ term.shifts)) for term in finding.sources]
+    return replace(value, found=_caused(value.found, finding, value.name, shares).diagnosed(cause, share, touched))
 
 
 def _estimated(result: TrackResult) -> bool:

@@ -12,6 +12,7 @@ from palpate.estimation import Estimator
 from palpate.fit_report import FitReport
 from palpate.flags import Flag
 from palpate.parts import Settings
+from palpate.result.found import Bias
 from palpate.result.kept import Kept
 from palpate.result.record import Tail
 from palpate.vectors import Floats
@@ -70,6 +71,8 @@ class Diagnosed:
     terms: Mapping[str, float] = field(default_factory=dict)  # standard uncertainty [SI] that it adds, by parameter
     unknown: frozenset[str] = frozenset()  # parameters whose uncertainty nobody can tell
     table: Mapping[str, Any] = field(default_factory=dict)  # plain data for result.json
+    # Known, by parameter: the value stays, its uncertainty holds all of the shift, a corrected value stands beside it.
+    biases: Mapping[str, Bias] = field(default_factory=dict)
     sources: tuple[Term, ...] = ()  # rows of the budget, each a cause of its own for all values
     delays: Mapping[str, float] = field(default_factory=dict)  # [s] that would explain a parameter or derived value
 

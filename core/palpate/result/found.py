@@ -15,6 +15,14 @@ from palpate.fit_report import Effect
 
 
 @dataclass(frozen=True)
+class Bias:
+    """What an estimate is expected to be off by."""
+
+    shift: float  # [SI] value less truth
+    std: float | None  # [SI] standard uncertainty of the shift; None: too little is known of it to correct the value
+
+
+@dataclass(frozen=True)
 class Found:
     """A value with its uncertainty [SI]."""
 
@@ -26,6 +34,7 @@ class Found:
     budget: Mapping[str, float] = field(default_factory=dict)  # its terms by name
     per_shear: float | None = None  # [s] shift of timing that would explain the value: eta/G
     unknown: bool = False  # nobody can tell how wrong it is
+    bias: Bias | None = None  # known, and with all of its shift in the combined uncertainty
 
     @property
     def combined(self) -> float:
@@ -33,6 +42,15 @@ class Found:
         if self.unknown:
             return math.nan
         return math.hypot(self.std, self.settling, self.systematic or 0.0)
+
+    @property
+    def corrected(self) -> Found | None:
+        """The value less its known bias, with what is not known of that in place of all of it (GUM 3.2.4)."""
+        if self.bias is None or self.bias.std is None:
+            return None
+        shares = self.budget.values()
+        left = math.hypot(*shares) ** 2 - self.bias.shift**2 + self.bias.std**2 if shares else self.bias.std**2
+        return replace(self, value=self.value - self.bias.shift, systematic=math.sqrt(max(left, 0.0)), bias=None)
 
     def table(self) -> dict[str, Any]:
         """As in ``result.json``; what is not a finite number becomes null."""
@@ -43,17 +61,24 @@ class Found:
         known |= {f"systematic_{term}": share for term, share in self.budget.items()}
         if self.per_shear is not None:
             known["equivalent_delay"] = self.per_shear
+        if self.bias is not None:
+            known |= {"bias": self.bias.shift, "bias_std": finite(self.bias.std)}
+            corrected = self.corrected
+            known |= {"corrected": corrected.value, "corrected_combined": corrected.combined} if corrected else {}
         return {key: finite(value) for key, value in known.items()}
 
     def effect(self, contribution: float, sensitivity: float | None = None) -> Effect:
         """What a source does to the value by a standard uncertainty [SI]."""
         return Effect(sensitivity, contribution, 100.0 * contribution / abs(self.value) if self.value else None)
 
-    def diagnosed(self, cause: str, share: float, unknown: bool) -> Found:
-        """With one more cause of systematic uncertainty [SI], or with an uncertainty that nobody can tell."""
+    def diagnosed(self, cause: str, share: float, unknown: bool = False, bias: Bias | None = None) -> Found:
+        """With one more cause of systematic uncertainty [SI], an uncertainty that nobody can tell, or a known bias."""
+        share = math.hypot(share, bias.shift) if bias is not None else share
         budget = dict(self.budget) | ({cause: share} if share > 0 else {})
         systematic = math.hypot(*budget.values()) if budget else None
-        return replace(self, systematic=systematic, budget=budget, unknown=self.unknown or unknown)
+        return replace(
+            self, systematic=systematic, budget=budget, unknown=self.unknown or unknown, bias=bias or self.bias
+        )
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 def palpate_diagnoses() -> dict[str, Diagnosis]:
     """Judges of every track."""
     return {
-        "budget": Diagnosis("palpate_uncertainty.terms:budgets", order=10),  # what others judge by holds its terms
+        # What others judge by holds its terms.
+        "budget": Diagnosis("palpate_uncertainty.terms:budgets", order=10, quick=True),
         "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
         "model-choice": Diagnosis("palpate_uncertainty.choice:model_choice"),
         "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),
