@@ -91,6 +91,56 @@ def test_lumps_of_an_area():
     ]
 
 
+def patched(dice, low, high, contrast, noise=0.004, slope=3e-3):
+    """Sites on lines 5 mm apart over a stiff rectangle with graded flanks [m]."""
+    sites = area(dice, [], noise)
+    outside = np.maximum(0.0, np.maximum(np.array(low) - sites.place, sites.place - np.array(high)))
+    flank = np.exp(-0.5 * (np.hypot(*outside.T) / slope) ** 2)
+    return replace(sites, log=sites.log + np.log1p(contrast * flank))
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(
+    ("low", "high", "contrast"),
+    [
+        ((-0.03, -0.02), (-0.01, 0.02), 0.3),  # a third
+        ((-0.03, -0.01), (0.0, 0.01), 0.12),
+        ((-0.022, -0.014), (0.016, 0.011), 0.08),  # six tenths with the flanks
+        ((-0.022, -0.014), (0.016, 0.011), 0.5),
+    ],
+)
+def test_what_covers_much_of_the_area_is_found_and_told(seed, low, high, contrast):
+    found = find_lumps(patched(np.random.default_rng(seed), low, high, contrast))
+    (lump,) = found.lumps
+    wide = np.maximum(np.array(low) - 3.5e-3, (-0.03, -0.02)), np.minimum(np.array(high) + 3.5e-3, (0.03, 0.02))
+    assert lump.place == pytest.approx(tuple((wide[0] + wide[1]) / 2), abs=2.5e-3)
+    assert lump.extent == pytest.approx(tuple(wide[1] - wide[0]), rel=0.2)  # at half its height
+    assert lump.contrast == pytest.approx(contrast, rel=0.25)
+    assert lump.p < 1e-3
+    assert found.background == pytest.approx(112e3, rel=0.005)
+    assert found.several is None or "not one population" in found.warning
+
+
+def test_half_of_the_area_is_no_background_without_a_word():
+    found = find_lumps(patched(np.random.default_rng(0), (-0.03, -0.02), (0.0, 0.02), 0.3))
+    assert 0.3 < found.several < 0.6
+
+
+def test_a_soft_spot_makes_no_lump_of_the_rest():
+    found = find_lumps(patched(np.random.default_rng(0), (-0.02, -0.01), (-0.005, 0.01), -0.3))
+    assert found.lumps == ()
+    assert found.background == pytest.approx(112e3, rel=0.005)
+
+
+def test_the_stay_before_a_raster_is_no_point_on_its_lump():
+    """The raster begins in the corner of a stiff patch: that stay neither places the lump nor checks it."""
+    sites = patched(np.random.default_rng(0), (-0.03, -0.02), (-0.01, 0.0), 0.3)
+    sites.standing[0] = True
+    (lump,) = find_lumps(sites).lumps
+    assert lump.place == pytest.approx((-0.02, -0.01), abs=2e-3)
+    assert not lump.checked
+
+
 def test_homogeneous_areas_raise_no_alarm():
     alarms = [len(find_lumps(area(np.random.default_rng(seed), [])).lumps) for seed in range(25)]
     assert sum(alarms) == 0
