@@ -1,14 +1,15 @@
 """Lumps on areas: random layouts of stiff patches under flat and rough skins, found and false, and p without any.
 
-Run it with: python benchmarks/layouts.py found|null [--count 200] [--first 5000]. One process, no timing. The example raster at 6 mm/s, its
-smoother, samples of 500 Hz; every number is of the simulated rig. Thresholds were chosen on seeds below 5000.
+Run it with: python benchmarks/layouts.py found|null [--count 200] [--first 5000]. One process, no timing.
+The example raster at 6 mm/s, its smoother, samples of 500 Hz; every number is of the simulated rig. Thresholds were
+chosen on seeds below 5000.
 """
 
 from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -153,8 +154,8 @@ def null(seeds: Sequence[int]) -> None:
             alarms += bool(find_lumps(sites).lumps)
         quantiles = np.quantile(np.concatenate(p), [0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99])
         print(
-            f"{skin}: {alarms} of {len(seeds)} with an alarm, {several} taken for several populations; quantiles of p at "
-            f"0.01 0.05 0.25 0.5 0.75 0.95 0.99: {' '.join(f'{q:.3f}' for q in quantiles)}",
+            f"{skin}: {alarms} of {len(seeds)} with an alarm, {several} taken for several populations; quantiles of p "
+            f"at 0.01 0.05 0.25 0.5 0.75 0.95 0.99: {' '.join(f'{q:.3f}' for q in quantiles)}",
             flush=True,
         )
 

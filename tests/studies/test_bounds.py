@@ -170,7 +170,7 @@ def test_a_model_that_remembers_is_refused():
 
 
 def test_a_faster_force_tells_more_and_a_noisy_motion_less():
-    """Twice the readings are worth the square root of two; a position's noise is a force of the stiffness times that."""
+    """Twice the readings are worth the root of two; a position's noise is a force of the stiffness times that."""
     path = sine_path(0.004, [(2.0, 0.001)], 10.0, 500.0, PositionLoop())
     _, _, by_depth, by_rate = force_slopes(SPHERE, path.depth, path.rate, THETA)
 
@@ -211,7 +211,7 @@ def test_what_a_straight_line_between_readings_moves(frequency, rate):
 
 
 def test_the_bias_of_a_design_is_the_one_that_a_run_has(root, tmp_path):
-    """The fit at 5 Hz and 1.5 mm, without noise and with a tip of no weight: E and eta are low by what `design` says."""
+    """The fit at 5 Hz and 1.5 mm, no noise, a tip of no weight: E and eta are low by what `design` says."""
     theta = {"elasticity": 282.1e3, "viscosity": 860.0}
     settings = ["device.rig.force_std=0 N", "device.rig.position_std=0 m", "device.rig.velocity_std=0 m/s"]
     settings += ["device.rig.tip_mass=1 g", "alignment.tip_mass=1 g", "device.rig.drift=0 N/h"]

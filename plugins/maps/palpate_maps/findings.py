@@ -52,6 +52,6 @@ class Findings:
         if self.several is None:
             return None
         return (
-            f"the sites are not one population with a few lumps: the {100 * self.several:.0f} % of them about the lowest "
-            "common value are taken for the background"
+            f"the sites are not one population with a few lumps: the {100 * self.several:.0f} % of them about the "
+            "lowest common value are taken for the background"
         )
