@@ -45,10 +45,11 @@ def lowest_mode(log: Floats, floor: float) -> Mode:
     first = _first_minimum(widths)
     window = values[first : first + size]
     mean = float(window.mean())
+    spread, told_by = _spread_below(mean, values, floor)
     for _ in range(_ROUNDS):  # a window about the middle that flanks above do not draw along
-        spread, told_by = _spread_below(mean, values, floor)
         near = values[np.abs(values - mean) <= spread]
         mean = float(np.clip(near.mean() if len(near) else mean, window[0], window[-1]))
+        spread, told_by = _spread_below(mean, values, floor)
     return Mode(mean, spread, told_by)
 
 
