@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 from palpate.extensions import lazily
 
 if TYPE_CHECKING:
+    from palpate_notebook import compare, fit, load, open_run, read, record, run, sweep
+
     from palpate.alignment.change_point import ChangePoint, change_point
     from palpate.contact import (
         ContactModel,
@@ -128,6 +130,7 @@ __getattr__ = lazily(
         "ForceWalk Frequency Length Mass Pressure Speed Stiffness Time TipMass "
         "Viscosity is_number to_si",
         "palpate.vectors": "Floats Layout",
+        "palpate_notebook": "compare fit load open_run read record run sweep",  # the face for people with data
     },
 )
 
@@ -237,16 +240,24 @@ __all__ = [
     "Writer",
     "arctan",
     "change_point",
+    "compare",
     "compile_step",
     "contact_force",
+    "fit",
     "force_over_time",
     "is_number",
     "lazily",
+    "load",
     "log",
+    "open_run",
     "plugin",
     "printable",
+    "read",
+    "record",
+    "run",
     "select",
     "sqrt",
+    "sweep",
     "tanh",
     "tip_profile",
     "to_si",
