@@ -7,7 +7,9 @@ from palpate import Command, Template, plugin
 def palpate_commands() -> dict[str, Command]:
     """What one starts with."""
     return {
-        "init": Command("palpate_starting.init:init", "Write a pipeline, or a plugin of your own, to start from.", "run"),
+        "init": Command(
+            "palpate_starting.init:init", "Write a pipeline, or a plugin of your own, to start from.", "run"
+        ),
         "completion": Command(
             "palpate_starting.completion:completion", "Print what completes palpate in a shell.", "extend"
         ),

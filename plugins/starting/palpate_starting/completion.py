@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import registry, suggest
+from palpate.host import function_of, registry, suggest
 
 _BASH = """# palpate in bash: eval "$(palpate completion bash)" in ~/.bashrc; of zsh: see palpate completion zsh
 _palpate() {{
@@ -30,7 +30,7 @@ def completion(shell: Annotated[str, typer.Argument(metavar="SHELL", help="bash,
     """Print a script that completes commands, options and parts: eval "$(palpate completion bash)"."""
     if shell not in _SHELLS:
         raise ConfigurationError(f"there is no completion for {shell!r}{suggest(shell, _SHELLS)}")
-    options = {name: options_of(name) for name in registry.load_commands({}).commands}
+    options = {name: options_of(name) for name in registry.load_commands().commands}
     parts = registry.load()
     named = sorted({name for entries in parts.parts.values() for name in entries} | set(parts.flags))
     words = {"describe": named, "completion": list(_SHELLS), "init": sorted(parts.templates)}
@@ -40,7 +40,7 @@ def completion(shell: Annotated[str, typer.Argument(metavar="SHELL", help="bash,
 def options_of(name: str) -> dict[str, str]:
     """The long options of a command, each with its help."""
     app = typer.Typer(add_completion=False)
-    app.command(name=name)(registry.load_commands({}).command(name).function())
+    app.command(name=name)(function_of(registry.load_commands().command(name)))
     command = typer.main.get_command(app)
     found = {"--help": "Show what the command does."}
     for parameter in command.params:
