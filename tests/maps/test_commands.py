@@ -273,6 +273,19 @@ def test_what_is_not_there_is_said(palpate, sweep_run, command, arguments, word)
     assert "Traceback" not in done.stderr
 
 
+def test_a_map_of_an_offline_track_wants_all_parts(palpate, raster_run, tmp_path):
+    """The first part was killed: it has no offline estimates. A map of the second alone is no map of the run."""
+    run = tmp_path / "run"
+    shutil.copytree(raster_run, run, ignore=shutil.ignore_patterns("maps", "estimates-offline.csv", "result.json"))
+    shutil.copytree(raster_run, run / "part-2", ignore=shutil.ignore_patterns("maps"))
+    done = palpate("map", run, "--track", "dr/smoother", "--method", "average")
+    assert done.returncode == 2
+    assert "has no estimates of dr/smoother" in done.stderr
+    assert "dr/kinematic" in done.stderr
+    for track in ((), ("--track", "dr/kinematic")):
+        assert palpate("map", run, *track, "--method", "average").returncode == 0
+
+
 def test_a_folder_that_is_no_run_is_refused(palpate, tmp_path):
     for command in ("lumps", "search", "resume"):
         done = palpate(command, tmp_path)
