@@ -58,9 +58,9 @@ if TYPE_CHECKING:
         Tracker,
         track_by_step,
     )
-    from palpate.extensions import Command, Diagnosis, ReportSection, Template
+    from palpate.extensions import Command, Diagnosis, Report, ReportSection, Template
     from palpate.fit_report import BudgetRow, Effect, FitReport, Unknown
-    from palpate.flags import Flag, FlagMeaning
+    from palpate.flags import ADVICE, SEVERITIES, Flag, FlagMeaning
     from palpate.hooks import plugin
     from palpate.kernel import Kernel, Step, compile_step
     from palpate.limiting import ArmLimits, ForceWatch, Limited, Retreating, Shareable, SharedReadings, Sharing
@@ -109,9 +109,9 @@ __getattr__ = lazily(
         "palpate.diagnosis": "Diagnosed Kept TrackEvidence",
         "palpate.errors": "ConfigurationError DeviceError LogError OutputError PalpateError PluginError UserError",
         "palpate.estimation": "Belief Estimates Estimator Moment Problem Samples Status Tracker track_by_step",
-        "palpate.extensions": "Command Diagnosis ReportSection Template",
+        "palpate.extensions": "Command Diagnosis Report ReportSection Template",
         "palpate.fit_report": "BudgetRow Effect FitReport Unknown",
-        "palpate.flags": "Flag FlagMeaning",
+        "palpate.flags": "ADVICE SEVERITIES Flag FlagMeaning",
         "palpate.hooks": "plugin",
         "palpate.kernel": "Kernel Step compile_step",
         "palpate.limiting": "ArmLimits ForceWatch Limited Retreating Shareable SharedReadings Sharing",
@@ -132,6 +132,8 @@ __getattr__ = lazily(
 )
 
 __all__ = [
+    "ADVICE",
+    "SEVERITIES",
     "Acceleration",
     "Angle",
     "AngularSpeed",
@@ -195,6 +197,7 @@ __all__ = [
     "Problem",
     "Recording",
     "Refusing",
+    "Report",
     "ReportSection",
     "Resumable",
     "Retractable",

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from palpate.errors import OutputError
 from palpate.extensions import ReportSection
 from palpate.flags import Flag
 from palpate.quantities import measured
@@ -20,17 +17,6 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
     from palpate.pipeline import Result
-
-
-@contextmanager
-def drawing(path: Path) -> Iterator[None]:
-    """Turns what can go wrong while a picture is drawn into an OutputError."""
-    try:
-        yield
-    except ImportError as error:
-        raise OutputError(f"{path}: drawing wants matplotlib: pip install matplotlib") from error
-    except (OSError, ValueError) as error:
-        raise OutputError(f"{path}: cannot draw: {error}") from error
 
 
 def console(width: int = 120) -> Console:

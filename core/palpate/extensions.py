@@ -45,6 +45,17 @@ class ReportSection:
 
 
 @dataclass(frozen=True)
+class Report:
+    """What is made of a run that has ended: ``function(folder)`` writes a file and answers where it is."""
+
+    target: str  # "module:function"
+
+    def function(self) -> Callable[..., Any]:
+        """The function; raises PluginError where it cannot be imported."""
+        return imported(self.target)
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """A judge of results: ``function(evidence of all tracks)`` answers findings by track; see `palpate.diagnosis`."""
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from palpate.contact import ContactModel, Indenter
     from palpate.device import Device
     from palpate.estimation import Estimator
-    from palpate.extensions import Command, Diagnosis, ReportSection, Template
+    from palpate.extensions import Command, Diagnosis, Report, ReportSection, Template
     from palpate.flags import FlagMeaning
     from palpate.migration import Migration
     from palpate.parts import Part, Settings
@@ -96,6 +96,11 @@ def palpate_report_sections() -> Mapping[str, ReportSection]:  # type: ignore[em
 
 
 @_hook
+def palpate_reports() -> Mapping[str, Report]:  # type: ignore[empty-body]
+    """What ``palpate run --report`` makes of a run, by the name of the command that makes it later, too."""
+
+
+@_hook
 def palpate_templates() -> Mapping[str, Template]:  # type: ignore[empty-body]
     """Texts for a user to begin with, such as a commented pipeline, by name."""
 
@@ -116,6 +121,7 @@ def palpate_migrations() -> Sequence[Migration]:  # type: ignore[empty-body]
 _EXTENSIONS = {
     "command": ("palpate_commands", "palpate.extensions:Command"),
     "table": ("palpate_tables", "palpate.parts:Settings"),
+    "report": ("palpate_reports", "palpate.extensions:Report"),
     "report section": ("palpate_report_sections", "palpate.extensions:ReportSection"),
     "template": ("palpate_templates", "palpate.extensions:Template"),
     "diagnosis": ("palpate_diagnoses", "palpate.extensions:Diagnosis"),

@@ -24,12 +24,21 @@ from palpate.config import (
 )
 from palpate.contact import force_slopes
 from palpate.device import address, ask_devices, truth_of
-from palpate.display import console, drawing, result_view
+from palpate.display import console, result_view
 from palpate.flags import verdict
 from palpate.installation import show_installation
 from palpate.jobs import Engine, Job, built, finished, on_all_cores, run_job
 from palpate.options import JsonOption, Overrides, PluginFiles, Points, TrackOption
-from palpate.pictures import figure_of, save_figure
+from palpate.pictures import (
+    FORMATS,
+    WIDTHS,
+    common_limits,
+    figure_of,
+    legend_outside,
+    quartiles,
+    save_figure,
+    style,
+)
 from palpate.pipeline import (
     Flow,
     Result,
@@ -46,6 +55,7 @@ from palpate.quantities import measured
 from palpate.registry import Registry, suggest
 from palpate.replaying import Carried, carried_by, replay_source
 from palpate.result import (
+    Derived,
     EstimatesTable,
     Found,
     RunFolder,
@@ -72,11 +82,14 @@ def analysis(name: str) -> Callable[..., Any]:
 
 
 __all__ = [
+    "FORMATS",
     "GRAVITY",
+    "WIDTHS",
     "AlignmentSettings",
     "CalibratedValue",
     "Calibration",
     "Carried",
+    "Derived",
     "Engine",
     "EstimatesTable",
     "Flow",
@@ -114,11 +127,11 @@ __all__ = [
     "build_pipeline",
     "built",
     "carried_by",
+    "common_limits",
     "console",
     "continued",
     "demand_safe",
     "differences",
-    "drawing",
     "each",
     "figure_of",
     "finished",
@@ -127,6 +140,7 @@ __all__ = [
     "identity_in",
     "identity_of",
     "interruptible",
+    "legend_outside",
     "load_pipeline",
     "make_folder",
     "measured",
@@ -135,6 +149,7 @@ __all__ = [
     "pipeline_of",
     "plain_settings",
     "ports_of",
+    "quartiles",
     "read_flags",
     "recorded_pipeline",
     "recording_of",
@@ -148,6 +163,7 @@ __all__ = [
     "save_figure",
     "show_installation",
     "start_tracks",
+    "style",
     "suggest",
     "suggestion_of",
     "the_trajectory",
