@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from palpate.contact import ContactModel, Indenter
     from palpate.device import Device
     from palpate.estimation import Estimator
-    from palpate.extensions import Command, Diagnosis, Report, ReportSection, Template
+    from palpate.extensions import Check, Command, Diagnosis, Display, Fact, Report, ReportSection, Template
     from palpate.flags import FlagMeaning
     from palpate.migration import Migration
     from palpate.parts import Part, Settings
@@ -81,6 +81,16 @@ def palpate_diagnoses() -> Mapping[str, Diagnosis]:  # type: ignore[empty-body]
 
 
 @_hook
+def palpate_checks() -> Mapping[str, Check]:  # type: ignore[empty-body]
+    """Checks of a pipeline's parts, by name; each is called whenever a pipeline is built, and refuses wrong ones."""
+
+
+@_hook
+def palpate_facts() -> Mapping[str, Fact]:  # type: ignore[empty-body]
+    """Lines for ``palpate info`` without a log, by name."""
+
+
+@_hook
 def palpate_commands() -> Mapping[str, Command]:  # type: ignore[empty-body]
     """Subcommands of ``palpate`` by name; their modules are imported when they are called."""
 
@@ -98,6 +108,11 @@ def palpate_report_sections() -> Mapping[str, ReportSection]:  # type: ignore[em
 @_hook
 def palpate_reports() -> Mapping[str, Report]:  # type: ignore[empty-body]
     """What ``palpate run --report`` makes of a run, by the name of the command that makes it later, too."""
+
+
+@_hook
+def palpate_displays() -> Mapping[str, Display]:  # type: ignore[empty-body]
+    """What shows a run on the terminal while it goes on, by name; of several the first by name is used."""
 
 
 @_hook
@@ -123,8 +138,11 @@ _EXTENSIONS = {
     "table": ("palpate_tables", "palpate.parts:Settings"),
     "report": ("palpate_reports", "palpate.extensions:Report"),
     "report section": ("palpate_report_sections", "palpate.extensions:ReportSection"),
+    "display": ("palpate_displays", "palpate.extensions:Display"),
     "template": ("palpate_templates", "palpate.extensions:Template"),
     "diagnosis": ("palpate_diagnoses", "palpate.extensions:Diagnosis"),
+    "check": ("palpate_checks", "palpate.extensions:Check"),
+    "fact": ("palpate_facts", "palpate.extensions:Fact"),
     "flag": ("palpate_flags", "palpate.flags:FlagMeaning"),
 }
 _KINDS = {

@@ -21,8 +21,16 @@ from palpate import (
     tip_profile,
     to_si,
 )
-from palpate.host import PluginFiles, Source, build_parts, figure_of, save_figure, style, suggest
-from palpate.host import registry as registries
+from palpate.host import (
+    PluginFiles,
+    Source,
+    build_parts,
+    figure_of,
+    registry as registries,
+    save_figure,
+    style,
+    suggest,
+)
 
 _SAMPLES = 1001
 

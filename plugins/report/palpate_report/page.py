@@ -7,8 +7,8 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from palpate import ADVICE, SEVERITIES
-from palpate.host import WIDTHS, Table, people, registry
+from palpate import ADVICE
+from palpate.host import SEVERITIES, WIDTHS, Table, function_of, people, registry
 
 from palpate_report import texts
 from palpate_report.anonymous import Anonymous
@@ -168,7 +168,7 @@ def _sections(record: Record, hide: Callable[[str], str]) -> Iterator[dict[str, 
     """What other plugins show of the run; one that fails says so and keeps nothing else from being shown."""
     for name, section in sorted(registry.load().sections.items(), key=lambda item: (item[1].order, item[0])):
         try:
-            shown = list(section.function()(record.result()))
+            shown = list(function_of(section)(record.result()))
         except Exception as error:  # whatever a stranger's function raises
             shown = [f"This section could not be made: {type(error).__name__}: {error}"]
         if shown:
