@@ -13,6 +13,8 @@ ANALYSES = [
     "palpate_hardware",
     "palpate_live",
     "palpate_maps",
+    "palpate_notebook",
+    "palpate_report",
     "palpate_studies",
     "palpate_testing",
     "palpate_uncertainty",
