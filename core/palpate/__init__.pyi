@@ -1,5 +1,17 @@
 """palpate: elasticity and viscosity of soft material from robotic palpation, each with its uncertainty."""
 
+# The one family that the core names: its face for people with data, imported when it is first used.
+from palpate_notebook import (
+    compare as compare,
+    fit as fit,
+    load as load,
+    open_run as open_run,
+    read as read,
+    record as record,
+    run as run,
+    sweep as sweep,
+)
+
 from palpate.alignment.change_point import ChangePoint as ChangePoint, change_point as change_point
 from palpate.contact import (
     ContactModel as ContactModel,
