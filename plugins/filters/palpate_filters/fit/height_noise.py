@@ -16,6 +16,7 @@ from palpate_filters.fit.unknowns import Unknowns
 
 _STEP = 1e-6  # [m]
 _SAMPLES = 20_000
+_AT_EDGE = 1e-3  # standard deviations
 _FARTHEST = 0.1  # of a value; a correction beyond that is no first order
 
 
@@ -43,16 +44,20 @@ def unattenuated(residual: Residual, record: FitRecord, unknowns: Unknowns, solu
     thinned = record.thinned(_SAMPLES)
     slope, change = _by_surface(residual, thinned, solution.x, unknowns.index("surface"))
     jacobian = residual.whole(thinned, solution.x)[1].copy()
-    moved = scaled_inverse(jacobian.T @ jacobian) @ (change.T @ slope) * height_noise(record) ** 2
-    values = solution.x[free]
+    values, (low, high) = solution.x[free], unknowns.bounds(free)
+    sigma = np.sqrt(2.0 * solution.cost / len(record))
+    edge = _AT_EDGE * sigma * np.sqrt(np.maximum(np.diag(scaled_inverse(jacobian.T @ jacobian)), 0.0))
+    loose = (values - low > edge) & (high - values > edge)
+    inner = jacobian[:, loose]
+    moved = np.zeros(len(free))
+    moved[loose] = scaled_inverse(inner.T @ inner) @ (change[:, loose].T @ slope) * height_noise(record) ** 2
     place = unknowns.index("surface")
     relative = [abs(m) / abs(v) for m, v, i in zip(moved, values, free, strict=True) if i != place and v]
     if not np.isfinite(moved).all() or max(relative, default=0.0) > _FARTHEST:
         return solution
-    low, high = unknowns.bounds(free)
     x = solution.x.copy()
-    x[free] = np.where((values > low) & (values < high), np.clip(values + moved, low, high), values)
-    return replace(solution, x=x)
+    x[free] = np.where(loose, np.clip(values + moved, low, high), values)
+    return replace(solution, x=x, moved=x - solution.x)
 
 
 def _by_surface(residual: Residual, record: FitRecord, x: Floats, place: int) -> tuple[Floats, Floats]:

@@ -89,7 +89,7 @@ def _reconstruction(fit: Fit) -> tuple[Floats, Floats]:
 def _judge(fit: Fit) -> _Judged:
     from scipy.stats import t
 
-    found = scatter(fit.residual, fit.record, fit.solution.x, fit.loss)
+    found = scatter(fit.residual, fit.record, fit.solution.least, fit.loss)
     free = list(fit.residual.free)
     random = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
     low, high = fit.unknowns.bounds(free)
