@@ -1,8 +1,8 @@
 """Live tests fail for a reason: one that fails while the host itself stood still is done again, at most twice.
 
-Two small processes do nothing but wake up every 5 ms, one with the priority of the servo loop, one with none; each keeps
-the longest gap between two of its wakings. A failure counts as the host's where a gap beyond what any code of ours could
-cause was measured during that very test, and the summary says so with the gap.
+Two small processes do nothing but wake up every 5 ms, one with the priority of the servo loop, one with none; each
+keeps the longest gap between two of its wakings. A failure counts as the host's where a gap beyond what any code of
+ours could cause was measured during that very test, and the summary says so with the gap.
 """
 
 import mmap
