@@ -5,6 +5,7 @@ keeps the longest gap between two of its wakings. A failure counts as the host's
 ours could cause was measured during that very test, and the summary says so with the gap.
 """
 
+import contextlib
 import mmap
 import os
 import struct
@@ -113,5 +114,6 @@ def _last_line(reports):
 
 def _afresh(item):
     """End all fixtures, those of the module and the session as well, and let the next attempt make them anew."""
-    item.session._setupstate.teardown_exact(None)
+    with contextlib.suppress(Exception):  # a twin that has died cannot be ended; the report says why the test failed
+        item.session._setupstate.teardown_exact(None)
     item._initrequest()
