@@ -59,3 +59,12 @@ def test_versions_agree():
 def test_every_page_is_on_the_site(page):
     """Those that the index does not name would be built, and found by nobody."""
     assert page.stem == "index" or f"\n{page.stem}\n" in (ROOT / "docs" / "index.md").read_text()
+
+
+def test_the_pages_agree_on_how_often_a_log_is_flushed():
+    from palpate_devices.mcap_sink import _FLUSH_EVERY, McapSink
+
+    words = {4: "four", 5: "five", 6: "six", 7: "seven", 10: "ten"}[int(1 / _FLUSH_EVERY)]
+    for text in ((ROOT / "docs/logs.md").read_text(), (ROOT / "docs/results.md").read_text(), McapSink.__doc__):
+        (said,) = re.findall(r"[Ff]lush(?:ed|es)(?: it)? (\w+) times", " ".join(text.split()))
+        assert said == words
