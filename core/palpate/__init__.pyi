@@ -71,12 +71,13 @@ from palpate.extensions import (
     Diagnosis as Diagnosis,
     Display as Display,
     Fact as Fact,
+    Report as Report,
     ReportSection as ReportSection,
     Template as Template,
     lazily as lazily,
 )
 from palpate.fit_report import BudgetRow as BudgetRow, Effect as Effect, FitReport as FitReport, Unknown as Unknown
-from palpate.flags import Flag as Flag, FlagMeaning as FlagMeaning
+from palpate.flags import ADVICE as ADVICE, Flag as Flag, FlagMeaning as FlagMeaning
 from palpate.hooks import plugin as plugin
 from palpate.limiting import (
     ArmLimits as ArmLimits,

@@ -63,10 +63,12 @@ def lumps_json(findings: Findings, track: str, parameter: str) -> str:
         "method": findings.method,
         "background": findings.background,
         "spread": findings.spread,
+        "warning": findings.warning,
         "lumps": [
             {
                 "x": lump.place[0],
                 "y": lump.place[1],
+                "highest": list(lump.highest or lump.place),
                 "extent": list(lump.extent),
                 "contrast": lump.contrast,
                 "contrast_std": lump.contrast_std,
