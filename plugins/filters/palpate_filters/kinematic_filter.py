@@ -28,7 +28,12 @@ class KinematicFilter(KinematicSettings):
 
     def start(self, problem: Problem) -> Tracker:
         """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
-        return RecursiveTracker(kinematic_recursion(self, problem), opening(self, problem))
+        return RecursiveTracker(kinematic_recursion(self, problem), opening(self, problem), details=known_causes(self))
+
+
+def known_causes(settings: KinematicSettings) -> dict[str, list[str]]:
+    """What the filter's own standard deviation holds already: the tare, where its offset is a state."""
+    return {"included": ["tare"]} if has_bias(settings) else {}
 
 
 def opening(settings: KinematicSettings, problem: Problem) -> Opening:
