@@ -100,7 +100,8 @@ def review(
 
 def _read(runs: Sequence[Path], track: str | None, parameter: str) -> tuple[list[Reading], int]:
     """All readings, and how many files could not be read; raises what the only one raised."""
-    found, failures = [], list[UserError]()
+    found: list[Reading] = []
+    failures: list[UserError] = []
     for path in sorted(set(runs), key=natural):
         try:
             found += readings(path, track, parameter, first=True)
@@ -114,7 +115,7 @@ def _read(runs: Sequence[Path], track: str | None, parameter: str) -> tuple[list
 
 def _mark(group: Sequence[Reading], reject: Sequence[str], accept: Sequence[str], reason: str) -> None:
     """Write marks beside the results; raises ConfigurationError for a name that none, or more than one, has."""
-    changes = [(_named(group, name, "--reject"), reason) for name in reject]
+    changes: list[tuple[Reading, str | None]] = [(_named(group, name, "--reject"), reason) for name in reject]
     changes += [(_named(group, name, "--accept"), None) for name in accept]
     for reading, why in changes:
         marks = dict(RunFolder(reading.folder).rejected)
