@@ -74,7 +74,10 @@ def refit(course: Course, theta: Floats, surface: float, make: Maker = unchanged
         return numbers[:k], surface + float(numbers[k]), numbers[k + 1 :]
 
     def residual(x: Floats) -> Floats:
-        error = (small.force - made.force(*parts(x)))[rows]
+        try:
+            error = (small.force - made.force(*parts(x)))[rows]
+        except ValueError:  # a memory that is too short for the samples
+            return np.full(len(rows), 1e6)
         return np.asarray(np.where(np.isfinite(error), error, 1e6))
 
     found = least_squares(residual, start, bounds=(lower, upper), x_scale="jac", ftol=1e-7, xtol=1e-7, max_nfev=40)

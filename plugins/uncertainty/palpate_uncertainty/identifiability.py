@@ -10,7 +10,7 @@ import numpy as np
 from palpate import Diagnosed, Flag, TrackEvidence
 
 from palpate_uncertainty.alternatives import Refit, refit
-from palpate_uncertainty.course import Course, make_course, sweeps
+from palpate_uncertainty.course import Course, make_course, possible, sweeps
 from palpate_uncertainty.whitening import Floats
 
 _ENOUGH = 300  # samples
@@ -31,7 +31,8 @@ def identifiability(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """
     found = {}
     for track in tracks:
-        if track.report is None and np.count_nonzero(track.kept.used) >= _ENOUGH and not sweeps(track):
+        enough = np.count_nonzero(track.kept.used) >= _ENOUGH
+        if track.report is None and enough and possible(track) and not sweeps(track):
             try:
                 found[track.name] = _judge(track)
             except ValueError:  # the model has no force at numbers that far off, which other flags say
@@ -52,10 +53,13 @@ def _judge(track: TrackEvidence) -> Diagnosed:
     terms = np.hypot(terms, np.where(short, np.sqrt(np.maximum(bound**2 - track.std**2, 0.0)), 0.0))
     flags = []
     if elsewhere.any():
-        said = [_said(track, names, i, float(best.theta[i])) for i in np.flatnonzero(elsewhere)]
+        said = [_said(track, names, int(i), float(best.theta[i])) for i in np.flatnonzero(elsewhere)]
         flags.append(Flag("elsewhere", f"least squares on the same samples finds {', '.join(said)}"))
     if short.any() or blind:
-        said = [_percent(names[i], track.values[i], track.std[i], bound[i]) for i in np.flatnonzero(short)]
+        said = [
+            _percent(names[i], float(track.values[i]), float(track.std[i]), float(bound[i]))
+            for i in np.flatnonzero(short)
+        ]
         said += [f"{name} has no effect on the force" for name in blind]
         pairs = _pairs(names, correlation)
         told = f"; hard to tell apart: {', '.join(pairs)}" if pairs else ""
@@ -76,8 +80,8 @@ def _said(track: TrackEvidence, names: list[str], i: int, value: float) -> str:
 
 
 def _percent(name: str, value: float, std: float, bound: float) -> str:
-    scale = 100.0 / max(abs(float(value)), 1e-300)
-    return f"{name} to {scale * float(std):.2g} % where {scale * float(bound):.2g} % is the bound"
+    scale = 100.0 / max(abs(value), 1e-300)
+    return f"{name} to {scale * std:.2g} % where {scale * bound:.2g} % is the bound"
 
 
 def _pairs(names: list[str], correlation: Floats) -> list[str]:
