@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from palpate.contact import ContactModel, Indenter
     from palpate.device import Device
     from palpate.estimation import Estimator
-    from palpate.extensions import Command, Diagnosis, ReportSection, Template
+    from palpate.extensions import Check, Command, Diagnosis, Fact, ReportSection, Template
     from palpate.flags import FlagMeaning
     from palpate.migration import Migration
     from palpate.parts import Part, Settings
@@ -81,6 +81,16 @@ def palpate_diagnoses() -> Mapping[str, Diagnosis]:  # type: ignore[empty-body]
 
 
 @_hook
+def palpate_checks() -> Mapping[str, Check]:  # type: ignore[empty-body]
+    """Checks of a pipeline's parts, by name; each is called whenever a pipeline is built, and refuses wrong ones."""
+
+
+@_hook
+def palpate_facts() -> Mapping[str, Fact]:  # type: ignore[empty-body]
+    """Lines for ``palpate info`` without a log, by name."""
+
+
+@_hook
 def palpate_commands() -> Mapping[str, Command]:  # type: ignore[empty-body]
     """Subcommands of ``palpate`` by name; their modules are imported when they are called."""
 
@@ -119,6 +129,8 @@ _EXTENSIONS = {
     "report section": ("palpate_report_sections", "palpate.extensions:ReportSection"),
     "template": ("palpate_templates", "palpate.extensions:Template"),
     "diagnosis": ("palpate_diagnoses", "palpate.extensions:Diagnosis"),
+    "check": ("palpate_checks", "palpate.extensions:Check"),
+    "fact": ("palpate_facts", "palpate.extensions:Fact"),
     "flag": ("palpate_flags", "palpate.flags:FlagMeaning"),
 }
 _KINDS = {

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from palpate import Floats, KinematicProcess, Problem, Samples, Tracker
+from palpate import Floats, Problem, Samples, Tracker
 
 from palpate_filters.inertial_filter import mass_of
 from palpate_filters.kinematic_settings import KinematicSettings, drift_of, fits, has_bias
 from palpate_filters.kinematic_start import fresh_state, guess_of, resumed_state
 from palpate_filters.kinematic_step import kinematic_step
+from palpate_filters.process import KinematicProcess
 from palpate_filters.recursion import Carry, Opening, Recursion
 from palpate_filters.tracking import RecursiveTracker
 

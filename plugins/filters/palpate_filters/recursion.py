@@ -6,7 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from palpate import Floats, Layout, Samples, Status, Step
+from palpate import Floats, Layout, Samples, Status
+
+from palpate_filters.kernel import Step
 
 MARKS = {
     "lifted": Status.LIFTED,

@@ -6,10 +6,11 @@ from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
-from palpate import Estimates, Floats, Kernel, Problem, Samples, Status, Time, Tracker, compile_step
+from palpate import Estimates, Floats, Problem, Samples, Status, Time, Tracker
 from pydantic import Field
 
 from palpate_filters.backward_step import backward_step
+from palpate_filters.kernel import Kernel, compile_step
 from palpate_filters.kinematic_filter import (
     kinematic_process,
     kinematic_recursion,

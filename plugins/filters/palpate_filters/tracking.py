@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from palpate import Estimates, Floats, Samples, Status, compile_step
+from palpate import Estimates, Floats, Samples, Status
 
+from palpate_filters.kernel import compile_step
 from palpate_filters.opening_fit import PAUSE
 from palpate_filters.recursion import MARKS, Carry, Opening, Recursion, Stretch, output_layout, surprises
 
