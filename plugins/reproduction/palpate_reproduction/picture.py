@@ -38,6 +38,6 @@ def draw(item: Item, rows: Sequence[Row], path: Path) -> None:
     axis.axvline(1.0, color="black", linewidth=0.8)
     axis.set_yticks(range(len(known)), [f"{row.published.row}, {row.published.quantity}" for row in known], fontsize=8)
     axis.invert_yaxis()
-    axis.set(xlabel="palpate / paper; bars: two standard deviations; grey: allowed; open: simulated")
+    axis.set(xlabel="palpate / paper (bars: 2 std; grey: allowed; open: simulated)")
     axis.set_title(item.title, fontsize=9)
     save_figure(figure, path)
