@@ -57,6 +57,7 @@ from palpate.extensions import (
     Check as Check,
     Command as Command,
     Diagnosis as Diagnosis,
+    Display as Display,
     Fact as Fact,
     ReportSection as ReportSection,
     Template as Template,

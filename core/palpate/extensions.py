@@ -63,6 +63,13 @@ class Fact:
 
 
 @dataclass(frozen=True)
+class Display:
+    """What shows a run on the terminal: ``function(pipeline)`` answers a context with a writer that has `progress`."""
+
+    target: str  # "module:function"
+
+
+@dataclass(frozen=True)
 class Template:
     """A text that `palpate` writes for a user to fill in, from a plugin's package data."""
 
@@ -80,7 +87,7 @@ class Template:
             raise PluginError(f"template {self.path} of {self.package} cannot be read: {error}") from error
 
 
-def function_of(offer: Command | ReportSection | Diagnosis | Check | Fact) -> Callable[..., Any]:
+def function_of(offer: Command | ReportSection | Diagnosis | Check | Display | Fact) -> Callable[..., Any]:
     """The function that an offer names; raises PluginError where it cannot be imported."""
     return imported(offer.target) if isinstance(offer.target, str) else offer.target
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from palpate.contact import ContactModel, Indenter
     from palpate.device import Device
     from palpate.estimation import Estimator
-    from palpate.extensions import Check, Command, Diagnosis, Fact, ReportSection, Template
+    from palpate.extensions import Check, Command, Diagnosis, Display, Fact, ReportSection, Template
     from palpate.flags import FlagMeaning
     from palpate.migration import Migration
     from palpate.parts import Part, Settings
@@ -106,6 +106,11 @@ def palpate_report_sections() -> Mapping[str, ReportSection]:  # type: ignore[em
 
 
 @_hook
+def palpate_displays() -> Mapping[str, Display]:  # type: ignore[empty-body]
+    """What shows a run on the terminal while it goes on, by name; of several the first by name is used."""
+
+
+@_hook
 def palpate_templates() -> Mapping[str, Template]:  # type: ignore[empty-body]
     """Texts for a user to begin with, such as a commented pipeline, by name."""
 
@@ -127,6 +132,7 @@ _EXTENSIONS = {
     "command": ("palpate_commands", "palpate.extensions:Command"),
     "table": ("palpate_tables", "palpate.parts:Settings"),
     "report section": ("palpate_report_sections", "palpate.extensions:ReportSection"),
+    "display": ("palpate_displays", "palpate.extensions:Display"),
     "template": ("palpate_templates", "palpate.extensions:Template"),
     "diagnosis": ("palpate_diagnoses", "palpate.extensions:Diagnosis"),
     "check": ("palpate_checks", "palpate.extensions:Check"),

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from palpate.host import RunFolder, console, remaining_pipeline, run_pipeline
+from palpate.host import RunFolder, remaining_pipeline
 
-from palpate_basics.view import result_view
+from palpate_basics.run import execute
 
 
 def resume(run: Annotated[Path, typer.Argument(help="The folder of the run that was interrupted.")]) -> None:
@@ -17,6 +17,4 @@ def resume(run: Annotated[Path, typer.Argument(help="The folder of the run that 
     if pipeline is None:
         typer.echo(f"{run}: was finished; nothing is left to do")
         return
-    result = run_pipeline(pipeline, RunFolder(run).next_part)
-    console().print(result_view(result, pipeline.registry.sections))
-    result.demand_whole()
+    execute(pipeline, RunFolder(run).next_part)
