@@ -1,5 +1,17 @@
 """palpate: elasticity and viscosity of soft material from robotic palpation, each with its uncertainty."""
 
+# The one family that the core names: its face for people with data, imported when it is first used.
+from palpate_notebook import (
+    compare as compare,
+    fit as fit,
+    load as load,
+    open_run as open_run,
+    read as read,
+    record as record,
+    run as run,
+    sweep as sweep,
+)
+
 from palpate.alignment.change_point import ChangePoint as ChangePoint, change_point as change_point
 from palpate.contact import (
     ContactModel as ContactModel,
@@ -59,12 +71,13 @@ from palpate.extensions import (
     Diagnosis as Diagnosis,
     Display as Display,
     Fact as Fact,
+    Report as Report,
     ReportSection as ReportSection,
     Template as Template,
     lazily as lazily,
 )
 from palpate.fit_report import BudgetRow as BudgetRow, Effect as Effect, FitReport as FitReport, Unknown as Unknown
-from palpate.flags import Flag as Flag, FlagMeaning as FlagMeaning
+from palpate.flags import ADVICE as ADVICE, Flag as Flag, FlagMeaning as FlagMeaning
 from palpate.hooks import plugin as plugin
 from palpate.limiting import (
     ArmLimits as ArmLimits,

@@ -39,6 +39,13 @@ class ReportSection:
 
 
 @dataclass(frozen=True)
+class Report:
+    """What is made of a run that has ended: ``function(folder)`` writes a file and answers where it is."""
+
+    target: str  # "module:function"
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """A judge of results: ``function(evidence of all tracks)`` answers findings by track; see `palpate.diagnosis`."""
 
@@ -87,7 +94,7 @@ class Template:
             raise PluginError(f"template {self.path} of {self.package} cannot be read: {error}") from error
 
 
-def function_of(offer: Command | ReportSection | Diagnosis | Check | Display | Fact) -> Callable[..., Any]:
+def function_of(offer: Command | Report | ReportSection | Diagnosis | Check | Display | Fact) -> Callable[..., Any]:
     """The function that an offer names; raises PluginError where it cannot be imported."""
     return imported(offer.target) if isinstance(offer.target, str) else offer.target
 

@@ -62,7 +62,16 @@ from palpate.options import (
     TrackOption as TrackOption,
 )
 from palpate.parts import nested_settings as nested_settings, part_kind as part_kind
-from palpate.pictures import drawing as drawing, figure_of as figure_of, save_figure as save_figure
+from palpate.pictures import (
+    FORMATS as FORMATS,
+    WIDTHS as WIDTHS,
+    common_limits as common_limits,
+    figure_of as figure_of,
+    legend_outside as legend_outside,
+    quartiles as quartiles,
+    save_figure as save_figure,
+    style as style,
+)
 from palpate.pipeline import (
     Flow as Flow,
     Guard as Guard,
@@ -84,6 +93,7 @@ from palpate.quantities import measured as measured
 from palpate.registry import FlagEntry as FlagEntry, Registry as Registry, analysis as analysis, suggest as suggest
 from palpate.replaying import Carried as Carried, carried_by as carried_by, replay_source as replay_source
 from palpate.result import (
+    Derived as Derived,
     EstimatesTable as EstimatesTable,
     Found as Found,
     RunFolder as RunFolder,

@@ -8,7 +8,7 @@ import sys
 import pytest
 from palpate.registry import load
 
-ANALYSES = ["palpate_calibration", "palpate_maps", "palpate_studies"]
+ANALYSES = ["palpate_calibration", "palpate_maps", "palpate_studies", "palpate_notebook"]
 LIBRARIES = {"filterpy", "csv", "mcap", "point", "live"}  # words that are libraries, formats or plain English, too
 
 

@@ -28,7 +28,8 @@ def test_all_panels_are_drawn(point_pipeline, tmp_path):
     tracks = {str(track.name): track.model.parameters for track in pipeline.tracks}
     feed = Feed(Run(tmp_path, {}, tracks, {}, {}, "<b>a run</b>"), child.send, meanings())
     result = run_pipeline(pipeline, tmp_path / "out", observer=feed)
-    with browser(child.address) as tab:
+    with browser() as chromium:
+        tab = chromium.open(child.address)
         tab.until("window.palpate && window.palpate.draws > 2 && !!document.querySelector('#devices table')")
         drawn = tab.ask(COLOURED)
         assert len(drawn) == 6  # force, depth, elasticity, viscosity, innovation, NIS

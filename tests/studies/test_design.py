@@ -3,8 +3,6 @@
 import math
 
 import pytest
-from palpate import OutputError
-from palpate.host import drawing
 
 
 @pytest.fixture
@@ -92,11 +90,12 @@ def test_the_picture(palpate, file, tmp_path):
     assert (tmp_path / "bounds.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_picture_that_cannot_be_drawn_is_one_message(tmp_path):
-    with pytest.raises(OutputError, match="cannot draw"), drawing(tmp_path):
-        raise IsADirectoryError(21, "is a directory")
-    with pytest.raises(OutputError, match="pip install matplotlib"), drawing(tmp_path):
-        raise ImportError("matplotlib")
+@pytest.mark.parametrize(("name", "words"), [(".", "ends in .png"), ("no/such/bounds.png", "cannot write")])
+def test_a_picture_that_cannot_be_written_is_one_message(palpate, file, name, words):
+    few = ("--set", "design.frequencies=[1.0]", "--set", 'design.amplitudes=["1 mm"]')
+    done = palpate("design", file, *few, "--picture", name, timeout=240)
+    assert done.returncode == 2
+    assert words in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -49,7 +49,9 @@ class AlignmentSettings(Settings):
     measuring: Signal | None = Field(default=None, description="above 0.5 while the motion is meant for estimation")
     lateral_x: Signal | None = Field(default=None, description="x of the tip along the surface, for sweeps and maps")
     lateral_y: Signal | None = Field(default=None, description="y of the tip along the surface, for sweeps and maps")
-    tip_mass: TipMass | None = Field(default=None, gt=0, description="mass of all that hangs behind the sensor")
+    tip_mass: TipMass | None = Field(
+        default=None, ge=0, description="mass of all that hangs behind the sensor; 0 where it is known to be nothing"
+    )
     tip_mass_uncertainty: TipMass | None = Field(default=None, ge=0, description="its standard uncertainty")
     weight: Literal["tared", "removed"] = Field(
         default="tared",

@@ -57,6 +57,7 @@ class RunSettings(Settings):
         '"force_scale", "position_scale": { radius = "20 um", poisson = 0.01, force_scale = 0.005 }; not declared: '
         "a radius to 0.5 %, Poisson's ratio within 0.02 below its value",
     )
+    report: bool = Field(default=False, description="write a report when the run has ended")
     estimates_interval: Time = Field(
         default=0.01, ge=0, description="estimates.csv has one row in so much time; 0: every sample"
     )

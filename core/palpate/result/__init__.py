@@ -4,7 +4,7 @@ from palpate.result.diagnosing import Diagnosable, diagnosed
 from palpate.result.differing import differences
 from palpate.result.flags import track_flags
 from palpate.result.folder import EstimatesFile, make_folder, withdraw_folder
-from palpate.result.found import Found, finite, finite_tree
+from palpate.result.found import Derived, Found, finite, finite_tree
 from palpate.result.outcome import TrackResult, record_flags, stream_tables, track_result
 from palpate.result.reading import SCHEMA, is_whole, read_flags, read_result, upgraded
 from palpate.result.record import TrackRecord, acceleration
@@ -16,6 +16,7 @@ __all__ = [
     "RESOLVED",
     "RESULT",
     "SCHEMA",
+    "Derived",
     "Diagnosable",
     "EstimatesFile",
     "EstimatesTable",

@@ -104,12 +104,23 @@ class Start:
 
 
 def mass_of(problem: Problem) -> float:
-    """The tip's mass [kg]; raises ConfigurationError where none is declared."""
-    if problem.tip_mass is None or not problem.tip_mass > 0:
+    """The tip's mass [kg], which may be 0; raises ConfigurationError where none is declared."""
+    if problem.tip_mass is None:
         raise ConfigurationError(
             'the tip\'s mass is not declared; this filter needs it: set [alignment] tip_mass, such as "140 g"'
         )
     return problem.tip_mass
+
+
+def moved_mass(problem: Problem) -> float:
+    """The mass [kg] that the force accelerates; raises ConfigurationError where none is declared, or it is 0."""
+    mass = mass_of(problem)
+    if mass == 0:
+        raise ConfigurationError(
+            "the tip's mass is 0, and this filter lets the force accelerate it: take an estimator that measures the "
+            "motion, such as kinematic-ekf or casadi-fit"
+        )
+    return mass
 
 
 def inertial_tracker(
@@ -119,7 +130,7 @@ def inertial_tracker(
 
     Raises ConfigurationError where no tip mass is declared or a first guess cannot be made.
     """
-    process = InertialProcess(problem.model, mass_of(problem), settings.order)
+    process = InertialProcess(problem.model, moved_mass(problem), settings.order)
     start = first_state(settings, process, problem, settings.evolution_time, settings.derivative_std)
     fade = (fading.theta, fading.alpha_max, fading.step_up, fading.step_down) if fading else _NO_FADING
     cap = (fading.covariance_cap * start.std) ** 2 if fading else np.full(process.states, 1e300)

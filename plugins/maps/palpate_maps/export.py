@@ -67,6 +67,7 @@ def lumps_json(findings: Findings, track: str, parameter: str) -> str:
             {
                 "x": lump.place[0],
                 "y": lump.place[1],
+                "highest": list(lump.highest or lump.place),
                 "extent": list(lump.extent),
                 "contrast": lump.contrast,
                 "contrast_std": lump.contrast_std,

@@ -32,6 +32,7 @@ class Lump:
     p: float  # the chance of one like it where there is none
     along: float = float("nan")  # [m] its middle along a sweep
     checked: bool = False  # palpated at a point of it, too
+    highest: tuple[float, float] | None = None  # [m] where the contrast is; the middle of a horseshoe is its hole
 
 
 @dataclass(frozen=True)

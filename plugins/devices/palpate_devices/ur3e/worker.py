@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from palpate_devices.process.child import Parent, real_time
 from palpate_devices.process.ring import Ring
+from palpate_devices.ur3e.client import missing
 from palpate_devices.ur3e.fence import ArmState, Fence, Verdict
 from palpate_devices.ur3e.force_watch import ForceEye
 from palpate_devices.ur3e.frame import WorkFrame
@@ -43,7 +44,7 @@ def main() -> None:
     try:
         robot = Robot(settings)
     except ImportError as error:
-        parent.tell("fault", text=f"the client library is missing ({error}): pip install ur-rtde")
+        parent.tell("fault", text=f"{missing()} ({error})")
         os._exit(1)
     except RuntimeError as error:
         parent.tell("fault", text=f"cannot connect: {' '.join(str(error).split())}")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import Overrides, console, drawing, load_pipeline
+from palpate.host import Overrides, console, load_pipeline
 
 from palpate_studies.design.palpation import Case
 
@@ -33,9 +33,7 @@ _ADVICE = (
 
 def design(
     file: Annotated[Path, typer.Argument(help="The pipeline file.")],
-    picture: Annotated[
-        Path | None, typer.Option(help="Draw the bounds into this file (.png, .svg or .pdf; wants matplotlib).")
-    ] = None,
+    picture: Annotated[Path | None, typer.Option(help="Draw the bounds into this file (.png, .svg or .pdf).")] = None,
     overrides: Overrides = None,
 ) -> None:
     """Show how well elasticity and viscosity can be told at best, over frequency and amplitude, and what is best.
@@ -58,8 +56,7 @@ def design(
     if picture is not None:
         from palpate_studies.design.picture import draw
 
-        with drawing(picture):
-            draw(designs, picture)
+        draw(designs, picture)
         terminal.print(f"drawn to {picture}", highlight=False)
 
 
