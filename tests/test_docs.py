@@ -1,5 +1,6 @@
 """The documents keep up with the code."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -34,3 +35,12 @@ def test_every_part_says_what_it_is(kind, name):
 def test_decisions_are_numbered_without_repetition():
     numbers = [path.name[:4] for path in sorted((ROOT / "docs" / "decisions").glob("*.md"))]
     assert len(set(numbers)) == len(numbers)
+
+
+def test_the_pages_agree_on_how_often_a_log_is_flushed():
+    from palpate_devices.mcap_sink import _FLUSH_EVERY, McapSink
+
+    words = {4: "four", 5: "five", 6: "six", 7: "seven", 10: "ten"}[int(1 / _FLUSH_EVERY)]
+    for text in ((ROOT / "docs/logs.md").read_text(), (ROOT / "docs/results.md").read_text(), McapSink.__doc__):
+        (said,) = re.findall(r"[Ff]lush(?:ed|es)(?: it)? (\w+) times", " ".join(text.split()))
+        assert said == words

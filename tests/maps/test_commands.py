@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import shutil
 import signal
 import subprocess
@@ -272,6 +273,19 @@ def test_what_is_not_there_is_said(palpate, sweep_run, command, arguments, word)
     assert "Traceback" not in done.stderr
 
 
+def test_a_map_of_an_offline_track_wants_all_parts(palpate, raster_run, tmp_path):
+    """The first part was killed: it has no offline estimates. A map of the second alone is no map of the run."""
+    run = tmp_path / "run"
+    shutil.copytree(raster_run, run, ignore=shutil.ignore_patterns("maps", "estimates-offline.csv", "result.json"))
+    shutil.copytree(raster_run, run / "part-2", ignore=shutil.ignore_patterns("maps"))
+    done = palpate("map", run, "--track", "dr/smoother", "--method", "average")
+    assert done.returncode == 2
+    assert "has no estimates of dr/smoother" in done.stderr
+    assert "dr/kinematic" in done.stderr
+    for track in ((), ("--track", "dr/kinematic")):
+        assert palpate("map", run, *track, "--method", "average").returncode == 0
+
+
 def test_a_folder_that_is_no_run_is_refused(palpate, tmp_path):
     for command in ("lumps", "search", "resume"):
         done = palpate(command, tmp_path)
@@ -279,16 +293,63 @@ def test_a_folder_that_is_no_run_is_refused(palpate, tmp_path):
         assert "no run folder" in done.stderr
 
 
-def test_a_search_visits_what_it_suspects(palpate, raster_run, tmp_path):
-    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
-    copy = tmp_path / "search"
-    shutil.copytree(raster_run, copy)
-    done = palpate("search", copy, "--go", "--points", 2, "--palpation", 2, "--budget", 5)
+def searched(palpate, root, folder, sphere, *more):
+    """Two lines over 30 mm x 10 mm beside or around one sphere, and `palpate search --go` from there."""
+    place = f'["{sphere[0]} mm", "{sphere[1]} mm"]'
+    body = f'device.rig.specimen.inclusions=[{{shape="sphere", place={place}, depth="2 mm", radius="5 mm"}}]'
+    lines = [
+        'trajectory.raster.size=["30 mm", "10 mm"]',
+        "trajectory.raster.pitch=10 mm",
+        "trajectory.raster.settle=1 s",
+    ]
+    rest = ["trajectory.raster.speed=6 mm/s", "estimator.smoother.sweep_speed=6 mm/s", 'run.tracks=["dr/smoother"]']
+    rest += [
+        "device.rig.sensor_rate=500 Hz",
+        "trajectory.raster.press.amplitude=1 mm",
+        "trajectory.raster.press.rest=0.5 s",
+    ]
+    done = palpate("run", root / "pipelines/raster.toml", *options([body, *lines, *rest]), "--out", folder)
     assert done.returncode == 0, done.stderr
-    assert "stopped:" in done.stdout
-    visited = sites_along(read_path(copy / "part-2"))
-    assert np.count_nonzero(visited.standing) == 2
-    assert np.hypot(*(visited.place[0] - [-0.016, 0.006])) < 6e-3
+    done = palpate("search", folder, "--go", "--palpation", 1, *more)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_search_goes_on_beyond_the_border_of_the_sites(palpate, root, tmp_path):
+    """The sphere's middle lies 6 mm outside of the box that the lines cover."""
+    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
+    text = searched(palpate, root, tmp_path / "run", (21.0, 1.0), "--budget", 60)
+    end = text.partition("stopped: ")[2]
+    x, y = re.search(r"the lump at (-?[\d.]+) mm, (-?[\d.]+) mm: p = \S+, certain$", end, re.MULTILINE).groups()
+    assert float(x) == pytest.approx(21.0, abs=2.0)
+    assert float(y) == pytest.approx(1.0, abs=2.0)
+    visited = sites_along(read_path(tmp_path / "run" / "part-2"))
+    assert visited.standing.all()
+
+
+def test_a_search_says_where_it_may_not_go_on(palpate, root, tmp_path):
+    """The same sphere, and an area that ends before it: nothing is visited beyond, and that is said."""
+    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
+    area = "-15 mm, 16 mm, -8 mm, 8 mm"
+    text = searched(palpate, root, tmp_path / "run", (21.0, 1.0), "--budget", 25, "--area", area)
+    assert "it reaches the border of --area, so its middle may lie beyond" in text
+    places = np.concatenate([sites_along(read_path(part)).place for part in (tmp_path / "run").glob("part-*")])
+    assert places[:, 0].max() < 16.1e-3
+
+
+@pytest.mark.parametrize(
+    ("area", "message"),
+    [
+        ("1 mm, 2 mm", "are 2 lengths; write four"),
+        ("10 mm, -10 mm, 0 mm, 5 mm", "is empty"),
+        ("10 N, 20 mm, 0 mm, 5 mm", "--area"),
+        ("200 mm, 210 mm, 0 mm, 5 mm", "the rig refuses every place"),
+    ],
+)
+def test_an_impossible_area_is_refused(palpate, raster_run, area, message):
+    done = palpate("search", raster_run, "--area", area)
+    assert done.returncode == 2
+    assert message in " ".join(done.stderr.split())
 
 
 def test_the_recorded_sweep_holds_a_sphere_and_a_horseshoe_and_nothing_else(palpate, root, shared, tmp_path):

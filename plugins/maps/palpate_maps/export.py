@@ -63,6 +63,7 @@ def lumps_json(findings: Findings, track: str, parameter: str) -> str:
         "method": findings.method,
         "background": findings.background,
         "spread": findings.spread,
+        "warning": findings.warning,
         "lumps": [
             {
                 "x": lump.place[0],

@@ -39,6 +39,8 @@ def read_path(folder: Path, track: str | None = None, parameter: str | None = No
         raise LogError(f"{folder}: is no run folder: it has no table of estimates")
     if track is not None and track not in known:
         raise LogError(f"{folder}: there is no track {track!r} (there are: {', '.join(sorted(known))})")
+    for part in parts if track is not None else ():
+        _demand_track(part, track or "")
     paths = [found for part in parts if (found := _read_part(part, track, parameter)) is not None]
     if not paths:
         raise LogError(
@@ -59,6 +61,18 @@ def read_path(folder: Path, track: str | None = None, parameter: str | None = No
 def rejected(folder: Path) -> dict[Path, str]:
     """The run and those of its continuations that a review has rejected, with the reasons."""
     return {part.path: part.rejected[""] for part in RunFolder(folder).parts if "" in part.rejected}
+
+
+def _demand_track(part: RunFolder, track: str) -> None:
+    """Raise LogError where a part palpated, but not with this track: a map of the rest would say nothing of it."""
+    there = tracks_of(part.path)
+    if track in there:
+        return
+    if any(_read_part(part, other, None) is not None for other in there):
+        raise LogError(
+            f"{part.path}: has no estimates of {track}: it was ended before that could be made (there are: "
+            f"{', '.join(there)}); choose one of these with --track, or none for the best of each part"
+        )
 
 
 def tracks_of(folder: Path) -> list[str]:

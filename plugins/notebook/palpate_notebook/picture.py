@@ -6,7 +6,7 @@ import io
 from pathlib import Path
 from typing import Any
 
-from palpate.host import save_figure
+from palpate.host import save_figure, style
 
 
 class Picture:
@@ -21,13 +21,14 @@ class Picture:
         return list(self.figure.axes)
 
     def save(self, path: str | Path) -> Path:
-        """Write it, PNG or SVG by its name; raises OutputError."""
+        """Write it, PNG, SVG or PDF by its name; raises OutputError."""
         save_figure(self.figure, Path(path))
         return Path(path)
 
     def _repr_png_(self) -> bytes:
         drawn = io.BytesIO()
-        self.figure.savefig(drawn, format="png", metadata={"Software": None})
+        with style():
+            self.figure.savefig(drawn, format="png", metadata={"Software": None})
         return drawn.getvalue()
 
     def __repr__(self) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from palpate import ConfigurationError, Floats, Samples
-from palpate.host import acceleration, figure_of, people, suggest
+from palpate.host import acceleration, common_limits, figure_of, legend_outside, people, style, suggest
 
 from palpate_notebook.picture import Picture
 
@@ -54,7 +54,7 @@ def _parameters(run: FinishedRun) -> dict[str, str]:
     return {name: found["unit"] for track in tracks for name, found in track["parameters"].items()}
 
 
-def _grid(count: int, height: float = 3.4) -> tuple[Any, list[Any]]:
+def _grid(count: int, height: float = 55.0) -> tuple[Any, list[Any]]:
     columns = min(count, _PANELS)
     figure, axes = figure_of(max(columns, 1), max(-(-count // _PANELS), 1), height=height)
     flat = list(axes.ravel())
@@ -63,6 +63,7 @@ def _grid(count: int, height: float = 3.4) -> tuple[Any, list[Any]]:
     return figure, flat[:count]
 
 
+@style()
 def _over_time(run: FinishedRun, parameters: list[str], units: dict[str, str]) -> Any:
     figure, axes = _grid(len(parameters))
     for axis, name in zip(axes, parameters, strict=True):
@@ -74,26 +75,18 @@ def _over_time(run: FinishedRun, parameters: list[str], units: dict[str, str]) -
                 continue
             rows = _thinned(np.flatnonzero(table.usable & np.isfinite(table.values[name])))
             time, value, std = table.time[rows], factor * table.values[name][rows], factor * table.std[name][rows]
-            (line,) = axis.plot(time, value, linewidth=1.2, label=track)
+            (line,) = axis.plot(time, value, label=track)
             axis.fill_between(time, value - 2 * std, value + 2 * std, color=line.get_color(), alpha=0.15, linewidth=0)
-            settled.append(value[len(value) // 2 :])
+            settled.append(value)
         if name in run.truth:
-            axis.axhline(factor * run.truth[name], color="black", linestyle="--", linewidth=1, label="truth")
-        _limit(axis, [column for column in settled if len(column)])
+            axis.axhline(factor * run.truth[name], color="black", linestyle=":", linewidth=0.8, label="truth")
+        axis.set_ylim(common_limits(settled))
         axis.set(xlabel="time [s]", ylabel=f"{name} [{word}]")
-        _finish(axis)
+        legend_outside(axis)
     return figure
 
 
-def _limit(axis: Any, settled: list[Floats]) -> None:
-    """Limits by the later half of the curves, so that how they begin does not flatten them."""
-    if settled:
-        low, high = np.quantile(np.concatenate(settled), [0.01, 0.99]).tolist()
-        margin = max(1.5 * (high - low), 0.05 * max(abs(low), abs(high)))
-        if margin > 0:
-            axis.set_ylim(low - margin, high + margin)
-
-
+@style()
 def _panels(run: FinishedRun, names: list[str], over_depth: bool) -> Any:
     samples = run.aligned
     figure, axes = _grid(len(names))
@@ -103,10 +96,11 @@ def _panels(run: FinishedRun, names: list[str], over_depth: bool) -> Any:
         measured = np.interp(table.time[rows], samples.time, _contact_force(run, samples))
         position = np.interp(table.time[rows], samples.time, samples.position)
         along = 1e3 * (table.others["surface"][rows] - position) if over_depth else table.time[rows]
-        axis.plot(along, measured, ".", markersize=1.5, color="0.6", label="measured")
-        axis.plot(along, table.others["force"][rows], linewidth=1, label=name)
+        axis.plot(along, measured, ".", markersize=1, color="0.6", label="measured")
+        axis.set_prop_cycle(None)
+        axis.plot(along, table.others["force"][rows], linewidth=0.8, label=name)
         axis.set(xlabel="depth [mm]" if over_depth else "time [s]", ylabel="contact force [N]")
-        _finish(axis)
+        legend_outside(axis)
     return figure
 
 
@@ -115,14 +109,14 @@ def _contact_force(run: FinishedRun, samples: Samples) -> Floats:
     return np.asarray(samples.force + run.tip_mass * np.nan_to_num(acceleration(samples.time, samples.velocity)))
 
 
+@style()
 def samples_picture(samples: Samples, title: str) -> Picture:
     """Force, height and velocity over time."""
-    figure, axes = figure_of(1, 3, width=9.0, height=2.0)
+    figure, axes = figure_of(1, 3, height=35.0)
     rows = _thinned(np.arange(len(samples)))
     for axis, (column, label) in zip(axes[:, 0], _columns(samples), strict=True):
         axis.plot(samples.time[rows], column[rows], linewidth=0.8)
         axis.set_ylabel(label)
-        axis.grid(True, alpha=0.3)
     axes[0, 0].set_title(title)
     axes[-1, 0].set_xlabel("time [s]")
     return Picture(figure)
@@ -138,26 +132,22 @@ def _thinned(rows: Any) -> Any:
     return rows[:: max(len(rows) // _MOST, 1)]
 
 
-def _finish(axis: Any) -> None:
-    axis.grid(True, alpha=0.3)
-    if axis.get_legend_handles_labels()[0]:
-        axis.legend(fontsize=8)
-
-
+@style()
 def fit_picture(run: FinishedRun, name: str) -> Picture:
     """Measured and modelled force over time and over depth, and the residual over time."""
     samples, table = run.aligned, run.track_tables[name]
-    figure, axes = figure_of(3, 1, width=4.5, height=3.8)
+    figure, axes = figure_of(3)
     rows = _thinned(np.flatnonzero(table.usable & np.isfinite(table.others["force"])))
     time, modelled = table.time[rows], table.others["force"][rows]
     measured = np.interp(time, samples.time, _contact_force(run, samples))
     depth = 1e3 * (table.others["surface"][rows] - np.interp(time, samples.time, samples.position))
     for axis, along, label in ((axes[0, 0], time, "time [s]"), (axes[0, 1], depth, "depth [mm]")):
-        axis.plot(along, measured, ".", markersize=1.5, color="0.6", label="measured")
-        axis.plot(along, modelled, linewidth=1, label=name)
+        axis.plot(along, measured, ".", markersize=1, color="0.6", label="measured")
+        axis.set_prop_cycle(None)
+        axis.plot(along, modelled, linewidth=0.8, label=name)
         axis.set(xlabel=label, ylabel="contact force [N]")
-    axes[0, 2].plot(time, measured - modelled, ".", markersize=1.5, label="measured - model")
+    axes[0, 2].plot(time, measured - modelled, ".", markersize=1, label="measured less model")
     axes[0, 2].set(xlabel="time [s]", ylabel="residual [N]")
     for axis in axes[0]:
-        _finish(axis)
+        legend_outside(axis)
     return Picture(figure)

@@ -13,7 +13,7 @@ from palpate.host import console, finite_tree, measured, people
 
 from palpate_studies.readings import natural, readings
 from palpate_studies.repeat_picture import draw_repeatability
-from palpate_studies.repeatability import WINDOW, repeatability
+from palpate_studies.repeatability import repeatability
 
 _BAR = 40  # characters of the tallest bar
 _CAUTION = (
@@ -111,7 +111,8 @@ def _views(document: dict[str, Any]) -> Iterator[Any]:
         yield from _histogram(name, found, factor)
         if found["moving_average"]:
             ends = found["moving_average"][0] * factor, found["moving_average"][-1] * factor
-            yield f"{name}: moving average over {WINDOW} goes from {ends[0]:.5g} to {ends[1]:.5g} {word}"
+            over = found["moving_average_window"]
+            yield f"{name}: moving average over {over} goes from {ends[0]:.5g} to {ends[1]:.5g} {word}"
     if document["tests"]:
         yield _tests(document["tests"], word, factor)
         yield _CAUTION
@@ -146,9 +147,9 @@ def _tests(rows: list[dict[str, Any]], word: str, factor: float) -> Any:
     from rich.table import Table
 
     table = Table(title="Welch's t-test", title_justify="left")
-    for heading in ("groups", f"difference\n{word}", "t", "degrees of\nfreedom", "p"):
-        table.add_column(heading, justify="left" if heading == "groups" else "right")
+    for heading in ("difference of", f"means\n{word}", "t", "degrees of\nfreedom", "p"):
+        table.add_column(heading, justify="left" if heading == "difference of" else "right")
     for row in rows:
         cells = ["-" if row[key] is None else f"{row[key]:.3g}" for key in ("t", "degrees_of_freedom", "p")]
-        table.add_row(f"{row['first']}, {row['second']}", f"{row['difference'] * factor:.4g}", *cells)
+        table.add_row(row["difference_is"], f"{row['difference'] * factor:+.4g}", *cells)
     return table

@@ -20,14 +20,24 @@ def draw_repeatability(document: Mapping[str, Any], path: Path) -> None:
     word, factor = people(document["unit"])
     figure = Figure(figsize=(15, 4.5), layout="constrained")
     axes: Any = figure.subplots(1, 3)
-    for name, found in document["groups"].items():
-        axes[0].hist(factor * np.array(found["values"]), bins="auto", alpha=0.6, label=name)
-        axes[1].plot(found["autocorrelation"], "o-", markersize=3, label=name)
-        axes[1].axhline(found["autocorrelation_95"], linewidth=0.5, color="0.5")
-        axes[2].plot(factor * np.array(found["moving_average"]), label=name)
+    windows = set()
+    for i, (name, found) in enumerate(document["groups"].items()):
+        colour = f"C{i}"
+        values, edges = factor * np.array(found["values"]), factor * np.array(found["histogram"]["edges"])
+        axes[0].hist(values, bins=edges if len(edges) else "auto", alpha=0.6, label=name, color=colour)
+        axes[1].plot(found["autocorrelation"], "o-", markersize=3, label=name, color=colour)
+        for side in (-1, 1):
+            limit = side * found["autocorrelation_95"]
+            axes[1].axhline(limit, linewidth=0.8, linestyle=":", color=colour)
+        window = found["moving_average_window"]
+        windows.add(window)
+        average = factor * np.array(found["moving_average"])
+        axes[2].plot(np.arange(1, len(values) + 1), values, ".", markersize=3, alpha=0.4, color=colour)
+        axes[2].plot(np.arange(len(average)) + (window + 1) / 2, average, label=name, color=colour)
     axes[0].set(xlabel=f"{document['parameter']} [{word}]", ylabel="count", title="histogram")
-    axes[1].set(xlabel="lag", ylabel="autocorrelation", title="autocorrelation; line: 95 % of none")
-    axes[2].set(xlabel="run", ylabel=f"{document['parameter']} [{word}]", title="moving average over 30")
+    axes[1].set(xlabel="lag", ylabel="autocorrelation", title="autocorrelation; dotted: 95 % of none lie between")
+    over = ", ".join(map(str, sorted(windows)))
+    axes[2].set(xlabel="run", ylabel=f"{document['parameter']} [{word}]", title=f"moving average over {over}")
     for axis in axes:
         axis.legend(fontsize=8)
     try:

@@ -51,6 +51,8 @@ def lumps(
     text = export.lumps_json(findings, path.track, path.parameter)
     export.replace_file(RunFolder(run).maps / "lumps.json", text)
     typer.echo(text if as_json else _view(findings, path.track, unit_of(run, path.track, path.parameter)))
+    if findings.warning:
+        typer.echo(f"warning: {findings.warning}", err=True)
 
 
 def _view(findings: Findings, track: str, unit: str) -> str:

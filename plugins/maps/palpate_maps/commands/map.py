@@ -84,6 +84,8 @@ def map_run(
             f"map of {size}, {100 * field.coverage:.0f} % covered, {len(sites)} sites, {path.track}, "
             f"interpolated over {1e3 * field.length:.3g} mm"
         )
+    if findings is not None and findings.warning:
+        typer.echo(f"warning: {findings.warning}", err=True)
     typer.echo(f"written to {folder}")
 
 

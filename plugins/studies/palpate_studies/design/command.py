@@ -68,7 +68,7 @@ def _table(found: Design) -> object:
     for heading in ("mm", "real mm"):
         table.add_column(heading, justify="right")
     for symbol in found.symbols:
-        for words in _CASES.values():
+        for words in (*_CASES.values(), "bias"):
             table.add_column(f"{symbol}\n{words}", justify="right")
     table.add_column("surface\nµm", justify="right")
     table.add_column("")
@@ -84,6 +84,7 @@ def _cells(found: Design, item: Palpation) -> list[str]:
     for name in found.theta:
         for case in item.bounds:
             cells.append(f"{100 * item.relative(case, found.theta)[name]:.3g}")
+        cells.append(f"{100 * item.relative_bias(found.theta)[name]:+.2g}")
     return [*cells, f"{item.bounds['known'].surface * 1e6:.3g}"]
 
 
@@ -97,11 +98,12 @@ def _recommendation(found: Design) -> str:
         return f"{found.name}: no setting keeps the limits of [design] and tells all parameters"
 
     def words(case: Case) -> str:
-        return ", ".join(f"{name} {100 * share:.2g} %" for name, share in item.relative(case, found.theta).items())
+        shares = item.relative_rmse(case, found.theta).items()
+        return ", ".join(f"{name} {100 * share:.2g} %" for name, share in shares)
 
     frequencies = " + ".join(f"{f:.3g}" for f in item.frequencies)
     return (
         f"{found.name}: recommended within the limits: {frequencies} Hz, {item.amplitude * 1e3:.3g} mm each, "
-        f"{found.duration:.3g} s: {words('known')} after calibration and tare; "
+        f"{found.duration:.3g} s: root mean square error {words('known')} after calibration and tare; "
         f"{words('unknown both')} without either"
     )
