@@ -33,7 +33,9 @@ def read_path(folder: Path, track: str | None = None, parameter: str | None = No
     run.demand_one_pipeline()
     parts = [part for part in run.parts if "" not in part.rejected]
     if not parts:
-        raise LogError(f"{folder}: was rejected: {run.rejected['']}; `palpate review {folder} --accept` takes it back")
+        raise LogError(
+            f"{folder}: was rejected: {run.rejected['']}; `palpate review {folder} --accept {folder.name}` takes it back"
+        )
     known = {name for part in parts for name in tracks_of(part.path)}
     if not known:
         raise LogError(f"{folder}: is no run folder: it has no table of estimates")

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from palpate.host import Table, measured
 
 from palpate_reproduction.item import Item
-from palpate_reproduction.running import Row
+from palpate_reproduction.running import Row, Status
 
 HEADINGS = ("row", "quantity", "palpate", "paper", "ratio", "allowed\n+- %", "source", "verdict")
 _WORDS = {"skipped": "skipped", "failed": "FAILED", "outside": "OUTSIDE"}
@@ -43,7 +43,7 @@ def table_of(item: Item, rows: Sequence[Row]) -> Table:
 def tally(rows: Sequence[Row]) -> str:
     """How many rows ended how."""
     count = Counter(row.status for row in rows)
-    words = {
+    words: dict[Status, str] = {
         "reproduced": "reproduced from recordings",
         "checked": "of the paper's own arithmetic checked",
         "agrees": "simulated and within tolerance, which does not count as reproduced",
