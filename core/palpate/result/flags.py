@@ -117,7 +117,8 @@ def track_flags(
         begun = tail.since(float(tail.time[0]) + settling)
         yield from _innovation_flags(begun, f"after the first {settling:g} s")
         yield from _colour_flags(begun)
-    yield from _force_flags(last, report)
+    if record.report is None:  # a fit says itself what its record does not tell
+        yield from _force_flags(last, report)
     yield from _surface_flags(last, model, report)
 
 

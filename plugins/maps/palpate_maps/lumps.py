@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats, LogError
@@ -20,6 +22,7 @@ _WIDTH = 5e-3  # [m] from a stay to the first site of the sweep that goes on fro
 def find_lumps(sites: Sites, settings: LumpSettings | None = None) -> Findings:
     """Lumps along a sweep where the sites lie on a line, else on the area that they cover; raises LogError."""
     settings = settings or LumpSettings()
+    settings = replace(settings, spread=max(settings.spread, sites.relief))
     if len(sites) < _FEWEST:
         raise LogError(f"{len(sites)} sites are too few to tell a lump from its surroundings; {_FEWEST} are needed")
     along = line_coordinate(sites)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,8 @@ class Path2D:
     value: Floats  # (n,) [SI]
     std: Floats  # (n,) [SI] as the estimator believes it
     nis: float  # mean normalised innovation squared; 1 where model and noise are right
+    surface: Floats | None = None  # (n,) [m] as the estimator has it; None where nobody asks
+    relief_sensitivity: float = 0.0  # [s/m] relative shift of its parameters by a speed at which the skin rises
 
 
 def read_path(folder: Path, track: str | None = None, parameter: str | None = None) -> Path2D:
@@ -34,7 +36,7 @@ def read_path(folder: Path, track: str | None = None, parameter: str | None = No
     parts = [part for part in run.parts if "" not in part.rejected]
     if not parts:
         raise LogError(
-            f"{folder}: was rejected: {run.rejected['']}; `palpate review {folder} --accept {folder.name}` takes it back"
+            f"{folder}: was rejected: {run.rejected['']}; `palpate review {folder} --accept {folder.name}` undoes it"
         )
     known = {name for part in parts for name in tracks_of(part.path)}
     if not known:
@@ -57,6 +59,8 @@ def read_path(folder: Path, track: str | None = None, parameter: str | None = No
         np.concatenate([path.value for path in paths]),
         np.concatenate([path.std for path in paths]),
         float(np.mean([path.nis for path in paths])),
+        np.concatenate([path.surface for path in paths if path.surface is not None]),
+        paths[0].relief_sensitivity,
     )
 
 
@@ -90,7 +94,10 @@ def _read_part(part: RunFolder, track: str | None, parameter: str | None) -> Pat
     track = track or next(iter(tracks_of(part.path)), None)
     for table in tables:
         if track is not None and track in table.tracks:
-            return _path(part.path, table.track(track), track, parameter)
+            found = _path(part.path, table.track(track), track, parameter)
+            told = part.result["tracks"].get(track, {}).get("details", {}) if part.finished else {}
+            sensitivity = float(told.get("relief_sensitivity", 0.0))
+            return replace(found, relief_sensitivity=sensitivity) if found is not None else None
     return None
 
 
@@ -107,4 +114,6 @@ def _path(folder: Path, table: TrackTable, track: str, parameter: str | None) ->
         return None
     nis = table.others["nis"][rows]
     mean = float(np.nanmean(nis)) if np.isfinite(nis).any() else 1.0
-    return Path2D(track, parameter, table.time[rows], place[rows], value[rows], std[rows], mean)
+    return Path2D(
+        track, parameter, table.time[rows], place[rows], value[rows], std[rows], mean, table.others["surface"][rows]
+    )

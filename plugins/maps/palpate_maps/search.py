@@ -110,4 +110,5 @@ def _with(sites: Sites, place: Floats, log: float) -> Sites:
         np.append(sites.time, sites.time[-1] + 1.0),
         np.append(sites.standing, False),
         sites.kept,
+        sites.relief,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ LEVEL = 1e-3  # of the family's p
 _ENOUGH = 300  # samples
 _STILL = 1e-4  # [m]
 _SMALL = 0.005  # of a parameter; less matters to nobody
+_BY_MOTION = 2.0  # of the mean square of the force that noise of the motion makes
 _LEFT = 0.02  # of the misfit's power; an alternative that leaves less has explained it
 _FAINT = 0.01  # the same, of the variance of the noise
 _NAMED = 0.2  # the same, for a reason that is worth naming though it does not explain it all
@@ -48,7 +49,13 @@ class _Base:
 
     def test(self, residual: Floats) -> Tested:
         rows, course = self.course.used, self.course
-        return examined(residual, course.runs[rows], course.time[rows], -course.height[rows], self.phase, self.null)
+        found = examined(residual, course.runs[rows], course.time[rows], -course.height[rows], self.phase, self.null)
+        return self.by_motion(found, float(np.var(residual)))
+
+    def by_motion(self, found: Tested, power: float) -> Tested:
+        """Findings on residuals of this power [N^2]: nothing where the noise of the motion makes such a pattern."""
+        made = self.course.motion_noise(self.fit.theta, self.fit.surface)
+        return replace(found, p=1.0) if found.misfit * power < _BY_MOTION * made else found
 
 
 def _judge(track: TrackEvidence, known: dict[Any, _Base]) -> Diagnosed | None:
@@ -56,6 +63,9 @@ def _judge(track: TrackEvidence, known: dict[Any, _Base]) -> Diagnosed | None:
         return None
     if track.report is not None and np.isfinite(track.kept.innovation).any():
         found = _by_innovations(track)
+        if found.p < LEVEL:
+            base = _base(track, known)
+            found = base.by_motion(found, float(np.var(base.fit.residual)))
         return _explained(track, found, _base(track, known)) if found.p < LEVEL else _table(found)
     if sweeps(track):
         return None

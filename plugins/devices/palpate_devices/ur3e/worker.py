@@ -69,16 +69,15 @@ class _Loop:
 
     def run(self) -> NoReturn:
         """One cycle after another, each at its deadline."""
-        Pace(self._ring, lambda: self._following, self._haste).run(self._cycle, self._take_state)
-
-    def _haste(self) -> float:
-        return 0.0 if self._commander is None else self._commander.haste
+        Pace(self._ring, lambda: self._following).run(self._cycle, self._take_state)
 
     @property
     def _following(self) -> bool:
         return self._commander is not None and self._commander.mode == "follow"
 
-    def _cycle(self, now: int) -> None:
+    def _cycle(self, now: int, left_out: int) -> None:
+        if left_out and self._commander is not None:
+            self._commander.held_up(left_out)
         self._take_state()
         self._check(now)
         self._listen(now)
