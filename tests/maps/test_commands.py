@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from palpate.config import load_pipeline
 from palpate.pipeline import remaining_pipeline, run_pipeline
+from palpate_basics.view import ranges_of
 from palpate_maps.analysis import find_lumps, make_map, read_path, sites_along
 
 SMALL = (
@@ -90,7 +91,7 @@ def test_a_pipeline_file_becomes_a_map_in_one_command(palpate, root, tmp_path):
     assert len(list((tmp_path / "runs").glob("*/result.json"))) == 1
 
 
-def test_the_log_and_the_map_as_mcap_say_where(palpate, raster_run):
+def test_the_log_and_the_map_as_mcap_say_where(palpate, raster_run, tmp_path):
     """The estimates of a run have a place while it goes on; the map is a Grid that another decoder reads."""
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
@@ -106,11 +107,12 @@ def test_the_log_and_the_map_as_mcap_say_where(palpate, raster_run):
     written = np.array([(float(row["x_m"]), float(row["y_m"])) for _, row in compared])
     np.testing.assert_allclose(logged, written, rtol=1e-9, atol=1e-12)  # the table has ten digits
 
-    done = palpate("map", raster_run, "--cell", "2 mm", "--method", "average", "--mcap")
+    out = tmp_path / "maps"
+    done = palpate("map", raster_run, "--cell", "2 mm", "--method", "average", "--mcap", "--out", out)
     assert done.returncode == 0, done.stderr
-    with (raster_run / "maps" / "map.mcap").open("rb") as file:
+    with (out / "map.mcap").open("rb") as file:
         ((*_, grid),) = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
-    with np.load(raster_run / "maps" / "map.npz") as arrays:
+    with np.load(out / "map.npz") as arrays:
         assert grid.column_count == len(arrays["x"])
         assert (grid.pose.position.x, grid.pose.position.y) == pytest.approx(
             (arrays["x"][0] - 1e-3, arrays["y"][0] - 1e-3)
@@ -271,6 +273,39 @@ def test_what_is_not_there_is_said(palpate, sweep_run, command, arguments, word)
     assert done.returncode == 2
     assert word in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_sweep_is_told_by_its_range_and_not_by_its_last_sample(raster_run):
+    """Background 112 kPa, and a sphere: the ranges of the table are those of the estimates along the way."""
+    path = read_path(raster_run, "dr/smoother")
+    low, high = ranges_of(raster_run)["dr/smoother"]["elasticity"]
+    assert (low, high) == pytest.approx(tuple(np.quantile(path.value, [0.01, 0.99])), rel=0.02)
+    assert low == pytest.approx(112e3, rel=0.03)
+    assert high > 120e3
+
+
+def test_a_run_of_a_sweep_prints_ranges(palpate, root, tmp_path):
+    line = ['trajectory.sweep.start=["0 mm", "-22 mm"]', 'trajectory.sweep.end=["0 mm", "-10 mm"]']
+    settings = [*line, "trajectory.sweep.settle=2 s", 'run.tracks=["dr/kinematic"]']
+    done = palpate("run", root / "pipelines" / "sweep.toml", *options(settings), "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    row = next(line for line in done.stdout.splitlines() if "dr/kinematic" in line)
+    assert re.search(r"\d to \d", row)
+    assert "±" not in row
+    assert f"ranges along the way of the tip; by place: palpate map {tmp_path / 'out'}" in " ".join(done.stdout.split())
+
+
+def test_no_map_is_written_over_an_earlier_one(palpate, raster_run, tmp_path):
+    out = tmp_path / "maps"
+    said = []
+    for cell in ("2 mm", "4 mm", "2 mm"):
+        done = palpate("map", raster_run, "--cell", cell, "--method", "average", "--out", out)
+        assert done.returncode == 0, done.stderr
+        said.append(done.stdout.split()[-4].rpartition("/")[2])
+    assert said == ["map.csv", "map-2.csv", "map.csv"]  # the third is the first again
+    assert sorted(path.name for path in out.iterdir()) == [
+        f"{name}.{ending}" for name in ("map-2", "map") for ending in ("csv", "npz", "png")
+    ]
 
 
 def test_a_map_of_an_offline_track_wants_all_parts(palpate, raster_run, tmp_path):

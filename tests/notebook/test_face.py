@@ -167,6 +167,12 @@ def test_mistakes_are_told(kept, do, what):
         do(kept)
 
 
+def test_a_report(kept, tmp_path, capsys):
+    page = kept.report(tmp_path / "point.html")
+    assert kept.name in page.read_text()
+    assert capsys.readouterr().out == ""
+
+
 def test_nothing_is_overwritten(kept, tmp_path):
     kept.save(tmp_path / "copy")
     assert palpate.open_run(tmp_path / "copy").document == kept.document

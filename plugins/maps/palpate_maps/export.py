@@ -80,6 +80,24 @@ def lumps_json(findings: Findings, track: str, parameter: str) -> str:
     return json.dumps(table, indent=2, allow_nan=False) + "\n"
 
 
+def free_name(folder: Path, name: str, table: str) -> str:
+    """A name, such as "map" or "map-2", under which a folder has no table yet, or has just this one."""
+    number = 1
+    while True:
+        found = name if number == 1 else f"{name}-{number}"
+        there = [path for path in folder.glob(f"{found}.*") if path.is_file()]
+        if not there or _text_of(folder / f"{found}.csv") == table:
+            return found
+        number += 1
+
+
+def _text_of(path: Path) -> str | None:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return None
+
+
 def replace_file(path: Path, content: str | bytes) -> None:
     """Write a file that can be made again from the run, so it may be replaced; raises OutputError."""
     try:

@@ -6,12 +6,14 @@ import shutil
 import tomllib
 import weakref
 from collections.abc import Iterator, Mapping
+from contextlib import redirect_stdout
 from functools import cached_property
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from palpate import ConfigurationError, Flag, LogError, OutputError, Samples
-from palpate.host import RunFolder, TrackTable, build_pipeline, carried_by, read_flags, replay_source, suggest
+from palpate.host import RunFolder, TrackTable, analysis, build_pipeline, carried_by, read_flags, replay_source, suggest
 
 from palpate_notebook.plotting import Plots
 from palpate_notebook.shown import run_html, run_text
@@ -153,6 +155,13 @@ class FinishedRun:
         from palpate_notebook.mapped import map_of
 
         return map_of(self, track, parameter, cell, method)
+
+    def report(self, path: str | Path = "report.html") -> Path:
+        """One page on the run to hand on, its verdict first: `palpate report`; raises UserError."""
+        place = Path(path)
+        with redirect_stdout(StringIO()):  # the command says where it is written
+            analysis("report")([self.folder], out=place)
+        return place
 
     def save(self, folder: str | Path) -> Path:
         """Keep everything that the run wrote in a new folder; raises OutputError where there is something already."""
