@@ -164,7 +164,7 @@ def with_browser(
 def stopped(chromium: Browser, job: Job, twin: Twin) -> dict[str, Any]:
     """A click in contact: time to the tripped guard as the page and as the run see it, and where the arm ends."""
     tab = chromium.open(job.address)
-    tab.until("document.getElementById('state').textContent === 'moving'", 60)
+    tab.until("document.getElementById('state')?.textContent === 'moving'", 60)
     while twin.state()["height"] > -0.002:
         time.sleep(0.05)
     asked = time.monotonic()

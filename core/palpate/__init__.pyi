@@ -44,7 +44,6 @@ from palpate.device import (
     Turnable as Turnable,
     Watched as Watched,
 )
-from palpate.diagnosis import Bias as Bias, Diagnosed as Diagnosed, Kept as Kept, TrackEvidence as TrackEvidence
 from palpate.errors import (
     ConfigurationError as ConfigurationError,
     DeviceError as DeviceError,
@@ -99,6 +98,15 @@ from palpate.recording import (
     Survey as Survey,
     TopicSurvey as TopicSurvey,
 )
+from palpate.result.evidence import (
+    Diagnosed as Diagnosed,
+    Ending as Ending,
+    Term as Term,
+    TrackEvidence as TrackEvidence,
+)
+from palpate.result.found import Bias as Bias
+from palpate.result.kept import Kept as Kept
+from palpate.result.record import Tail as Tail
 from palpate.sink import (
     GuardState as GuardState,
     Run as Run,

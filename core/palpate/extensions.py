@@ -47,9 +47,14 @@ class Report:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """A judge of results: ``function(evidence of all tracks)`` answers findings by track; see `palpate.diagnosis`."""
+    """A judge of results: ``function(evidence of all tracks)`` answers findings by track; see `TrackEvidence`.
+
+    Judges of one order are given the same evidence; what those of a lower order said is part of it.
+    """
 
     target: str | Callable[..., Any]  # "module:function", imported when a run has ended; or the function
+    order: int = 50
+    quick: bool = False  # it is asked once a second while a run goes on, too
 
 
 @dataclass(frozen=True)

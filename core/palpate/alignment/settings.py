@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, WithJsonSchema, field_validator, model_validator
@@ -89,6 +90,12 @@ class AlignmentSettings(Settings):
     gap: Time = Field(
         default=0.02, gt=0, description="a longer pause between readings is a gap; nothing is interpolated over it"
     )
+
+    @property
+    def timing_uncertainty(self) -> float | None:
+        """Standard uncertainty [s] of the time between force and motion; None where neither side declares any."""
+        force, motion = self.force.uncertainty, (self.velocity or self.position).uncertainty
+        return None if force is None and motion is None else math.hypot(force or 0.0, motion or 0.0)
 
     @field_validator("tare", mode="before")
     @classmethod

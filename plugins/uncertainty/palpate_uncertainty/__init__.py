@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 def palpate_diagnoses() -> dict[str, Diagnosis]:
     """Judges of every track."""
     return {
+        # What others judge by holds its terms.
+        "budget": Diagnosis("palpate_uncertainty.terms:budgets", order=10, quick=True),
         "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
         "model-choice": Diagnosis("palpate_uncertainty.choice:model_choice"),
         "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),
@@ -40,6 +42,26 @@ def palpate_commands() -> dict[str, Command]:
 def palpate_flags() -> dict[str, FlagMeaning]:
     """What their flags mean."""
     return {
+        "timing-undeclared": FlagMeaning(
+            "doubtful",
+            "A parameter depends on the time between force and motion, of which no uncertainty is declared.",
+            "Declare delay and uncertainty in [alignment], or calibrate them.",
+        ),
+        "tare-undeclared": FlagMeaning(
+            "doubtful",
+            "A parameter depends on the zero of the force, of which no uncertainty is declared or measured.",
+            'Record a second of free air first (tare = "free-air"), or set [alignment] tare_uncertainty.',
+        ),
+        "not-distinguishable-from-delay": FlagMeaning(
+            "doubtful",
+            "The declared uncertainty of timing alone could explain the parameter.",
+            "Calibrate the delay, or palpate at another frequency.",
+        ),
+        "series-compliance": FlagMeaning(
+            "note",
+            "Robot and sensor give way, which shifts a value by more than 1 %; counted as uncertainty, not corrected.",
+            "Stiffen the rig, or measure the position at the tip.",
+        ),
         "lack-of-fit": FlagMeaning(
             "doubtful",
             "What the model leaves of the force is not the noise that the channel had at standstill, and it matters.",

@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.alignment.tare import Tare
-from palpate.contact.sources import sources_of, unknown_sources
+from palpate.config.known import unknown_sources
 from palpate.estimation import Estimates, Samples
-from palpate.result import TrackRecord, track_result
+from palpate.registry import load
+from palpate.result import Diagnosable, Judged, TrackRecord, diagnosed, track_result
 from palpate.track_name import TrackName
+from palpate_filters import CasadiFit
 from palpate_models import DimensionalityReduction, Flat, KelvinVoigt, Sphere
+from palpate_uncertainty.sources import sources_of
 from scipy.optimize import least_squares
 
 RADIUS, NU, MASS, E, ETA = 5e-3, 0.5, 0.14, 112.5e3, 362.0
@@ -56,7 +59,10 @@ def result(model=None, declared=None, tare=None, theta=(E, ETA), details=None, *
     table = {"force": "rig.f", "position": "rig.z", **settings}
     report = AlignmentReport({}, tare, 0.25, None, 1, None, n, 0, 0, 3.0, None)
     made = AlignmentSettings.model_validate(table)
-    return track_result(TrackName("dr", "fit"), model, record, report, made, 1.0, False, declared)
+    own = track_result(TrackName("dr", "fit"), model, record, report, made, 1.0, False)
+    diagnoses = {"budget": load().diagnoses["budget"]}
+    track = Diagnosable(model, CasadiFit(), record, own)
+    return diagnosed({"dr/fit": track}, diagnoses, Judged(made, report, 1.0, declared or {}))["dr/fit"]
 
 
 def budget(found, cause):

@@ -7,12 +7,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from palpate.contact import ContactModel, contact_force, force_over_time, force_slopes
-from palpate.parts import with_number
-from palpate.result.record import Tail, acceleration
-
-Floats = NDArray[np.float64]
+from palpate import ContactModel, Floats, Tail, contact_force, force_over_time
+from palpate.host import acceleration, force_slopes, with_number
 
 _STEP = 1e-4  # of a number, for derivatives by differences
 _SURFACE_STEP = 1e-6  # [m]

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-
-from palpate.vectors import Floats
+from palpate import Floats
 
 _INDISTINCT = 1e-6  # ratio of singular values below which parameters and surface cannot be told apart
 

@@ -2,32 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Container, Iterator, Mapping, Sequence
 
 import numpy as np
+from palpate import ContactModel, Diagnosed, Ending, Floats, Term, TrackEvidence
+from palpate.host import GRAVITY, AlignmentReport, AlignmentSettings
 
-from palpate.alignment import GRAVITY, AlignmentReport, AlignmentSettings
-from palpate.contact import ContactModel
-from palpate.contact.sources import Source
-from palpate.fit_report import BudgetRow, Effect
-from palpate.result.along import Along
-from palpate.result.response import answer
-from palpate.vectors import Floats
+from palpate_uncertainty.along import Along, along
+from palpate_uncertainty.flags import compliance_flags, tare_flags, timing_flags
+from palpate_uncertainty.response import answer
+from palpate_uncertainty.sources import Source, sources_of
+from palpate_uncertainty.timing import delay_shifts, is_viscous
 
 _MASS = 0.05  # of itself, where no uncertainty of a tip's mass is declared
 
 
-@dataclass(frozen=True)
-class Term:
-    """One source, with what one standard uncertainty of it does; its effects on several values have one cause."""
+def budgets(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
+    """What is declared, or has a default, of every track: its effect on each value, and what speaks against it."""
+    return {track.name: _budget(track, track.ending) for track in tracks if track.ending is not None}
 
-    cause: str
-    std: float
-    unit: str
-    shifts: Floats  # (k,) [SI] of each parameter, with signs
-    declared: bool = True  # else a default
+
+def _budget(track: TrackEvidence, end: Ending) -> Diagnosed:
+    model, values, settings = track.model, track.values, end.settings
+    found = along(model, end.tail, end.last, values)
+    shifts, timing = delay_shifts(model, found, values), settings.timing_uncertainty
+    sources = sources_of(model, end.uncertainties)
+    terms = systematic_terms(found, shifts, timing, settings, end.report, sources, end.included)
+    flags = list(timing_flags(model, values, shifts, timing, end.held))
+    if "tare" not in end.included and (end.report.tare is None or end.report.tare.offset_std is None):
+        flags += tare_flags(model, values, per_newton(found))
+    compliance = sum(np.abs(term.shifts) for term in terms if term.cause == "compliance") + np.zeros(len(values))
+    shares = compliance / np.where(values != 0, np.abs(values), np.inf)
+    names = [parameter.name for parameter in model.parameters]
+    flags += compliance_flags(dict(zip(names, shares.tolist(), strict=True)), settings.series_stiffness)
+    return Diagnosed(tuple(flags), sources=tuple(terms), delays=dict(delays(model, values, shifts, terms)))
+
+
+def delays(model: ContactModel, values: Floats, shifts: Floats, terms: Sequence[Term]) -> Iterator[tuple[str, float]]:
+    """The delay [s] that each viscosity looks like; of one that is no parameter where timing is declared."""
+    for parameter, value, shift in zip(model.parameters, values.tolist(), shifts.tolist(), strict=True):
+        if shift and is_viscous(parameter):
+            yield parameter.name, value / abs(shift)
+    names = [parameter.name for parameter in model.parameters]
+    late = next((term for term in terms if term.cause == "timing" and term.std), None)
+    for material in model.material(values.tolist()):
+        if late is not None and material.name == "viscosity" and material.name not in names:
+            per_second = abs(float(np.array(material.gradient) @ late.shifts) / late.std)
+            yield from [(material.name, material.value / per_second)] if per_second else ()
 
 
 def systematic_terms(
@@ -37,7 +58,7 @@ def systematic_terms(
     settings: AlignmentSettings,
     report: AlignmentReport,
     sources: Sequence[Source] = (),
-    included: Sequence[str] = (),
+    included: Container[str] = (),
 ) -> list[Term]:
     """The terms of everything that is declared, or has a default; what an estimator has `included` is left out.
 
@@ -96,32 +117,3 @@ def per_newton(found: Along | None) -> Floats | None:
     """Shift (k,) of each parameter per newton of a constant force [unit/N]; None where it cannot be told."""
     shifts = answer(found.jacobian, np.ones(len(found.force))) if found is not None else None
     return None if shifts is None else shifts[:-1]
-
-
-class _Value(Protocol):
-    @property
-    def value(self) -> float: ...
-    @property
-    def std(self) -> float: ...
-    @property
-    def settling(self) -> float: ...
-
-
-def budget_table(model: ContactModel, values: Mapping[str, _Value], terms: Sequence[Term]) -> Iterator[BudgetRow]:
-    """One row for each source: the estimator's own, what is left of the way to rest, then all that is systematic."""
-    names = [parameter.name for parameter in model.parameters]
-    yield BudgetRow("estimator", None, "", {name: _effect(None, values[name].std, values[name]) for name in names})
-    if any(values[name].settling for name in names):
-        rest = {name: _effect(None, values[name].settling, values[name]) for name in names}
-        yield BudgetRow("settling", None, "", rest)
-    for term in terms:
-        shifts = zip(names, term.shifts.tolist(), strict=True)
-        effects = {
-            name: _effect(shift / term.std if term.std else None, abs(shift), values[name]) for name, shift in shifts
-        }
-        label = term.cause if term.declared else f"{term.cause} (not declared)"
-        yield BudgetRow(label, term.std, term.unit, effects)
-
-
-def _effect(sensitivity: float | None, contribution: float, of: _Value) -> Effect:
-    return Effect(sensitivity, contribution, 100.0 * contribution / abs(of.value) if of.value else None)

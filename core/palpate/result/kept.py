@@ -1,21 +1,14 @@
-"""Diagnosis: what plugins say of every track when a run has ended."""
+"""Samples of a whole record that are kept for diagnoses, in bounded memory."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import ContactModel
-from palpate.estimation import Estimates, Estimator, Samples, Status
-from palpate.fit_report import FitReport
-from palpate.flags import Flag
-from palpate.parts import Settings
-
-Floats = NDArray[np.float64]
+from palpate.estimation import Estimates, Samples, Status
+from palpate.vectors import Floats
 
 _BLOCK = 4096  # samples that are kept or dropped together
 _MOST = 16  # blocks
@@ -36,50 +29,6 @@ class Kept:
     used: NDArray[np.bool_]  # (n,) the track has an estimate there
     surface: Floats  # (n,) [m] by that estimate; NaN where there is none
     innovation: Floats  # (n,) over its own standard deviation; NaN where the estimator tells none
-
-
-@dataclass(frozen=True)
-class TrackEvidence:
-    """What a diagnosis may look at: the record of a track, and what the track made of it."""
-
-    name: str  # "model/estimator"
-    model: ContactModel
-    estimator: Estimator
-    tip_mass: float | None  # [kg]
-    kept: Kept
-    air_time: Floats  # (a,) [s] of samples before the first contact, at most 4096
-    air_force: Floats  # (a,) [N]
-    air_position: Floats  # (a,) [m]
-    values: Floats  # (k,) the result's parameters [SI]
-    std: Floats  # (k,) standard deviation of each, by the estimator
-    combined: Floats  # (k,) combined standard uncertainty of each
-    surface: float  # [m]
-    report: FitReport | None  # of an offline fit
-    tables: Mapping[str, Settings] = field(default_factory=dict)  # of analyses, as the pipeline has them, by name
-
-
-@dataclass(frozen=True)
-class Bias:
-    """What an estimate is expected to be off by."""
-
-    shift: float  # [SI] value less truth
-    std: float | None  # [SI] standard uncertainty of the shift; None: too little is known of it to correct the value
-
-
-@dataclass(frozen=True)
-class Diagnosed:
-    """What a diagnosis says of one track."""
-
-    flags: tuple[Flag, ...] = ()
-    terms: Mapping[str, float] = field(default_factory=dict)  # standard uncertainty [SI] that it adds, by parameter
-    unknown: frozenset[str] = frozenset()  # parameters whose uncertainty nobody can tell
-    table: Mapping[str, Any] = field(default_factory=dict)  # plain data for result.json
-    # Known, by parameter: the value stays, its uncertainty holds all of the shift, a corrected value stands beside it.
-    biases: Mapping[str, Bias] = field(default_factory=dict)
-
-
-# Tracks of one run -> findings by the name of the track; tracks that it has nothing to say of may be left out.
-Judge = Callable[[Sequence[TrackEvidence]], Mapping[str, Diagnosed]]
 
 
 @dataclass

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
+from palpate import ContactModel, Floats, Parameter
 
-from palpate.alignment import AlignmentSettings
-from palpate.contact import ContactModel, Parameter
-from palpate.result.along import Along
-from palpate.result.response import answer
-from palpate.vectors import Floats
+from palpate_uncertainty.along import Along
+from palpate_uncertainty.response import answer
 
 
 def delay_shifts(model: ContactModel, found: Along | None, values: Floats) -> Floats:
@@ -28,11 +24,3 @@ def delay_shifts(model: ContactModel, found: Along | None, values: Floats) -> Fl
 def is_viscous(parameter: Parameter) -> bool:
     """Whether a parameter is a viscosity or a damping, which a delay looks like."""
     return parameter.role == "viscous" or parameter.unit == "Pa*s"
-
-
-def timing_uncertainty(settings: AlignmentSettings) -> float | None:
-    """Standard uncertainty [s] of the time between force and motion; None where neither side declares any."""
-    motion = settings.velocity or settings.position
-    if settings.force.uncertainty is None and motion.uncertainty is None:
-        return None
-    return math.hypot(settings.force.uncertainty or 0.0, motion.uncertainty or 0.0)

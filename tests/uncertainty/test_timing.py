@@ -2,16 +2,12 @@
 
 import numpy as np
 import pytest
-from palpate import force_over_time
+from palpate import Diagnosed, Tail, Term, force_over_time
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.contact import force_slopes
-from palpate.result.along import along
-from palpate.result.budget import Term, systematic_terms
-from palpate.result.flags import compliance_flags, timing_flags
+from palpate.result import TrackResult
+from palpate.result.diagnosing import with_findings
 from palpate.result.found import Found, derived_values
-from palpate.result.record import Tail
-from palpate.result.response import answer
-from palpate.result.timing import delay_shifts
 from palpate_models import (
     DimensionalityReduction,
     Flat,
@@ -22,6 +18,11 @@ from palpate_models import (
     Sphere,
     StandardLinearSolid,
 )
+from palpate_uncertainty.along import along
+from palpate_uncertainty.flags import compliance_flags, timing_flags
+from palpate_uncertainty.response import answer
+from palpate_uncertainty.terms import delays, systematic_terms
+from palpate_uncertainty.timing import delay_shifts
 
 SPHERE = Sphere(radius=0.005)
 TIME = np.arange(0.0, 2.0, 0.002)
@@ -107,7 +108,11 @@ def test_a_derived_viscosity_says_its_delay():
     shifts = model.delay_shift(theta)
     parameters = {p.name: Found(v, 0.0, p.unit) for p, v in zip(model.parameters, theta, strict=True)}
     term = Term("timing", 1e-3, "s", np.array(shifts) * 1e-3)
-    derived = {value.name: value.found for value in derived_values(model, parameters, [term])}
+    late = dict(delays(model, np.array(theta), np.array(shifts), [term]))
+    nothing = Found(0.0, 0.0, "m")
+    own = TrackResult("kv", "fit", 1, parameters, nothing, 0.0, 1.0, (), 0.0, derived=derived_values(model, parameters))
+    made = with_findings(own, model, "budget", Diagnosed(sources=(term,), delays=late))
+    derived = {value.name: value.found for value in made.derived}
     shear = derived["elasticity"].value / 3
     assert derived["viscosity"].budget["timing"] == pytest.approx(shear * 1e-3)
     assert derived["viscosity"].per_shear == pytest.approx(derived["viscosity"].value / shear)
