@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from palpate import ConfigurationError, LogError, UserError
-from palpate.host import console, finite_tree, measured, people, read_flags, suggest, upgraded, verdict
+from palpate.host import console, finite_tree, measured, people
 
+from palpate_studies.readings import natural, readings
 from palpate_studies.repeat_picture import draw_repeatability
 from palpate_studies.repeatability import repeatability
 
@@ -40,27 +40,31 @@ def repeat(
     files = _groups(sources or [], group or [])
     found: dict[str, list[float]] = {}
     unit, skipped, failures = "", 0, dict[str, UserError]()
+    rejected: dict[str, str] = {}
     for name, paths in files.items():
         values = []
         for path in paths:
             try:
-                of_file = list(_values(path, track, parameter))
+                of_file = list(readings(path, track, parameter))
             except UserError as error:
                 failures[str(path)] = error
                 typer.echo(f"{path} is left out: {error}", err=True)
                 continue
-            for value, unit_found in of_file:
-                unit = unit_found
-                if value is None:
-                    skipped += 1
+            for reading in of_file:
+                unit = reading.unit
+                if reading.rejected is not None:
+                    rejected[reading.name] = reading.rejected
+                elif reading.usable and reading.value is not None:
+                    values.append(reading.value)
                 else:
-                    values.append(value)
+                    skipped += 1
         if not values and failures:
             raise next(iter(failures.values()))
         if not values:
             raise LogError(f"group {name}: no run has a value of {parameter}")
         found[name] = values
-    document = finite_tree({"parameter": parameter, "unit": unit, "skipped": skipped, **repeatability(found)})
+    counted = {"parameter": parameter, "unit": unit, "skipped": skipped, "rejected": rejected}
+    document = finite_tree({**counted, **repeatability(found)})
     if picture is not None:
         draw_repeatability(document, picture)
     if as_json:
@@ -89,56 +93,7 @@ def _groups(sources: list[Path], groups: list[str]) -> dict[str, list[Path]]:
         found[name] = [*found.get(name, []), *paths]
     if not found:
         raise ConfigurationError("name at least one run folder, or a --group NAME=PATTERN")
-    return {name: sorted(set(paths), key=_natural) for name, paths in found.items()}
-
-
-def _natural(path: Path) -> list[tuple[int, str]]:
-    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", str(path)) if part]
-
-
-def _values(path: Path, track: str | None, parameter: str) -> Iterator[tuple[float | None, str]]:
-    """Values in one file and their unit: one of a run; one for each log, or each cycle, of `palpate fit`."""
-    file = path
-    if path.is_dir():
-        file = path / "fit.json" if (path / "fit.json").is_file() else path / "result.json"
-    try:
-        document = json.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise LogError(f"{file}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise LogError(f"{file}: is no result of palpate: {error}") from error
-    if isinstance(document, dict) and document.get("cycles"):
-        rows = [row for row in document["cycles"] if track in (None, row["track"])]
-        name = _chosen({row["track"]: None for row in rows}, track, file)
-        rows = [row for row in rows if row["track"] == name]
-        for row in sorted(rows, key=lambda row: (_natural(Path(row["log"])), row["cycle"])):
-            known = row["unknowns"].get(parameter, {})
-            usable = verdict(read_flags(row["flags"])) != "invalid"
-            yield known.get("value") if usable else None, known.get("unit", "")
-    elif isinstance(document, dict) and "logs" in document:
-        for log in sorted(document["logs"], key=lambda name: _natural(Path(name))):
-            yield _one(upgraded(document["logs"][log], file), file, track, parameter)
-    else:
-        yield _one(upgraded(document, file), file, track, parameter)
-
-
-def _one(document: dict[str, Any], file: Path, track: str | None, parameter: str) -> tuple[float | None, str]:
-    result = document["tracks"][_chosen(document["tracks"], track, file)]
-    known = {**result["parameters"], "surface": result["surface"]}
-    if parameter not in known:
-        raise ConfigurationError(f"{file}: there is no parameter {parameter!r}{suggest(parameter, known)}")
-    usable = result["verdict"] != "invalid"
-    return known[parameter]["value"] if usable else None, known[parameter]["unit"]
-
-
-def _chosen(tracks: Mapping[str, Any], track: str | None, file: Path) -> str:
-    if track is None and len(tracks) == 1:
-        return next(iter(tracks))
-    if track is None:
-        raise ConfigurationError(f"{file}: has {len(tracks)} tracks; choose one with --track: {', '.join(tracks)}")
-    if track not in tracks:
-        raise ConfigurationError(f"{file}: there is no track {track!r}{suggest(track, tracks)}")
-    return track
+    return {name: sorted(set(paths), key=natural) for name, paths in found.items()}
 
 
 def _views(document: dict[str, Any]) -> Iterator[Any]:
@@ -161,6 +116,8 @@ def _views(document: dict[str, Any]) -> Iterator[Any]:
     if document["tests"]:
         yield _tests(document["tests"], word, factor)
         yield _CAUTION
+    for name, reason in document["rejected"].items():
+        yield f"{name} was rejected and is left out: {reason}"
     if document["skipped"]:
         yield f"{document['skipped']} runs without a value, or with an invalid one, were left out"
 

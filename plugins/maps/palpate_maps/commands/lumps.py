@@ -10,7 +10,7 @@ import typer
 from palpate import ConfigurationError, LogError
 from palpate.host import RunFolder, TrackOption
 
-from palpate_maps.commands.curves import unit_of
+from palpate_maps.commands.curves import tell_rejected, unit_of
 from palpate_maps.commands.map import Parameter, Run, length
 
 if TYPE_CHECKING:
@@ -45,6 +45,7 @@ def lumps(
     if method not in get_args(maps.SweepMethod):
         raise ConfigurationError(f'--method: {method!r} is none of "prominence" and "cusum"')
     settings = maps.LumpSettings(rate, contrast, spread, length(width, "--width"), method)  # type: ignore[arg-type]
+    tell_rejected([run])
     path = maps.read_path(run, track, parameter)
     findings = maps.find_lumps(maps.sites_along(path), settings)
     text = export.lumps_json(findings, path.track, path.parameter)
@@ -84,7 +85,7 @@ def compare(
     if test not in ("prediction", "welch"):
         raise ConfigurationError(f'--test: {test!r} is none of "prediction" and "welch"')
     _refuse_both(baseline, suspect)
-    told = [sites_of(runs, track, parameter) for runs in (baseline, suspect)]
+    told = [sites_of(tell_rejected(runs), track, parameter) for runs in (baseline, suspect)]
     groups = [np.array([value for _, value in sites]) for sites in told]
     if test == "prediction":
         groups = [by_place(sites) for sites in told]
