@@ -7,13 +7,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
-from palpate import ConfigurationError, LogError, UserError
+from palpate import ConfigurationError, LogError, UserError, to_si
 from palpate.host import console, finite_tree, measured, people
 
 from palpate_studies.readings import natural, readings
 from palpate_studies.repeat_picture import draw_repeatability
-from palpate_studies.repeatability import repeatability
+from palpate_studies.repeatability import against_truth, repeatability
 
 _BAR = 40  # characters of the tallest bar
 _CAUTION = (
@@ -34,15 +35,22 @@ def repeat(
     picture: Annotated[
         Path | None, typer.Option(help="Draw histogram, autocorrelation and moving average here.")
     ] = None,
+    truth: Annotated[
+        str | None, typer.Option(help='What it is known to be, such as "282.1 kPa": prints the error of each group.')
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
 ) -> None:
-    """Mean, standard uncertainty, autocorrelation, trend and histogram over many runs; t-tests between groups."""
+    """Mean, standard uncertainty, autocorrelation, trend and histogram over many runs; tests between groups.
+
+    Between two groups Welch's t-test; of three or more Welch's analysis of variance and Games and Howell's test, too.
+    """
     files = _groups(sources or [], group or [])
     found: dict[str, list[float]] = {}
     unit, skipped, failures = "", 0, dict[str, UserError]()
     rejected: dict[str, str] = {}
+    stated: dict[str, list[float]] = {}
     for name, paths in files.items():
-        values = []
+        values, stated[name] = [], []
         for path in paths:
             try:
                 of_file = list(readings(path, track, parameter))
@@ -56,6 +64,7 @@ def repeat(
                     rejected[reading.name] = reading.rejected
                 elif reading.usable and reading.value is not None:
                     values.append(reading.value)
+                    stated[name].append(reading.std or 0.0)
                 else:
                     skipped += 1
         if not values and failures:
@@ -65,6 +74,10 @@ def repeat(
         found[name] = values
     counted = {"parameter": parameter, "unit": unit, "skipped": skipped, "rejected": rejected}
     document = finite_tree({**counted, **repeatability(found)})
+    if truth is not None:
+        known = _truth(truth, unit)
+        for name, values in found.items():
+            document["groups"][name]["truth"] = against_truth(np.array(values), np.array(stated[name]), known)
     if picture is not None:
         draw_repeatability(document, picture)
     if as_json:
@@ -76,6 +89,17 @@ def repeat(
     if failures:
         typer.echo(f"{len(failures)} runs failed: {', '.join(failures)}", err=True)
         raise typer.Exit(1)
+
+
+def _truth(text: str, unit: str) -> float:
+    """The true value [SI]; raises ConfigurationError."""
+    try:
+        value = to_si(text, unit)
+    except ValueError as error:
+        raise ConfigurationError(f"--truth: {error}") from error
+    if not value:
+        raise ConfigurationError("--truth: an error relative to 0 says nothing")
+    return value
 
 
 def _groups(sources: list[Path], groups: list[str]) -> dict[str, list[Path]]:
@@ -113,6 +137,14 @@ def _views(document: dict[str, Any]) -> Iterator[Any]:
             ends = found["moving_average"][0] * factor, found["moving_average"][-1] * factor
             over = found["moving_average_window"]
             yield f"{name}: moving average over {over} goes from {ends[0]:.5g} to {ends[1]:.5g} {word}"
+    for name, found in document["groups"].items():
+        if error := found.get("truth"):
+            said = f"{100 * error['error']:+.2f} ± {100 * error['error_std']:.2g} %"
+            scatter = f"{100 * error['by_scatter']:.2g} %"
+            yield f"{name}: {said} from {error['truth'] * factor:.5g} {word} (scatter alone {scatter})"
+    if whole := document["anova"]:
+        pairs = ", ".join(f"{row['first']} and {row['second']} p = {row['p']:.2g}" for row in whole["pairs"])
+        yield f"Welch's analysis of variance: F = {whole['f']:.3g}, p = {whole['p']:.2g}; Games-Howell: {pairs}"
     if document["tests"]:
         yield _tests(document["tests"], word, factor)
         yield _CAUTION
