@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
@@ -76,6 +77,7 @@ def compare(
     track: TrackOption = None,
     parameter: Parameter = None,
     test: Annotated[str, typer.Option(help="prediction, or welch as in the paper.")] = "prediction",
+    as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON.")] = False,
 ) -> None:
     """Test a suspect site against baseline sites, by a prediction interval or by Welch's t-test."""
     import numpy as np
@@ -94,9 +96,16 @@ def compare(
         raise ConfigurationError(f"--baseline: {len(groups[0])} sites are too few for {test}; {least} are needed")
     if test == "welch":
         found = maps.welch(groups[0], groups[1])
-        typer.echo("welch takes the scatter of repeats for that between sites: many false alarms where sites differ")
+        typer.echo(
+            "welch takes the scatter of repeats for that between sites: many false alarms where sites differ",
+            err=as_json,
+        )
     else:
         found = maps.against_sites(groups[0], float(np.exp(np.log(groups[1]).mean())))
+    if as_json:
+        answer = {"contrast": found.contrast, "p": found.p, "test": found.test, "baseline": len(groups[0])}
+        typer.echo(json.dumps(answer, indent=2))
+        return
     typer.echo(f"contrast {100 * found.contrast:+.2f} %, p = {found.p:.2g} ({found.test}, {len(groups[0])} baseline)")
 
 
