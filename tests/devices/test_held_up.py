@@ -170,8 +170,9 @@ def test_a_jam_is_told_for_a_jam_however_busy_the_host_is(rows, unseen):
 
 def test_what_has_passed_is_left_out_and_the_grid_stays():
     due = 1_000_000_000
-    for late, left_out in ((0, 0), (1, 0), (TICK_NS - 1, 0), (TICK_NS, 0), (TICK_NS + 1, 1), (4 * TICK_NS + 5, 4)):
-        assert next_deadline(due, due + late) == (due + (left_out + 1) * TICK_NS, left_out)
+    for late, left_out in ((0.0, 0), (1.0, 0), (1.4, 0), (1.5, 0), (1.6, 1), (2.5, 1), (2.6, 2), (5.6, 5)):
+        found = next_deadline(due, due + round(late * TICK_NS))
+        assert found == (due + (left_out + 1) * TICK_NS, left_out)
 
 
 def test_a_table_is_made_up_for_a_tenth_faster_and_to_the_bit_where_nothing_was_held_up():

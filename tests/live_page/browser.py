@@ -83,7 +83,8 @@ def browser(width=1280, height=1900):
     """A browser that ends with the context."""
     with tempfile.TemporaryDirectory(prefix="palpate-chromium-", ignore_cleanup_errors=True) as profile:
         command = [CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--remote-debugging-port=0"]
-        command += [f"--user-data-dir={profile}", f"--window-size={width},{height}", "--no-first-run", "about:blank"]
+        command += [f"--user-data-dir={profile}", f"--window-size={width},{height}", "--no-first-run"]
+        command += ["--hide-scrollbars", "about:blank"]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         try:
             line = next(line for line in process.stderr if "DevTools listening on" in line)

@@ -44,6 +44,6 @@ def test_all_panels_are_drawn(point_pipeline, tmp_path):
         assert tab.ask("document.getElementById('name').innerText") == "<b>a run</b>"  # no text is markup
         assert tab.ask("document.getElementById('map-note').innerText").startswith("The tip stays in one place")
         tab.key("Escape")
-        tab.until("document.getElementById('state').textContent === 'stop was asked for'")
+        tab.until("document.getElementById('state')?.textContent === 'stop was asked for'")
     child.close()
     assert asked == ["on the live page"]

@@ -1,6 +1,7 @@
 """The pace of the servo loop: absolute deadlines, and what the host makes of them.
 
-No two cycles follow each other faster than planned: what the host has held up is left out, and told to the next cycle.
+What the host has held up is left out and told to the next cycle: a robot that reads one command in its tick would leap
+where several came at once.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ _TICK = round(PERIOD * 1e9)  # [ns]
 
 
 def next_deadline(deadline: int, now: int) -> tuple[int, int]:
-    """The deadline [ns] after one, on its grid, and how many are left out because they have passed."""
-    left_out = max(-(-(now - deadline) // _TICK) - 1, 0)
+    """The deadline [ns] after one, on its grid, and how many are left out because they passed half a period ago."""
+    left_out = max((now - deadline - _TICK // 2 - 1) // _TICK, 0)
     return deadline + (1 + left_out) * _TICK, left_out
 
 
