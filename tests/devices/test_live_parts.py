@@ -68,6 +68,7 @@ def test_a_raster_that_is_gone_on_with_does_what_was_left(bench, short, patient,
     twin = bench(*(s for s in short if "trajectory" not in s))
     sets = [s for s in (*short, *patient) if "trajectory" not in s and not s.startswith("twin")]
     sets += [f"device.arm.host={twin.host}", f"device.sensor.port={twin.port}", 'run.tracks=["*/kinematic"]']
+    sets += ["alignment.lateral_x=arm.tip.x", "alignment.lateral_y=arm.tip.y"]
     pipeline = with_table(root, tmp_path, "trajectory.press", RASTER, *sets)
 
     def interrupt():

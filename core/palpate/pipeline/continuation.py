@@ -75,8 +75,8 @@ def _elapsed(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> flo
     time, place = part.places
     rest = pipeline.safety.rest if pipeline.safety else 0.0
     known = np.isfinite(place).all(axis=1)
-    if not known.any():
-        return end - rest
+    if not known.any():  # of a motion that was cut nobody knows how far it came
+        return end - rest if end - rest >= trajectory.total_duration else 0.0
     every = max(int(known.sum()) // _ROWS, 1)
     time, place = time[known], place[known]
     delay = _delay(time[::every], place[::every], trajectory, rest)
