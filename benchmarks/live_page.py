@@ -36,6 +36,7 @@ from tests.live_page.browser import Browser, browser  # noqa: E402
 PIPELINE = ROOT / "pipelines" / "point_ur3e.toml"
 _PALPATE = [sys.executable, "-c", "from palpate.cli import main; main()"]
 _TICK = os.sysconf("SC_CLK_TCK")
+_JOBS: list[subprocess.Popen[str]] = []  # none is left behind
 
 
 def cpu_of(pid: int) -> float:
@@ -103,6 +104,7 @@ class Job:
         self.folder = folder
         words = [*_PALPATE, "run", str(PIPELINE), "--out", str(folder), *options, *(["--live"] if page else [])]
         self.process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        _JOBS.append(self.process)
         self.lines: queue.Queue[str] = queue.Queue()
         threading.Thread(target=self._read, daemon=True).start()
         self.address = self.lines.get(timeout=60).removeprefix("live page: ") if page else ""
@@ -228,6 +230,9 @@ def main() -> None:
                 shown(f"page with {how.name}", job.table())
             shown("stopped by a click", stopped(chromium, Job(folder / "click", options, True), twin))
         finally:
+            for left in _JOBS:
+                left.send_signal(signal.SIGTERM)  # the arm retracts; one that has ended hears nothing
+                left.wait(60)
             twin.close()
 
 

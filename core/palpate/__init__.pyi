@@ -139,6 +139,7 @@ from palpate.units import (
     Length as Length,
     Mass as Mass,
     Pressure as Pressure,
+    Quantity as Quantity,
     Speed as Speed,
     Stiffness as Stiffness,
     Time as Time,

@@ -18,6 +18,7 @@ Floats = NDArray[np.float64]
 WIDTHS = {"single": 85.0, "middle": 120.0, "double": 175.0}  # [mm] of the columns of journals
 FORMATS = ("png", "svg", "pdf")
 _INCH = 25.4  # [mm]
+_HANDLE, _LETTER = 10.0, 1.4  # [mm] of a legend: a line with its blanks, and a letter
 _DATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}
 
 
@@ -46,11 +47,13 @@ def figure_of(columns: int = 1, rows: int = 1, width: float = WIDTHS["double"], 
 
 
 def legend_outside(axes: Any, columns: int = 3) -> None:
-    """A legend above the axes, where it hides no data; nothing where no curve has a name."""
+    """A legend above the axes, no wider than they are, where it hides no data; nothing where no curve has a name."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
+        panel = axes.figure.get_figwidth() * _INCH / axes.get_subplotspec().get_gridspec().ncols
+        fitting = int(0.8 * panel // (_HANDLE + _LETTER * max(map(len, labels))))
         place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2}
-        axes.legend(handles, labels, ncols=min(columns, len(labels)), **place)
+        axes.legend(handles, labels, ncols=max(1, min(columns, fitting, len(labels))), **place)
 
 
 def common_limits(curves: Sequence[Floats], settled_from: float = 0.5) -> tuple[float, float] | None:

@@ -386,6 +386,19 @@ def test_sweeps_that_cannot_be(short, settings, more, what):
         palpate.sweep(short, settings, **more)
 
 
+def test_a_raster_is_a_map(root, tmp_path):
+    raster = palpate.load(root / "pipelines" / "raster.toml").set("trajectory.raster.size", ["8 mm", "4 mm"])
+    run = raster.set("trajectory.raster.pitch", "4 mm").set("run.tracks", ["dr/kinematic"]).run()
+    found = run.map(cell="2 mm", method="average")
+    value = found.data["value"]
+    assert value.dims == ("y", "x")
+    assert value.attrs["units"] == "Pa"
+    assert np.nanmedian(value) == pytest.approx(112e3, rel=0.3)  # nothing is told of the layer's thickness
+    assert (found.data["std"] > 0).where(value.notnull(), True).all()
+    assert list(found.lumps.columns) == ["x", "y", "contrast", "std", "p"]
+    assert found.plot().save(tmp_path / "map.png").stat().st_size > 1000
+
+
 def test_a_point_is_no_map(kept):
     with pytest.raises(LogError):
         kept.map()

@@ -153,6 +153,7 @@ def test_whatever_is_left_of_a_run_is_shown(palpate, copied, kept):
         ("estimates.csv", ""),
         ("estimates.csv", "time_s,x_m,y_m\n"),
         ("estimates.csv", "\x00\x01,,,\n1,2"),
+        ("estimates.csv", "time_s,x_m,y_m\na,b,c\n"),
         ("resolved.toml", "[[["),
         ("pipeline.toml", "\udcff"),
     ],
@@ -161,7 +162,9 @@ def test_a_spoilt_file_spoils_nothing_else(palpate, copied, file, content):
     (copied / file).write_text(content, errors="surrogateescape")
     done = palpate("report", copied)
     assert done.returncode == 0, done.stderr
-    assert "All tracks" in read(copied / "report.html").text or file == "result.json"
+    text = read(copied / "report.html").text
+    assert "All tracks" in text or file == "result.json"
+    assert ("cannot be read" in text) == ("a,b,c" in content)
 
 
 def test_no_contact_is_refused_in_words(palpate, runs, tmp_path):

@@ -1,5 +1,6 @@
 """`palpate design`: a table, a picture and a recommendation."""
 
+import json
 import math
 
 import pytest
@@ -27,6 +28,17 @@ def test_table_and_recommendation(palpate, file):
 def test_the_truth_of_a_simulated_rig_is_what_is_expected(palpate, file):
     done = palpate("design", file)
     assert "elasticity 1.125e+05 Pa, viscosity 362 Pa*s" in done.stdout
+
+
+def test_json_has_every_bound(palpate, file):
+    done = palpate("design", file, "--json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)["dr"]
+    assert found["expected"] == {"elasticity": 112.5e3, "viscosity": 362.0}
+    assert len(found["palpations"]) == 15
+    (best,) = [row for row in found["palpations"] if row["recommended"]]
+    assert best["bounds"]["known"]["elasticity"] < best["bounds"]["unknown both"]["elasticity"]
+    assert best["bias"]["elasticity"] < 0
 
 
 def test_limits_move_the_recommendation(palpate, file):

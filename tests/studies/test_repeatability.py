@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 from palpate_studies.repeat_picture import draw_repeatability
-from palpate_studies.repeatability import Repeatability, autocorrelation, moving_average, repeatability, welch_tests
+from palpate_studies.repeatability import (
+    Repeatability,
+    against_truth,
+    autocorrelation,
+    moving_average,
+    repeatability,
+    welch_tests,
+)
 from scipy.stats import pearsonr, ttest_ind
 
 RANDOM = np.random.default_rng(0)
@@ -106,3 +113,27 @@ def test_the_picture_has_three_panels_with_both_limits(monkeypatch, tmp_path):
     for name, values in GROUPS.items():
         (line,) = [line for line in average.lines if line.get_label() == name]
         assert len(line.get_ydata()) == len(values) - len(values) // 3 + 1
+
+
+def test_three_groups_of_unequal_spread_are_tested_by_welch_and_games_howell():
+    random = np.random.default_rng(3)
+    groups = {"a": random.normal(0, 1, 12), "b": random.normal(0, 5, 30), "c": random.normal(3, 1, 12)}
+    found = repeatability(groups)["anova"]
+    # Welch 1951, by hand
+    w = np.array([len(v) / v.var(ddof=1) for v in groups.values()])
+    means = np.array([v.mean() for v in groups.values()])
+    grand, k = (w @ means) / w.sum(), 3
+    rest = sum((1 - x / w.sum()) ** 2 / (len(v) - 1) for x, v in zip(w, groups.values()))
+    expected = (w @ (means - grand) ** 2 / (k - 1)) / (1 + 2 * (k - 2) / (k**2 - 1) * rest)
+    assert found["f"] == pytest.approx(expected)
+    assert [(row["first"], row["second"]) for row in found["pairs"]] == [("a", "b"), ("a", "c"), ("b", "c")]
+    assert found["pairs"][1]["p"] < 1e-4 < found["pairs"][0]["p"]
+    assert repeatability({"a": groups["a"], "b": groups["b"]})["anova"] is None
+
+
+def test_the_error_against_a_truth_has_what_does_not_average_out():
+    values = np.array([113e3, 114e3, 112e3, 113.5e3])
+    found = against_truth(values, np.full(4, 2e3), 112.5e3)
+    assert found["error"] == pytest.approx(values.mean() / 112.5e3 - 1)
+    assert found["by_scatter"] < found["error_std"]
+    assert found["error_std"] == pytest.approx(np.hypot(found["by_scatter"], 2e3 / 112.5e3))

@@ -9,7 +9,7 @@ from pydantic import Field, WithJsonSchema, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from palpate.parts import Settings
-from palpate.units import Delay, Force, Stiffness, Time, TipMass, quantity_schema, to_si
+from palpate.units import Delay, Force, Quantity, Stiffness, Time, TipMass, quantity_schema, to_si
 
 # What a role's channel must be in; a channel whose unit nobody knows ("1") is taken at its word.
 SIGNAL_UNITS = {"force": "N", "position": "m", "velocity": "m/s"}
@@ -103,7 +103,10 @@ class AlignmentSettings(Settings):
         if value in ("free-air", "none", "calibrated"):
             return value
         try:
-            return to_si(value, "N")
+            found = to_si(value, "N")
         except ValueError as error:
             reason = f'{value!r} is none of "free-air", "calibrated", "none" and a force such as "1.8 N"'
             raise PydanticCustomError("tare", "{reason}", {"reason": reason}) from error
+        if not isinstance(value, str) and (doubt := Quantity("N", most=500.0).doubt(found)):
+            raise PydanticCustomError("tare", "{reason}", {"reason": doubt})
+        return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +21,7 @@ from palpate.result.reading import is_whole, read_result
 
 Floats = NDArray[np.float64]
 
-RESULT, GIVEN, RESOLVED = "result.json", "pipeline.toml", "resolved.toml"
+RESULT, GIVEN, RESOLVED, REVIEW = "result.json", "pipeline.toml", "resolved.toml", "review.json"
 ONLINE, OFFLINE = "estimates.csv", "estimates-offline.csv"
 _UNUSABLE = Status.IDLE | Status.WAITING | Status.DIVERGED
 
@@ -106,6 +107,16 @@ class RunFolder:
         if not path.is_file():
             raise LogError(f"{self.path}: is no run folder: it has no {RESOLVED}")
         return path
+
+    @property
+    def rejected(self) -> dict[str, str]:
+        """Why a review left the run out, under "", or parts of it, under their names. Raises LogError."""
+        path = self.path / REVIEW
+        try:
+            marks = json.loads(path.read_text(encoding="utf-8"))["rejected"] if path.is_file() else {}
+            return {str(name): str(reason) for name, reason in marks.items()}
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise LogError(f"{path}: is no review of palpate") from error
 
     @property
     def maps(self) -> Path:

@@ -5,7 +5,7 @@ from palpate_maps.baseline import Baseline, Comparison, against_sites, discoveri
 from palpate_maps.findings import Findings, Lump, LumpSettings, SweepMethod
 from palpate_maps.grid import StiffnessMap, make_map
 from palpate_maps.lumps import find_lumps
-from palpate_maps.path import Path2D, read_path, tracks_of
+from palpate_maps.path import Path2D, read_path, rejected, tracks_of
 from palpate_maps.progress import Watched, nothing_left, off_limits, watched
 from palpate_maps.search import Proposal, propose, settled
 from palpate_maps.sites import Sites, line_coordinate, sites_along
@@ -35,6 +35,7 @@ __all__ = [
     "prediction_p",
     "propose",
     "read_path",
+    "rejected",
     "settled",
     "sites_along",
     "tracks_of",

@@ -26,14 +26,18 @@ class Path2D:
 
 
 def read_path(folder: Path, track: str | None = None, parameter: str | None = None) -> Path2D:
-    """The estimates of a run and of its continuations; by default of its best track's first parameter.
+    """The estimates of a run and of its continuations, rejected ones apart; of its best track's first parameter.
 
     The best is an offline track where there is one, else the first in the table; each part has its own, since one that
     was killed has no offline estimates. Raises LogError for what is missing.
     """
     run = RunFolder(folder)
     run.demand_one_pipeline()
-    parts = run.parts
+    parts = [part for part in run.parts if "" not in part.rejected]
+    if not parts:
+        raise LogError(
+            f"{folder}: was rejected: {run.rejected['']}; `palpate review {folder} --accept {folder.name}` undoes it"
+        )
     known = {name for part in parts for name in tracks_of(part.path)}
     if not known:
         raise LogError(f"{folder}: is no run folder: it has no table of estimates")
@@ -58,6 +62,11 @@ def read_path(folder: Path, track: str | None = None, parameter: str | None = No
         np.concatenate([path.surface for path in paths if path.surface is not None]),
         paths[0].relief_sensitivity,
     )
+
+
+def rejected(folder: Path) -> dict[Path, str]:
+    """The run and those of its continuations that a review has rejected, with the reasons."""
+    return {part.path: part.rejected[""] for part in RunFolder(folder).parts if "" in part.rejected}
 
 
 def _demand_track(part: RunFolder, track: str) -> None:

@@ -20,6 +20,7 @@ _TRACKS = 7  # of one panel: as many as the style has colours
 _PANELS = 8
 _CLOSE = 4.0  # [s] of a long record that are drawn of the force over time
 _GREY = "0.6"
+_NARROW = 100.0  # [mm] of a picture whose panels stand one above the other
 _QUARTILE = 0.6745  # standard deviations, within which half of a normal distribution lies
 
 
@@ -110,6 +111,18 @@ def over_time(subject: Subject) -> Picture | None:
     return Picture(figure, caption, data)
 
 
+def _beside(subject: Subject, panels: int) -> int:
+    """How many panels there is room for beside each other."""
+    return min(panels, 2 if subject.width > _NARROW else 1)
+
+
+def _pair(subject: Subject, panels: int) -> tuple[Any, list[Any]]:
+    """A figure with one or two panels, beside each other where there is room."""
+    columns = _beside(subject, panels)
+    figure, axes = figure_of(columns, -(-panels // columns), width=subject.width, height=52.0)
+    return figure, list(axes.ravel())
+
+
 def residuals(subject: Subject) -> Picture | None:
     """Measured less model over time and over depth, by medians and quartiles."""
     names = [
@@ -119,24 +132,24 @@ def residuals(subject: Subject) -> Picture | None:
     ]
     if not names:
         return None
-    figure, axes = figure_of(2, width=subject.width, height=55.0)
+    figure, axes = _pair(subject, 2)
     data: dict[str, Floats] = {}
     for name in names[:3]:
         curves = subject.curves(name)
         rows = curves.settled
         for axis, across, scale, key in (
-            (axes[0, 0], curves.time, 1.0, "time_s"),
-            (axes[0, 1], curves.depth, 1e3, "depth_m"),
+            (axes[0], curves.time, 1.0, "time_s"),
+            (axes[1], curves.depth, 1e3, "depth_m"),
         ):
             x, (low, middle, high) = quartiles(across[rows], curves.residual[rows], 40 if scale == 1 else 20)
             (line,) = axis.plot(scale * x, middle, label=name)
             axis.fill_between(scale * x, low, high, color=line.get_color(), alpha=0.18, linewidth=0)
             data |= {f"{name}:{key}": x, f"{name}:residual_{key[0]}_N": middle, f"{name}:low_{key[0]}_N": low}
             data[f"{name}:high_{key[0]}_N"] = high
-    for axis, word in zip(axes[0], ("time [s]", "depth [mm]"), strict=True):
+    for axis, word in zip(axes, ("time [s]", "depth [mm]"), strict=True):
         axis.axhline(0.0, color="black", linewidth=0.5, linestyle="-")
         axis.set(xlabel=word, ylabel="measured less model [N]")
-    legend_outside(axes[0, 0])
+    legend_outside(axes[0])
     caption = "What the model leaves of the force: medians, and the band that holds the middle half"
     return Picture(figure, caption, data)
 
@@ -146,7 +159,7 @@ def estimates(subject: Subject) -> Picture | None:
     panels = [(names, parameter) for names, parameter in _panels(subject) if names][:_PANELS]
     if not panels:
         return None
-    columns = 2 if len(panels) > 1 else 1
+    columns = _beside(subject, len(panels))
     figure, axes = figure_of(columns, -(-len(panels) // columns), width=subject.width, height=48.0)
     data: dict[str, Floats] = {}
     for axis, (names, parameter) in zip(axes.ravel(), panels, strict=False):
@@ -227,9 +240,9 @@ def innovations(subject: Subject) -> Picture | None:
     ]
     if not names:
         return None
-    figure, axes = figure_of(2 if white else 1, width=subject.width, height=50.0)
+    figure, axes = _pair(subject, 2 if white else 1)
     data: dict[str, Floats] = {}
-    left = axes[0, 0]
+    left = axes[0]
     for name in names[:3]:
         curves = subject.curves(name)
         x, (low, middle, high) = quartiles(curves.time[curves.settled], curves.innovation[curves.settled], 50)
@@ -242,14 +255,14 @@ def innovations(subject: Subject) -> Picture | None:
     for name, table in list(white.items())[:_TRACKS]:
         shares = np.array(table["autocorrelation"])
         lags = 1e3 * table["interval"] * np.arange(1, len(shares) + 1)
-        axes[0, 1].plot(lags, shares, marker=".", markersize=2, linewidth=0.7, label=name)
+        axes[1].plot(lags, shares, marker=".", markersize=2, linewidth=0.7, label=name)
         data |= {f"{name}:lag_s": lags / 1e3, f"{name}:autocorrelation": shares}
     if white:
         bound = max(2 / np.sqrt(table["samples"]) for table in white.values())
-        axes[0, 1].axhspan(-bound, bound, color="0.85", linewidth=0)
-        axes[0, 1].set(xlabel="lag [ms]", ylabel="autocorrelation")
-        axes[0, 1].set_ylim(min(-0.2, *axes[0, 1].get_ylim()), max(0.4, axes[0, 1].get_ylim()[1]))
-        legend_outside(axes[0, 1])
+        axes[1].axhspan(-bound, bound, color="0.85", linewidth=0)
+        axes[1].set(xlabel="lag [ms]", ylabel="autocorrelation")
+        axes[1].set_ylim(min(-0.2, *axes[1].get_ylim()), max(0.4, axes[1].get_ylim()[1]))
+        legend_outside(axes[1])
     else:
         legend_outside(left)
     caption = (

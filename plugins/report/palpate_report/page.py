@@ -83,6 +83,7 @@ def page_of(record: Record, track: str | None = None, anonymous: bool = False) -
         given=_shown(given, veil),
         resolved=_shown(resolved, veil),
         why_not=record.why_not,
+        unreadable=veil.text(record.unreadable) if veil and record.unreadable else record.unreadable,
         logs=record.logs,
         folder=record.path.name if anonymous else str(record.path),
         parts_of_run=[(part.path.name, judge(Record(part)).level) for part in record.folder.parts[1:]],

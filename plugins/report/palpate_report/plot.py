@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from palpate import ConfigurationError, Floats
+from palpate import ConfigurationError, Floats, LogError
 from palpate.host import FORMATS, WIDTHS, save_figure, suggest, write_whole
 
 from palpate_report.reading import Record
@@ -38,6 +38,8 @@ def plot(
     from palpate_report.verdict import judge
 
     record = Record.read(run)
+    if record.unreadable is not None:
+        raise LogError(record.unreadable)
     for name in what or ():
         if name not in PICTURES:
             raise ConfigurationError(f"{name!r} is no picture{suggest(name, PICTURES)}")

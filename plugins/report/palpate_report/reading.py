@@ -92,12 +92,21 @@ class Record:
         return float(mass) if isinstance(mass, int | float) else 0.0
 
     @cached_property
-    def tables(self) -> list[EstimatesTable]:
-        """The tables of estimates, those made afterwards first; those that cannot be read are left out."""
+    def _read_tables(self) -> tuple[list[EstimatesTable], str | None]:
         try:
-            return self.folder.tables
-        except LogError:
-            return []
+            return self.folder.tables, None
+        except LogError as error:
+            return [], str(error)
+
+    @property
+    def unreadable(self) -> str | None:
+        """Why the tables of estimates cannot be read; None where they can."""
+        return self._read_tables[1]
+
+    @property
+    def tables(self) -> list[EstimatesTable]:
+        """The tables of estimates, those made afterwards first; none where they cannot be read."""
+        return self._read_tables[0]
 
     @cached_property
     def tracks(self) -> dict[str, tuple[EstimatesTable, TrackTable]]:

@@ -133,9 +133,42 @@ def common_edges(groups: Sequence[Floats]) -> Floats:
     return np.asarray(np.histogram_bin_edges(everything, min(max(count, 1), 30)))
 
 
+def anova(groups: Mapping[str, Floats]) -> dict[str, Any] | None:
+    """Welch's analysis of variance over three or more groups, and Games and Howell's test of every two of them.
+
+    Neither takes the groups' spreads for equal; None for fewer groups, or one without scatter.
+    Sources: Welch 1951; Games and Howell 1976.
+    """
+    from scipy.stats import f_oneway, tukey_hsd
+
+    if len(groups) < 3 or any(len(values) < 2 or not _scatters(values) for values in groups.values()):
+        return None
+    whole = f_oneway(*groups.values(), equal_var=False)
+    pairs = tukey_hsd(*groups.values(), equal_var=False)
+    names = list(groups)
+    rows = [
+        {"first": names[i], "second": names[j], "p": float(pairs.pvalue[i, j])}
+        for i, j in combinations(range(len(names)), 2)
+    ]
+    return {"f": float(whole.statistic), "p": float(whole.pvalue), "pairs": rows}
+
+
+def against_truth(values: Floats, combined: Floats, truth: float) -> dict[str, float]:
+    """Error of the mean of values (n,) against a truth, relative, and its standard uncertainty.
+
+    That of the mean, and the median of what each run states: what is common to all runs does not average out. What of
+    it is random counts twice, which errs to the safe side.
+    """
+    found = Repeatability(values)
+    scatter = found.std_of_mean if len(values) > 1 else 0.0
+    stated = float(np.median(combined)) if len(combined) else 0.0
+    std = math.hypot(scatter, stated) / abs(truth)
+    return {"truth": truth, "error": found.mean / truth - 1.0, "error_std": std, "by_scatter": scatter / abs(truth)}
+
+
 def repeatability(groups: Mapping[str, Sequence[float]]) -> dict[str, Any]:
     """Statistics of each group, and the tests between them; groups in the order of their names."""
     ordered = {name: np.asarray(groups[name], float) for name in sorted(groups)}
     edges = common_edges(list(ordered.values()))
     tables = {name: Repeatability(values).table(edges) for name, values in ordered.items()}
-    return {"groups": tables, "tests": welch_tests(ordered)}
+    return {"groups": tables, "tests": welch_tests(ordered), "anova": anova(ordered)}

@@ -18,6 +18,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "budget": Diagnosis("palpate_uncertainty.terms:budgets", order=10, quick=True),
         "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
         "model-choice": Diagnosis("palpate_uncertainty.choice:model_choice"),
+        "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability"),
         "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),
     }
 
@@ -66,6 +67,16 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "doubtful",
             "What the model leaves of the force is not the noise that the channel had at standstill, and it matters.",
             "Use a model of the named reason (thickness, memory, timing, lift-off, tip, drift), or declare it.",
+        ),
+        "elsewhere": FlagMeaning(
+            "doubtful",
+            "Least squares on the samples that a filter used ends more than three uncertainties from its estimate.",
+            "Use a kinematic filter or a fit, palpate for longer, or use a model with fewer parameters.",
+        ),
+        "overconfident": FlagMeaning(
+            "doubtful",
+            "The filter's standard deviation is below half of the Cramer-Rao bound of the samples that it used.",
+            "Use a model with fewer parameters, or a motion that tells them apart: several frequencies, or a ramp.",
         ),
         "model-choice": FlagMeaning(
             "note",

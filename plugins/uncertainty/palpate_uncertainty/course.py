@@ -13,6 +13,7 @@ from palpate_uncertainty.whitening import Floats, Runs
 _SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
 _STEP, _RATE_STEP = 1e-6, 1e-5  # [m], [m/s]; for slopes
 _GAP = 2.5  # of the usual interval
+_APART = 1e-3  # [m] sideways, from which on it is a sweep
 _WINDOWS = (5, 9, 15, 25, 41)  # samples
 _BENT = 0.1  # of the noise that smoothing may take from the signal
 
@@ -85,6 +86,19 @@ def runs_of(track: TrackEvidence) -> Runs:
     usual = float(np.median(step[1:])) if len(step) > 1 else 0.0
     jumps = np.diff(kept.index, prepend=kept.index[:1] - 1) != 1
     return np.asarray(np.cumsum(jumps | (step > _GAP * usual)), dtype=np.int64)
+
+
+def sweeps(track: TrackEvidence) -> bool:
+    """Whether the tip went along the surface, so that one value does not hold for the whole record."""
+    place = track.kept.lateral[track.kept.used]
+    place = place[np.isfinite(place).all(axis=1)]
+    return track.estimator.follows_changes or (len(place) > 0 and bool(np.max(np.ptp(place, axis=0)) > _APART))
+
+
+def possible(track: TrackEvidence) -> bool:
+    """Whether all of a track's numbers are within what is possible, so that its model can be asked for forces."""
+    pairs = zip(track.model.parameters, track.values.tolist(), strict=True)
+    return all(parameter.lower <= value <= parameter.upper for parameter, value in pairs)
 
 
 def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:

@@ -10,14 +10,13 @@ import numpy as np
 from palpate import Diagnosed, Flag, TrackEvidence
 
 from palpate_uncertainty.alternatives import Refit, alternatives, refit
-from palpate_uncertainty.course import Course, make_course, runs_of
+from palpate_uncertainty.course import Course, make_course, possible, runs_of, sweeps
 from palpate_uncertainty.whiteness import Tested, examined, oscillation
 from palpate_uncertainty.whitening import ENOUGH, WHITE, Floats, Null, null_of
 
 LEVEL = 1e-3  # of the family's p
 _ENOUGH = 300  # samples
 _STILL = 1e-4  # [m]
-_SWEEP = 1e-3  # [m] sideways
 _SMALL = 0.005  # of a parameter; less matters to nobody
 _BY_MOTION = 2.0  # of the mean square of the force that noise of the motion makes
 _LEFT = 0.02  # of the misfit's power; an alternative that leaves less has explained it
@@ -28,7 +27,15 @@ _NAMED = 0.2  # the same, for a reason that is worth naming though it does not e
 def lack_of_fit(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """Diagnoseds on all tracks; see docs/uncertainty.md."""
     known: dict[Any, _Base] = {}
-    return {track.name: found for track in tracks if (found := _judge(track, known)) is not None}
+    found = {}
+    for track in tracks:
+        try:
+            finding = _judge(track, known)
+        except ValueError as error:  # one model that has no force at such numbers does not keep the others from theirs
+            finding = Diagnosed((Flag("diagnosis-failed", f"lack-of-fit: {error}"),))
+        if finding is not None:
+            found[track.name] = finding
+    return found
 
 
 @dataclass(frozen=True)
@@ -52,7 +59,7 @@ class _Base:
 
 
 def _judge(track: TrackEvidence, known: dict[Any, _Base]) -> Diagnosed | None:
-    if np.count_nonzero(track.kept.used) < _ENOUGH:
+    if np.count_nonzero(track.kept.used) < _ENOUGH or not possible(track):
         return None
     if track.report is not None and np.isfinite(track.kept.innovation).any():
         found = _by_innovations(track)
@@ -60,7 +67,7 @@ def _judge(track: TrackEvidence, known: dict[Any, _Base]) -> Diagnosed | None:
             base = _base(track, known)
             found = base.by_motion(found, float(np.var(base.fit.residual)))
         return _explained(track, found, _base(track, known)) if found.p < LEVEL else _table(found)
-    if _sweeps(track):
+    if sweeps(track):
         return None
     base = _base(track, known)
     found = base.test(base.fit.residual)
@@ -70,13 +77,6 @@ def _judge(track: TrackEvidence, known: dict[Any, _Base]) -> Diagnosed | None:
 def left_by(track: TrackEvidence) -> Floats:
     """What the model, fitted again to a track's samples, leaves of the force (n,) [N]."""
     return _base(track, {}).fit.residual
-
-
-def _sweeps(track: TrackEvidence) -> bool:
-    """Whether the tip went along the surface, so that one value does not hold for the whole record."""
-    place = track.kept.lateral[track.kept.used]
-    place = place[np.isfinite(place).all(axis=1)]
-    return track.estimator.follows_changes or (len(place) > 0 and bool(np.max(np.ptp(place, axis=0)) > _SWEEP))
 
 
 def standstill(track: TrackEvidence) -> Floats:
@@ -133,14 +133,11 @@ def _table(found: Tested) -> Diagnosed:
 def _explained(track: TrackEvidence, found: Tested, base: _Base) -> Diagnosed:
     """What the pattern says of the reason, and by how much each parameter may be off for it."""
     first = base.test(base.fit.residual)
-    if first.p >= LEVEL:  # the model is right, and what is amiss is how far the track is from it
-        others = [(base.fit, first)]
-    else:
-        others = [(other, base.test(other.residual)) for other in alternatives(base.course, base.fit)]
+    others = _others(base, first)
     left = {other.reason: _ratio(test.misfit, first.misfit) for other, test in others if other.reason}
     removing = [other for other, test in others if _removes(test, first)]
     naming = [other for other, _ in others if left.get(other.reason, 1.0) < _NAMED]
-    shifts = np.max([np.max(np.abs(o.candidates - track.values), axis=0) for o in removing or naming or [base.fit]], 0)
+    shifts = _shifts(track, removing or naming or [base.fit])
     if not removing:
         shifts = np.maximum(shifts, _by_size(base, first.misfit))
     # Without a standstill it may be the channel's noise after all, where no alternative takes anything of it.
@@ -155,17 +152,31 @@ def _explained(track: TrackEvidence, found: Tested, base: _Base) -> Diagnosed:
         "reasons": reasons,
         "explained": bool(removing),
         "left": left,
-        "alternatives": {
-            other.reason: {name: other.candidates[:, i].tolist() for i, name in enumerate(names)}
-            for other, _ in others
-            if other.reason
-        },
+        "alternatives": _values(names, [other for other, _ in others]),
     }
     if not matters:
         return Diagnosed(table=table)
     text = _sentence(found, reasons, bool(removing), known, dict(zip(names, effects.tolist(), strict=True)))
     terms = dict(zip(names, shifts.tolist(), strict=True)) if known else {}
     return Diagnosed((Flag("lack-of-fit", text),), terms, frozenset() if known else frozenset(names), table)
+
+
+def _others(base: _Base, first: Tested) -> list[tuple[Refit, Tested]]:
+    """What else the record may be, tested; the model as it is where that is right and the track is far from it."""
+    if first.p >= LEVEL:
+        return [(base.fit, first)]
+    return [(other, base.test(other.residual)) for other in alternatives(base.course, base.fit)]
+
+
+def _shifts(track: TrackEvidence, others: Sequence[Refit]) -> Floats:
+    """How far (k,) the parameters may be from what some refits say."""
+    return np.asarray(np.max([np.max(np.abs(other.candidates - track.values), axis=0) for other in others], 0))
+
+
+def _values(names: Sequence[str], others: Sequence[Refit]) -> dict[str, dict[str, list[float]]]:
+    """Every value of each parameter by the reason that makes it."""
+    named = [other for other in others if other.reason]
+    return {other.reason: {name: other.candidates[:, i].tolist() for i, name in enumerate(names)} for other in named}
 
 
 def _ratio(part: float, whole: float) -> float:

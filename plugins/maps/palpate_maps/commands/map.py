@@ -10,7 +10,7 @@ import typer
 from palpate import ConfigurationError, LogError, PalpateError, Simulated, to_si
 from palpate.host import Points, RunFolder, TrackOption, load_pipeline, save_figure
 
-from palpate_maps.commands.curves import curves_of, points_of, unit_of
+from palpate_maps.commands.curves import curves_of, points_of, tell_rejected, unit_of
 
 Run = Annotated[Path, typer.Argument(help="The run folder.")]
 Parameter = Annotated[str | None, typer.Option(help="Parameter of its model. [default: the first]")]
@@ -51,6 +51,7 @@ def map_run(
         made = run_pipeline(load_pipeline(run))
         made.demand_whole()
         run = made.folder
+    tell_rejected([run])
     path = maps.read_path(run, track, parameter)
     sites = maps.sites_along(path)
     folder, ending = out or RunFolder(run).maps, "svg" if svg else "png"

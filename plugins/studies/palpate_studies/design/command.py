@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import Overrides, console, load_pipeline
+from palpate.host import Overrides, console, finite_tree, load_pipeline
 
 from palpate_studies.design.palpation import Case
 
@@ -35,6 +36,7 @@ def design(
     file: Annotated[Path, typer.Argument(help="The pipeline file.")],
     picture: Annotated[Path | None, typer.Option(help="Draw the bounds into this file (.png, .svg or .pdf).")] = None,
     overrides: Overrides = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print every bound in SI instead of the tables.")] = False,
 ) -> None:
     """Show how well elasticity and viscosity can be told at best, over frequency and amplitude, and what is best.
 
@@ -47,6 +49,9 @@ def design(
     if len(remembering) == len(pipeline.models):
         raise ConfigurationError(f"{file}: {_ADVICE.format(', '.join(remembering))}")
     designs = [run_design(pipeline, name) for name, model in pipeline.models.items() if not model.memory]
+    if as_json:
+        typer.echo(json.dumps(finite_tree({found.name: _plain(found) for found in designs}), indent=2))
+        return
     terminal = console(140)
     for found in designs:
         terminal.print(_table(found))
@@ -58,6 +63,23 @@ def design(
 
         draw(designs, picture)
         terminal.print(f"drawn to {picture}", highlight=False)
+
+
+def _plain(found: Design) -> dict[str, Any]:
+    """A design as plain data [SI]."""
+    rows = [
+        {
+            "frequencies": list(item.frequencies),
+            "amplitude": item.amplitude,
+            "travel": item.travel,
+            "refused": item.refused,
+            "recommended": item is found.recommended,
+            "bias": dict(item.bounds["known"].bias),
+            "bounds": {case: {**bound.parameters, "surface": bound.surface} for case, bound in item.bounds.items()},
+        }
+        for item in found.palpations
+    ]
+    return {"expected": dict(found.theta), "duration": found.duration, "palpations": rows}
 
 
 def _table(found: Design) -> object:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from palpate.host import figure_of, legend_outside, save_figure, style
+from palpate.host import figure_of, save_figure, style
 
 from palpate_studies.design.palpation import Case
 
@@ -24,6 +24,10 @@ def draw(designs: Sequence[Design], path: Path) -> None:
     for row, design in zip(axes, designs, strict=True):
         for axis, name in zip(row, design.theta, strict=False):
             _draw_parameter(axis, design, name)
+    first = axes[0, 0]
+    for case, look in _STYLES.items():
+        first.plot([], [], look, color="black", label=case)
+    figure.legend(*first.get_legend_handles_labels(), loc="outside upper left", ncols=4)
     save_figure(figure, path)
 
 
@@ -43,11 +47,8 @@ def _draw_parameter(axis: object, design: Design, name: str) -> None:
     if chosen is not None and len(chosen.frequencies) == 1:
         best = 100 * chosen.relative("known", design.theta)[name]
         plot.plot(chosen.frequencies[0], best, "o", markersize=8, fillstyle="none", color="k", label="recommended")
-    plot.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel=f"bound of {name} [%]")
+    plot.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel=f"{design.name}: bound of {name} [%]")
     ticks = sorted({item.frequencies[0] for item in single})
     plot.set_xticks(ticks, [f"{tick:.3g}" for tick in ticks])
     plot.set_xticks([], minor=True)
-    known = "- known, -- unknown timing, : unknown offset"
-    plot.set(xlabel=f"frequency [Hz]\n{design.name}: {known}")
     plot.yaxis.set_major_formatter("{x:g}")
-    legend_outside(plot, 4)
