@@ -18,8 +18,7 @@ from palpate.errors import LogError
 from palpate.estimation import Status
 from palpate.result.differing import differences
 from palpate.result.reading import is_whole, read_result
-
-Floats = NDArray[np.float64]
+from palpate.vectors import Floats
 
 RESULT, GIVEN, RESOLVED, REVIEW = "result.json", "pipeline.toml", "resolved.toml", "review.json"
 ONLINE, OFFLINE = "estimates.csv", "estimates-offline.csv"

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import ContactModel, TrackEvidence, contact_force, force_over_time
+from palpate import ContactModel, Floats, TrackEvidence, contact_force, force_over_time
 
-from palpate_uncertainty.whitening import Floats, Runs
+from palpate_uncertainty.whitening import Runs
 
 _SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
 _STEP, _RATE_STEP = 1e-6, 1e-5  # [m], [m/s]; for slopes
