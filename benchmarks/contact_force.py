@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from palpate import ContactModel, Indenter, Length, Problem, contact_force
-from palpate.testing import synthetic_samples
 from palpate_filters.ekf import ExtendedKalmanFilter
 from palpate_models import (
     BluntCone,
@@ -39,6 +38,7 @@ from palpate_models import (
     TruncatedCone,
 )
 from palpate_models.thickness import Thickness
+from palpate_testing import synthetic_samples
 
 R, ANGLE = 5e-3, math.radians(30)
 STEPS, NUMBERS = 20_000, 1_000_000

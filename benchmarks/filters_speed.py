@@ -21,17 +21,17 @@ from typing import Any
 import casadi
 import numpy as np
 from palpate import Problem
-from palpate.kernel import run_grid
-from palpate.kernel.llvm import CompiledStep
-from palpate.kernel.virtual_machine import VirtualMachine
-from palpate.testing import synthetic_samples
 from palpate_filters.ekf import ExtendedKalmanFilter
 from palpate_filters.inertial_filter import first_state
+from palpate_filters.kernel import run_grid
+from palpate_filters.kernel.llvm import CompiledStep
+from palpate_filters.kernel.virtual_machine import VirtualMachine
 from palpate_filters.kinematic_filter import KinematicFilter
 from palpate_filters.predictions import sigma_directions
 from palpate_filters.tracking import Carry
 from palpate_filters.ukf import AdaptiveFadingUkf
 from palpate_models import DimensionalityReduction, Sphere
+from palpate_testing import synthetic_samples
 
 MODEL, MASS = DimensionalityReduction(indenter=Sphere(radius=5e-3)), 0.14
 PROBLEM = Problem(MODEL, MASS)
@@ -101,8 +101,7 @@ def python_ekf(samples: Any, count: int) -> Callable[[], object]:
 
 def python_afukf(samples: Any, count: int) -> Callable[[], object]:
     """filterpy's UKF with fading on the 8-state process, the process in plain floats."""
-    from filterpy.kalman import MerweScaledSigmaPoints
-    from filterpy.kalman import UnscentedKalmanFilter as Ukf
+    from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter as Ukf
 
     settings = AdaptiveFadingUkf()
     start = first_state(settings, _process(2))
@@ -139,7 +138,7 @@ def python_afukf(samples: Any, count: int) -> Callable[[], object]:
 
 
 def _process(order: int = 0) -> Any:
-    from palpate import InertialProcess
+    from palpate_filters.process import InertialProcess
 
     return InertialProcess(MODEL, MASS, order)
 

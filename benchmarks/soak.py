@@ -86,8 +86,7 @@ def bare_loop(seconds: float = 5.0, period: float = 0.002) -> dict[str, float]:
         deadline += period
         time.sleep(max(deadline - time.monotonic(), 0.0))
         late.append(time.monotonic() - deadline)
-        if late[-1] > 4 * period:  # like the servo loop, it does not make up for more
-            deadline = time.monotonic()
+        deadline += late[-1] // period * period  # like the servo loop, it does not make up for them
     elapsed = time.monotonic() - began
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     p50, p99 = np.quantile(late, [0.5, 0.99]).tolist()

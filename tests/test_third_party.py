@@ -53,7 +53,7 @@ def test_its_tip_and_its_filter_run_beside_ours(palpate, installed, point_pipeli
 def test_its_parts_pass_the_checks(installed):
     script = (
         "import math\n"
-        "from palpate.testing import check_estimator, check_indenter\n"
+        "from palpate_testing import check_estimator, check_indenter\n"
         "from palpate_models import DimensionalityReduction\n"
         "from palpate_punch import Pencil, RecursiveLeastSquares\n"
         "tip = Pencil(slope=math.pi / 6)\n"
@@ -91,7 +91,7 @@ def test_a_stranger_cannot_take_a_command_of_ours(palpate, tmp_path):
     )
     done = palpate("--plugin", tmp_path / "mine.py", "--help")
     assert done.returncode == 2
-    assert "command 'run' is the core's own" in done.stderr
+    assert "command 'run' is claimed by two plugins" in done.stderr
 
 
 def test_two_distributions_that_claim_one_name(palpate, installed, tmp_path):

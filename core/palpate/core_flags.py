@@ -33,7 +33,7 @@ _ESTIMATE = {
     ),
     "failed": _invalid(
         "The code of an estimator or a contact model raised an exception, or answered in a wrong form; none is given.",
-        "Mend the plugin where the message says; `palpate.testing` has checks for parts.",
+        "Mend the plugin where the message says; parts have checks (docs: plugins/testing).",
     ),
     "diverged": _invalid(
         "The estimates stopped being finite or plausible numbers; none is given.",

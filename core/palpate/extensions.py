@@ -5,7 +5,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from palpate.errors import PluginError
@@ -27,10 +29,6 @@ class Command:
     help: str  # one line for `palpate --help`
     panel: str = "analyse"  # key of PANELS
 
-    def function(self) -> Callable[..., Any]:
-        """The function; raises PluginError where it cannot be imported."""
-        return imported(self.target)
-
 
 @dataclass(frozen=True)
 class ReportSection:
@@ -39,10 +37,6 @@ class ReportSection:
     target: str  # "module:function"
     order: int = 50  # sections are shown by increasing order
 
-    def function(self) -> Callable[..., Any]:
-        """The function; raises PluginError where it cannot be imported."""
-        return imported(self.target)
-
 
 @dataclass(frozen=True)
 class Diagnosis:
@@ -50,16 +44,36 @@ class Diagnosis:
 
     target: str | Callable[..., Any]  # "module:function", imported when a run has ended; or the function
 
-    def function(self) -> Callable[..., Any]:
-        """The function; raises PluginError where it cannot be imported."""
-        return imported(self.target) if isinstance(self.target, str) else self.target
+
+@dataclass(frozen=True)
+class Check:
+    """A check of parts before anything moves: ``function(parts by kind, registry)`` raises PluginError for a wrong one.
+
+    `parts` holds for each kind of part those of a pipeline by their names.
+    """
+
+    target: str | Callable[..., Any]  # "module:function", imported when a pipeline is built; or the function
+
+
+@dataclass(frozen=True)
+class Fact:
+    """What ``palpate info`` says of an installation: ``function()`` answers one line, such as which kernel runs."""
+
+    target: str  # "module:function"
+
+
+@dataclass(frozen=True)
+class Display:
+    """What shows a run on the terminal: ``function(pipeline)`` answers a context with a writer that has `progress`."""
+
+    target: str  # "module:function"
 
 
 @dataclass(frozen=True)
 class Template:
     """A text that `palpate` writes for a user to fill in, from a plugin's package data."""
 
-    package: str  # "palpate_filters"
+    package: str  # of the plugin: "my_filters"
     path: str  # within the package: "templates/point.toml"
     help: str  # one line
 
@@ -71,6 +85,11 @@ class Template:
             return files(self.package).joinpath(self.path).read_text(encoding="utf-8")
         except (OSError, ImportError) as error:
             raise PluginError(f"template {self.path} of {self.package} cannot be read: {error}") from error
+
+
+def function_of(offer: Command | ReportSection | Diagnosis | Check | Display | Fact) -> Callable[..., Any]:
+    """The function that an offer names; raises PluginError where it cannot be imported."""
+    return imported(offer.target) if isinstance(offer.target, str) else offer.target
 
 
 def imported(target: str) -> Callable[..., Any]:
@@ -92,12 +111,31 @@ def lazily(module: str, places: Mapping[str, str]) -> Callable[[str], Any]:
     module repeats them under ``TYPE_CHECKING``, so that type checkers and editors see them, too.
     """
     where = {name: place for place, names in places.items() for name in names.split()}
+    return lambda name: _found(module, name, where)
 
-    def find(name: str) -> Any:
-        if name not in where:
-            raise AttributeError(f"module {module!r} has no attribute {name!r}")
-        found = getattr(import_module(where[name]), name)
-        setattr(sys.modules[module], name, found)
-        return found
 
-    return find
+def stubbed(module: str, file: str) -> Callable[[str], Any]:
+    """Like `lazily`, with the names that the stub beside the module's file imports: it is read when one is wanted.
+
+    ``__all__`` is answered, too.
+    """
+
+    @cache
+    def where() -> dict[str, str]:
+        import ast
+
+        tree = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8"))
+        found = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
+        return {alias.name: node.module or "" for node in found for alias in node.names}
+
+    return lambda name: sorted(where()) if name == "__all__" else _found(module, name, where())
+
+
+def _found(module: str, name: str, where: Mapping[str, str]) -> Any:
+    """A name from where it is defined, kept in its module."""
+    if name not in where:
+        raise AttributeError(f"module {module!r} has no attribute {name!r}")
+    place = import_module(where[name])
+    found = getattr(place, name) if hasattr(place, name) else import_module(f"{where[name]}.{name}")
+    setattr(sys.modules[module], name, found)
+    return found

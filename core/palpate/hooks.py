@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from palpate.contact import ContactModel, Indenter
     from palpate.device import Device
     from palpate.estimation import Estimator
-    from palpate.extensions import Command, Diagnosis, ReportSection, Template
+    from palpate.extensions import Check, Command, Diagnosis, Display, Fact, ReportSection, Template
     from palpate.flags import FlagMeaning
     from palpate.migration import Migration
     from palpate.parts import Part, Settings
@@ -81,6 +81,16 @@ def palpate_diagnoses() -> Mapping[str, Diagnosis]:  # type: ignore[empty-body]
 
 
 @_hook
+def palpate_checks() -> Mapping[str, Check]:  # type: ignore[empty-body]
+    """Checks of a pipeline's parts, by name; each is called whenever a pipeline is built, and refuses wrong ones."""
+
+
+@_hook
+def palpate_facts() -> Mapping[str, Fact]:  # type: ignore[empty-body]
+    """Lines for ``palpate info`` without a log, by name."""
+
+
+@_hook
 def palpate_commands() -> Mapping[str, Command]:  # type: ignore[empty-body]
     """Subcommands of ``palpate`` by name; their modules are imported when they are called."""
 
@@ -93,6 +103,11 @@ def palpate_tables() -> Mapping[str, type[Settings]]:  # type: ignore[empty-body
 @_hook
 def palpate_report_sections() -> Mapping[str, ReportSection]:  # type: ignore[empty-body]
     """Sections that are shown of a result besides its table of tracks, by name."""
+
+
+@_hook
+def palpate_displays() -> Mapping[str, Display]:  # type: ignore[empty-body]
+    """What shows a run on the terminal while it goes on, by name; of several the first by name is used."""
 
 
 @_hook
@@ -117,8 +132,11 @@ _EXTENSIONS = {
     "command": ("palpate_commands", "palpate.extensions:Command"),
     "table": ("palpate_tables", "palpate.parts:Settings"),
     "report section": ("palpate_report_sections", "palpate.extensions:ReportSection"),
+    "display": ("palpate_displays", "palpate.extensions:Display"),
     "template": ("palpate_templates", "palpate.extensions:Template"),
     "diagnosis": ("palpate_diagnoses", "palpate.extensions:Diagnosis"),
+    "check": ("palpate_checks", "palpate.extensions:Check"),
+    "fact": ("palpate_facts", "palpate.extensions:Fact"),
     "flag": ("palpate_flags", "palpate.flags:FlagMeaning"),
 }
 _KINDS = {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -30,3 +32,14 @@ def save_figure(figure: Any, path: Path) -> None:
             figure.savefig(file, metadata=dated, format=path.suffix.removeprefix(".") or "png")
     except (OSError, ValueError) as error:
         raise OutputError(f"{path}: cannot write: {error}") from error
+
+
+@contextmanager
+def drawing(path: Path) -> Iterator[None]:
+    """Turns what can go wrong while a picture is drawn into an OutputError."""
+    try:
+        yield
+    except ImportError as error:
+        raise OutputError(f"{path}: drawing wants matplotlib: pip install matplotlib") from error
+    except (OSError, ValueError) as error:
+        raise OutputError(f"{path}: cannot draw: {error}") from error

@@ -17,7 +17,7 @@ import pluggy
 
 from palpate import core_flags, hooks
 from palpate.errors import PluginError
-from palpate.extensions import Command, Diagnosis, ReportSection, Template
+from palpate.extensions import Check, Command, Diagnosis, Display, Fact, ReportSection, Template, function_of
 from palpate.flags import Flag, FlagMeaning
 from palpate.migration import Migration
 
@@ -65,9 +65,12 @@ class Registry:
     commands: Mapping[str, Command] = field(default_factory=dict)
     tables: Mapping[str, type[Settings]] = field(default_factory=dict)  # of a pipeline file, besides the core's own
     sections: Mapping[str, ReportSection] = field(default_factory=dict)
+    displays: Mapping[str, Display] = field(default_factory=dict)
     templates: Mapping[str, Template] = field(default_factory=dict)
     flags: Mapping[str, FlagEntry] = field(default_factory=dict)
-    diagnoses: Mapping[str, Diagnosis] = field(default_factory=dict)  # by name
+    diagnoses: Mapping[str, Diagnosis] = field(default_factory=dict)
+    checks: Mapping[str, Check] = field(default_factory=dict)
+    facts: Mapping[str, Fact] = field(default_factory=dict)
     migrations: tuple[Migration, ...] = ()
 
     @property
@@ -81,6 +84,11 @@ class Registry:
         entries = ((flag, self.flags.get(flag.code)) for flag in flags)
         return tuple(replace(flag, severity=entry.meaning.severity if entry else "doubtful") for flag, entry in entries)
 
+    def demand_sound(self, parts: Mapping[str, Mapping[str, Part]]) -> None:
+        """Raise PluginError where a check of a plugin refuses one of a pipeline's parts, by kind and name."""
+        for check in self.checks.values():
+            function_of(check)(parts, self)
+
     def find(self, kind: str, name: str) -> type[Part]:
         """The part of a kind and name; raises PluginError with what there is, and what may have been meant."""
         entries = self.parts[kind]
@@ -93,7 +101,10 @@ class Registry:
         """A subcommand; raises PluginError with what there is, and what may have been meant."""
         if name not in self.commands:
             failed = "".join(f"; plugin {plugin} could not be loaded: {why}" for plugin, why in self.failures.items())
-            raise PluginError(f"there is no command {name!r}{suggest(name, self.commands)}{failed}")
+            hint = suggest(name, self.commands)
+            # An editable installation knows the plugins of the day it was made.
+            hint += "" if "did you mean" in hint else "; after an update, install palpate anew (pip install)"
+            raise PluginError(f"there is no command {name!r}{hint}{failed}")
         return self.commands[name]
 
     def name_of(self, part: type[Part]) -> str:
@@ -144,22 +155,28 @@ def load(files: Iterable[Path] = ()) -> Registry:
         commands=offered["command"],
         tables=offered["table"],
         sections=offered["report section"],
+        displays=offered["display"],
         templates=offered["template"],
         flags=flags,
         diagnoses=offered["diagnosis"],
+        checks=offered["check"],
+        facts=offered["fact"],
         migrations=_collect_migrations(manager, plugins),
     )
 
 
-def load_commands(own: Mapping[str, Command], files: Iterable[Path] = ()) -> Registry:
-    """Only commands: the core's `own`, those of every installed plugin and of the given files; raises like `load`."""
+def load_commands(files: Iterable[Path] = ()) -> Registry:
+    """Only the commands of every installed plugin and of the given files; raises like `load`."""
     manager, failures = _loaded(files)
     plugins = _plugins(manager)
     found = _collect(manager, plugins, "palpate_commands", Command, "command")
-    for name in own.keys() & found.keys():
-        raise PluginError(f"command {name!r} is the core's own; plugin {found[name][1].name} cannot claim it")
-    commands = {**own, **{name: offer for name, (offer, _) in found.items()}}
+    commands = {name: offer for name, (offer, _) in found.items()}
     return Registry({}, tuple(plugins.values()), failures, commands=commands)
+
+
+def analysis(name: str) -> Callable[..., Any]:
+    """The function behind a subcommand, whichever plugin offers it; raises PluginError where none does."""
+    return function_of(load_commands().command(name))
 
 
 def _plugins(manager: pluggy.PluginManager) -> dict[Any, Plugin]:

@@ -59,7 +59,9 @@ class TakesHealth(Protocol):
     """A writer that wants to know how a live run is doing."""
 
     def health(self, health: Mapping[str, Any]) -> None:
-        """Once a second: time of the record [s], how far the estimates are behind [s], streams, devices, tare."""
+        """Once a second: time of the record and how far estimates are behind [s], streams, devices, tare, and `tracks`:
+        what each would find if the run ended now. By the record's seconds for a writer whose `by_record` is true.
+        """
         ...
 
 

@@ -1,4 +1,4 @@
-"""A table of cells: what people see, whether on a terminal, in a report or in a file."""
+"""What people see: a console, and tables of cells for a terminal, a report or a file."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
+    from rich.console import Console, RenderableType
 
 
 @dataclass(frozen=True)
@@ -36,3 +36,14 @@ class Table:
         for row in self.rows:
             view.add_row(*(Text(cell) for cell in row))
         return view
+
+
+def console(width: int = 120) -> Console:
+    """A console on standard output: as wide as the terminal, or of a given width where there is none.
+
+    Texts are never taken as markup: names come from users, logs and plugins.
+    """
+    from rich.console import Console
+
+    found = Console(markup=False, emoji=False)
+    return found if found.is_terminal else Console(width=width, markup=False, emoji=False)

@@ -67,7 +67,10 @@ def test_every_step_finds_what_the_rig_hides(palpate, root, tmp_path):
     for name, value in truth.items():
         assert abs(values[name]["value"] - value) < 3.5 * values[name]["std"], name
     # The mean of 21 readings takes a 21st of the variance along.
-    assert values["paper_velocity_std"]["value"] == pytest.approx(0.67e-3 * (20 / 21) ** 0.5, rel=0.05)
+    paper = values["paper_velocity_std"]
+    assert paper["value"] == pytest.approx(0.67e-3 * (20 / 21) ** 0.5, rel=0.05)
+    # A scatter of n readings is known to 1/sqrt(2 n) of itself: a repeat has hundreds to ten thousands.
+    assert 0.002 < paper["std"] / paper["value"] < 0.05
     for text in (
         "step 1 of 6, rest: the tip hangs free",
         "step 2 of 6, orientations",

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent.parent
-LAZY = ["palpate", "palpate_models", "palpate_filters", "palpate_devices", "palpate_trajectories"]
+LAZY = ["palpate", "palpate.host", "palpate_models", "palpate_filters", "palpate_devices", "palpate_trajectories"]
 SLOW = ("numpy", "pydantic", "typer", "rich", "pint", "casadi", "scipy")
 
 
@@ -30,12 +30,18 @@ def test_every_public_name_is_there_and_type_checkers_see_it(name):
     module = importlib.import_module(name)
     for public in module.__all__:
         assert getattr(module, public) is not None
-    tree = ast.parse(Path(module.__file__).read_text())
+    file = Path(module.__file__)
+    tree = ast.parse(next(path for path in (file.with_suffix(".pyi"), file) if path.exists()).read_text())
     nodes = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
     seen = {alias.name: node.module for node in nodes for alias in node.names}
+    assert module.__all__
     assert set(module.__all__) <= set(seen)
     for public in module.__all__:
-        assert getattr(importlib.import_module(seen[public]), public) is getattr(module, public)
+        place = importlib.import_module(seen[public])
+        found = (
+            getattr(place, public) if hasattr(place, public) else importlib.import_module(f"{place.__name__}.{public}")
+        )
+        assert found is getattr(module, public)
 
 
 def test_a_name_that_is_not_there():

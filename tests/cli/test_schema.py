@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 from jsonschema import Draft202012Validator
-from palpate.config import pipeline_schema
 from palpate.registry import load
+from palpate_basics.schema import pipeline_schema
 
 ROOT = Path(__file__).parent.parent.parent
 NEEDED = {"device", "alignment", "model", "estimator"}

@@ -9,8 +9,7 @@ from mcap.reader import make_reader
 from palpate import Batch, Channel, Stream
 from palpate.alignment import AlignmentSettings, Ports
 from palpate.estimation import Estimates, Samples
-from palpate.pipeline import backlog as module
-from palpate.pipeline import run_pipeline
+from palpate.pipeline import backlog as module, run_pipeline
 from palpate.pipeline.backlog import Backlog
 from palpate.pipeline.latency import Latency
 from palpate.pipeline.tracks import Tracks, start_tracks

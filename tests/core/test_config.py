@@ -4,10 +4,11 @@ import json
 import tomllib
 
 import pytest
-from palpate.config import load_pipeline, pipeline_schema, resolved_text
+from palpate.config import load_pipeline, resolved_text
 from palpate.errors import ConfigurationError, PluginError
 from palpate.hooks import KINDS
 from palpate.registry import load
+from palpate_basics.schema import pipeline_schema
 
 
 def complaint(path, *overrides):

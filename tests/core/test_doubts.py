@@ -4,9 +4,10 @@ import tomllib
 
 import pytest
 from palpate import ConfigurationError
-from palpate.config import load_pipeline, pipeline_schema, resolved_text
+from palpate.config import load_pipeline, resolved_text
 from palpate.config.doubts import doubts
 from palpate.registry import load
+from palpate_basics.schema import pipeline_schema
 
 REGISTRY = load()
 

@@ -9,7 +9,7 @@ import pytest
 from palpate.registry import load
 
 ANALYSES = ["palpate_calibration", "palpate_maps", "palpate_studies"]
-LIBRARIES = {"filterpy", "csv", "mcap", "point"}  # words that are libraries, formats or plain English, too
+LIBRARIES = {"filterpy", "csv", "mcap", "point", "live"}  # words that are libraries, formats or plain English, too
 
 
 def strings(path):

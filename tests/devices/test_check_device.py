@@ -1,4 +1,4 @@
-"""`palpate.testing.check_device` on devices that are live: it ends, and asks for no reading twice."""
+"""`palpate_testing.check_device` on devices that are live: it ends, and asks for no reading twice."""
 
 import itertools
 import time
@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 from palpate import Batch, Channel, Device, Stream
-from palpate.testing import check_device
+from palpate_testing import check_device
 
 COUNT = itertools.count()
 

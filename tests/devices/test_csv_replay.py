@@ -5,8 +5,8 @@ import gzip
 import numpy as np
 import pytest
 from palpate import LogError
-from palpate.testing import check_device
 from palpate_devices.csv_replay import CsvReplay
+from palpate_testing import check_device
 from pydantic import ValidationError
 
 

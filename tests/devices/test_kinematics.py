@@ -9,16 +9,21 @@ from mcap.writer import Writer as McapWriter
 from palpate import Batch, Channel, ConfigurationError, LogError, Run, Stream
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
-from palpate.testing import check_device
 from palpate_devices.logs.kinematics import Kinematics, quaternions, tips
 from palpate_devices.mcap_replay import McapReplay
 from palpate_devices.mcap_sink import McapSink
 from palpate_devices.messages import JOINTS
 from palpate_devices.rosbag2_replay import Rosbag2Replay
 from palpate_devices.ur3e.frame import WorkFrame
-from palpate_devices.ur3e.kinematics import JOINTS as NAMES
-from palpate_devices.ur3e.kinematics import joints_at, matrix_of, rotation_matrix, tip
-from palpate_devices.ur3e.kinematics import quaternion as one_quaternion
+from palpate_devices.ur3e.kinematics import (
+    JOINTS as NAMES,
+    joints_at,
+    matrix_of,
+    quaternion as one_quaternion,
+    rotation_matrix,
+    tip,
+)
+from palpate_testing import check_device
 
 from tests.devices.bags import joints_message, wrench_message, write_bag
 

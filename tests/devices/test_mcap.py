@@ -10,12 +10,12 @@ import pytest
 from palpate import LogError
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
-from palpate.testing import check_device
 from palpate_devices.logs.decoders import decoder_of
 from palpate_devices.logs.readings import Reading
 from palpate_devices.logs.topics import Messages, Topic
 from palpate_devices.mcap_replay import McapReplay
 from palpate_devices.messages import WRENCH, known_type, numbers_type, pack
+from palpate_testing import check_device
 
 SHORT = ("trajectory.press.duration=1 s", "trajectory.press.speed=20 mm/s")
 

@@ -7,8 +7,7 @@ import zlib
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 from mcap.writer import CompressionType, IndexType, Writer
 from palpate import LogError
 from palpate_devices.logs.decoders import decoder_of

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from palpate import LogError
-from palpate.testing import check_device
 from palpate_devices.logs.turning import Turning, rotated
 from palpate_devices.rosbag2_replay import Rosbag2Replay
+from palpate_testing import check_device
 
 from tests.devices.bags import wrench_message, write_bag
 

@@ -8,8 +8,8 @@ from contextlib import closing
 import numpy as np
 import pytest
 from palpate import LogError
-from palpate.testing import check_device
 from palpate_devices.rosbag2_replay import Rosbag2Replay
+from palpate_testing import check_device
 
 from tests.devices.bags import array_message, joints_message, press, transforms_message, wrench_message, write_bag
 

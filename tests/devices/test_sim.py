@@ -5,9 +5,9 @@ import time
 import numpy as np
 import pytest
 from palpate import contact_force
-from palpate.testing import check_device
 from palpate_devices.sim import SimulatedRig
 from palpate_models import DimensionalityReduction, Sphere
+from palpate_testing import check_device
 from palpate_trajectories.point import Point
 
 MODEL = DimensionalityReduction(indenter=Sphere(radius=0.005))

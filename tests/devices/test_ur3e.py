@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from palpate import DeviceError
-from palpate.testing import check_trajectory
 from palpate_devices.ur3e.device import UR
 from palpate_devices.ur3e.kinematics import (
     flange,
@@ -14,6 +13,7 @@ from palpate_devices.ur3e.kinematics import (
     tip,
 )
 from palpate_devices.ur3e.servo import PERIOD, Commander, Law, way
+from palpate_testing import check_trajectory
 from palpate_trajectories.point import Point
 
 WORK = {"origin": (-0.3, -0.13, 0.1)}

@@ -1,11 +1,11 @@
-"""Every estimator on every kind of contact model keeps the promises of `palpate.testing`."""
+"""Every estimator on every kind of contact model keeps the promises of `palpate_testing`."""
 
 from __future__ import annotations
 
 import pytest
 from palpate import ContactModel, Estimator
-from palpate.testing import check_estimator
 from palpate_filters import palpate_estimators
+from palpate_testing import check_estimator
 
 MODELS = ("sphere", "quartic", "kelvin-voigt", "hunt-crossley", "relaxing")
 

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 from palpate import ConfigurationError, ContactModel, Parameter, Problem, Samples, contact_force
-from palpate.testing import check_estimator, synthetic_samples
 from palpate_filters.fit import CasadiFit
 from palpate_models import DimensionalityReduction, Flat, Power, Sphere
+from palpate_testing import check_estimator, synthetic_samples
 from scipy.signal import lfilter
 
 SPHERE = Sphere(radius=0.005)

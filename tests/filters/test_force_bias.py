@@ -70,6 +70,25 @@ def test_a_constant_drift_of_unknown_size_is_found(name):
     assert np.abs(errors(name, records, bias_std=0.0)).max() > 10  # what nobody declares moves E
 
 
+@pytest.mark.parametrize("name", ["kinematic-ekf", "kinematic-smoother"])
+def test_what_the_filter_finds_itself_is_not_counted_twice(name):
+    samples = palpation(1, 0.3, duration=3.0)
+    for settings, causes in (({"bias_std": "0.5 N"}, ["tare"]), ({}, [])):
+        found = ESTIMATORS[name](**settings).start(PROBLEM).run(samples)
+        assert list(found.details.get("included", [])) == causes
+
+
+def test_the_smoother_tells_no_innovation_where_nothing_was_measured():
+    samples = palpation(2, duration=3.0)
+    force, rows = samples.force.copy(), slice(700, 740)
+    force[rows] = np.nan
+    blind = replace(samples, force=force, velocity=np.where(np.isnan(force), np.nan, samples.velocity))
+    found = ESTIMATORS["kinematic-smoother"]().start(PROBLEM).run(blind)
+    assert np.isnan(found.innovation[rows]).all()
+    assert (found.nis[np.isfinite(found.nis)] >= 0).all()
+    assert np.isfinite(found.innovation[800:1200]).all()
+
+
 def test_a_random_walk_is_another_thing_than_a_drift():
     samples = palpation(3, duration=20.0)
     steps = np.random.default_rng(8).standard_normal(len(samples)) * np.sqrt(0.002)

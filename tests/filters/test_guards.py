@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import ConfigurationError, Estimates, LogError, Problem, Samples, Status
-from palpate.testing import synthetic_samples
 from palpate_filters import palpate_estimators
 from palpate_models import DimensionalityReduction, Sphere
+from palpate_testing import synthetic_samples
 from pydantic import ValidationError
 
 MODEL = DimensionalityReduction(indenter=Sphere(radius=5e-3))

@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from palpate import ContactModel, KinematicProcess, Problem, Samples, contact_force
-from palpate.testing import synthetic_samples
+from palpate import ContactModel, Problem, Samples, contact_force
 from palpate_filters.kinematic_filter import KinematicFilter
 from palpate_filters.opening_fit import fit_start
+from palpate_filters.process import KinematicProcess
 from palpate_filters.smoother import KinematicSmoother
 from palpate_models import DimensionalityReduction, Sphere
+from palpate_testing import synthetic_samples
 
 MODEL = DimensionalityReduction(indenter=Sphere(radius=5e-3))
 PROBLEM, TRUTH = Problem(MODEL, 0.14), [1.1e5, 360.0]

@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from palpate import ContactModel, KinematicProcess, Problem, Samples, contact_force
-from palpate.testing import synthetic_samples
+from palpate import ContactModel, Problem, Samples, contact_force
 from palpate_filters.kinematic_filter import KinematicFilter, kinematic_recursion, noises
 from palpate_filters.kinematic_settings import KinematicSettings
+from palpate_filters.process import KinematicProcess
 from palpate_filters.recursion import Carry
 from palpate_filters.smoother import KinematicSmoother
 from palpate_models.dimensionality_reduction import DimensionalityReduction
 from palpate_models.indenters import Power, Sphere
+from palpate_testing import synthetic_samples
 
 Floats = Any
 MASS = 0.14

@@ -5,9 +5,9 @@ import pytest
 from palpate import ConfigurationError, Problem, Status
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
-from palpate.testing import check_estimator, synthetic_samples
 from palpate_filters.ekf import ExtendedKalmanFilter
 from palpate_models import DimensionalityReduction, Flat, Power, Sphere
+from palpate_testing import check_estimator, synthetic_samples
 
 SPHERE = DimensionalityReduction(indenter=Sphere(radius=0.005))
 SILICONE = {"S1": (282.1, 860.0), "S2": (112.5, 362.0)}  # kPa, Pa s

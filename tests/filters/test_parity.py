@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from palpate import ContactModel, Problem, Samples
-from palpate.testing import synthetic_samples
 from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
 from palpate_filters.fading import Fading, StrongFading
 from palpate_filters.filterpy_filter import FilterpyFilter
@@ -16,6 +15,7 @@ from palpate_filters.predictions import sigma_directions
 from palpate_filters.ukf import AdaptiveFadingUkf, UnscentedKalmanFilter
 from palpate_models.dimensionality_reduction import DimensionalityReduction
 from palpate_models.indenters import Power, Sphere
+from palpate_testing import synthetic_samples
 
 SPHERE = DimensionalityReduction(indenter=Sphere(radius=5e-3))
 QUARTIC = DimensionalityReduction(indenter=Power(exponent=4, coefficient=1e7))
@@ -79,12 +79,11 @@ def test_sigma_points_have_the_moments_they_stand_for(points: Any, states: int) 
 
 def reference(settings: Any, model: ContactModel, samples: Samples) -> np.ndarray:
     """Parameters by filterpy with fading written out, on the expanded state, in units of the first spread."""
-    from filterpy.kalman import ExtendedKalmanFilter as Ekf
-    from filterpy.kalman import MerweScaledSigmaPoints
-    from filterpy.kalman import UnscentedKalmanFilter as Ukf
-    from palpate import InertialProcess, Problem
+    from filterpy.kalman import ExtendedKalmanFilter as Ekf, MerweScaledSigmaPoints, UnscentedKalmanFilter as Ukf
+    from palpate import Problem
     from palpate_filters.filterpy_kinds import ScaledProcess
     from palpate_filters.inertial_filter import first_state
+    from palpate_filters.process import InertialProcess
 
     process = InertialProcess(model, 0.14, settings.order)
     start = first_state(settings, process, Problem(model, 0.14), settings.evolution_time, settings.derivative_std)

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import Indenter, contact_force
-from palpate.testing import check_estimator, check_indenter, check_model
 from palpate.units import to_si
 from palpate_filters.ekf import ExtendedKalmanFilter
 from palpate_models import Cone, DimensionalityReduction, Flat, Paraboloid, Quartic, Sphere
+from palpate_testing import check_estimator, check_indenter, check_model
 
 sys.path.insert(0, str(Path(__file__).parent))
 from parts import MODELS, THICKNESSES, TIPS

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from palpate.testing import check_indenter
 from palpate_models import BluntCone, Cone, ExactSphere, Profile, Quartic, TruncatedCone
 from palpate_models.indenters.profile.formula import parse_formula
+from palpate_testing import check_indenter
 from pydantic import ValidationError
 
 R, T = 5e-3, math.radians(30)

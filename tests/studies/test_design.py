@@ -4,7 +4,7 @@ import math
 
 import pytest
 from palpate import OutputError
-from palpate.display import drawing
+from palpate.host import drawing
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from palpate.testing import check_trajectory
+from palpate_testing import check_trajectory
 from palpate_trajectories import palpate_trajectories
 from palpate_trajectories.excitation import Chirp, MultiSine
 from palpate_trajectories.from_file import FromFile

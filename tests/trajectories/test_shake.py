@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from palpate.testing import check_trajectory
+from palpate_testing import check_trajectory
 from palpate_trajectories.shake import Shake
 from pydantic import ValidationError
 

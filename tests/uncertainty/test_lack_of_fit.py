@@ -43,7 +43,22 @@ def test_white_noise_passes_as_often_as_it_should():
 def test_noise_that_is_filtered_is_judged_by_the_noise_at_standstill():
     found = [p_values(coloured(seed, N, 0.9), null_of(coloured(1000 + seed, 500, 0.9))).p for seed in range(30)]
     assert min(found) > LEVEL
-    assert p_values(coloured(0, N, 0.9), WHITE).p < 1e-99
+    assert p_values(coloured(0, N, 0.9), WHITE).p < 1e-50
+
+
+def test_the_inertia_of_an_uneven_motion_is_no_lack_of_fit():
+    """What a slope over 11 samples leaves of jolts of 2 samples: no noise of a standstill, and none of the model's."""
+    found = []
+    for seed in range(30):
+        random = np.random.default_rng(seed)
+        jolts = np.convolve(random.standard_normal(N + 12), np.ones(2), "valid")
+        jolts = jolts[5:-6] - np.convolve(jolts, np.full(11, 1 / 11), "same")[5:-6]
+        values = random.standard_normal(N) + 0.4 * jolts[:N]
+        near = [float(np.corrcoef(values[lag:], values[:-lag])[0, 1]) for lag in (1, 4)]
+        assert near[0] > 0.05
+        assert near[1] < 0.0
+        found.append(p_values(values, null_of(random.standard_normal(600))).p)
+    assert min(found) > LEVEL
 
 
 @pytest.mark.parametrize("name", ["phase", "time", "depth"])

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 
 from palpate.cli.commands import Invocation, help_text, parsed, version_text
 from palpate.errors import PalpateError
+from palpate.extensions import function_of
 from palpate.printed import printable
 from palpate.printing import harmless_output
 from palpate.trust import SWITCH, at_the_command_line
@@ -97,5 +98,5 @@ def _call(invocation: Invocation, ends: bool) -> None:
         rich_markup_mode="markdown",  # rich's own markup would take [tables] for tags
         context_settings={"help_option_names": ["-h", "--help"]},
     )
-    single.command(name=invocation.name)(command.function())
+    single.command(name=invocation.name)(function_of(command))
     single(args=list(invocation.arguments), prog_name=f"palpate {invocation.name}", standalone_mode=ends)

@@ -15,18 +15,6 @@ from palpate.extensions import PANELS, Command
 if TYPE_CHECKING:
     from palpate.registry import Registry
 
-COMMANDS = {
-    "run": Command("palpate.cli.run:run", "Run a pipeline; print what was found.", "run"),
-    "replay": Command("palpate.cli.replay:replay", "Estimate once more from the log of a run.", "run"),
-    "resume": Command("palpate.cli.resume:resume", "Go on with a run that was interrupted.", "run"),
-    "check": Command("palpate.cli.inspect:check", "Show every mistake in a pipeline, without running it.", "run"),
-    "plan": Command("palpate.cli.plan:plan", "Look at a motion before it is made.", "run"),
-    "doctor": Command("palpate.cli.doctor:doctor", "Look at robot and sensor; nothing moves.", "hardware"),
-    "twin": Command("palpate.cli.twin:twin", "Serve the rig of a pipeline in software.", "hardware"),
-    "list": Command("palpate.cli.inspect:list_parts", "List every part, with its plugin.", "extend"),
-    "describe": Command("palpate.cli.inspect:describe", "Describe a part: formula, source, every key.", "extend"),
-    "schema": Command("palpate.cli.inspect:schema", "Print the JSON schema of pipeline files.", "extend"),
-}
 _USAGE = "usage: palpate [--plugin FILE]... [--no-plugins] COMMAND [ARGUMENT]..."
 
 
@@ -41,8 +29,8 @@ class Invocation:
     forbids: bool = False  # plugin files that a pipeline names
 
     def command(self) -> Command:
-        """The command; raises PluginError where neither the core nor a plugin has it."""
-        return COMMANDS.get(self.name) or offered(self.files).command(self.name)
+        """The command; raises PluginError where no plugin has it."""
+        return offered(self.files).command(self.name)
 
 
 def parsed(arguments: Sequence[str]) -> Invocation:
@@ -66,10 +54,10 @@ def parsed(arguments: Sequence[str]) -> Invocation:
 
 
 def offered(files: Sequence[Path] = ()) -> Registry:
-    """The commands of core and plugins; raises PluginError where two claim one name."""
+    """The commands of all plugins; raises PluginError where two claim one name."""
     from palpate.registry import load_commands
 
-    return load_commands(COMMANDS, files)
+    return load_commands(files)
 
 
 def version_text() -> str:

@@ -9,7 +9,6 @@ from palpate.config.pipeline_file import (
     load_pipeline,
 )
 from palpate.config.resolved import plain_settings, resolved_text
-from palpate.config.schema import pipeline_schema
 from palpate.config.source import Source
 from palpate.config.wiring import ports_of, wrong_channels
 
@@ -21,7 +20,6 @@ __all__ = [
     "build_parts",
     "build_pipeline",
     "load_pipeline",
-    "pipeline_schema",
     "plain_settings",
     "ports_of",
     "resolved_text",

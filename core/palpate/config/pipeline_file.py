@@ -15,7 +15,6 @@ from palpate import registry as registries
 from palpate.alignment import AlignmentSettings, Ports
 from palpate.calibration import CalibrationUse, read_calibration
 from palpate.config.builder import Builder, unknown_tables
-from palpate.config.conformance import check_models, check_tips
 from palpate.config.migrations import MIGRATIONS, migrate
 from palpate.config.mistakes import Mistake, raise_mistakes
 from palpate.config.source import Source
@@ -158,8 +157,7 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
         builder.mistakes += contradictions(safety, alignment, kinds["device"])
         safety = wired(safety, alignment, kinds["device"])
     raise_mistakes(builder.mistakes, source)
-    check_tips((*kinds["indenter"].values(), *kinds["model"].values(), *kinds["device"].values()), registry)
-    check_models(kinds["model"].values(), registry)
+    registry.demand_sound(kinds)
     assert alignment is not None
     return Pipeline(
         path=source.path,
@@ -199,7 +197,7 @@ def build_parts(source: Source, kind: str, registry: Registry | None = None) -> 
     builder = Builder(source.tables, registry, base)
     found = builder.parts(kind)
     raise_mistakes(builder.mistakes, source)
-    check_tips(found.values(), registry)
+    registry.demand_sound({kind: found})
     return found
 
 

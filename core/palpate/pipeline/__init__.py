@@ -1,20 +1,27 @@
 """The pipeline at work: devices -> alignment -> tracks -> sinks -> result."""
 
 from palpate.pipeline.continuation import continued, recorded_pipeline, remaining_pipeline
-from palpate.pipeline.examine import Finding, examine
+from palpate.pipeline.device_flags import payloads
 from palpate.pipeline.flow import Flow, each, the_trajectory
+from palpate.pipeline.guard import Guard
 from palpate.pipeline.interrupt import interruptible
+from palpate.pipeline.live import LiveLinks
+from palpate.pipeline.rest import declared_noise
 from palpate.pipeline.running import Result, run_pipeline
+from palpate.pipeline.start import check_way
 from palpate.pipeline.tracks import start_tracks
 
 __all__ = [
-    "Finding",
     "Flow",
+    "Guard",
+    "LiveLinks",
     "Result",
+    "check_way",
     "continued",
+    "declared_noise",
     "each",
-    "examine",
     "interruptible",
+    "payloads",
     "recorded_pipeline",
     "remaining_pipeline",
     "run_pipeline",

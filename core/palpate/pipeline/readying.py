@@ -25,7 +25,7 @@ from palpate.trajectory import Trajectory
 
 _RETREAT, _SPEED = 0.5e-3, 2e-3  # [m], [m/s] of the way that is felt along
 _SETTLE, _LISTEN = 0.1, 0.3  # [s] after the retreat; of force that is compared
-_LATE = 2.0  # [s] that the readings may be late
+_LATE = 5.0  # [s] without any reading, after which none is waited for; that they come late is no fault of the sensor
 _OFF = 0.5  # [N] from a known offset; drift and weight of another posture are less
 _BLOCKS, _SHORTEST = 40, 8  # of the rest; readings of one
 _SIGNIFICANT = 5.0  # standard uncertainties of the difference
@@ -101,15 +101,15 @@ def feel(arms: list[Arm], live: LiveLinks, guard: Guard, pass_on: Pass, stopped:
     port, name_of_it = guard.force, guard.force.signal.channel
     took = max(arm.retreat(_RETREAT, _SPEED) for arm in able)
     begin = time.time_ns() + round(1e9 * (took + _SETTLE))
-    end, give_up = begin + round(1e9 * _LISTEN), time.monotonic() + took + _SETTLE + _LISTEN + _LATE
+    end, heard = begin + round(1e9 * _LISTEN), time.monotonic()
     after: list[NDArray[np.float64]] = []
     latest = 0
-    while latest < end and time.monotonic() < give_up and not stopped():
+    while latest < end and time.monotonic() < heard + _LATE and not stopped():
         for arrivals in live.until(time.monotonic() + 0.02):
             pass_on(arrivals)
             for batch in (batch for name, batch in arrivals if (name, batch.stream) == port.key):
                 after.append(batch.values[batch.received >= begin, port.column])
-                latest = int(batch.received[-1])
+                latest, heard = int(batch.received[-1]), time.monotonic()
     if stopped():
         return None
     felt = compared(guard.rest_force, np.concatenate(after) if after else np.zeros(0), port.signal.sign)

@@ -12,11 +12,10 @@ from palpate.device import Watched
 from palpate.flags import Flag
 from palpate.pipeline.flow import Flow
 from palpate.pipeline.tracks import Tracks
-from palpate.result import finite_tree, record_flags, stream_tables, track_flags
+from palpate.result import finite_tree, record_flags, stream_tables
 from palpate.sink import GuardState, TakesFlags, TakesGuard, TakesHealth, Writer
 
 _EVERY = 1.0  # [s]
-_FEW = 10  # tracked samples; before that nothing is said of a track
 
 
 class Telling:
@@ -32,14 +31,16 @@ class Telling:
         self._flow, self._aligner, self._tracks, self._pipeline = flow, aligner, tracks, pipeline
         self._state: GuardState | None = None
         self._known: dict[str | None, set[str]] = {}
-        self._next = time.monotonic()
+        self._by_record = any(getattr(writer, "by_record", False) for writer in every)
+        self._next = 0.0 if self._by_record else time.monotonic()
 
     def look(self, now: Mapping[str, Any]) -> None:
         """Between two steps of the run; `now` is what the data path says of itself."""
         if self._guard and self._flow.guard is not None:
             self._tell_guard(self._flow.guard.state)
-        if (self._health or self._flags) and time.monotonic() >= self._next:
-            self._next = time.monotonic() + _EVERY
+        clock = now["time"] if self._by_record else time.monotonic()
+        if (self._health or self._flags) and clock >= self._next:
+            self._next = clock + _EVERY
             self._tell(now)
 
     def last(self, now: Mapping[str, Any]) -> None:
@@ -57,22 +58,27 @@ class Telling:
                 writer.guard(state)
 
     def _tell(self, now: Mapping[str, Any]) -> None:
-        report = self._aligner.report
+        report, pipeline = self._aligner.report, self._pipeline
+        settings, average, known = pipeline.alignment, pipeline.run.average, pipeline.run.uncertainties
+        every = {
+            running.track.name: running.so_far(report, settings, average, known) for running in self._tracks.online
+        }
+        tracks = {name: found for name, found in every.items() if found is not None}
         if self._health:
             devices = {name: link.health for name, link in self._flow.links.items() if isinstance(link, Watched)}
             tare = {"offset": report.tare.offset, "noise": report.tare.noise} if report.tare else None
             table = {**now, "streams": stream_tables(report), "devices": devices, "tare": tare}
+            table["tracks"] = {name: found.table() for name, found in tracks.items()}
             for writer in self._health:
                 writer.health(finite_tree(table))
         if self._flags:
-            self._tell_flags(None, record_flags(report, self._pipeline.alignment, None))
-            for running in self._tracks.online:
-                if running.record.samples > _FEW or running.record.failure is not None:
-                    model, average = running.track.model, self._pipeline.run.average
-                    self._tell_flags(running.track.name, track_flags(running.record, model, report, average, True))
+            flags = record_flags(report, settings, None)
+            self._tell_flags(None, (flag for flag in flags if tracks or flag.code != "no-tare"))  # it may still come
+            for name, found in tracks.items():
+                self._tell_flags(name, found.flags)
 
     def _tell_flags(self, track: str | None, flags: Iterable[Flag]) -> None:
-        current = tuple(flags)
+        current = self._pipeline.registry.judged(flags)
         codes = {flag.code for flag in current}
         if codes != self._known.get(track, set()):
             self._known[track] = codes

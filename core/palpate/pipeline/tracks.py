@@ -15,6 +15,8 @@ from palpate.estimation import Estimates, Problem, Samples, Tracker
 from palpate.pipeline.failing import Blame, judged
 from palpate.result import TrackRecord, TrackResult, timing_uncertainty, track_result
 
+_FEW = 10  # tracked samples; before that nothing is said of a track
+
 
 @dataclass
 class RunningTrack:
@@ -53,6 +55,17 @@ class RunningTrack:
         except Exception as error:  # a model that cannot say what its parameters mean
             self.record.failure = self.blame.flag(error)
             return track_result(track.name, track.model, self.record, report, settings, average, online, known)
+
+    def so_far(
+        self, report: AlignmentReport, settings: AlignmentSettings, average: float, known: Mapping[str, Any]
+    ) -> TrackResult | None:
+        """What the track would find if the run ended now; None where there is too little, or nobody can say."""
+        if self.record.samples <= _FEW and self.record.failure is None:
+            return None
+        try:
+            return track_result(self.track.name, self.track.model, self.record, report, settings, average, True, known)
+        except Exception:  # a model that cannot say what its parameters mean: the result will tell
+            return None
 
 
 class Tracks:

@@ -10,7 +10,7 @@ import numpy as np
 from palpate.contact import ContactModel
 from palpate.diagnosis import Diagnosed, TrackEvidence
 from palpate.estimation import Estimator
-from palpate.extensions import Diagnosis
+from palpate.extensions import Diagnosis, function_of
 from palpate.fit_report import BudgetRow, Effect
 from palpate.flags import Flag
 from palpate.parts import Settings
@@ -49,7 +49,7 @@ def diagnosed(
 def _findings(name: str, diagnosis: Diagnosis, evidence: list[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """The findings of one diagnosis; what was estimated stays, whatever a stranger's function does."""
     try:
-        return dict(diagnosis.function()(evidence))
+        return dict(function_of(diagnosis)(evidence))
     except Exception as error:
         flag = Flag("diagnosis-failed", f"{name}: {type(error).__name__}: {error}")
         return {track.name: Diagnosed((flag,)) for track in evidence}

@@ -10,7 +10,7 @@ import numpy as np
 from palpate import Floats, LogError
 from palpate.host import GRAVITY
 
-from palpate_calibration.quantity import Measured, RepeatValue, scaled, summed
+from palpate_calibration.quantity import Measured, scaled, summed
 from palpate_calibration.record import CalibrationRecord
 from palpate_calibration.rest import RestFit, Spectrum, rest_fit, rest_values
 from palpate_calibration.segments import Segment, resting, shaking
@@ -193,8 +193,7 @@ def _values(shakes: Sequence[ShakeFit], rests: Sequence[RestFit], settings: Cali
         found |= rest_values(rests, b.offset)
     paper = [shake.paper_velocity_std for shake in shakes if shake.paper_velocity_std is not None]
     if paper:
-        # The paper's figure is a scatter without a fit of its own: only the repeats speak.
-        found["paper_velocity_std"] = Measured.of([RepeatValue(std, 0.0) for std in paper], "m/s")
+        found["paper_velocity_std"] = Measured.of(paper, "m/s")
     return found
 
 

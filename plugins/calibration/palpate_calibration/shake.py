@@ -34,7 +34,7 @@ class ShakeFit:
     offset: float  # [N] mean reading
     swing: float  # [N] RMS of the inertia
     residual: float  # [N] RMS of the force that mass and delay do not explain
-    paper_velocity_std: float | None  # [m/s] RMSE of the velocity against its 21-sample mean
+    paper_velocity_std: RepeatValue | None  # [m/s] RMSE of the velocity against its 21-sample mean
 
 
 def shake_fit(record: CalibrationRecord, segment: Segment, frequencies: tuple[float, ...] = ()) -> ShakeFit:
@@ -164,10 +164,11 @@ def _velocity_delay(motion: SineFit, velocity: SineFit, lines: tuple[float, ...]
     return _average(found)
 
 
-def against_average(values: Floats) -> float | None:
-    """RMSE between a signal and its centred 21-sample mean: the paper's velocity noise."""
+def against_average(values: Floats) -> RepeatValue | None:
+    """RMSE between a signal (n,) and its centred 21-sample mean, the paper's velocity noise, +- itself/sqrt(2 n)."""
     if len(values) < 3 * _AVERAGED:
         return None
     mean = np.convolve(values, np.ones(_AVERAGED) / _AVERAGED, "valid")
     half = _AVERAGED // 2
-    return float(np.sqrt(np.mean((values[half:-half] - mean) ** 2)))
+    rmse, n = float(np.sqrt(np.mean((values[half:-half] - mean) ** 2))), len(mean)
+    return RepeatValue(rmse, rmse / math.sqrt(2 * n), n)

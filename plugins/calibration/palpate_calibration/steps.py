@@ -67,13 +67,10 @@ def noisy(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -
             raise LogError("calibration: the record holds no even to-and-fro motion of 2 s or more")
         for segment in segments:
             times, speeds = record.velocity.between(segment.begin, segment.end)
-            rmse = against_average(speeds)
-            if rmse is not None:
-                paper.append(RepeatValue(rmse, 0.0))
+            paper += [rmse for rmse in [against_average(speeds)] if rmse is not None]
             moving.append(_scatter(record, segment, times, speeds))
     values = {"moving_velocity_std": Measured.of(moving, "m/s")}
     if paper:
-        # The paper's figure is a scatter without a fit of its own: only the repeats speak.
         values["paper_velocity_std"] = Measured.of(paper, "m/s")
     return StepFindings(values)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate import Command, ReportSection, Template, lazily, plugin
+from palpate import Command, Fact, ReportSection, Template, lazily, plugin
 
 if TYPE_CHECKING:
     from palpate import Estimator, FlagMeaning, Migration
@@ -12,7 +12,9 @@ if TYPE_CHECKING:
     from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
     from palpate_filters.filterpy_filter import FilterpyFilter
     from palpate_filters.fit import FIT_FLAGS, CasadiFit
+    from palpate_filters.kernel import Kernel, Step, compile_step
     from palpate_filters.kinematic_filter import KinematicFilter
+    from palpate_filters.process import InertialProcess, KinematicProcess
     from palpate_filters.renamed import RENAMED
     from palpate_filters.smoother import KinematicSmoother
     from palpate_filters.ukf import AdaptiveFadingUkf, UnscentedKalmanFilter
@@ -23,7 +25,9 @@ __getattr__ = lazily(
         "palpate_filters.ekf": "AdaptiveFadingEkf ExtendedKalmanFilter",
         "palpate_filters.filterpy_filter": "FilterpyFilter",
         "palpate_filters.fit": "FIT_FLAGS CasadiFit",
+        "palpate_filters.kernel": "Kernel Step compile_step",
         "palpate_filters.kinematic_filter": "KinematicFilter",
+        "palpate_filters.process": "InertialProcess KinematicProcess",
         "palpate_filters.renamed": "RENAMED",
         "palpate_filters.smoother": "KinematicSmoother",
         "palpate_filters.ukf": "AdaptiveFadingUkf UnscentedKalmanFilter",
@@ -38,9 +42,14 @@ __all__ = [
     "CasadiFit",
     "ExtendedKalmanFilter",
     "FilterpyFilter",
+    "InertialProcess",
+    "Kernel",
     "KinematicFilter",
+    "KinematicProcess",
     "KinematicSmoother",
+    "Step",
     "UnscentedKalmanFilter",
+    "compile_step",
 ]
 
 
@@ -78,6 +87,12 @@ def palpate_migrations() -> tuple[Migration, ...]:
 def palpate_commands() -> dict[str, Command]:
     """Offline fits over models and logs."""
     return {"fit": Command("palpate_filters.fit.command:fit", "Offline fits of models to logs, side by side.")}
+
+
+@plugin
+def palpate_facts() -> dict[str, Fact]:
+    """Which kernel runs the filters."""
+    return {"kernel": Fact("palpate_filters.kernel:told_kernel")}
 
 
 @plugin

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from palpate import KinematicProcess, Step
-
+from palpate_filters.kernel import Step
 from palpate_filters.kinematic_step import NOISES, KinematicNoise, predicted, process_noise, report
+from palpate_filters.process import KinematicProcess
 from palpate_filters.symmetric import congruence, mirrored, solve_symmetric
 
 

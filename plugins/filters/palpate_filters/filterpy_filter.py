@@ -6,13 +6,14 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
-from palpate import Belief, ConfigurationError, InertialProcess, Moment, Problem, Status, Tracker, track_by_step
+from palpate import Belief, ConfigurationError, Moment, Problem, Status, Tracker, track_by_step
 from pydantic import Field
 
 from palpate_filters.filterpy_kinds import Filter, ScaledProcess, ensemble, extended, sampled
 from palpate_filters.inertial_filter import PaperStart, first_state, mass_of
 from palpate_filters.opening_fit import PAUSE
 from palpate_filters.predictions import Points
+from palpate_filters.process import InertialProcess
 
 _RESUME_STD = 1e-4  # [m]
 

@@ -6,10 +6,11 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
-from palpate import Floats, InertialProcess
+from palpate import Floats
 
 from palpate_filters.inertial_filter import Start
 from palpate_filters.predictions import away
+from palpate_filters.process import InertialProcess
 
 _BLIND_STD = 1.0  # [N], how little is known of a force that is missing
 

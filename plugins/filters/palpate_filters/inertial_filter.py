@@ -14,7 +14,6 @@ from palpate import (
     Estimator,
     Floats,
     Force,
-    InertialProcess,
     Length,
     Problem,
     Samples,
@@ -28,6 +27,7 @@ from palpate_filters.fading import Fading
 from palpate_filters.first_guess import first_guess
 from palpate_filters.inertial_step import Prediction, carried, inertial_step
 from palpate_filters.opening_fit import fit_start, fittable
+from palpate_filters.process import InertialProcess
 from palpate_filters.recursion import Carry, Opening, Recursion
 from palpate_filters.tracking import RecursiveTracker
 

@@ -6,8 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from palpate import InertialProcess, Layout, Step
+from palpate import Layout
 
+from palpate_filters.kernel import Step
+from palpate_filters.process import InertialProcess
 from palpate_filters.symmetric import entry_update, mirrored
 
 _LOW_LIMIT = 25  # samples in a row at depth <= 0, in contact, before the filter begins anew

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from palpate import Floats, KinematicProcess, Problem, Samples, Tracker
+from palpate import Floats, Problem, Samples, Tracker
 
 from palpate_filters.inertial_filter import mass_of
 from palpate_filters.kinematic_settings import KinematicSettings, drift_of, fits, has_bias
 from palpate_filters.kinematic_start import fresh_state, guess_of, resumed_state
 from palpate_filters.kinematic_step import kinematic_step
+from palpate_filters.process import KinematicProcess
 from palpate_filters.recursion import Carry, Opening, Recursion
 from palpate_filters.tracking import RecursiveTracker
 
@@ -28,7 +29,12 @@ class KinematicFilter(KinematicSettings):
 
     def start(self, problem: Problem) -> Tracker:
         """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
-        return RecursiveTracker(kinematic_recursion(self, problem), opening(self, problem))
+        return RecursiveTracker(kinematic_recursion(self, problem), opening(self, problem), details=known_causes(self))
+
+
+def known_causes(settings: KinematicSettings) -> dict[str, list[str]]:
+    """What the filter's own standard deviation holds already: the tare, where its offset is a state."""
+    return {"included": ["tare"]} if has_bias(settings) else {}
 
 
 def opening(settings: KinematicSettings, problem: Problem) -> Opening:

@@ -6,12 +6,13 @@ import math
 from typing import Any
 
 import numpy as np
-from palpate import ConfigurationError, Floats, KinematicProcess, Problem, Samples
+from palpate import ConfigurationError, Floats, Problem, Samples
 
 from palpate_filters.first_guess import first_guess
 from palpate_filters.kinematic_settings import KinematicSettings, drift_of, fits
 from palpate_filters.kinematic_step import carried
 from palpate_filters.opening_fit import BiasPrior, StartFit, fit_start, fittable
+from palpate_filters.process import KinematicProcess
 from palpate_filters.recursion import Carry
 
 _FIT_SPREAD = (

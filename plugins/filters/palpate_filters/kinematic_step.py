@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from palpate import KinematicProcess, Layout, Step
+from palpate import Layout
 
+from palpate_filters.kernel import Step
+from palpate_filters.process import KinematicProcess
 from palpate_filters.symmetric import congruence, entry_update, mirrored, vector_update
 
 _DEPTH_FLOOR = 1e-5  # [m]; the slope of sqrt(d) has a pole at 0, so Jacobians are taken no nearer

@@ -6,9 +6,10 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
-from palpate import Floats, InertialProcess
+from palpate import Floats
 
 from palpate_filters.inertial_step import Predicted, Prediction
+from palpate_filters.process import InertialProcess
 from palpate_filters.symmetric import cholesky, congruence, mirrored
 
 _DEPTH_FLOOR = 1e-5  # [m]; the slope of sqrt(d) has a pole at 0, so Jacobians are taken no nearer

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from palpate import Floats, Layout, Samples, Status, Step
+import numpy as np
+from palpate import Floats, Layout, Samples, Status
+
+from palpate_filters.kernel import Step
 
 MARKS = {
     "lifted": Status.LIFTED,
@@ -28,6 +31,12 @@ def output_layout(parameters: int, states: int = 0) -> Layout:
     numbers = {"values": parameters, "variances": parameters, "depth": 1, "depth_variance": 1, "force": 1}
     marks = dict.fromkeys(MARKS, 1)
     return Layout(**numbers, nis=1, innovation=1, **marks, mean=states, covariance=states * states)
+
+
+def surprises(outputs: Floats, place: Layout) -> tuple[Floats, Floats]:
+    """NIS and normalised innovation (n,) of outputs laid out by `output_layout`; NaN where nothing was measured."""
+    nis, innovation = outputs[:, place.at("nis")], outputs[:, place.at("innovation")]
+    return np.where(nis < 0, np.nan, nis), np.where(innovation == 0, np.nan, innovation)
 
 
 @dataclass(frozen=True)

@@ -6,18 +6,20 @@ from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
-from palpate import Estimates, Floats, Kernel, Problem, Samples, Status, Time, Tracker, compile_step
+from palpate import Estimates, Floats, Problem, Samples, Status, Time, Tracker
 from pydantic import Field
 
 from palpate_filters.backward_step import backward_step
+from palpate_filters.kernel import Kernel, compile_step
 from palpate_filters.kinematic_filter import (
     kinematic_process,
     kinematic_recursion,
+    known_causes,
     noises,
     opening,
 )
 from palpate_filters.kinematic_settings import KinematicSettings
-from palpate_filters.recursion import Stretch, output_layout
+from palpate_filters.recursion import Stretch, output_layout, surprises
 from palpate_filters.tracking import RecursiveTracker
 
 _HOPS = 4  # a fixed-lag smoother looks between one lag and one lag and a quarter ahead
@@ -54,7 +56,7 @@ class _SmoothingTracker:
         self._place = output_layout(self._recursion.parameters, process.states)
         self._backward: Kernel = compile_step(backward_step(process))
         self._passages: list[Stretch] = []
-        self._forward = RecursiveTracker(self._recursion, self._opening, self._passages.append)
+        self._forward = RecursiveTracker(self._recursion, self._opening, self._passages.append, known_causes(settings))
 
     def run(self, samples: Samples) -> Estimates:
         """Estimates for all samples; see `palpate.Tracker`."""
@@ -92,7 +94,7 @@ class _SmoothingTracker:
         estimates.surface[rows] = samples.position + found[:, at("depth")]
         estimates.surface_std[rows] = np.sqrt(np.maximum(found[:, at("depth_variance")], 0.0))
         estimates.force[rows] = found[:, at("force")]
-        estimates.nis[rows], estimates.innovation[rows] = outputs[:, at("nis")], outputs[:, at("innovation")]
+        estimates.nis[rows], estimates.innovation[rows] = surprises(outputs, place)
         estimates.status[rows] &= ~np.uint32(Status.WAITING | Status.IDLE)
 
     def _backwards(self, filtered: Floats, inputs: Floats, time: Floats) -> Floats:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from palpate import Estimates, Floats, Samples, Status, compile_step
+from palpate import Estimates, Floats, Samples, Status
 
+from palpate_filters.kernel import compile_step
 from palpate_filters.opening_fit import PAUSE
-from palpate_filters.recursion import MARKS, Carry, Opening, Recursion, Stretch, output_layout
+from palpate_filters.recursion import MARKS, Carry, Opening, Recursion, Stretch, output_layout, surprises
 
 _ELSEWHERE = 1e-3  # [m] along the surface: a touch there says nothing of the height here
 _ATTEMPTS = 15  # to start on a window, which has grown fourfold by then
@@ -33,6 +34,7 @@ class RecursiveTracker:
         recursion: Recursion,
         opening: Opening | None = None,
         listener: Callable[[Stretch], None] | None = None,
+        details: Mapping[str, Any] | None = None,
     ) -> None:
         from palpate_filters.free_air import FreeAir
 
@@ -49,7 +51,7 @@ class RecursiveTracker:
         self._attempts = 0
         self._active = False
         self._diverged = False
-        self._details: dict[str, Any] = {}
+        self._details = dict(details or {})
 
     def run(self, samples: Samples) -> Estimates:
         """Estimates for a block; see `palpate.Tracker`."""
@@ -72,7 +74,7 @@ class RecursiveTracker:
             self._listen(samples, until)
             found = self._free_air.noise()
             self.noise = found.force, found.velocity
-            self._details = {"noise": {"force": found.force, "velocity": found.velocity, "from": found.source}}
+            self._details |= {"noise": {"force": found.force, "velocity": found.velocity, "from": found.source}}
             self._settings = self._recursion.settings(*self.noise)
         return self._settings
 
@@ -188,15 +190,15 @@ class RecursiveTracker:
         broken = np.logical_or.accumulate((status & Status.DIVERGED > 0) | self._diverged)
         self._diverged = bool(broken[-1])
         status[broken] |= np.uint32(Status.DIVERGED)
-        nis, innovation = outputs[:, at("nis")], outputs[:, at("innovation")]
+        nis, innovation = surprises(outputs, place)
         columns = {
             "values": outputs[:, place["values"]],
             "std": np.sqrt(np.maximum(outputs[:, place["variances"]], 0.0)),
             "surface": part.position + outputs[:, at("depth")],
             "surface_std": np.sqrt(np.maximum(outputs[:, at("depth_variance")], 0.0)),
             "force": outputs[:, at("force")],
-            "nis": np.where(nis < 0, np.nan, nis),
-            "innovation": np.where(innovation == 0, np.nan, innovation),
+            "nis": nis,
+            "innovation": innovation,
         }
         for name, found in columns.items():
             found = np.array(found)

@@ -21,8 +21,7 @@ from palpate import (
     tip_profile,
     to_si,
 )
-from palpate.host import PluginFiles, Source, build_parts, suggest
-from palpate.host import registry as registries
+from palpate.host import PluginFiles, Source, build_parts, registry as registries, suggest
 
 _SAMPLES = 1001
 

@@ -20,12 +20,12 @@ from palpate.host import (
     carried_by,
     console,
     pipeline_of,
+    registry as registries,
     replay_source,
     save_figure,
     suggestion_of,
     write_new,
 )
-from palpate.host import registry as registries
 
 from palpate_studies import comparison
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate import lazily, plugin
+from palpate import Command, lazily, plugin
 
 if TYPE_CHECKING:
     from palpate import Trajectory
@@ -75,3 +75,9 @@ def palpate_trajectories() -> dict[str, type[Trajectory]]:
         "shake": Shake,
         "stay": Stay,
     }
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """Motions looked at before they are made."""
+    return {"plan": Command("palpate_trajectories.plan.command:plan", "Look at a motion before it is made.", "run")}

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from palpate_uncertainty.whitening import Floats, Null, Runs
 
 LAGS, PHASES, BLOCKS, DEPTHS = 50, 32, 20, 10
+# Lags that say nothing of the model: the tip's inertia is taken off by a slope of the velocity over 11 samples, which
+# an arm that is commanded unevenly does not follow, and readings between two samples are shared by both.
+_NEAR = 10
 _FEWEST = 8  # samples of a bin, for its mean to be nearly normal
 _CLIPPED = 6.0  # standard deviations; what is beyond is an outlier, which is flagged as such
 _SHARE = 0.5  # of the motion's variance in one line of its spectrum, from which on it oscillates
@@ -34,7 +37,7 @@ def examined(values: Floats, runs: Runs, time: Floats, depth: Floats, phase: Flo
     none. The whitened values are clipped at 6 standard deviations. Under a null that comes from n0 samples whitening
     leaves a memory of the order 1/n0, so that the Ljung-Box sum is divided by 1 + n/n0 where it has whitened anything,
     and the sums of means by `null.excess`.
-    Sources: Ljung and Box 1978; Holm 1979.
+    Sources: Bartlett 1946; Ljung and Box 1978; Holm 1979.
     """
     white, known = null.whitened(values, runs)
     white, runs, time, depth = white[known], runs[known], time[known], depth[known]
@@ -60,18 +63,25 @@ def examined(values: Floats, runs: Runs, time: Floats, depth: Floats, phase: Flo
 def _memory(white: Floats, runs: Runs, null: Null) -> tuple[float, float]:
     """p of Ljung and Box's test over 50 lags, within the runs, and the power of a slow sine that would give it.
 
-    A sine of power s in noise of power 1 - s correlates by s cos(w k): over m lags the sum is n m s^2/2.
+    The lags begin beyond those at which the channel, and not the model, correlates; by Bartlett's formula that scatters
+    the others by 1 + 2 sum r_k^2. A sine of power s in noise of power 1 - s correlates by s cos(w k): over m lags the
+    sum is n m s^2/2.
     """
     from scipy.stats import chi2
 
     n, power = len(white), float((white**2).sum())
-    total = 0.0
-    for lag in range(1, LAGS + 1):
+    total = near = 0.0
+    for lag in range(1, _NEAR + LAGS + 1):
         together = runs[lag:] == runs[:-lag]
         pairs = int(np.count_nonzero(together))
-        if pairs:
-            share = float((white[lag:] * white[:-lag])[together].sum()) / power
+        if not pairs:
+            continue
+        share = float((white[lag:] * white[:-lag])[together].sum()) / power
+        if lag <= _NEAR:
+            near += share**2
+        else:
             total += n * (n + 2.0) / pairs * share**2
+    total /= 1.0 + 2.0 * near
     if len(null.coefficients):
         total /= 1.0 + n / max(null.samples, 1)
     return float(chi2.sf(total, LAGS)), float(np.sqrt(max(2.0 * (total - LAGS), 0.0) / (n * LAGS)))

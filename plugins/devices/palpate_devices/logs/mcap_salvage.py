@@ -10,8 +10,7 @@ from typing import IO
 
 import numpy as np
 
-from palpate_devices.logs import mcap_records as records
-from palpate_devices.logs import mcap_search as search
+from palpate_devices.logs import mcap_records as records, mcap_search as search
 from palpate_devices.logs.mcap_definitions import Known
 from palpate_devices.logs.mcap_pass import Pass
 from palpate_devices.logs.mcap_records import Block, Damage

@@ -61,7 +61,9 @@ class Fence:
         self._commands: deque[Floats] = deque(maxlen=2 * _WINDOW + 1)
         self._speeds: deque[Floats] = deque(maxlen=_WINDOW)
         # A soft servo is allowed twice its own lag.
-        self._past: deque[tuple[Floats, Floats]] = deque(maxlen=_STUCK + round(2.0 * own.get("lag", 0.0) / PERIOD))
+        self._window = _STUCK + round(2.0 * own.get("lag", 0.0) / PERIOD)
+        self._past: deque[tuple[int, Floats, Floats]] = deque()
+        self._cycles = 0  # of the motion
         self._same, self._anchor, self._last = 0, np.zeros(3), [0.0, 0.0, 0.0]
         self.begin(np.zeros(3))
 
@@ -69,6 +71,7 @@ class Fence:
         """A motion begins, from rest."""
         self._commands.extend([command.copy()] * (2 * _WINDOW + 1))
         self._past.clear()
+        self._cycles = 0
         self._speeds.clear()
         self._same, self._anchor = 0, command.copy()
 
@@ -223,6 +226,7 @@ class Fence:
 
     def _stands_still(self, command: Floats, seen: ArmState) -> Verdict | None:
         """A pose that stands still while commands go on: to the last bit, or as good as."""
+        self._cycles += 1
         if not seen.fresh:
             return None
         if seen.position.tolist() == self._last:
@@ -235,14 +239,24 @@ class Fence:
             return Verdict(
                 f"the measured pose stands still to the last digit while the arm was told to move by {_mm(gone)}", False
             )
-        self._past.append((command.copy(), seen.position))
-        if len(self._past) == self._past.maxlen:
-            told, done = (_length(self._past[-1][i] - self._past[0][i]) for i in (0, 1))
-            if told > _STUCK_WAY and done < _STUCK_PART * told:
-                # A swing that has turned round meanwhile is back where it was, and has moved all the same.
-                done = max(_length(place - self._past[0][1]) for _, place in self._past)
-            if told > _STUCK_WAY and done < _STUCK_PART * told:
-                return Verdict(f"the arm was told to move by {_mm(told)} and has moved by {_mm(done)}", False)
+        return self._lags(command, seen.position)
+
+    def _lags(self, command: Floats, position: Floats) -> Verdict | None:
+        """An arm that has gone hardly any of its way within a time of commands, however many states came meanwhile."""
+        past = self._past
+        past.append((self._cycles, command.copy(), position))
+        while len(past) > 1 and self._cycles - past[1][0] >= self._window:
+            past.popleft()
+        began, first_command, first_place = past[0]
+        told = _length(command - first_command)
+        if self._cycles - began < self._window or told <= _STUCK_WAY:
+            return None
+        done = _length(position - first_place)
+        if done < _STUCK_PART * told:
+            # A swing that has turned round meanwhile is back where it was, and has moved all the same.
+            done = max(_length(place - first_place) for _, _, place in past)
+        if done < _STUCK_PART * told:
+            return Verdict(f"the arm was told to move by {_mm(told)} and has moved by {_mm(done)}", False)
         return None
 
 

@@ -14,14 +14,16 @@ Floats = NDArray[np.float64]
 
 PERIOD = 0.002  # [s]
 _SHORTEST = 0.15  # [s] of a way, however short
+_HASTE = 0.1  # by so large a part a motion may be faster than planned, to make up for what the host held up
 
 
 @dataclass(frozen=True)
 class Law:
     """How setpoints become commands.
 
-    "pd": the paper's Cartesian law, speed = gain (z_d - z) + damping (z_d' - z'), integrated to positions for `servoL`;
-    "servo": the setpoints themselves.
+    "pd": the paper's Cartesian law, speed = gain (z_d - z) + damping (z_d' - z'), integrated to positions for `servoL`,
+    and never over `most`: an arm that does not follow is not called faster and faster; "servo": the setpoints
+    themselves.
     """
 
     control: str
@@ -32,6 +34,7 @@ class Law:
     acceleration: float  # [m/s^2] of what is not a trajectory
     angular_speed: float = math.radians(10.0)  # [rad/s] at most, on the way to the start
     lever: float = 0.0  # [m] from the tip to the flange, which swings when the tool turns about the tip
+    most: float = math.inf  # [m/s] that the law may ask for
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,7 @@ class Commander:
         self._speed = np.zeros(3)
         self._before = self.command, self._speed, self.turn
         self._table: Floats = np.zeros((0, SETPOINT.size))
-        self._row = 0
+        self._row, self._haste = 0, 0.0
         self._way: list[tuple[Floats, Floats]] = []
         self.home: Floats | None = None  # where the motion began
         self.mode = "hold"  # "hold", "retreat", "stay", "approach", "follow", "retract", "done"
@@ -87,6 +90,11 @@ class Commander:
         if self.mode == "follow" and len(self._table):
             return np.array(self._table[min(self._row, len(self._table) - 1)])
         return np.array([*self.command, *self._speed, 0.0])
+
+    @property
+    def haste(self) -> float:
+        """By how large a part the motion may be faster than planned, within the speed that is allowed."""
+        return self._haste if self.mode == "follow" else 0.0
 
     def settle(self, position: Floats, turn: Floats) -> None:
         """Begin where the arm is, as long as it has not been moved."""
@@ -105,6 +113,10 @@ class Commander:
     def follow(self, table: Floats) -> None:
         """Go to the first setpoint, then through the table (n, 7): position, velocity, measuring."""
         self._table, self._row, self.mode = table, 0, "approach"
+        fastest = (
+            float(np.linalg.norm(np.diff(table[:, SETPOINT["position"]], axis=0), axis=1).max(initial=0.0)) / PERIOD
+        )
+        self._haste = min(max(self.law.most / max(fastest, 1e-9) - 1.0, 0.0), _HASTE)
         self.home = self.command.copy()
         self._set_out(table[0, SETPOINT["position"]], self.law, float(np.linalg.norm(self.turn)))
 
@@ -149,7 +161,8 @@ class Commander:
         if law.control == "pd":
             wanted, rate = row[SETPOINT["position"]], row[SETPOINT["velocity"]]
             speed = law.gain * (wanted - position) + law.damping * (rate - velocity)
-            self.command = before + speed * PERIOD
+            length = float(np.linalg.norm(speed))
+            self.command = before + (speed if length <= law.most else speed * (law.most / length)) * PERIOD
         else:
             self.command = row[SETPOINT["position"]].copy()
         self._speed = (self.command - before) / PERIOD

@@ -68,7 +68,10 @@ class _Loop:
 
     def run(self) -> NoReturn:
         """One cycle after another, each at its deadline."""
-        Pace(self._ring, lambda: self._following).run(self._cycle, self._take_state)
+        Pace(self._ring, lambda: self._following, self._haste).run(self._cycle, self._take_state)
+
+    def _haste(self) -> float:
+        return 0.0 if self._commander is None else self._commander.haste
 
     @property
     def _following(self) -> bool:
@@ -241,11 +244,12 @@ class _Loop:
 
 
 def _slower(law: Law, limits: dict[str, Any]) -> dict[str, float]:
-    """What the arm does by itself keeps the limits of the motion."""
+    """What the arm does by itself, and what the law makes of setpoints, keeps the limits of the motion."""
     return {
         "approach_speed": min(law.approach_speed, limits["speed"]),
         "retract_speed": min(law.retract_speed, limits["speed"]),
         "angular_speed": limits["angular_speed"],
+        "most": limits["speed"],
     }
 
 

@@ -38,8 +38,7 @@ def lumps(
     as_json: Annotated[bool, typer.Option("--json", help="Print lumps.json instead of the table.")] = False,
 ) -> None:
     """Find the lumps in a run: place, extent, contrast and p-value of each."""
-    from palpate_maps import analysis as maps
-    from palpate_maps import export
+    from palpate_maps import analysis as maps, export
 
     if not 0 < rate < 1 or contrast < 0 or spread < 0:
         raise ConfigurationError("--rate must be between 0 and 1, --contrast and --spread not below 0")

@@ -42,8 +42,7 @@ def map_run(
     """
     from palpate.host import run_pipeline
 
-    from palpate_maps import analysis as maps
-    from palpate_maps import export, picture
+    from palpate_maps import analysis as maps, export, picture
     from palpate_maps.mcap_grid import map_mcap
 
     if method not in ("gaussian-process", "average"):

@@ -11,8 +11,19 @@ from typing import Annotated, Any
 import tomli_w
 import typer
 from palpate import OutputError, UserError
-from palpate.host import Job, Overrides, Points, Source, analysis, built, finished, make_folder, on_all_cores, write_new
-from palpate.host import console as terminal
+from palpate.host import (
+    Job,
+    Overrides,
+    Points,
+    Source,
+    analysis,
+    built,
+    console as terminal,
+    finished,
+    make_folder,
+    on_all_cores,
+    write_new,
+)
 
 from palpate_studies.sweep.combinations import combinations_of
 from palpate_studies.sweep.table import best_rows, rows_of, write_rows

@@ -1,0 +1,112 @@
+"""The face for what uses pipelines: load one, run it, read its run folder, run an analysis of another plugin by name.
+
+Parts need `palpate` only; commands and other tools use `palpate` and this.
+"""
+
+from palpate import registry as registry
+from palpate.alignment import (
+    GRAVITY as GRAVITY,
+    AlignmentSettings as AlignmentSettings,
+    Health as Health,
+    Intake as Intake,
+    Ports as Ports,
+    Series as Series,
+    Signal as Signal,
+)
+from palpate.calibration import (
+    CalibratedValue as CalibratedValue,
+    Calibration as Calibration,
+    NoiseSpectrum as NoiseSpectrum,
+    identity_in as identity_in,
+    identity_of as identity_of,
+)
+from palpate.config import (
+    Pipeline as Pipeline,
+    RunSettings as RunSettings,
+    Source as Source,
+    Track as Track,
+    build_parts as build_parts,
+    build_pipeline as build_pipeline,
+    load_pipeline as load_pipeline,
+    plain_settings as plain_settings,
+    ports_of as ports_of,
+    resolved_text as resolved_text,
+    wrong_channels as wrong_channels,
+)
+from palpate.config.doubts import UNCHECKED as UNCHECKED
+from palpate.config.migrations import FORMAT as FORMAT, KEY as KEY
+from palpate.contact import force_slopes as force_slopes
+from palpate.device import (
+    address as address,
+    ask_devices as ask_devices,
+    own_motions as own_motions,
+    truth_of as truth_of,
+)
+from palpate.extensions import function_of as function_of
+from palpate.flags import SEVERITIES as SEVERITIES, verdict as verdict
+from palpate.hooks import KINDS as KINDS
+from palpate.installation import show_installation as show_installation
+from palpate.jobs import (
+    Engine as Engine,
+    Job as Job,
+    built as built,
+    finished as finished,
+    on_all_cores as on_all_cores,
+    run_job as run_job,
+)
+from palpate.options import (
+    JsonOption as JsonOption,
+    Overrides as Overrides,
+    PluginFiles as PluginFiles,
+    Points as Points,
+    TrackOption as TrackOption,
+)
+from palpate.parts import nested_settings as nested_settings, part_kind as part_kind
+from palpate.pictures import drawing as drawing, figure_of as figure_of, save_figure as save_figure
+from palpate.pipeline import (
+    Flow as Flow,
+    Guard as Guard,
+    LiveLinks as LiveLinks,
+    Result as Result,
+    check_way as check_way,
+    continued as continued,
+    declared_noise as declared_noise,
+    each as each,
+    interruptible as interruptible,
+    payloads as payloads,
+    recorded_pipeline as recorded_pipeline,
+    remaining_pipeline as remaining_pipeline,
+    run_pipeline as run_pipeline,
+    start_tracks as start_tracks,
+    the_trajectory as the_trajectory,
+)
+from palpate.quantities import measured as measured
+from palpate.registry import FlagEntry as FlagEntry, Registry as Registry, analysis as analysis, suggest as suggest
+from palpate.replaying import Carried as Carried, carried_by as carried_by, replay_source as replay_source
+from palpate.result import (
+    EstimatesTable as EstimatesTable,
+    Found as Found,
+    RunFolder as RunFolder,
+    TrackResult as TrackResult,
+    TrackTable as TrackTable,
+    acceleration as acceleration,
+    differences as differences,
+    finite_tree as finite_tree,
+    make_folder as make_folder,
+    read_flags as read_flags,
+    upgraded as upgraded,
+    withdraw_folder as withdraw_folder,
+)
+from palpate.safety import (
+    MotionLimits as MotionLimits,
+    MotionReport as MotionReport,
+    Reach as Reach,
+    SafetySettings as SafetySettings,
+    check_motion as check_motion,
+    check_own_motion as check_own_motion,
+    demand_safe as demand_safe,
+)
+from palpate.suggesting import pipeline_of as pipeline_of, recording_of as recording_of, suggestion_of as suggestion_of
+from palpate.table import Table as Table, console as console
+from palpate.units import Quantity as Quantity, dimension as dimension, people as people
+from palpate.writing import whole_file as whole_file, write_new as write_new, write_whole as write_whole

@@ -1,0 +1,21 @@
+"""The commands of every day: run, replay, resume, check, and what looks up parts."""
+
+from palpate import Command, plugin
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """What is done with one pipeline, and what there is to build it of."""
+    return {
+        "run": Command("palpate_basics.run:run", "Run a pipeline; print what was found.", "run"),
+        "replay": Command("palpate_basics.replay:replay", "Estimate once more from the log of a run.", "run"),
+        "resume": Command("palpate_basics.resume:resume", "Go on with a run that was interrupted.", "run"),
+        "check": Command(
+            "palpate_basics.inspect:check", "Show every mistake in a pipeline, without running it.", "run"
+        ),
+        "list": Command("palpate_basics.inspect:list_parts", "List every part, with its plugin.", "extend"),
+        "describe": Command(
+            "palpate_basics.inspect:describe", "Describe a part: formula, source, every key.", "extend"
+        ),
+        "schema": Command("palpate_basics.inspect:schema", "Print the JSON schema of pipeline files.", "extend"),
+    }

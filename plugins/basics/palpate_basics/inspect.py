@@ -1,0 +1,185 @@
+"""``palpate check``, ``list``, ``describe`` and ``schema``: look before you run."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import types
+import typing
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from palpate import ConfigurationError, OutputError, Part, Settings
+from palpate.host import (
+    SEVERITIES,
+    AlignmentSettings,
+    FlagEntry,
+    Overrides,
+    PluginFiles,
+    Quantity,
+    RunSettings,
+    dimension,
+    load_pipeline,
+    nested_settings,
+    part_kind,
+    registry as registries,
+    resolved_text,
+    start_tracks,
+    suggest,
+)
+
+from palpate_basics.schema import pipeline_schema
+
+_TABLES: dict[str, type[Settings]] = {"run": RunSettings, "alignment": AlignmentSettings}
+
+
+def check(
+    file: Annotated[Path, typer.Argument(help="The pipeline file.")],
+    overrides: Overrides = None,
+    resolved: Annotated[bool, typer.Option("--resolved", help="Print the pipeline with every default, in SI.")] = False,
+) -> None:
+    """Check a pipeline without running it: every mistake at once, each with its line."""
+    pipeline = load_pipeline(file, overrides or [])
+    tracks = ", ".join(running.track.name for running in start_tracks(pipeline))
+    if resolved:
+        typer.echo(resolved_text(pipeline), nl=False)
+    else:
+        devices = ", ".join(pipeline.devices)
+        for flag in pipeline.renamed:
+            typer.echo(f"{flag}", err=True)
+        for notice in pipeline.registry.notices:
+            typer.echo(notice, err=True)
+        typer.echo(f"{file} is in order: devices {devices}; tracks {tracks}")
+        for plugin in pipeline.registry.plugins:
+            typer.echo(f"plugin {plugin.name}" + (f" from {plugin.place}" if plugin.place != plugin.name else ""))
+
+
+def list_parts(plugin: PluginFiles = None) -> None:
+    """List every part that a pipeline can name, by kind, with the plugin it comes from."""
+    registry = registries.load(plugin or [])
+    width = max(len(name) for entries in registry.parts.values() for name in entries)
+    for kind, entries in registry.parts.items():
+        typer.echo(f"[{kind}.*]")
+        for name, entry in sorted(entries.items()):
+            typer.echo(f"  {name:<{width}}  {_summary(entry.part)}  ({entry.plugin.name})")
+    for notice in registry.notices:
+        typer.echo(notice, err=True)
+
+
+def describe(
+    part: Annotated[
+        str, typer.Argument(help="Name of a part, as in `palpate list`; or run, alignment; or a flag's code.")
+    ],
+    plugin: PluginFiles = None,
+) -> None:
+    """Describe a part: what it is, and every key with unit, default and meaning; or a flag: what it means."""
+    registry = registries.load(plugin or [])
+    found: list[tuple[str, type[Settings]]] = []
+    for kind, entries in registry.parts.items():
+        if part in entries:
+            found.append((f"{part}: a type of [{kind}.*]", entries[part].part))
+    if part in _TABLES:
+        found.append((f"[{part}]: a table of every pipeline", _TABLES[part]))
+    texts = ["\n".join(_description(title, settings)) for title, settings in found]
+    if part in registry.flags:
+        texts.append("\n".join(_flag_description(part, registry.flags[part])))
+    if not texts:
+        names = [*_TABLES, *(name for entries in registry.parts.values() for name in entries), *registry.flags]
+        raise ConfigurationError(f"there is no part or flag {part!r}{suggest(part, names)}")
+    typer.echo("\n\n".join(texts))
+
+
+def _flag_description(code: str, entry: FlagEntry) -> Iterator[str]:
+    yield f"{code}: a flag, {entry.meaning.severity} ({SEVERITIES[entry.meaning.severity]})"
+    yield ""
+    yield entry.meaning.meaning
+    yield f"What to do: {entry.meaning.remedy}"
+    yield f"Registered by {entry.plugin.name}."
+
+
+def schema(
+    plugin: PluginFiles = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write it to this file.")] = None,
+) -> None:
+    """Print the JSON schema of pipeline files, for editors that read the line `#:schema FILE` of a TOML file."""
+    text = json.dumps(pipeline_schema(registries.load(plugin or [])), indent=2)
+    if output is None:
+        typer.echo(text)
+        return
+    try:
+        output.write_text(f"{text}\n", encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{output}: cannot write: {error.strerror}") from error
+
+
+def _summary(part: type[Part]) -> str:
+    return (inspect.getdoc(part) or "").splitlines()[0] if part.__doc__ else ""
+
+
+def _description(title: str, part: type[Settings]) -> Iterator[str]:
+    yield title
+    yield ""
+    yield inspect.getdoc(part) or ""
+    parameters = getattr(part, "parameters", ())
+    if parameters:
+        yield ""
+        yield "Parameters:"
+        yield from (f"  {p.name} ({p.symbol}) [{p.unit}]: {p.meaning}" for p in parameters)
+    if part.model_fields:
+        yield ""
+        yield "Keys:"
+        yield from _keys(part, "  ")
+    nested = {n.__name__: n for f in part.model_fields.values() if (n := nested_settings(f.annotation)) is not None}
+    for name, settings in nested.items():
+        yield ""
+        yield f"{name.lower()}: {inspect.getdoc(settings) or ''}"
+        yield ""
+        yield f"Keys of the table {name.lower()}:"
+        yield from _keys(settings, "  ")
+
+
+def _keys(settings: type[Settings], indent: str) -> Iterator[str]:
+    for key, field in settings.model_fields.items():
+        default = "must be given" if field.is_required() else _default(field.get_default(), field.metadata)
+        yield f"{indent}{key}: {_type(field.annotation, field.metadata)}, {default}"
+        if field.description:
+            yield f"{indent}    {field.description}"
+
+
+def _default(value: Any, metadata: list[Any]) -> str:
+    if value is None:
+        return "optional"
+    unit = next((f" {item.unit}" for item in metadata if isinstance(item, Quantity)), "")
+    return f"default {value:.6g}{unit}" if isinstance(value, float) else f"default {json.dumps(value, default=str)}"
+
+
+def _type(annotation: Any, metadata: list[Any]) -> str:
+    for item in metadata:
+        if isinstance(item, Quantity):
+            return dimension(item.unit)
+    kind = part_kind(annotation)
+    if kind is not None:
+        return f"name of a [{kind}.*] or a table"
+    nested = nested_settings(annotation)
+    if nested is not None:
+        return f"table {nested.__name__.lower()}"
+    arguments = tuple(argument for argument in typing.get_args(annotation) if argument is not type(None))
+    if typing.get_origin(annotation) is dict:
+        return f"table of names, each a {_type(arguments[1], [])}"
+    if typing.get_origin(annotation) is typing.Literal:
+        return " or ".join(json.dumps(choice) for choice in arguments)
+    for argument in arguments:  # optional quantities carry their unit inside the union
+        if getattr(argument, "__metadata__", None):
+            return _type(argument.__origin__, list(argument.__metadata__))
+    if getattr(annotation, "__metadata__", None):
+        return _type(annotation.__origin__, list(annotation.__metadata__))
+    if len(arguments) == 1 and annotation not in (dict, tuple) and typing.get_origin(annotation) is not tuple:
+        return _type(arguments[0], [])
+    if arguments and typing.get_origin(annotation) in (typing.Union, types.UnionType):
+        return " or ".join(_type(argument, []) for argument in arguments)
+    words = {float: "number", int: "whole number", str: "text", bool: "true or false", Path: "path"}
+    if annotation in words:
+        return words[annotation]
+    return "list" if typing.get_origin(annotation) is tuple else "value"

@@ -1,0 +1,44 @@
+"""``palpate replay``: a recorded run once more, from its log, with the pipeline that it carries."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate import ConfigurationError
+from palpate.host import JsonOption, Overrides, build_pipeline, carried_by, replay_source
+
+from palpate_basics.run import execute
+
+
+def replay(
+    source: Annotated[Path, typer.Argument(metavar="LOG_OR_RUN", help="A log that palpate wrote, or a run folder.")],
+    overrides: Overrides = None,
+    tracks: Annotated[
+        list[str] | None, typer.Option("--tracks", help='Only these tracks, as patterns: "dr/*"; can be repeated.')
+    ] = None,
+    estimators: Annotated[
+        list[str] | None, typer.Option("--add-estimator", metavar="TYPE", help="One more estimator, with its defaults.")
+    ] = None,
+    models: Annotated[
+        list[str] | None, typer.Option("--add-model", metavar="TYPE", help="One more contact model, on the same tip.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Run folder; must be new or empty. [default: runs/DATE_TIME_NAME]")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Estimate once more from the log of a run, by the pipeline that the log carries: the same numbers to the bit.
+
+    Devices are replaced by the log; sinks are left out. Nothing that a log carries is executed.
+    """
+    carried = carried_by(source)
+    if carried is None:
+        raise ConfigurationError(
+            f"{source}: carries no pipeline, so it is no log of palpate's: `palpate info {source} --suggest` writes one"
+        )
+    text = replay_source(carried, tracks or (), estimators or (), models or ())
+    for assignment in overrides or ():
+        text.override(assignment)
+    execute(build_pipeline(text), out, as_json)

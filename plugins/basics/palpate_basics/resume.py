@@ -1,0 +1,20 @@
+"""``palpate resume``: go on with a run that was interrupted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate.host import RunFolder, remaining_pipeline
+
+from palpate_basics.run import execute
+
+
+def resume(run: Annotated[Path, typer.Argument(help="The folder of the run that was interrupted.")]) -> None:
+    """Do what an interrupted run left: whole lines of a raster, whole points; in a folder inside the run's."""
+    pipeline = remaining_pipeline(run)
+    if pipeline is None:
+        typer.echo(f"{run}: was finished; nothing is left to do")
+        return
+    execute(pipeline, RunFolder(run).next_part)

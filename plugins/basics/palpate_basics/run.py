@@ -1,0 +1,58 @@
+"""``palpate run``: a pipeline from its file to its result."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import signal
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate import ConfigurationError
+from palpate.host import Overrides, Pipeline, console, function_of, load_pipeline, run_pipeline
+
+from palpate_basics.rehearsal import rehearse
+from palpate_basics.view import result_view
+
+_LOGS = (".mcap", ".db3", ".csv", ".gz")
+
+
+def run(
+    file: Annotated[Path, typer.Argument(help="The pipeline file.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Run folder; must be new or empty. [default: runs/DATE_TIME_NAME]")
+    ] = None,
+    overrides: Overrides = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print result.json instead of the table.")] = False,
+    dry: Annotated[bool, typer.Option("--dry-run", help="Show the motion and its limits; connect to nothing.")] = False,
+    seed: Annotated[int | None, typer.Option(help="Seed of the run; overrides that of the file.", min=0)] = None,
+    live: Annotated[bool, typer.Option("--live", help='Show it in the browser: --set sink.live.type="live".')] = False,
+) -> None:
+    """Run a pipeline; print what was found and where it is written."""
+    if file.is_dir() or file.suffix in _LOGS:
+        raise ConfigurationError(f"{file}: is no pipeline file; a recorded run is estimated anew by `palpate replay`")
+    assignments = [*(overrides or []), *([f"run.seed={seed}"] if seed is not None else [])]
+    assignments += ['sink.live.type="live"'] if live else []
+    pipeline = load_pipeline(file, assignments)
+    if dry:
+        rehearse(pipeline)
+        return
+    execute(pipeline, out, as_json)
+
+
+def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False) -> None:
+    """Run a pipeline, show how it goes and what it found; ends with the code of the signal that stopped it."""
+    for notice in pipeline.registry.notices:
+        typer.echo(notice, err=True)
+    with contextlib.ExitStack() as stack:
+        displays = [] if as_json else [display for _, display in sorted(pipeline.registry.displays.items())]
+        shown = stack.enter_context(function_of(displays[0])(pipeline)) if displays else None
+        result = run_pipeline(pipeline, out, shown and shown.progress, shown)
+    if result.signal == signal.SIGHUP:  # there is no terminal any more
+        result.demand_whole()
+    if as_json:
+        typer.echo(json.dumps(result.table(), indent=2))
+    else:
+        console().print(result_view(result, pipeline.registry.sections))
+    result.demand_whole()

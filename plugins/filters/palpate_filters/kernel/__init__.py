@@ -1,0 +1,107 @@
+"""Kernels: one symbolic step of a filter, run fast over many samples."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any, Protocol
+
+import numpy as np
+from palpate import ConfigurationError, Floats
+
+from palpate_filters.kernel.llvm import LANES, CompiledStep
+from palpate_filters.kernel.translation import Untranslatable
+from palpate_filters.kernel.virtual_machine import VirtualMachine
+
+__all__ = ["Kernel", "Step", "compile_step", "kernel_choice", "run_grid"]
+
+_VARIABLE = "PALPATE_KERNEL"
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a filter as expressions in CasADi symbols (SX columns): state, sample, settings -> state, output."""
+
+    state: Any  # (ns,) mean, covariance and what else is carried along
+    sample: Any  # (nw,) one sample
+    settings: Any  # (np,) numbers that may differ from run to run
+    next_state: Any  # (ns,)
+    output: Any  # (ny,)
+
+
+class Kernel(Protocol):
+    """Runs a step over a block of samples."""
+
+    name: str
+
+    def run(self, state: Floats, samples: Floats, settings: Floats) -> tuple[Floats, Floats]:
+        """State (ns,) after, and outputs (n, ny) of, the samples (n, nw); the same bits however they are cut."""
+        ...
+
+
+def kernel_choice() -> tuple[str, str]:
+    """Which kernel steps are run by, "llvm" or "vm", and why."""
+    wanted = os.environ.get(_VARIABLE, "auto")
+    if wanted not in ("auto", "llvm", "vm"):
+        raise ConfigurationError(f'environment variable {_VARIABLE}: {wanted!r} is none of "auto", "llvm", "vm"')
+    try:
+        found = version("llvmlite")
+    except PackageNotFoundError:
+        if wanted == "llvm":
+            raise ConfigurationError(
+                f'{_VARIABLE}=llvm: llvmlite is not installed; pip install "palpate[fast]"'
+            ) from None
+        return "vm", 'llvmlite is not installed; pip install "palpate[fast]" makes filters some ten times faster'
+    if wanted == "vm":
+        return "vm", f"{_VARIABLE}=vm asks for it"
+    return "llvm", f"llvmlite {found} is installed"
+
+
+def compile_step(step: Step) -> Kernel:
+    """The fastest kernel that this machine has, for a step; all of them give the same bits."""
+    import casadi
+
+    outputs = [casadi.densify(step.next_state), casadi.densify(step.output)]
+    function = casadi.Function("step", [step.state, step.sample, step.settings], outputs, {"cse": True})
+    if kernel_choice()[0] == "llvm":
+        try:
+            return CompiledStep(function)
+        except (Untranslatable, ImportError, AttributeError, OSError, RuntimeError):  # an old llvmlite, too
+            if os.environ.get(_VARIABLE) == "llvm":
+                raise
+    return VirtualMachine(function)
+
+
+def told_kernel() -> str:
+    """The kernel that a step really gets, not the one that it should, and why."""
+    import casadi
+
+    x, w, p = (casadi.SX.sym(name) for name in "xwp")
+    return f"kernel: {compile_step(Step(x, w, p, x + p * w, x * w)).name} ({kernel_choice()[1]})"
+
+
+def run_grid(
+    kernel: Kernel, states: Floats, samples: Floats, settings: Floats, *, every: int = 1, threads: int | None = None
+) -> tuple[Floats, Floats]:
+    """Many settings over one record: states (g, ns) after, and outputs (g, n // every, ny), for settings (g, np).
+
+    Each setting gives the bits that `Kernel.run` gives for it. The LLVM kernel takes eight settings at a time, in as
+    many threads as there are cores; `every` keeps the outputs of every so-many-th sample only, to save memory.
+    """
+    if every < 1:
+        raise ValueError("every must be at least 1")
+    count = len(settings)
+    if not isinstance(kernel, CompiledStep):
+        runs = [kernel.run(states[i], samples, settings[i]) for i in range(count)]
+        return np.array([s for s, _ in runs]), np.array([y[every - 1 :: every] for _, y in runs])
+    rows = np.minimum(np.arange(-(-count // LANES) * LANES), count - 1).reshape(-1, LANES)
+
+    def group(lanes: Any) -> tuple[Floats, Floats]:
+        return kernel.run_lanes(states[lanes], samples, settings[lanes], every)
+
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        runs = list(pool.map(group, rows))
+    after = np.concatenate([s for s, _ in runs])[:count]
+    return after, np.concatenate([y.transpose(1, 0, 2) for _, y in runs])[:count]

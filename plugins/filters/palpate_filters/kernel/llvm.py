@@ -1,0 +1,107 @@
+"""LLVM through llvmlite: a step as machine code, the loop over the samples inside, and in eight lanes for grids."""
+
+from __future__ import annotations
+
+import ctypes
+import ctypes.util
+import threading
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+from palpate import Floats
+
+from palpate_filters.kernel.translation import LIBRARY, Translation
+
+LANES = 8
+_ENGINES: list[Any] = []
+_COMPILING = threading.Lock()
+
+
+class CompiledStep:
+    """A step as machine code: over a block for one setting, and over a block for eight settings at a time."""
+
+    name = "LLVM"
+
+    def __init__(self, function: Any) -> None:
+        self.outputs = int(function.numel_out(1))
+        self._text: str = function.serialize()
+        with _COMPILING:
+            self._scalar, self._single = _compiled(self._text, 1)
+        # One sample at a time, what takes longest is telling where the arrays are: these stay where they are.
+        widths = [function.numel_in(i) for i in range(3)]
+        shapes = [widths[0], (1, widths[1]), widths[2], (1, self.outputs)]
+        self._held = [np.zeros(shape) for shape in shapes]
+        self._places = np.array([array.ctypes.data for array in self._held], np.uint64)
+        self._where: int = self._places.ctypes.data
+
+    def run(self, state: Floats, samples: Floats, settings: Floats) -> tuple[Floats, Floats]:
+        """State (ns,) after, and outputs (n, ny) of, the samples (n, nw)."""
+        if len(samples) == 1:
+            held_state, held_sample, held_settings, output = self._held
+            held_state[...], held_sample[...], held_settings[...] = state, samples, settings
+            self._single(self._where)
+            return held_state.copy(), output.copy()
+        arrays = [np.array(state, float), *(np.ascontiguousarray(array, float) for array in (samples, settings))]
+        arrays.append(np.empty((len(samples), self.outputs)))
+        self._scalar(len(samples), 1, *(array.ctypes.data for array in arrays))
+        return arrays[0], arrays[3]
+
+    def run_lanes(self, states: Floats, samples: Floats, settings: Floats, every: int) -> tuple[Floats, Floats]:
+        """States (8, ns) after, and outputs (m, 8, ny) of every so-many-th sample, for eight settings (8, np)."""
+        with _COMPILING:
+            call, _ = _compiled(self._text, LANES)
+        after = np.ascontiguousarray(states.T, float)
+        samples = np.ascontiguousarray(samples, float)
+        columns = np.ascontiguousarray(settings.T, float)
+        outputs = np.empty((len(samples) // every, self.outputs, LANES))
+        call(len(samples), every, *(array.ctypes.data for array in (after, samples, columns, outputs)))
+        return np.ascontiguousarray(after.T), outputs.transpose(0, 2, 1)
+
+
+@cache
+def _compiled(text: str, lanes: int) -> tuple[Callable[..., None], Callable[[int], None]]:
+    """Machine code of a serialised step, over a block and of one sample; one for each step and width in a process."""
+    import casadi
+    import llvmlite.binding as binding
+
+    function = casadi.Function.deserialize(text)
+    source = Translation(function, lanes).module()
+    machine = _machine()
+    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
+    module = binding.parse_assembly(str(source))
+    module.verify()
+    tuning = binding.create_pipeline_tuning_options(speed_level=2)
+    builder = binding.create_pass_builder(machine, tuning)
+    builder.getModulePassManager().run(module, builder)
+    engine.add_module(module)
+    engine.finalize_object()
+    pointer = ctypes.c_void_p
+    block = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64, *([pointer] * 4))
+    single = ctypes.PYFUNCTYPE(None, pointer)  # over before another thread could make use of the interpreter
+    _ENGINES.append(engine)  # the code lives as long as its engine
+    return block(engine.get_function_address("run")), single(engine.get_function_address("single"))
+
+
+def _machine() -> Any:
+    """This machine, with all that its processor can do."""
+    import llvmlite.binding as binding
+
+    _library()
+    target = binding.Target.from_default_triple()
+    features = binding.get_host_cpu_features().flatten()
+    return target.create_target_machine(opt=2, cpu=binding.get_host_cpu_name(), features=features, jit=True)
+
+
+@cache
+def _library() -> None:
+    """Start LLVM, and tell it where the functions of the C library are, under names that it does not rewrite."""
+    import llvmlite.binding as binding
+
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    library = ctypes.CDLL(ctypes.util.find_library("m"))
+    for name in set(LIBRARY.values()):
+        address = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
+        binding.add_symbol(f"palpate_{name}", address)

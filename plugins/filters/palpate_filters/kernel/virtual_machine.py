@@ -1,0 +1,67 @@
+"""CasADi's virtual machine: always there, and a few hundred times faster than a filter written in numpy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from palpate import Floats
+
+_BLOCK = 1000  # samples in one call; longer ones take seconds to build
+
+
+class VirtualMachine:
+    """Runs a step by `Function.buffer`, one sample a call, or a block a call by `mapaccum`: the same bits."""
+
+    name = "CasADi virtual machine"
+
+    def __init__(self, function: Any) -> None:
+        self._single = _Call(function, 1)
+        self._block: _Call | None = None
+
+    def run(self, state: Floats, samples: Floats, settings: Floats) -> tuple[Floats, Floats]:
+        """State (ns,) after, and outputs (n, ny) of, the samples (n, nw)."""
+        outputs = np.empty((len(samples), self._single.outputs))
+        whole = len(samples) // _BLOCK * _BLOCK
+        if whole and self._block is None:
+            self._block = _Call(self._single.function, _BLOCK)
+        for start in range(0, whole, _BLOCK):
+            assert self._block is not None
+            stop = start + _BLOCK
+            state = self._block(state, samples[start:stop], settings, outputs[start:stop])
+        for i in range(whole, len(samples)):
+            state = self._single(state, samples[i : i + 1], settings, outputs[i : i + 1])
+        return state, outputs
+
+
+class _Call:
+    """A step over a fixed number of samples, with the memory that CasADi reads from and writes to."""
+
+    def __init__(self, step: Any, length: int) -> None:
+        self.function = step
+        states, width, settings = (step.size1_in(i) for i in range(3))
+        self.outputs = step.size1_out(1)
+        self._state = np.zeros(states)
+        self._samples = np.zeros((length, width))
+        self._settings = np.zeros((length, settings))
+        self._states = np.zeros((length, states))
+        self._outputs = np.zeros((length, self.outputs))
+        compiled = step if length == 1 else step.mapaccum("block", length, [0], [0])
+        self._buffer, self._trigger = compiled.buffer()
+        # Columns in CasADi are rows here: both keep one sample's numbers together in memory.
+        for i, array in enumerate((self._state, self._samples, self._settings)):
+            self._buffer.set_arg(i, memoryview(array.data))
+        for i, array in enumerate((self._states, self._outputs)):
+            self._buffer.set_res(i, memoryview(array.data))
+
+    def __call__(
+        self,
+        state: Floats,
+        samples: Floats,
+        settings: Floats,
+        outputs: Floats,
+    ) -> Floats:
+        self._state[...], self._samples[...], self._settings[...] = state, samples, settings
+        self._trigger()
+        outputs[...] = self._outputs
+        return np.array(self._states[-1])

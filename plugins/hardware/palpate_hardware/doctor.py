@@ -1,0 +1,28 @@
+"""``palpate doctor``: is the rig well? Nothing moves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate import UserError
+from palpate.host import Overrides, load_pipeline
+
+from palpate_hardware.examine import examine
+
+_MARKS = {"good": "ok  ", "note": "note", "bad": "BAD "}
+
+
+def doctor(
+    file: Annotated[Path, typer.Argument(help="The pipeline file.")],
+    overrides: Overrides = None,
+    duration: Annotated[float, typer.Option(help="How long to listen [s].", min=0.2)] = 2.0,
+) -> None:
+    """Connect every device and look: ports, rates, pauses, clocks, noise at rest, the limits. Nothing moves."""
+    bad = 0
+    for finding in examine(load_pipeline(file, overrides or []), duration):
+        bad += finding.verdict == "bad"
+        typer.echo(f"{_MARKS[finding.verdict]} {finding.subject}: {finding.text}")
+    if bad:
+        raise UserError(f"{bad} finding{'s' if bad > 1 else ''} to mend")

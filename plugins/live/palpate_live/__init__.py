@@ -1,0 +1,30 @@
+"""See a run while it goes on: a page in the browser, a panel on the terminal, and the same page of a recorded run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from palpate import Command, Display, plugin
+
+if TYPE_CHECKING:
+    from palpate import Sink
+
+
+@plugin
+def palpate_sinks() -> dict[str, type[Sink]]:
+    """The page."""
+    from palpate_live.sink import LiveSink
+
+    return {"live": LiveSink}
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """The page of what was recorded."""
+    return {"watch": Command("palpate_live.watch:watch", "See a recorded run on the live page.", "logs")}
+
+
+@plugin
+def palpate_displays() -> dict[str, Display]:
+    """The panel."""
+    return {"panel": Display("palpate_live.terminal:panel")}

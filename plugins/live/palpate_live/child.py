@@ -1,0 +1,142 @@
+"""The process that serves the page, as the run sees it: a socket that takes a datagram whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import secrets
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+
+from palpate import OutputError, printable
+
+_BUFFER = 1 << 20  # bytes that may wait for the process, where Linux permits
+_GOES = 2.0  # [s] in which it has to end
+_COMMAND = 256  # bytes
+
+
+class Child:
+    """A server of the page in a process of its own; nothing that it does or fails to do holds up who sends."""
+
+    def __init__(self, port: int, stop: Callable[[str], None] | None, patient: bool = False) -> None:
+        """Listen on 127.0.0.1, start the process; raises OutputError where the port is taken.
+
+        `stop` is called from a thread when somebody asks for it on the page; a `patient` sender waits for the process.
+        """
+        self.sent = self.dropped = 0
+        self.lost: str | None = None  # why nothing goes there any more
+        self._stop, self._patient = stop, patient
+        self.token = secrets.token_urlsafe(16)
+        with _listening(port) as listener:
+            self.port: int = listener.getsockname()[1]
+            self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER)
+            self._errors = tempfile.TemporaryFile()  # noqa: SIM115  (closed when the process has ended)
+            with theirs:
+                self._process = self._started(listener, theirs)
+        self._thread = threading.Thread(target=self._listen, daemon=True, name="live page")
+        self._thread.start()
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    @property
+    def address(self) -> str:
+        """Where a browser finds the page; whoever knows it may look, and stop the run."""
+        return f"http://127.0.0.1:{self.port}/{self.token}/"
+
+    def _started(self, listener: socket.socket, theirs: socket.socket) -> subprocess.Popen[bytes]:
+        """In a session of its own, so that Ctrl-C reaches the run only; it imports nothing from the current folder."""
+        numbers = listener.fileno(), theirs.fileno()
+        command = [sys.executable, "-P", "-m", "palpate_live.server", *map(str, numbers)]
+        try:
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=self._errors,
+                pass_fds=numbers,
+                start_new_session=True,
+            )
+        except OSError as error:
+            raise OutputError(f"live page: its process cannot be started: {error.strerror}") from error
+        assert process.stdin is not None
+        with suppress(OSError), process.stdin as pipe:
+            pipe.write(f"{self.token}\n".encode())  # arguments of a process are seen by everybody
+        return process
+
+    def send(self, message: bytes) -> bool:
+        """Hand a message to the process; False where it was dropped, which is counted. Only one thread sends."""
+        if self.lost is None:
+            try:
+                self._socket.send(message, 0 if self._patient else socket.MSG_DONTWAIT)
+                self.sent += 1
+                return True
+            except BlockingIOError:
+                pass
+            except OSError as error:
+                if error.errno != errno.EMSGSIZE:
+                    self.lost = error.strerror or str(error)
+        self.dropped += 1
+        return False
+
+    def _listen(self) -> None:
+        while True:
+            try:
+                said = self._socket.recv(_COMMAND)
+            except OSError:
+                return
+            if not said:
+                return
+            if said == b"stop" and self._stop is not None:
+                self._stop("on the live page")
+
+    def wait(self) -> None:
+        """Until the process ends."""
+        self._process.wait()
+
+    def close(self) -> str | None:
+        """End the process; a sentence where something was not as it should be. Once more does nothing."""
+        if self._errors.closed:
+            return None
+        with suppress(OSError):
+            self._socket.shutdown(socket.SHUT_WR)
+        try:
+            code = self._process.wait(_GOES)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            code = self._process.wait()
+        with suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
+        self._thread.join(_GOES)
+        self._socket.close()
+        with self._errors as file:
+            file.seek(0)
+            words = file.read().decode(errors="replace").strip().splitlines()
+        if code > 0:
+            return f"the live page ended early: {printable(words[-1]) if words else f'exit code {code}'}"
+        if self.lost is not None:
+            return "the live page was ended from outside; the run has not waited for it"
+        if self.dropped:
+            return f"the live page was too slow: {self.dropped} of {self.sent + self.dropped} messages were not shown"
+        return None
+
+
+def _listening(port: int) -> socket.socket:
+    found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        found.bind(("127.0.0.1", port))
+        found.listen(16)
+    except OSError as error:
+        found.close()
+        raise OutputError(
+            f"live page: port {port} of 127.0.0.1 cannot be used: {error.strerror}; port = 0 takes a free one"
+        ) from error
+    return found

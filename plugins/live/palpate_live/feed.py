@@ -1,0 +1,145 @@
+"""The writer: takes what a run says, chooses rows, and hands messages on; it never waits, and keeps next to nothing."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Batch, Estimates, Flag, FlagMeaning, GuardState, Run, Samples
+from palpate.host import finite_tree, people
+
+from palpate_live.columns import RATE, Columns, Table, beyond, described
+from palpate_live.wire import pack, pack_rows, pieces
+
+_EVERY = 0.05  # [s] between two messages with rows
+
+Send = Callable[[bytes], object]
+
+
+class Feed:
+    """What is said of a run, as messages for the page."""
+
+    def __init__(self, run: Run, send: Send, meanings: Mapping[str, FlagMeaning], recorded: bool = False) -> None:
+        self._send, self._meanings = send, meanings
+        self.by_record = recorded
+        self._columns = Columns(run.tracks)
+        self._begins = self._columns.begins
+        self._beyond = {track: np.zeros(len(parameters)) for track, parameters in run.tracks.items()}
+        self._now = 0.0  # [s] of the record
+        self._bin = -math.inf  # in which the latest row is
+        self._samples: Samples | None = None
+        self._chosen: NDArray[np.intp] = np.zeros(0, np.intp)
+        self._blocks: list[tuple[NDArray[np.float64], Table]] = []
+        self._stamp = 0  # [ns] of the latest row
+        self._last: str | None = None  # track that was told last of the block before
+        self._latest: str | None = None
+        self._offline: dict[str, Estimates] = {}
+        self._next = time.monotonic()
+        self._tell(described(run, recorded))
+
+    def batch(self, device: str, batch: Batch) -> None:
+        """Raw readings are not shown."""
+
+    def samples(self, samples: Samples) -> None:
+        """Begin a block: the first sample of each hundredth of a second becomes a row."""
+        self._last, self._latest = self._latest, None
+        if self._last is None:
+            self._flush_in_time()
+        bins = np.floor(samples.time * RATE)
+        self._chosen = np.flatnonzero(np.diff(bins, prepend=self._bin) > 0)
+        self._bin, self._now, self._samples = float(bins[-1]), float(samples.time[-1]), samples
+        if len(self._chosen):
+            self._blocks.append((samples.time[self._chosen], self._columns.of_samples(samples, self._chosen)))
+            self._stamp = int(samples.stamp[self._chosen[-1]])
+
+    def estimates(self, track: str, estimates: Estimates) -> None:
+        """What a track says of the block; of an offline estimator, of the whole record."""
+        samples = self._samples
+        if samples is None or len(estimates) != len(samples) or estimates.time[0] != samples.time[0]:
+            self._offline[track] = estimates
+            return
+        self._latest = track
+        if len(self._chosen) and self._blocks:
+            own = self._columns.of_track(estimates, self._chosen, self._beyond[track])
+            begin = self._begins[track]
+            self._blocks[-1][1][:, begin : begin + own.shape[1]] = own
+        if track == self._last:
+            self._flush_in_time()
+
+    def health(self, health: Mapping[str, Any]) -> None:
+        """Streams, devices, tare, backlog; and what each track would find if the run ended now."""
+        table = dict(health)
+        for track, found in table.pop("tracks", {}).items():
+            self._found(track, found)
+        self._tell({"kind": "health", **table})
+
+    def _found(self, track: str, found: Mapping[str, Any], final: bool = False) -> None:
+        """Values with their combined uncertainty; rows from now on have it, too."""
+        self._beyond[track] = np.array([beyond(part) for part in found["parameters"].values()])
+        shown = {kind: {n: _value(p) for n, p in found.get(kind, {}).items()} for kind in ("parameters", "derived")}
+        self._tell({"kind": "found", "track": track, "final": final, "verdict": found.get("verdict"), **shown})
+
+    def flags(self, track: str | None, flags: tuple[Flag, ...]) -> None:
+        """All that now speaks against a track, or against the record."""
+        told = []
+        for flag in flags:
+            meaning = self._meanings.get(flag.code)
+            words = {"meaning": meaning.meaning, "remedy": meaning.remedy} if meaning else {}
+            told.append({**flag.table(), **words})
+        self._tell({"kind": "flags", "track": track, "flags": told})
+
+    def guard(self, state: GuardState) -> None:
+        """What the guard does."""
+        self._tell({"kind": "guard", "phase": state.phase, "reason": state.reason, "peak": state.peak_force})
+
+    def result(self, table: Mapping[str, Any]) -> None:
+        """What the run found in the end."""
+        self.flush()
+        record = table["run"]
+        for name, track in table["tracks"].items():
+            self._found(name, track, True)
+            if name in self._offline:
+                self._afterwards(name, self._offline.pop(name))
+            self.flags(name, tuple(Flag(**flag) for flag in track["flags"]))
+        if table["tracks"]:
+            self.flags(None, ())  # every track has those of the record now
+        self._tell({"kind": "result", "truth": table["truth"], "duration": record.get("log_duration")})
+
+    def _tell(self, message: Mapping[str, Any]) -> None:
+        if self._blocks:
+            self.flush()  # messages stand in the order of the record
+        self._send(pack({**finite_tree(dict(message)), "t": self._now}))
+
+    def _flush_in_time(self) -> None:
+        now = time.monotonic()
+        if now >= self._next:
+            self._next = now + _EVERY
+            self.flush()
+
+    def flush(self) -> None:
+        """Send the rows that wait."""
+        if not self._blocks:
+            return
+        times = np.concatenate([times for times, _ in self._blocks])
+        table = np.concatenate([rows for _, rows in self._blocks]).T
+        self._blocks.clear()
+        for piece in pieces(len(times), len(table)):
+            self._send(pack_rows({"kind": "rows", "stamp": self._stamp}, times[piece], table[:, piece]))
+
+    def _afterwards(self, track: str, estimates: Estimates) -> None:
+        """Of an offline estimator, which speaks when the record has ended: the same rows, all at once."""
+        rows = np.flatnonzero(np.diff(np.floor(estimates.time * RATE), prepend=-math.inf) > 0)
+        table = self._columns.of_track(estimates, rows, self._beyond[track]).T
+        times = estimates.time[rows]
+        for piece in pieces(len(times), len(table)):
+            header = {"kind": "later", "track": track, "begin": self._begins[track]}
+            self._send(pack_rows(header, times[piece], table[:, piece]))
+
+
+def _value(part: Mapping[str, Any]) -> list[Any]:
+    """Value and combined standard uncertainty [SI], the unit that is shown, and how many of it one SI unit is."""
+    return [part["value"], part["combined"], *people(part["unit"])]

@@ -1,0 +1,93 @@
+"""Who gets in: the page is for a browser on this machine, or at the other end of a tunnel, that knows the token."""
+
+from __future__ import annotations
+
+import hmac
+import re
+from importlib.resources import files
+
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
+
+# As a browser names this machine, whatever the port: `ssh -L 9000:127.0.0.1:8000` makes it another one.
+_HERE = re.compile(r"(?:localhost|127\.0\.0\.1)(?::\d{1,5})?")
+_TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
+_STATIC = files("palpate_live") / "static"
+_FILES = {
+    "": "index.html",
+    **{
+        name: name
+        for name in (
+            "page.css",
+            "main.js",
+            "record.js",
+            "charts.js",
+            "map.js",
+            "panels.js",
+            "icon.svg",
+            "uplot/uPlot.iife.min.js",
+            "uplot/uPlot.min.css",
+        )
+    },
+}
+DATA = "data"
+
+
+def host_of(request: Request) -> str | None:
+    """The host that a request is for, where it is this machine; a name that only leads here (DNS rebinding) is not."""
+    hosts = request.headers.get_all("Host")
+    return hosts[0] if len(hosts) == 1 and _HERE.fullmatch(hosts[0]) else None
+
+
+def refusal(request: Request, token: str) -> str | None:
+    """Why a request gets nothing; None where it may pass."""
+    host = host_of(request)
+    if host is None:
+        return "this page is served to localhost and 127.0.0.1 only"
+    origins = request.headers.get_all("Origin")
+    if any(origin != f"http://{host}" for origin in origins) or len(origins) > 1:
+        return "another page has no business here"
+    given, _, rest = request.path.removeprefix("/").partition("/")
+    if not hmac.compare_digest(given.encode(errors="replace"), token.encode()):
+        return "the address lacks the token that the run has printed, or has that of another run"
+    if rest == DATA and not origins:
+        return "data are for the page only"
+    return None
+
+
+def answer(request: Request, token: str) -> Response | None:
+    """What a request gets; None for the page's own WebSocket, which is let in."""
+    why = refusal(request, token)
+    if why is not None:
+        return response(403, f"403: {why}\n".encode(), "text/plain")
+    name = request.path.removeprefix("/").partition("/")[2]
+    if name == DATA:
+        return None
+    if name not in _FILES:
+        return response(404, b"404: there is no such thing here\n", "text/plain")
+    path = _FILES[name]
+    body = (_STATIC / path).read_bytes()
+    return response(200, body, _TYPES[path.rpartition(".")[2]], host_of(request) or "")
+
+
+def response(status: int, body: bytes, kind: str, host: str = "") -> Response:
+    """A response that tells the browser to trust nothing but this page."""
+    policy = (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
+        f"connect-src 'self'{f' ws://{host}' if host else ''}; "
+        "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
+    headers = Headers(
+        {
+            "Content-Type": f"{kind}; charset=utf-8",
+            "Content-Length": str(len(body)),
+            "Content-Security-Policy": policy,
+            "Referrer-Policy": "no-referrer",
+            "X-Frame-Options": "DENY",
+            "X-Content-Type-Options": "nosniff",
+            "Cross-Origin-Resource-Policy": "same-origin",
+            "Cache-Control": "no-store",
+            "Connection": "close",
+        }
+    )
+    return Response(status, {200: "OK", 403: "Forbidden", 404: "Not Found"}[status], headers, body)

@@ -1,0 +1,52 @@
+"""``[sink.live]``: a page in the browser that shows the run while it goes on."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
+
+from palpate import FlagMeaning, Run, Sink, Writer
+from palpate.host import registry
+from pydantic import Field
+
+from palpate_live.child import Child
+from palpate_live.feed import Feed
+
+
+class LiveSink(Sink):
+    """Shows the run on a page in the browser, and ends it at a click: the arm retracts. It is no emergency stop.
+
+    The page is served on 127.0.0.1 by a process of its own, to whoever has the address that the run prints: it holds a
+    token. What that process does, or that it has gone, never holds up the run: messages that it does not take at once
+    are dropped and counted.
+    """
+
+    port: int = Field(default=0, ge=0, le=65535, description="of 127.0.0.1 that the page is served on; 0: any free one")
+
+    def open(self, run: Run) -> AbstractContextManager[Writer]:
+        """Start the page, and say on standard error where it is; raises OutputError where the port is taken."""
+        return self._opened(run)
+
+    @contextmanager
+    def _opened(self, run: Run) -> Iterator[Writer]:
+        child = Child(self.port, run.stop)
+        try:
+            say(f"live page: {child.address}")
+            feed = Feed(run, child.send, meanings())
+            yield feed
+            feed.flush()
+        finally:
+            if (told := child.close()) is not None:
+                say(f"palpate: {told}")
+
+
+def say(text: str) -> None:
+    """A line on standard error, where there is one."""
+    with suppress(OSError):  # a terminal that has gone
+        print(text, file=sys.stderr, flush=True)
+
+
+def meanings() -> dict[str, FlagMeaning]:
+    """What the flags of everything that is installed mean."""
+    return {code: entry.meaning for code, entry in registry.load().flags.items()}

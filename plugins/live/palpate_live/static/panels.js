@@ -1,0 +1,127 @@
+// Numbers and tables. Every text is set as text: names come from users, logs and plugins.
+
+export function element(tag, text = "", kind = "") {
+  const made = document.createElement(tag);
+  made.textContent = text;
+  if (kind) made.className = kind;
+  return made;
+}
+
+// A value and its uncertainty, to two digits of the uncertainty.
+export function measured(value, u) {
+  if (!Number.isFinite(value)) return "–";
+  if (u === null || Number.isNaN(u)) return `${+value.toPrecision(4)} ± ?`;
+  if (!(Number.isFinite(u) && u > 0)) return `${+value.toPrecision(4)}`;
+  const digits = Math.min(Math.max(0, 1 - Math.floor(Math.log10(u))), 12);
+  return `${value.toFixed(digits)} ± ${u.toFixed(digits)}`;
+}
+
+export const seconds = (t) => t >= 120 ? `${Math.floor(t / 60)} min ${Math.floor(t % 60)} s` : `${t.toFixed(1)} s`;
+
+const SEVERITIES = ["good", "note", "doubtful", "invalid"];
+const WORDS = { good: "no flags", note: "notes only", doubtful: "doubtful", invalid: "do not use" };
+
+function worst(state, track) {
+  let found = 0;
+  for (const entry of state.flags.values())
+    if (entry.until === null && (entry.track === null || entry.track === track))
+      found = Math.max(found, SEVERITIES.indexOf(entry.flag.severity ?? "doubtful"));
+  return SEVERITIES[found];
+}
+
+export class Cards {
+  constructor(parent, run, styles) {
+    parent.replaceChildren();
+    this.cards = run.tracks.map((track, i) => {
+      const card = element("div", "", "card"), head = element("h2"), verdict = element("span"), table = element("table");
+      card.style.borderLeftColor = styles[i].colour;
+      head.append(element("span", track.name), verdict);
+      card.append(head, table);
+      parent.append(card);
+      const rows = track.parameters.map((parameter) => this.row(table, parameter.name, parameter.unit));
+      return { track, verdict, table, rows, derived: new Map() };
+    });
+  }
+
+  row(table, name, unit) {
+    const row = element("tr"), value = element("td");
+    row.append(element("td", name), value, element("td", unit));
+    table.append(row);
+    return value;
+  }
+
+  show(record, rows, state) {
+    for (const card of this.cards) {
+      const { track } = card, found = state.found[track.name], n = track.parameters.length;
+      const verdict = worst(state, track.name);
+      card.verdict.textContent = found?.final ? `${WORDS[verdict]} (result)` : `${WORDS[verdict]} so far`;
+      card.verdict.className = verdict === "note" ? "note-flag" : verdict;
+      track.parameters.forEach((parameter, k) => {
+        const final = found?.final ? found.parameters[parameter.name] : null;
+        const value = final ? final[0] ?? NaN : record.last(track.begin + k, rows);
+        const u = final ? final[1] : record.last(track.begin + n + k, rows);
+        card.rows[k].textContent = measured(value * parameter.factor, u === null ? null : u * parameter.factor);
+      });
+      for (const [name, [value, combined, unit, factor]] of Object.entries(found?.derived ?? {})) {
+        if (!card.derived.has(name)) card.derived.set(name, this.row(card.table, `${name} (derived)`, unit));
+        card.derived.get(name).textContent = measured((value ?? NaN) * factor, combined === null ? null : combined * factor);
+      }
+    }
+  }
+}
+
+export function showFlags(parent, state) {
+  const entries = [...state.flags.values()].sort((a, b) => (a.until !== null) - (b.until !== null)
+    || SEVERITIES.indexOf(b.flag.severity) - SEVERITIES.indexOf(a.flag.severity) || a.since - b.since);
+  if (!entries.length) { parent.replaceChildren(element("p", "No flags.", "good")); return; }
+  const table = element("table"), head = element("tr");
+  head.append(...["severity", "flag", "of", "from", "what it says"].map((text) => element("th", text)));
+  table.append(head);
+  for (const { track, flag, since, until } of entries) {
+    const row = element("tr", "", until === null ? "" : "gone"), text = element("td", flag.message);
+    if (flag.meaning) text.append(element("div", `${flag.meaning} ${flag.remedy}`, "meaning"));
+    const severity = flag.severity ?? "doubtful";
+    row.append(
+      element("td", severity, severity === "note" ? "note-flag" : severity), element("td", flag.code),
+      element("td", track ?? "every track"), element("td", `${since.toFixed(1)} s${until === null ? "" : ` to ${until.toFixed(1)} s`}`), text);
+    table.append(row);
+  }
+  parent.replaceChildren(table);
+}
+
+const plain = (value) => value === null || value === undefined ? "–"
+  : typeof value === "number" ? (Number.isInteger(value) ? `${value}` : `${+value.toPrecision(4)}`)
+  : Array.isArray(value) ? value.map(plain).join(", ") : `${value}`;
+
+function table(title, heads, rows) {
+  const box = element("div"), made = element("table"), head = element("tr");
+  head.append(...heads.map((text) => element("th", text)));
+  made.append(head);
+  for (const cells of rows) {
+    const row = element("tr");
+    row.append(...cells.map((cell) => element("td", cell)));
+    made.append(row);
+  }
+  box.append(element("h2", title), made);
+  return box;
+}
+
+// Numbers of a device by their names; those within others as "lateness p99".
+function flat(value, name = "") {
+  if (value === null || typeof value !== "object" || Array.isArray(value)) return [[name.trim(), plain(value)]];
+  return Object.entries(value).flatMap(([key, inner]) => flat(inner, `${name} ${key.replaceAll("_", " ")}`));
+}
+
+export function showDevices(parent, health, delay) {
+  if (!health) { parent.replaceChildren(element("p", "Nothing was said of them yet.", "note")); return; }
+  const streams = Object.entries(health.streams ?? {}), made = [];
+  const heads = ["samples", "invalid", "duplicates", "backwards", "gaps", "saturated"];
+  made.push(table("Streams", ["stream", "rate Hz", ...heads],
+    streams.map(([name, s]) => [name, plain(s.rate), ...heads.map((key) => plain(s[key]))])));
+  const whole = [["estimates behind the readings", `${plain(health.behind)} s`]];
+  if (health.tare) whole.push(["tare", `${plain(health.tare.offset)} N`], ["noise of the force at rest", `${plain(health.tare.noise)} N`]);
+  if (delay !== null) whole.push(["this page behind the sensor", `${Math.round(delay)} ms`]);
+  made.push(table("Run", ["", ""], whole));
+  for (const [name, device] of Object.entries(health.devices ?? {})) made.push(table(name, ["", ""], flat(device)));
+  parent.replaceChildren(...made);
+}

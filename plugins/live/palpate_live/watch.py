@@ -1,0 +1,63 @@
+"""``palpate watch``: the live page of a recorded run."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from palpate import ConfigurationError, LogError, Run
+from palpate.host import RunFolder, build_pipeline, carried_by, replay_source, run_pipeline
+
+from palpate_live.child import Child
+from palpate_live.feed import Feed
+from palpate_live.sink import meanings, say
+
+if TYPE_CHECKING:
+    from palpate.host import Pipeline
+
+
+def watch(
+    source: Annotated[Path, typer.Argument(metavar="RUN_OR_LOG", help="A run folder, or a log that palpate wrote.")],
+    port: Annotated[int, typer.Option(help="Port of 127.0.0.1; 0: any free one.", min=0, max=65535)] = 0,
+) -> None:
+    """Show a recorded run on the live page, with a time slider, at any speed; Ctrl-C ends it.
+
+    The run is estimated once more from its log, to the same numbers; nothing is written.
+    """
+    carried = carried_by(source)
+    if carried is None:
+        raise ConfigurationError(
+            f"{source}: carries no pipeline, so it is no log of palpate's: `palpate info {source} --suggest` writes one"
+        )
+    pipeline = build_pipeline(replay_source(carried))
+    child = Child(port, None, patient=True)
+    try:
+        say(f"live page: {child.address}")
+        if _filled(child, pipeline, source):
+            say("all of the record is there; Ctrl-C ends")
+            child.wait()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        told = child.close()
+    if told is not None:
+        say(f"palpate: {told}")
+
+
+def _filled(child: Child, pipeline: Pipeline, source: Path) -> bool:
+    """Estimate the record once more, and let the page have all of it; whether it came to its end."""
+    tracks = {str(track.name): track.model.parameters for track in pipeline.tracks}
+    run = Run(source, pipeline.ports.streams, tracks, {}, {}, pipeline.run.name)
+    feed = Feed(run, child.send, meanings(), recorded=True)
+    with tempfile.TemporaryDirectory(prefix="palpate-watch-") as folder:
+        result = run_pipeline(pipeline, Path(folder) / "run", observer=feed)
+    if result.interrupted is not None:
+        return False
+    if source.is_dir() and (known := RunFolder(source)).finished:
+        try:
+            feed.result(known.result)  # it knows why it ended
+        except LogError as error:
+            say(f"palpate: {error}")
+    return True

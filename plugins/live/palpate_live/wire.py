@@ -1,0 +1,60 @@
+"""What goes from the run to the page: messages, each whole in one datagram, which browsers get as they are.
+
+A message is a header in JSON. One with rows has numbers behind it: the length of the header (uint32), the header,
+filled up with blanks so that the numbers begin at a multiple of 8 bytes, times (n,) as float64, columns (columns, n) as
+float32, all little-endian.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+LARGEST = 32_000  # bytes of a datagram: Linux cuts longer ones of such a socket into several
+_LENGTH = struct.Struct("<I")
+_TEXT = b"{"  # begins a message without numbers; no length does: each is 4 more than a multiple of 8
+
+Header = dict[str, Any]
+Rows = tuple[NDArray[np.float64], NDArray[np.float32]]  # times (n,), columns (columns, n)
+
+
+def pack(header: Mapping[str, Any]) -> bytes:
+    """A message without numbers."""
+    return json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
+
+
+def pack_rows(header: Mapping[str, Any], time: NDArray[np.float64], columns: NDArray[np.float32]) -> bytes:
+    """A message with rows: times (n,) [s] and columns (columns, n)."""
+    text = pack({**header, "rows": len(time)})
+    text += b" " * (-(len(text) + _LENGTH.size) % 8)
+    return _LENGTH.pack(len(text)) + text + time.astype("<f8").tobytes() + columns.astype("<f4").tobytes()
+
+
+def unpack(message: bytes) -> tuple[Header, Rows | None]:
+    """A message's header, and its rows where it has some."""
+    if message[:1] == _TEXT:
+        return json.loads(message), None
+    (length,) = _LENGTH.unpack_from(message)
+    begin = _LENGTH.size + length
+    header = json.loads(message[_LENGTH.size : begin])
+    rows = header["rows"]
+    time = np.frombuffer(message, "<f8", rows, begin)
+    columns = np.frombuffer(message, "<f4", offset=begin + 8 * rows)
+    return header, (time, columns.reshape(-1, rows) if rows else columns.reshape(0, 0))
+
+
+def is_text(message: bytes) -> bool:
+    """Whether a message is only a header."""
+    return message[:1] == _TEXT
+
+
+def pieces(rows: int, columns: int) -> Iterator[slice]:
+    """So many rows in pieces that fit into one datagram each."""
+    most = max((LARGEST - 1000) // (8 + 4 * max(columns, 1)), 1)
+    for begin in range(0, rows, most):
+        yield slice(begin, min(begin + most, rows))

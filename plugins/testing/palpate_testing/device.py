@@ -1,0 +1,86 @@
+"""Checks of devices."""
+
+from __future__ import annotations
+
+from threading import Event, Thread
+
+import numpy as np
+from palpate import Arm, Batch, Device, Link, Trajectory
+
+from palpate_testing.demand import demand
+
+
+def check_device(device: Device, trajectory: Trajectory | None = None, seed: int = 0, listen: float = 2.0) -> None:
+    """A device sends what it announces; for one that moves, give a short trajectory.
+
+    Checked: channels known before connecting, with names that differ; batches only of announced streams, of the right
+    width, with time-stamps in whole nanoseconds, one per row; `stop` twice does no harm; a device that is connected
+    again with the same seed sends the same readings. A live device is listened to for some time [s], `listen`, and may
+    send other readings the second time.
+    """
+    name = type(device).__name__
+    names = [stream.name for stream in device.streams]
+    demand(names, f"{name} announces no stream")
+    demand(len(set(names)) == len(names), f"{name} announces two streams of one name")
+    for stream in device.streams:
+        channels = [channel.name for channel in stream.channels]
+        demand(channels and len(set(channels)) == len(channels), f"{name}.{stream.name}: channels must have own names")
+    first = _batches(device, trajectory, seed, listen)
+    demand(any(len(batch.time) for batch in first), f"{name} sends nothing")
+    widths = {stream.name: len(stream.channels) for stream in device.streams}
+    for batch in first:
+        demand(batch.stream in widths, f"{name} sends a stream {batch.stream!r} that it does not announce")
+        demand(batch.values.ndim == 2, f"{name}.{batch.stream}: values must be a table")
+        demand(batch.values.shape[1] == widths[batch.stream], f"{name}.{batch.stream}: values of the wrong width")
+        for stamps in (batch.time, batch.received):
+            demand(stamps.dtype == np.int64, f"{name}.{batch.stream}: time-stamps must be int64 nanoseconds")
+            demand(stamps.shape == (len(batch.values),), f"{name}.{batch.stream}: one time-stamp for each row")
+    second = _batches(device, trajectory, seed, listen)
+    if device.live:
+        demand(any(len(batch.time) for batch in second), f"{name} sends nothing when connected again")
+        return
+    same = len(first) == len(second) and all(
+        a.stream == b.stream and np.array_equal(a.values, b.values, equal_nan=True)
+        for a, b in zip(first, second, strict=True)
+    )
+    demand(same, f"{name} sends other readings when connected again with the same seed")
+
+
+def _batches(device: Device, trajectory: Trajectory | None, seed: int, listen: float) -> list[Batch]:
+    with device.connect(seed) as link:
+        moves = isinstance(link, Arm)
+        if isinstance(link, Arm):
+            demand(trajectory is not None, f"{type(device).__name__} moves: give check_device a trajectory")
+            assert trajectory is not None
+            link.follow(trajectory)
+        found = _heard(link, listen, type(device).__name__) if device.live else list(link.batches())
+        if moves:
+            assert isinstance(link, Arm)
+            link.stop()
+            link.stop()
+    return found
+
+
+def _heard(link: Link, seconds: float, name: str) -> list[Batch]:
+    """What a live link sends within some time [s]; one that says nothing cannot hold it up."""
+    found: list[Batch] = []
+    failures: list[Exception] = []
+    enough = Event()
+
+    def hear() -> None:
+        try:
+            for batch in link.batches():
+                found.append(batch)
+                if enough.is_set():
+                    return
+        except Exception as error:  # whatever a stranger's code raises; after the end it is no matter
+            if not enough.is_set():
+                failures.append(error)
+
+    thread = Thread(target=hear, daemon=True)
+    thread.start()
+    thread.join(seconds)
+    enough.set()
+    if failures:
+        raise AssertionError(f"{name} raises {type(failures[0]).__name__}: {failures[0]}") from failures[0]
+    return list(found)

@@ -1,0 +1,1 @@
+"""``palpate plan``: motions looked at before they are made."""

@@ -1,0 +1,72 @@
+"""Runs for the page: made of few numbers, or of the rig that lives in the tests of the core."""
+
+import time
+
+import numpy as np
+import pytest
+from palpate import Estimates, Parameter, Run, Samples
+from palpate_live.child import Child
+from palpate_live.wire import unpack
+
+from tests.core.conftest import live_pipeline, run_live, stage  # noqa: F401
+
+PARAMETERS = (Parameter("elasticity", "E", "Pa", "stiffness"), Parameter("viscosity", "eta", "Pa*s", "damping"))
+TRACKS = {"dr/a": PARAMETERS, "dr/b": PARAMETERS[:1]}
+
+
+@pytest.fixture
+def a_run(tmp_path):
+    """A run of two tracks, with whatever else is given."""
+    return lambda **more: Run(tmp_path, {}, TRACKS, {}, {}, "a run", **more)
+
+
+@pytest.fixture
+def samples():
+    """Samples (n) at 500 Hz from a number on; the force counts them."""
+
+    def made(first, count):
+        steps = np.arange(first, first + count)
+        time_, zeros, yes = steps / 500.0, np.zeros(count), np.ones(count, bool)
+        stamp = np.rint(time_ * 1e9).astype(np.int64)
+        return Samples(stamp, time_, np.full(count, 0.002), steps.astype(float), zeros - 1e-3, zeros, yes, yes)
+
+    return made
+
+
+@pytest.fixture
+def estimates():
+    """Estimates for samples: every value is the time, every std a thousandth."""
+
+    def made(samples, parameters, status=0):
+        n = len(samples)
+        values = np.tile(samples.time[:, None], (1, parameters))
+        plain = (np.zeros(n), np.full(n, 1e-4), samples.force + 0.5, np.ones(n))
+        return Estimates(samples.time, values, values * 0 + 1e-3, *plain, np.full(n, status, np.uint32))
+
+    return made
+
+
+@pytest.fixture
+def child():
+    """A page that is served, and what was asked to stop."""
+    asked = []
+    made = Child(0, asked.append)
+    made.asked = asked
+    yield made
+    made.close()
+
+
+def read(socket, kind, patience=20.0):
+    """The next message of a kind from a WebSocket."""
+    deadline = time.monotonic() + patience
+    while time.monotonic() < deadline:
+        said = socket.recv(timeout=patience)
+        header, rows = unpack(said.encode() if isinstance(said, str) else said)
+        if header["kind"] == kind:
+            return header, rows
+    raise AssertionError(f"no {kind} came")
+
+
+def records(messages):
+    """Headers and rows of messages."""
+    return [unpack(message) for message in messages]

@@ -1,0 +1,48 @@
+"""The page in a real Chromium."""
+
+import pytest
+from palpate import Run
+from palpate.config import load_pipeline
+from palpate.pipeline import run_pipeline
+from palpate_live.child import Child
+from palpate_live.feed import Feed
+from palpate_live.sink import meanings
+
+from tests.live_page.browser import CHROMIUM, browser
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here: apt-get install chromium")
+
+# How many pixels of each chart are coloured like the curve of a track.
+COLOURED = """Array.from(document.querySelectorAll('.chart canvas')).map((canvas) => {
+  const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+  let found = 0;
+  for (let i = 0; i < data.length; i += 4) found += data[i + 3] > 200 && data[i + 2] - data[i] > 100;
+  return found;
+})"""
+
+
+def test_all_panels_are_drawn(point_pipeline, tmp_path):
+    pipeline = load_pipeline(point_pipeline, ['run.tracks=["*/ekf"]', "trajectory.press.duration=3 s"])
+    asked = []
+    child = Child(0, asked.append, patient=True)
+    tracks = {str(track.name): track.model.parameters for track in pipeline.tracks}
+    feed = Feed(Run(tmp_path, {}, tracks, {}, {}, "<b>a run</b>"), child.send, meanings())
+    result = run_pipeline(pipeline, tmp_path / "out", observer=feed)
+    with browser(child.address) as tab:
+        tab.until("window.palpate && window.palpate.draws > 2 && !!document.querySelector('#devices table')")
+        drawn = tab.ask(COLOURED)
+        assert len(drawn) == 6  # force, depth, elasticity, viscosity, innovation, NIS
+        assert min(drawn) > 30, drawn
+        elasticity = result.tracks["dr/ekf"].parameters["elasticity"]
+        card = tab.ask("document.querySelector('.card').innerText")
+        assert f"{elasticity.value / 1e3:.0f}" in card
+        assert f"± {elasticity.combined / 1e3:.2g}"[:4] in card
+        flags = tab.ask("document.getElementById('flags').innerText")
+        assert all(flag.code in flags for flag in result.tracks["dr/ekf"].flags)
+        assert "rig.wrench" in tab.ask("document.getElementById('devices').innerText")
+        assert tab.ask("document.getElementById('name').innerText") == "<b>a run</b>"  # no text is markup
+        assert tab.ask("document.getElementById('map-note').innerText").startswith("The tip stays in one place")
+        tab.key("Escape")
+        tab.until("document.getElementById('state').textContent === 'stop was asked for'")
+    child.close()
+    assert asked == ["on the live page"]

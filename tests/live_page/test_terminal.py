@@ -1,0 +1,91 @@
+"""The terminal while a run goes on."""
+
+import io
+import re
+import time
+
+import pytest
+from palpate import Flag, GuardState
+from palpate.config import load_pipeline
+from palpate.pipeline import run_pipeline
+from palpate_live import terminal
+from rich.console import Console
+
+from tests.live_page.conftest import TRACKS
+from tests.live_page.test_feed import FOUND
+
+
+@pytest.fixture
+def watcher(samples, estimates):
+    """One that has been told a little."""
+    made = terminal.Watcher("a [bold]run[/bold]", TRACKS)
+    made.samples(block := samples(0, 500))
+    made.estimates("dr/b", estimates(block, 1))
+    made.progress(1.0, 4.0, 0.0)
+    return made
+
+
+def shown(view):
+    out = io.StringIO()
+    Console(file=out, width=120, markup=False).print(view)
+    return out.getvalue()
+
+
+def test_a_line_says_what_there_is(watcher):
+    assert re.match(
+        r"1\.0 of 4\.0 s, \d+ x real time; force 499\.00 N, depth 1\.00 mm; dr/b: elasticity", watcher.line()
+    )
+    assert "dr/a" not in watcher.line()  # it has not said anything
+    watcher.flags("dr/b", (Flag("odd", "odd"),))
+    watcher.flags(None, (Flag("gaps", "gaps"),))
+    assert "(odd)" in watcher.line()
+    assert watcher.line().endswith("every track: gaps")
+
+
+def test_the_uncertainty_is_the_combined_one(watcher):
+    watcher.health({"tracks": {"dr/b": {"parameters": {"elasticity": FOUND}}}})
+    assert "elasticity 0.0010 ± 0.0040 kPa" in watcher.line()
+    watcher.health({"tracks": {"dr/b": {"parameters": {"elasticity": {**FOUND, "combined": None}}}}})
+    assert "elasticity 0.000998 ± ? kPa" in watcher.line()
+
+
+def test_the_panel_takes_no_text_for_markup(watcher):
+    watcher.guard(GuardState("tripped", "the force is 13 N [red]", 13.0))
+    text = shown(watcher.view())
+    assert "a [bold]run[/bold]" in text
+    assert "stopped by the guard: the force is 13 N [red]" in text
+    assert "elasticity" in text
+    assert "kPa" in text
+
+
+@pytest.mark.parametrize(("terminal_", "clears"), [("", False), ("1", True)])
+def test_it_shows_a_run(terminal_, clears, point_pipeline, tmp_path, monkeypatch, capsys):
+    """A panel on a terminal, which it clears when it ends; lines elsewhere."""
+    monkeypatch.setenv("FORCE_COLOR", terminal_) if terminal_ else monkeypatch.delenv("FORCE_COLOR", raising=False)
+    monkeypatch.setenv("COLUMNS", "140")
+    monkeypatch.setattr(terminal, "_LINES", 0.01)
+    monkeypatch.setattr(terminal, "_PANEL", 0.01)
+    pipeline = load_pipeline(point_pipeline, ["trajectory.press.duration=2 s"])
+    with terminal.panel(pipeline) as watcher:
+        run_pipeline(pipeline, tmp_path / "out", watcher.progress, watcher)
+        time.sleep(0.1)
+    said = capsys.readouterr().err
+    assert ("\x1b[2K" in said) == clears
+    assert "dr/ekf" in said
+    assert re.search(r"force -?\d\.\d\d N, depth -?\d\.\d\d mm", said)
+
+
+class Stuck(io.StringIO):
+    """A terminal that has gone."""
+
+    def write(self, text):
+        raise OSError(5, "Input/output error")
+
+
+def test_a_terminal_that_has_gone_stops_nobody(point_pipeline, tmp_path, monkeypatch):
+    monkeypatch.setattr("sys.stderr", Stuck())
+    monkeypatch.setattr(terminal, "_LINES", 0.01)
+    pipeline = load_pipeline(point_pipeline, ["trajectory.press.duration=1 s"])
+    with terminal.panel(pipeline) as watcher:
+        result = run_pipeline(pipeline, tmp_path / "out", watcher.progress, watcher)
+    assert result.interrupted is None
