@@ -32,9 +32,9 @@ AREAS = {
     "uncertainty": ("plugins/uncertainty/palpate_uncertainty/*.py plugins/filters/palpate_filters/fit/uncertainty.py "
                     "plugins/filters/palpate_filters/fit/identifiability.py",
                     "uncertainty core/test_budget.py filters/test_fit.py"),
-    "kernel": ("core/palpate/kernel/*.py", "core/test_kernel.py filters/test_parity.py"),
+    "kernel": ("plugins/filters/palpate_filters/kernel/*.py", "filters/test_kernel.py filters/test_parity.py"),
     "readers": ("plugins/devices/palpate_devices/mcap_replay.py plugins/devices/palpate_devices/logs/mcap_[a-q]*.py "
-                "plugins/devices/palpate_devices/logs/mcap_re[a-c]*.py plugins/devices/palpate_devices/logs/mcap_salvage.py",
+                "plugins/devices/palpate_devices/logs/mcap_re[a-c]*.py plugins/devices/palpate_devices/logs/mcap_s*.py",
                 "devices/test_mcap.py devices/test_mcap_reader.py devices/test_damage.py devices/test_mcap_index.py"),
 }  # fmt: skip
 OPERATORS = (
