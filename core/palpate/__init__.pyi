@@ -32,7 +32,7 @@ from palpate.device import (
     Turnable as Turnable,
     Watched as Watched,
 )
-from palpate.diagnosis import Diagnosed as Diagnosed, Kept as Kept, TrackEvidence as TrackEvidence
+from palpate.diagnosis import Bias as Bias, Diagnosed as Diagnosed, Kept as Kept, TrackEvidence as TrackEvidence
 from palpate.errors import (
     ConfigurationError as ConfigurationError,
     DeviceError as DeviceError,

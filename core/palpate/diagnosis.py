@@ -59,6 +59,14 @@ class TrackEvidence:
 
 
 @dataclass(frozen=True)
+class Bias:
+    """What an estimate is expected to be off by."""
+
+    shift: float  # [SI] value less truth
+    std: float | None  # [SI] standard uncertainty of the shift; None: too little is known of it to correct the value
+
+
+@dataclass(frozen=True)
 class Diagnosed:
     """What a diagnosis says of one track."""
 
@@ -66,6 +74,8 @@ class Diagnosed:
     terms: Mapping[str, float] = field(default_factory=dict)  # standard uncertainty [SI] that it adds, by parameter
     unknown: frozenset[str] = frozenset()  # parameters whose uncertainty nobody can tell
     table: Mapping[str, Any] = field(default_factory=dict)  # plain data for result.json
+    # Known, by parameter: the value stays, its uncertainty holds all of the shift, a corrected value stands beside it.
+    biases: Mapping[str, Bias] = field(default_factory=dict)
 
 
 # Tracks of one run -> findings by the name of the track; tracks that it has nothing to say of may be left out.

@@ -28,6 +28,13 @@ def test_every_source_is_shown_with_its_share(tmp_path, capsys):
         assert words in shown
 
 
+def test_a_corrected_value_stands_below_with_its_own_uncertainty(tmp_path, capsys):
+    value = {"value": 362.0, "unit": "Pa*s", "std": 3.0, "settling": 0.0, "combined": 14.2}
+    known = {"bias": 13.0, "bias_std": 3.3, "corrected": 349.0, "corrected_combined": 6.1}
+    budget(run_folder(tmp_path, parameters={"viscosity": value | known}))
+    assert "349 Pa s +- 6.1 Pa s" in capsys.readouterr().out
+
+
 def test_as_json_it_is_that_of_the_result(tmp_path, capsys):
     budget(run_folder(tmp_path), as_json=True)
     (rows,) = json.loads(capsys.readouterr().out).values()

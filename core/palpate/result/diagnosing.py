@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -59,7 +60,7 @@ def with_findings(result: TrackResult, model: ContactModel, name: str, finding: 
     """A result with the flags, uncertainties and numbers of a finding; derived values take them over."""
     cause = name.replace("-", "_")
     parameters = {
-        key: found.diagnosed(cause, finding.terms.get(key, 0.0), key in finding.unknown)
+        key: found.diagnosed(cause, finding.terms.get(key, 0.0), key in finding.unknown, finding.biases.get(key))
         for key, found in result.parameters.items()
     }
     return replace(
@@ -74,7 +75,10 @@ def with_findings(result: TrackResult, model: ContactModel, name: str, finding: 
 
 def _rows(result: TrackResult, name: str, finding: Diagnosed) -> list[BudgetRow]:
     """The row of a finding in the budget."""
-    shares = {key: share for key, share in finding.terms.items() if share > 0 and key in result.parameters}
+    terms = dict(finding.terms)
+    for key, bias in finding.biases.items():
+        terms[key] = math.hypot(terms.get(key, 0.0), bias.shift)
+    shares = {key: share for key, share in terms.items() if share > 0 and key in result.parameters}
     if not shares:
         return []
     values = {key: result.parameters[key].value for key in shares}
@@ -90,6 +94,8 @@ def _derived(value: Derived, model: ContactModel, result: TrackResult, finding: 
     values = [result.parameters[name].value for name in names]
     material = next(m for m in model.material(values) if m.name == value.name)
     share = material.std([finding.terms.get(name, 0.0) for name in names])
+    shifts = [finding.biases[name].shift if name in finding.biases else 0.0 for name in names]
+    share = math.hypot(share, sum(slope * shift for slope, shift in zip(material.gradient, shifts, strict=True)))
     touched = any(slope and name in finding.unknown for name, slope in zip(names, material.gradient, strict=True))
     return replace(value, found=value.found.diagnosed(cause, share, touched))
 

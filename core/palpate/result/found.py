@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import ContactModel
+from palpate.diagnosis import Bias
 from palpate.result.budget import Term
 
 
@@ -26,6 +27,7 @@ class Found:
     budget: Mapping[str, float] = field(default_factory=dict)  # its terms by name
     per_shear: float | None = None  # [s] shift of timing that would explain the value: eta/G
     unknown: bool = False  # nobody can tell how wrong it is
+    bias: Bias | None = None  # known, and with all of its shift in the combined uncertainty
 
     @property
     def combined(self) -> float:
@@ -33,6 +35,15 @@ class Found:
         if self.unknown:
             return math.nan
         return math.hypot(self.std, self.settling, self.systematic or 0.0)
+
+    @property
+    def corrected(self) -> Found | None:
+        """The value less its known bias, with what is not known of that in place of all of it (GUM 3.2.4)."""
+        if self.bias is None or self.bias.std is None:
+            return None
+        shares = self.budget.values()
+        left = math.hypot(*shares) ** 2 - self.bias.shift**2 + self.bias.std**2 if shares else self.bias.std**2
+        return replace(self, value=self.value - self.bias.shift, systematic=math.sqrt(max(left, 0.0)), bias=None)
 
     def table(self) -> dict[str, Any]:
         """As in ``result.json``; what is not a finite number becomes null."""
@@ -43,13 +54,20 @@ class Found:
         known |= {f"systematic_{term}": share for term, share in self.budget.items()}
         if self.per_shear is not None:
             known["equivalent_delay"] = self.per_shear
+        if self.bias is not None:
+            known |= {"bias": self.bias.shift, "bias_std": finite(self.bias.std)}
+            corrected = self.corrected
+            known |= {"corrected": corrected.value, "corrected_combined": corrected.combined} if corrected else {}
         return {key: finite(value) for key, value in known.items()}
 
-    def diagnosed(self, cause: str, share: float, unknown: bool) -> Found:
-        """With one more cause of systematic uncertainty [SI], or with an uncertainty that nobody can tell."""
+    def diagnosed(self, cause: str, share: float, unknown: bool, bias: Bias | None = None) -> Found:
+        """With one more cause of systematic uncertainty [SI], an uncertainty that nobody can tell, or a known bias."""
+        share = math.hypot(share, bias.shift) if bias is not None else share
         budget = dict(self.budget) | ({cause: share} if share > 0 else {})
         systematic = math.hypot(*budget.values()) if budget else None
-        return replace(self, systematic=systematic, budget=budget, unknown=self.unknown or unknown)
+        return replace(
+            self, systematic=systematic, budget=budget, unknown=self.unknown or unknown, bias=bias or self.bias
+        )
 
 
 @dataclass(frozen=True)

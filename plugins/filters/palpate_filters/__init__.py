@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate import Command, Fact, ReportSection, Template, lazily, plugin
+from palpate import Command, Diagnosis, Fact, ReportSection, Template, lazily, plugin
 
 if TYPE_CHECKING:
     from palpate import Estimator, FlagMeaning, Migration
@@ -102,6 +102,12 @@ def palpate_report_sections() -> dict[str, ReportSection]:
 
 
 @plugin
+def palpate_diagnoses() -> dict[str, Diagnosis]:
+    """What filters on the inertial process are off by."""
+    return {"noise-bias": Diagnosis("palpate_filters.noise_bias:noise_bias")}
+
+
+@plugin
 def palpate_templates() -> dict[str, Template]:
     """What a pipeline needs besides a log."""
     return {"log-analysis": Template("palpate_filters", "templates/log_analysis.toml", "tip, model and estimators")}
@@ -111,5 +117,6 @@ def palpate_templates() -> dict[str, Template]:
 def palpate_flags() -> dict[str, FlagMeaning]:
     """What the flags of filters and fits mean."""
     from palpate_filters.fit import FIT_FLAGS
+    from palpate_filters.noise_bias import BIAS_FLAGS
 
-    return FIT_FLAGS
+    return {**FIT_FLAGS, **BIAS_FLAGS}

@@ -17,8 +17,8 @@ class ExtendedKalmanFilter(InertialFilter):
 
     Process: `palpate.InertialProcess` (paper, eq. state_space_NL_FT) with Q = B sigma_u^2 B^T; measurement: the tip's
     velocity. Each step updates with the velocity, then predicts with the force. The Jacobian is derived.
-    Known faults of this form (simulated): E some 2 % and eta some 4 to 8 % high after 10 s, because the noisy force
-    drives the state; a standard deviation far too small.
+    Known faults of this form (simulated): eta 3 to 8 % high at 2 Hz, because the noisy force drives the state (it is
+    predicted and corrected in the result), E some 2 % high after 10 s from a guess; a standard deviation far too small.
     """
 
     def start(self, problem: Problem) -> Tracker:

@@ -54,7 +54,16 @@ def _view(name: str, found: Mapping[str, Any]) -> Any:
         table.add_row(row["source"], std, *cells)
     table.add_section()
     table.add_row("combined", "", *(_combined(value) for value in parameters.values()))
+    if any(value.get("corrected") is not None for value in parameters.values()):
+        table.add_row("corrected value", "", *(_corrected(value) for value in parameters.values()))
     return table
+
+
+def _corrected(value: Mapping[str, Any]) -> str:
+    """The value less its known bias, with the uncertainty that is left."""
+    if value.get("corrected") is None:
+        return ""
+    return f"{_shown(value['corrected'], value['unit'])} +- {_shown(value['corrected_combined'], value['unit'])}"
 
 
 def _cell(effect: Mapping[str, Any] | None, unit: str) -> str:

@@ -36,7 +36,7 @@ def zero_phase_motion(samples: Samples, window: float | None) -> TipTravel:
     if window is not None:
         return _motion(samples, interval, _odd(window / interval))
     width = _SHORTEST
-    noise = _noise_of(samples.position), _noise_of(samples.velocity)
+    noise = noise_of(samples.position), noise_of(samples.velocity)
     speed = float(np.sqrt(np.nanmean(samples.velocity**2))) if np.isfinite(samples.velocity).any() else 0.0
     while width * interval < _LONGEST and _rate_noise(noise, width, interval) > _NOISE_SHARE * speed:
         width = _odd(1.2 * width + 2)
@@ -47,7 +47,7 @@ def _odd(width: float) -> int:
     return max(int(width) // 2 * 2 + 1, _SHORTEST)
 
 
-def _noise_of(values: Floats) -> float:
+def noise_of(values: Floats) -> float:
     """Standard deviation [as values] of white noise that would give the third differences of a record."""
     differences = np.diff(values, 3)
     differences = differences[np.isfinite(differences)]
@@ -71,7 +71,7 @@ def _rate_noise(noise: tuple[float, float], width: int, interval: float) -> floa
 def _motion(samples: Samples, interval: float, width: int) -> TipTravel:
     n = len(samples)
     slope, smooth, acceleration = np.zeros(n), np.zeros(n), np.zeros(n)
-    noise = _noise_of(samples.position), _noise_of(samples.velocity)
+    noise = noise_of(samples.position), noise_of(samples.velocity)
     variances = _variances(noise, width, interval)
     total = sum(variances)
     share = variances[0] / total if np.isfinite(total) and total > 0 else 0.0  # of the velocity

@@ -1,0 +1,83 @@
+"""The bias that the inertial filters have by their own noise: against records whose force is written out by hand."""
+
+import numpy as np
+import pytest
+from palpate import Bias, Diagnosed, Problem, Samples, Status, TrackEvidence
+from palpate.diagnosis import Keeper
+from palpate.result.found import Found
+from palpate_filters import AdaptiveFadingUkf, ExtendedKalmanFilter, KinematicFilter
+from palpate_filters.noise_bias import noise_bias
+from palpate_models import DimensionalityReduction, Sphere
+
+E, ETA, RADIUS, MASS = 112.5e3, 362.0, 5e-3, 0.14
+MODEL = DimensionalityReduction(indenter=Sphere(radius=RADIUS))
+
+
+def evidence(estimator, frequency, seed=0, force_noise=0.05, sideways=0.0, duration=10.0):
+    """A sine of 0.9 mm around 4 mm: u = 16/9 E R^0.5 d^1.5 + 8 eta (R d)^0.5 d' + m d''."""
+    random = np.random.default_rng(seed)
+    time = np.arange(round(500 * duration)) / 500.0
+    omega, n = 2 * np.pi * frequency, len(time)
+    angle = omega * time + random.uniform(0, 2 * np.pi)
+    depth, rate, second = 4e-3 + 0.9e-3 * np.sin(angle), 0.9e-3 * omega * np.cos(angle), -0.9e-3 * np.sin(angle)
+    force = 16 / 9 * E * RADIUS**0.5 * depth**1.5 + 8 * ETA * (RADIUS * depth) ** 0.5 * rate + MASS * omega**2 * second
+    noise, always = random.standard_normal((3, n)), np.ones(n, bool)
+    samples = Samples(
+        np.rint(time * 1e9).astype(np.int64), time, np.diff(time, prepend=0.0), force + force_noise * noise[0],
+        -depth + 5e-6 * noise[1], -rate + 0.67e-3 * noise[2], always, always,
+        np.column_stack([sideways * time, 0 * time]),
+    )  # fmt: skip
+    found = estimator.start(Problem(MODEL, MASS)).run(samples)
+    keeper = Keeper()
+    keeper.add(samples, found)
+    last = np.flatnonzero((found.status & Status.IDLE) == 0)[-500:]
+    values, std = found.values[last].mean(axis=0), found.std[last[-1]]
+    surface = float(found.surface[last].mean())
+    return TrackEvidence("t", MODEL, estimator, MASS, keeper.kept, *keeper.air, values, std, std, surface, None)
+
+
+@pytest.mark.parametrize("frequency", [1.0, 2.0, 5.0])
+def test_the_bias_of_the_viscosity_is_predicted_and_the_corrected_value_covered(frequency):
+    """From a fit the filter has no way to rest; at 1 Hz the bias is some 30 %, at 5 Hz that of the time step."""
+    for seed in range(3):
+        track = evidence(ExtendedKalmanFilter(start_from="fit"), frequency, seed)
+        bias = noise_bias([track])["t"].biases["viscosity"]
+        left = track.values[1] - bias.shift - ETA
+        assert abs(left) < 3 * np.hypot(track.std[1], bias.std)
+        assert frequency > 1 or bias.shift > 3 * abs(left)
+
+
+def test_the_bias_grows_with_the_square_of_the_noise_and_has_its_sign():
+    estimator = ExtendedKalmanFilter(start_from="fit", force_std=0.05)
+    loud, quiet = (
+        noise_bias([evidence(estimator, 2.0, force_noise=noise)])["t"].biases["viscosity"].shift
+        for noise in (0.05, 0.025)
+    )
+    assert 0 < quiet < loud
+    assert 8.0 < loud < 20.0  # 2 to 6 % of 362
+
+
+@pytest.mark.parametrize(
+    ("estimator", "frequency"), [(ExtendedKalmanFilter(start_from="fit"), 0.5), (AdaptiveFadingUkf(), 1.0)]
+)
+def test_what_the_first_order_does_not_reach_is_flagged_and_not_corrected(estimator, frequency):
+    found = noise_bias([evidence(estimator, frequency)])["t"]
+    assert [flag.code for flag in found.flags] == ["noise-bias-large"]
+    assert found.biases["viscosity"].std is None
+
+
+def test_filters_without_this_bias_and_sweeps_are_left_alone():
+    assert not noise_bias([evidence(KinematicFilter(), 2.0, duration=3.0)])
+    assert not noise_bias([evidence(ExtendedKalmanFilter(), 2.0, sideways=4e-3, duration=3.0)])
+
+
+def test_a_known_bias_is_corrected_beside_the_value_and_all_of_it_is_in_the_uncertainty_of_the_value():
+    """GUM 3.2.4: what is corrected counts with the uncertainty of its correction only."""
+    raw = Found(380.0, 3.0, "Pa*s", systematic=4.0, budget={"timing": 4.0})
+    found = raw.diagnosed("noise_bias", 0.0, False, Bias(12.0, 5.0))
+    assert (found.value, found.combined) == (380.0, pytest.approx(13.0))  # 3, 4, 12
+    table = found.table()
+    assert (table["bias"], table["corrected"]) == (12.0, 368.0)
+    assert table["corrected_combined"] == pytest.approx(np.sqrt(50.0))  # 3, 4, 5
+    assert "corrected" not in raw.diagnosed("noise_bias", 0.0, False, Bias(300.0, None)).table()
+    assert Diagnosed().biases == {}
