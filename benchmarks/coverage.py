@@ -29,7 +29,7 @@ from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.alignment.tare import Tare
 from palpate.registry import Registry, load
 from palpate.result import TrackRecord, TrackResult, track_result
-from palpate.result.diagnosing import Diagnosable, diagnosed
+from palpate.result.diagnosing import Diagnosable, Judged, diagnosed
 from palpate.track_name import TrackName
 from palpate_filters import CasadiFit, KinematicFilter, KinematicSmoother
 from palpate_models import DimensionalityReduction
@@ -193,9 +193,10 @@ def results(
         track = TrackName("dr", name)
         kept = TrackRecord(3.0 if estimator.online else np.inf)
         kept.add(samples, estimator.start(Problem(model, mass, LATE, AIR)).run(samples), 0.0)
-        found = track_result(track, model, kept, report, settings, 1.0, estimator.online, declared)
+        found = track_result(track, model, kept, report, settings, 1.0, estimator.online)
         whole[name] = Diagnosable(model, estimator, kept, found)
-    return {name: found.judged(registry, ()) for name, found in diagnosed(whole, registry.diagnoses, mass, {}).items()}
+    judged = diagnosed(whole, registry.diagnoses, Judged(settings, report, 1.0, declared))
+    return {name: found.judged(registry, ()) for name, found in judged.items()}
 
 
 def bounds(draw: Draw) -> Floats:

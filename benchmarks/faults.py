@@ -1,22 +1,27 @@
 """Every fault of the twins during contact: what the user sees, when the job learns of it, when the arm has stopped.
 
-``python benchmarks/faults.py``: prints the table of docs/devices.md. "still" is when the tip first stood or turned,
-"free" when it was out of the material by itself, "deeper" how far it went on into it.
+``python benchmarks/faults.py [contact] [start] [force] [tricks] [--repeats 3] [-o faults.jsonl]``: measures those
+tables of docs/devices.md, all where none is named. Each measurement is a line of the file as soon as it is made;
+started again it goes on with those that the file lacks, and prints the tables of all. ``--table`` only prints. "still"
+is when the tip first stood or turned, "free" when it was out of the material by itself, "deeper" how far it went on.
 """
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import importlib.util
 import json
 import os
-import sys
 import tempfile
 import threading
 import time
+from collections.abc import Callable
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from palpate.errors import DeviceError
 
@@ -29,6 +34,7 @@ _FAULTS = (
 )
 
 
+@cache
 def devices_conftest() -> ModuleType:
     """The tests' handle on twins."""
     path = Path(__file__).parents[1] / "tests" / "devices" / "conftest.py"
@@ -40,8 +46,8 @@ def devices_conftest() -> ModuleType:
     return module
 
 
-def measured(twin, fault: str, folder: Path) -> dict | None:
-    """One fault, 0.3 s after the tip went below 2 mm."""
+def measured(twin: Any, fault: str, folder: Path) -> dict[str, Any] | None:
+    """One fault, as soon as the tip is 3 mm below the work frame; None where something else ended the run before."""
     track, begun, over = [], [], threading.Event()
 
     def follow() -> None:
@@ -65,7 +71,9 @@ def measured(twin, fault: str, folder: Path) -> dict | None:
     if not begun:  # the machine itself was at fault before
         return None
     began, began_height = begun[0]
-    stop = json.loads((twin.folder / folder.name / "result.json").read_text())["run"]["live"]["stop"]
+    stop = json.loads((twin.folder / folder.name / "result.json").read_text())["run"].get("live", {}).get("stop")
+    if stop is None or stop["monotonic"] < began:
+        return None
     after = [row for row in track if row[0] > began]
     still = next((t for t, _, speed in after if speed < 1e-3), float("nan"))
     turned = next((t for (t, h, _), (_, later, _) in pairwise(after) if later > h + 1e-6), float("nan"))
@@ -77,7 +85,7 @@ def measured(twin, fault: str, folder: Path) -> dict | None:
         "still": min(still, turned) - began,
         "free": free - began,
         "deeper": deeper,
-        "peak": twin.state()["peak_force"] / 1e3,
+        "peak": twin.state()["peak_force"],
     }
 
 
@@ -93,50 +101,48 @@ _STARTS = (  # fault, overrides of the run
 )
 
 
-def starts(repeats: int) -> None:
-    """Every fault that is there before the run: what the user sees, and after how long."""
-    module = devices_conftest()
-    with tempfile.TemporaryDirectory() as name:
-        twin = module.Bench(Path(name), module.SHORT)
-        try:
-            for i, (fault, overrides) in enumerate(_STARTS):
-                times, text = [], ""
-                for repeat in range(repeats):
-                    twin.fault("restore")
-                    twin.fault(fault)
-                    began, text = time.monotonic(), "runs"
-                    try:
-                        twin.run(*overrides, out=f"start{i}-{repeat}")
-                    except DeviceError as error:
-                        text = str(error).split(" (what was found")[0]
-                    times.append(time.monotonic() - began)
-                what = " ".join([fault, *overrides])
-                print(f"| {what} | {text} | {sorted(times)[len(times) // 2]:.1f} ({max(times):.1f}) s |", flush=True)
-        finally:
-            twin.close()
+def contact(twin: Any, fault: str, folder: Path) -> dict[str, Any]:
+    """One fault in contact, and what it did."""
+    for attempt in range(10):
+        twin.fault("restore")
+        row = measured(twin, fault, folder.with_name(f"{folder.name}-{attempt}"))
+        if row is not None:
+            return row
+    return {"text": "the machine never let a run come to the fault"}
 
 
-def force_limits(repeats: int) -> None:
+def start(twin: Any, words: str, folder: Path) -> dict[str, Any]:
+    """One fault that is there before the run: what the user sees, and after how long."""
+    fault, overrides = next((fault, options) for fault, options in _STARTS if " ".join([fault, *options]) == words)
+    twin.fault("restore")
+    twin.fault(fault)
+    began, text = time.monotonic(), "runs"
+    try:
+        twin.run(*overrides, out=folder.name, limits=())
+    except DeviceError as error:
+        text = str(error).split(" (what was found")[0]
+    return {"text": text, "after": time.monotonic() - began}
+
+
+def force(_: Any, case: str, folder: Path) -> dict[str, Any]:
     """What is under the tip and was not expected: speed, way and latency beyond the limit, largest force."""
     module = devices_conftest()
-    print("| case | speed mm/s | way mm | latency ms | peak N | bound N |")
-    for case, (overrides, options, elasticity) in module.ForceLimit.cases.items():
-        rows = []
-        for _ in range(repeats):
-            with tempfile.TemporaryDirectory() as name:
-                twin = module.Bench(Path(name), (*module.SHORT, *overrides))
-                try:
-                    if case == "the other way round":
-                        twin.fault("sign")
-                    with contextlib.suppress(DeviceError):
-                        twin.run(*options)
-                    speed, way, latency = module.ForceLimit.overrun(Path(name) / "out")
-                    bound = module.ForceLimit.bound(elasticity, speed)
-                    rows.append((1e3 * speed, 1e3 * way, 1e3 * latency, twin.state()["peak_force"], bound))
-                finally:
-                    twin.close()
-        cells = [f"{sorted(column)[len(column) // 2]:.3g} ({max(column):.3g})" for column in zip(*rows, strict=True)]
-        print(f"| {case} | {' | '.join(cells)} |", flush=True)
+    overrides, options, elasticity = module.ForceLimit.cases[case]
+    folder.mkdir()
+    twin, text = module.Bench(folder, (*module.SHORT, *overrides)), "runs"
+    try:
+        if case == "the other way round":
+            twin.fault("sign")
+        try:
+            twin.run(*options, limits=())
+        except DeviceError as error:
+            text = str(error).split(" (what was found")[0]
+        speed, way, latency = module.ForceLimit.overrun(folder / "out")
+        bound = module.ForceLimit.bound(elasticity, speed)
+        figures = {"speed": speed, "way": way, "latency": latency, "peak": twin.state()["peak_force"], "bound": bound}
+        return {"text": text, **figures}
+    finally:
+        twin.close()
 
 
 _TRICKS = (  # what, the tip's start [mm, deg], elasticity [Pa], overrides of the run
@@ -150,58 +156,106 @@ _TRICKS = (  # what, the tip's start [mm, deg], elasticity [Pa], overrides of th
 )
 
 
-def tricks() -> None:
-    """Starts that no limit allows: how it ended, and what the arm truly did."""
+def trick(twin: Any, what: str, folder: Path) -> dict[str, Any]:
+    """A start that no limit allows: how it ended, and what the arm truly did."""
+    _, start, elasticity, overrides = next(row for row in _TRICKS if row[0] == what)
+    for words in (f"start {' '.join(map(str, start))}", f"elasticity {elasticity}", "restore", "mark"):
+        twin.fault(words)
+    text = "runs"
+    try:
+        twin.run('run.tracks=["dr/ekf"]', *overrides, out=folder.name, limits=())
+    except DeviceError as error:
+        text = str(error).split(" (what was found")[0]
+    state = twin.state()
+    twin.fault("start 0 0 4 0 0 0")
+    figures = {"tip": state["fastest_tip"], "joint": state["fastest_joint"], "lowest": state["low"][2]}
+    return {"text": text, **figures, "peak": state["peak_force"]}
+
+
+Measure = Callable[[Any, str, Path], dict[str, Any]]
+# By table: what measures a row, the rows, and the columns with their factor and unit.
+_TABLES: dict[str, tuple[Measure, tuple[str, ...], dict[str, tuple[float, str]]]] = {
+    "contact": (
+        contact,
+        _FAULTS,
+        {**dict.fromkeys(("learnt", "still", "free"), (1e3, "ms")), "deeper": (1e3, "mm"), "peak": (1.0, "N")},
+    ),
+    "start": (start, tuple(" ".join([fault, *options]) for fault, options in _STARTS), {"after": (1.0, "s")}),
+    "force": (
+        force,
+        tuple(devices_conftest().ForceLimit.cases),
+        {"speed": (1e3, "mm/s"), "way": (1e3, "mm"), "latency": (1e3, "ms"), "peak": (1.0, "N"), "bound": (1.0, "N")},
+    ),
+    "tricks": (
+        trick,
+        tuple(row[0] for row in _TRICKS),
+        {"tip": (1e3, "mm/s"), "joint": (57.3, "deg/s"), "lowest": (1e3, "mm"), "peak": (1.0, "N")},
+    ),
+}
+
+
+def measure(tables: list[str], repeats: int, file: Path) -> None:
+    """Everything that the file lacks, row by row."""
+    known = {(row["table"], row["what"], row["repeat"]) for row in read(file)}
+    jobs = [(name, what, i) for name in tables for what in _TABLES[name][1] for i in range(repeats)]
     module = devices_conftest()
-    print("| trick | what the user sees | fastest tip mm/s | joint deg/s | lowest mm | peak N |")
-    with tempfile.TemporaryDirectory() as name:
-        twin = module.Bench(Path(name), module.SHORT)
+    with tempfile.TemporaryDirectory() as folder:
+        twin = module.Bench(Path(folder), module.SHORT)
         try:
-            for i, (what, start, elasticity, overrides) in enumerate(_TRICKS):
-                for words in (f"start {' '.join(map(str, start))}", f"elasticity {elasticity}", "restore", "mark"):
-                    twin.fault(words)
-                text = "runs"
-                try:
-                    twin.run('run.tracks=["dr/ekf"]', *overrides, out=f"trick{i}")
-                except DeviceError as error:
-                    text = str(error).split(" (what was found")[0]
-                state = twin.state()
-                joint, tip = 57.3 * state["fastest_joint"], 1e3 * state["fastest_tip"]
-                low, peak = 1e3 * state["low"][2], state["peak_force"]
-                print(f"| {what} | {text} | {tip:.1f} | {joint:.1f} | {low:.2f} | {peak:.1f} |", flush=True)
+            for number, (name, what, i) in enumerate(job for job in jobs if job not in known):
+                found = _TABLES[name][0](twin, what, Path(folder) / f"run{number}")
+                row = {"table": name, "what": what, "repeat": i, "load": os.getloadavg()[0], **found}
+                with file.open("a") as lines:
+                    lines.write(json.dumps(row) + "\n")
+                print(json.dumps(row), flush=True)
         finally:
             twin.close()
+
+
+def read(file: Path) -> list[dict[str, Any]]:
+    """The measurements that a file has; a line that was cut is none."""
+    rows = []
+    for line in file.read_text().splitlines() if file.exists() else ():
+        with contextlib.suppress(json.JSONDecodeError):
+            rows.append(json.loads(line))
+    return rows
+
+
+def show(rows: list[dict[str, Any]]) -> None:
+    """The tables: median (largest) of each column."""
+    for name, (_, order, columns) in _TABLES.items():
+        those = [row for row in rows if row["table"] == name]
+        if not those:
+            continue
+        heads = (f"{key} {unit}" for key, (_, unit) in columns.items())
+        print(f"\n| {name} | what the user sees | {' | '.join(heads)} |\n|{'---|' * (len(columns) + 2)}")
+        for what in order:
+            same = [row for row in those if row["what"] == what]
+            if same:
+                cells = (
+                    _cell([factor * row.get(key, float("nan")) for row in same]) for key, (factor, _) in columns.items()
+                )
+                print(f"| {what} | {same[0]['text']} | {' | '.join(cells)} |")
+        load = sorted(row["load"] for row in those)
+        print(f"load {load[0]:.1f} to {load[-1]:.1f} on {os.cpu_count()} cores")
+
+
+def _cell(values: list[float]) -> str:
+    known = sorted(value for value in values if value == value)
+    return f"{known[len(known) // 2]:.3g} ({known[-1]:.3g})" if known else "-"
 
 
 def main() -> None:
-    """All of them, some times each; ``faults.py 5 force`` and ``faults.py 1 start`` for other tables."""
-    repeats = int(sys.argv[1]) if len(sys.argv) > 1 else 3
-    if sys.argv[2:]:
-        {"force": force_limits, "start": starts, "tricks": lambda _: tricks()}[sys.argv[2]](repeats)
-        return
-    with tempfile.TemporaryDirectory() as name:
-        module = devices_conftest()
-        twin = module.Bench(Path(name), module.SHORT)
-        print(
-            f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; {repeats} times each: median (largest), ms, mm"
-        )
-        try:
-            for fault in _FAULTS:
-                rows = []
-                for i in range(10 * repeats):
-                    twin.fault("restore")
-                    row = measured(twin, fault, Path(name) / f"{fault.split()[0]}{i}")
-                    if row is not None:
-                        rows.append(row)
-                    if len(rows) == repeats:
-                        break
-                cells = []
-                for key in ("learnt", "still", "free", "deeper", "peak"):
-                    values = sorted(1e3 * row[key] for row in rows)
-                    cells.append(f"{values[len(values) // 2]:.3g} ({values[-1]:.3g})")
-                print(f"| {fault} | {rows[0]['text']} | {' | '.join(cells)} |", flush=True)
-        finally:
-            twin.close()
+    """What is left, and the tables of all."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("tables", nargs="*", choices=[*_TABLES, []], help="contact, start, force, tricks")
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("-o", "--output", type=Path, default=Path("faults.jsonl"))
+    parser.add_argument("--table", action="store_true")
+    given = parser.parse_args()
+    if not given.table:
+        measure(given.tables or list(_TABLES), given.repeats, given.output)
+    show(read(given.output))
 
 
 if __name__ == "__main__":

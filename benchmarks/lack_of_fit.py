@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from palpate import Estimator, Problem, Status, TrackEvidence
-from palpate.diagnosis import Diagnosed, Keeper
+from palpate import Diagnosed, Estimator, Problem, Status, TrackEvidence
+from palpate.result.kept import Keeper
 from palpate_filters import CasadiFit, ExtendedKalmanFilter, KinematicFilter
 from palpate_models import DimensionalityReduction
 from palpate_models.indenters import Sphere

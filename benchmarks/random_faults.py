@@ -1,20 +1,27 @@
 """Random starts, materials, faults and instants on the twins: does the arm keep its limits, whatever happens?
 
-``python benchmarks/random_faults.py 300 [first seed]``: prints one line for each run that breaks a promise, and a table
-at the end. What the arm did is taken from the twin's own record, not from what the run says. The bound of the force is
-K (v tau + v^2/2a) on top of the force that stops the motion, for the material that is truly there.
+``python benchmarks/random_faults.py 300 [first seed] [-o random_faults.jsonl]``: one line of the file and of the output
+for each run, as it ends; started again it goes on with the seeds that the file lacks, and prints the table of all.
+``--table`` only prints that. The twins run in real time: beside other work the figures are those of a busy host.
+What the arm did is taken from the twin's own record, not from what the run says. The bound of the force is
+K (v tau + v^2/2a) on top of the force that stops the motion, for the material that is truly there. Where a run hangs,
+the stacks of all its threads and processes are in the file; the twins are started anew.
 """
 
 from __future__ import annotations
 
+import argparse
+import contextlib
+import faulthandler
 import importlib.util
+import json
 import math
 import os
+import shutil
 import sys
 import tempfile
 import threading
 import time
-from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -83,6 +90,34 @@ def conftest() -> Any:
     return module
 
 
+class HangError(Exception):
+    """A run that does not end."""
+
+    def __init__(self, scene: Scene, where: str) -> None:
+        super().__init__(f"hangs for {_HANGS:g} s")
+        self.scene, self.where = scene, where
+
+
+def stacks() -> str:
+    """Where all threads of this process are, and what its children wait for."""
+    with tempfile.TemporaryFile("w+") as file:
+        faulthandler.dump_traceback(file)
+        file.seek(0)
+        found = [file.read()]
+    for child in Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children").read_text().split():
+        for task in sorted(Path(f"/proc/{child}/task").iterdir()):
+            names = ("wchan", "syscall", "cmdline" if task.name == child else "comm")
+            found.append(" ".join([child, task.name, *(_said(task / name) for name in names)]))
+    return "\n".join(found)
+
+
+def _said(file: Path) -> str:
+    try:
+        return file.read_text().replace("\0", " ").strip()
+    except OSError:
+        return "?"
+
+
 def run(twin: Any, seed: int) -> tuple[Scene, str, list[str]]:
     """One run: its scene, how it ended, and the promises that it broke."""
     scene, over, ended = drawn(seed), threading.Event(), ["hangs"]
@@ -111,6 +146,8 @@ def run(twin: Any, seed: int) -> tuple[Scene, str, list[str]]:
     for thread in threads:
         thread.start()
     threads[1].join(_HANGS)
+    if threads[1].is_alive():
+        raise HangError(scene, stacks())
     over.set()
     threads[0].join()
     state = twin.wait(lambda state: state["joint_speed"] < 1e-3, 5.0)
@@ -149,25 +186,90 @@ def unreadable(log: Path) -> list[str]:
     return []
 
 
-def main() -> None:
-    """So many runs from a seed on."""
-    count, first = (int(word) for word in (*sys.argv[1:], *("20", "0")[len(sys.argv) - 1 :]))
-    module, endings, bad, forces = conftest(), Counter[str](), 0, []
-    with tempfile.TemporaryDirectory() as name:
-        twin = module.Bench(Path(name), module.SHORT)
+def row_of(folder: Path, twin: Any, seed: int) -> dict[str, Any]:
+    """One run as a line of the file."""
+    scene, ended, problems = run(twin, seed)
+    if not problems:  # a log of every run is too much for a disk; that of one which broke a promise is wanted
+        shutil.rmtree(folder / f"random{seed}", ignore_errors=True)
+    state = twin.state()
+    figures = {key: state[key] for key in ("peak_force", "fastest_tip", "fastest_joint", "low", "high")}
+    return {**facts(scene, seed), "ended": ended, "problems": problems, **figures}
+
+
+def facts(scene: Scene, seed: int) -> dict[str, Any]:
+    """What a run was, and how busy the host."""
+    scened = {"fault": scene.fault, "instant": scene.instant, "stiffness": scene.stiffness, "preload": scene.preload}
+    return {"seed": seed, **scened, "load": os.getloadavg()[0]}
+
+
+def work(seeds: list[int], file: Path) -> None:
+    """The runs that are left, each written as it ends."""
+    module, folder = conftest(), file.with_suffix("")
+    folder.mkdir(exist_ok=True)
+    while seeds:
+        twin = module.Bench(folder, module.SHORT)
         try:
-            for seed in range(first, first + count):
-                scene, ended, problems = run(twin, seed)
-                endings["done" if ended == "done" else "stopped or refused"] += 1
-                bad += bool(problems)
-                forces.append(twin.state()["peak_force"])
-                text = "; ".join(problems) or "kept"
-                print(f"{seed} {scene.fault} at {scene.instant:.2f} s: {ended[:90]} | {text}", flush=True)
+            while seeds:
+                row = row_of(folder, twin, seeds[0])
+                _write(file, row)
+                seeds.pop(0)
+        except HangError as error:
+            _write(file, {**facts(error.scene, seeds[0]), "ended": str(error), "problems": [str(error)],
+                          "where": error.where})  # fmt: skip
+            seeds.pop(0)
+            twin.process.kill()
+            if seeds:  # what hangs is left behind with its process
+                os.execv(sys.executable, [sys.executable, *sys.argv])
+            os._exit(1)
         finally:
             twin.close()
-    print(
-        f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; {count} runs: {dict(endings)}; {bad} broke a promise"
-    )
+
+
+def _write(file: Path, row: dict[str, Any]) -> None:
+    with file.open("a") as lines:
+        lines.write(json.dumps(row) + "\n")
+    text = "; ".join(row["problems"]) or "kept"
+    print(f"{row['seed']} {row['fault']} at {row['instant']:.2f} s: {row['ended'][:90]} | {text}", flush=True)
+
+
+def table(rows: list[dict[str, Any]]) -> None:
+    """By fault: runs, those that came to their end, those that broke a promise, largest force, speeds."""
+    print("| fault | runs | to their end | broke a promise | peak N | tip mm/s | joint deg/s |")
+    print("|---|---|---|---|---|---|---|")
+    for fault in (*dict.fromkeys(row["fault"] for row in sorted(rows, key=lambda row: row["fault"])), ""):
+        those = [row for row in rows if fault in ("", row["fault"])]
+        done, bad = (sum(map(bool, column)) for column in zip(*((r["ended"] == "done", r["problems"]) for r in those)))
+        most = [max((row[key] for row in those if key in row), default=math.nan)
+                for key in ("peak_force", "fastest_tip", "fastest_joint")]  # fmt: skip
+        figures = f"{most[0]:.1f} | {1e3 * most[1]:.1f} | {math.degrees(most[2]):.0f}"
+        print(f"| {fault or 'all'} | {len(those)} | {done} | {bad} | {figures} |")
+    load = sorted(row["load"] for row in rows)
+    print(f"load {load[0]:.1f} to {load[-1]:.1f} on {os.cpu_count()} cores, {load[len(load) // 2]:.1f} in the median")
+
+
+def main() -> None:
+    """The runs that are left, and the table of all."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("count", type=int, nargs="?", default=20)
+    parser.add_argument("first", type=int, nargs="?", default=0)
+    parser.add_argument("-o", "--output", type=Path, default=Path("random_faults.jsonl"))
+    parser.add_argument("--table", action="store_true")
+    given = parser.parse_args()
+    seeds = range(given.first, given.first + given.count)
+    known = {row["seed"] for row in read(given.output)}
+    if not given.table:
+        work([seed for seed in seeds if seed not in known], given.output)
+    if rows := read(given.output):
+        table(rows)
+
+
+def read(file: Path) -> list[dict[str, Any]]:
+    """The runs that a file has; a line that was cut is none."""
+    rows = []
+    for line in file.read_text().splitlines() if file.exists() else ():
+        with contextlib.suppress(json.JSONDecodeError):
+            rows.append(json.loads(line))
+    return rows
 
 
 if __name__ == "__main__":

@@ -16,7 +16,17 @@ ROOT = Path(__file__).parent.parent
 PALPATE = [sys.executable, "-c", "from palpate.cli import main; main()"]
 SHIPPED = sorted(path for path in ROOT.glob("pipelines/**/*.toml") if 'type = "sim"' in path.read_text())
 # Of where, when, how fast and by which versions a run was made.
-OF_ONE_RUN = {"seconds_per_sample", "palpate", "command", "versions", "plugins", "host", "started", "duration"}
+OF_ONE_RUN = {
+    "seconds_per_sample",
+    "pipeline",
+    "palpate",
+    "command",
+    "versions",
+    "plugins",
+    "host",
+    "started",
+    "duration",
+}
 
 
 def made(folder: Path) -> dict[str, str]:

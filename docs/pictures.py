@@ -9,9 +9,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import matplotlib  # noqa: TID253  (a script that draws)
 import numpy as np
 from palpate import ContactModel, Indenter, contact_force, force_over_time, tip_profile
+from palpate.host import WIDTHS, figure_of, legend_outside, save_figure, style
 from palpate_models import (
     Compression,
     DimensionalityReduction,
@@ -68,30 +68,31 @@ def models(tip: Indenter) -> dict[str, tuple[ContactModel, list[float]]]:
     return {name: settings[name] for name in palpate_models()}
 
 
-def draw_tips(pyplot: Any) -> None:
+@style()
+def draw_tips() -> None:
     """Profile and force over depth of every tip."""
     shapes = tips()
-    figure, axes = pyplot.subplots(len(shapes), 2, figsize=(7, 2.1 * len(shapes)))
+    figure, axes = figure_of(2, len(shapes), height=48.0)
     depth = np.linspace(0.0, DEPTH, 200)
     for (name, tip), (left, right) in zip(shapes.items(), axes, strict=True):
         radii, heights = tip_profile(tip, DEPTH)
         for side in (-1, 1):
-            left.plot(side * 1e3 * radii, 1e3 * heights, color="black")
+            left.plot(side * 1e3 * radii, 1e3 * heights, color="black", linestyle="-")
         left.set(title=name, xlim=(-8, 8), ylim=(-0.3, 4.3), ylabel="z [mm]", aspect="equal")
-        for poisson, style in ((0.5, "-"), (0.3, "--")):
+        for poisson, look in ((0.5, "-"), (0.3, "--")):
             model = DimensionalityReduction(indenter=tip, poisson=poisson)
-            right.plot(1e3 * depth, contact_force(model, depth, 0.0, [ELASTICITY, VISCOSITY]), style, color="C0")
+            right.plot(1e3 * depth, contact_force(model, depth, 0.0, [ELASTICITY, VISCOSITY]), look, color="C0")
         right.set(ylabel="F [N]", xlim=(0, 4))
-        right.grid(alpha=0.3)
     axes[-1][0].set_xlabel("r [mm]")
     axes[-1][1].set_xlabel("d [mm]")
     save(figure, "tips")
 
 
-def draw_models(pyplot: Any) -> None:
+@style()
+def draw_models() -> None:
     """Force over depth of every model on a sine of 2 Hz that fades in."""
     chosen = models(tips()["exact-sphere"])
-    figure, axes = pyplot.subplots(2, 4, figsize=(11, 5))
+    figure, axes = figure_of(4, 2, height=48.0)
     time = np.linspace(0.0, 2.0, 1601)
     omega = 2 * np.pi * 2.0
     fade = np.sin(np.pi / 2 * np.minimum(time / 0.5, 1.0)) ** 2
@@ -100,14 +101,14 @@ def draw_models(pyplot: Any) -> None:
     for axis, (name, (model, theta)) in zip(axes.flat, chosen.items(), strict=False):
         axis.plot(1e3 * depth, force_over_time(model, time, depth, rate, theta, pulls=False), linewidth=0.9)
         axis.set(title=name, xlabel="d [mm]", ylabel="F [N]")
-        axis.title.set_fontsize(9)
-        axis.grid(alpha=0.3)
+        axis.title.set_fontsize(5.5)
     for axis in axes.flat[len(chosen) :]:
         axis.axis("off")
     save(figure, "models")
 
 
-def draw_thickness(pyplot: Any) -> None:
+@style()
+def draw_thickness() -> None:
     """The factor of every thickness correction over depth."""
     shapes, height = tips(), 22e-3
     cylinder = {"law": "finite-cylinder", "height": height, "diameter": 50e-3}
@@ -120,13 +121,13 @@ def draw_thickness(pyplot: Any) -> None:
         "finite-cylinder, bonded (sphere)": ("sphere", cylinder),
         "finite-cylinder, free (sphere)": ("sphere", cylinder | {"bonded": False}),
     }
-    figure, axis = pyplot.subplots(figsize=(6.5, 4))
+    figure, axes = figure_of(width=WIDTHS["middle"], height=85.0)
+    axis = axes[0, 0]
     depth = np.linspace(1e-6, 5e-3, 200)
     for label, (tip, settings) in laws.items():
         axis.plot(1e3 * depth, Thickness(**settings).factor(shapes[tip], depth)[0] + 0 * depth, label=label)
     axis.set(xlabel="d [mm]", ylabel="c(d), layer of 22 mm")
-    axis.grid(alpha=0.3)
-    axis.legend(fontsize=8)
+    legend_outside(axis, 2)
     save(figure, "thickness")
 
 
@@ -152,38 +153,33 @@ def late_runs(folder: Path) -> dict[str, tuple[Any, Any]]:
     return found
 
 
-def draw_late(pyplot: Any) -> None:
+@style()
+def draw_late() -> None:
     """Viscosity over time from a force that is stamped 7 ms late, before and after `palpate calibrate`."""
     with TemporaryDirectory() as folder:
         runs = late_runs(Path(folder))
-    figure, axis = pyplot.subplots(figsize=(6.5, 3.6))
+    figure, axes = figure_of(width=WIDTHS["middle"], height=70.0)
+    axis = axes[0, 0]
     for (label, (time, (value, std))), colour in zip(runs.items(), ("C1", "C0"), strict=True):
         axis.plot(time, value, color=colour, label=f"{label} calibration")
         axis.fill_between(time, value - 2 * std, value + 2 * std, color=colour, alpha=0.2, linewidth=0)
     axis.axhline(VISCOSITY, color="black", linestyle=":", label="truth")
     axis.axhline(VISCOSITY - ELASTICITY / 3 * 7e-3, color="0.5", linestyle="--", label="truth less G times 7 ms")
     axis.set(xlabel="time [s]", ylabel="eta [Pa s]", ylim=(0, 500))
-    axis.grid(alpha=0.3)
-    axis.legend(fontsize=8, ncols=2)
+    legend_outside(axis, 2)
     save(figure, "late")
 
 
 def save(figure: Any, name: str) -> None:
     """Write a picture that is the same on every run."""
-    figure.tight_layout()
-    figure.savefig(FOLDER / f"{name}.svg", metadata={"Date": None})
+    save_figure(figure, FOLDER / f"{name}.svg")
 
 
 def main() -> None:
     """Draw all."""
-    matplotlib.use("agg")
-    matplotlib.rcParams["svg.hashsalt"] = "palpate"
-    matplotlib.rcParams["path.simplify_threshold"] = 0.5
-    from matplotlib import pyplot
-
     FOLDER.mkdir(exist_ok=True)
     for draw in (draw_tips, draw_models, draw_thickness, draw_late):
-        draw(pyplot)
+        draw()
 
 
 if __name__ == "__main__":

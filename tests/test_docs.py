@@ -1,19 +1,22 @@
 """The documents keep up with the code."""
 
+import re
+import tomllib
 from pathlib import Path
 
 import pytest
 from palpate import hooks
 from palpate.cli.commands import offered
+from palpate.config.migrations import FORMAT
 from palpate.registry import load
 
 ROOT = Path(__file__).parent.parent
-README = (ROOT / "README.md").read_text()
+COMMANDS = (ROOT / "docs" / "commands.md").read_text()
 
 
 @pytest.mark.parametrize("command", sorted(offered().commands))
-def test_the_readme_names_every_command(command):
-    assert f"`palpate {command}" in README
+def test_the_page_of_commands_names_every_one(command):
+    assert f"`palpate {command}" in COMMANDS
 
 
 @pytest.mark.parametrize(("hook", "root"), [*hooks.KINDS.values(), *hooks.EXTENSIONS.values()])
@@ -34,3 +37,34 @@ def test_every_part_says_what_it_is(kind, name):
 def test_decisions_are_numbered_without_repetition():
     numbers = [path.name[:4] for path in sorted((ROOT / "docs" / "decisions").glob("*.md"))]
     assert len(set(numbers)) == len(numbers)
+
+
+def test_the_readme_is_one_screen_and_its_links_lead_somewhere():
+    text = (ROOT / "README.md").read_text()
+    assert len(text.splitlines()) < 90
+    links = re.findall(r"\]\(([^)#]+)\)", text)
+    assert links
+    for link in links:
+        assert link.startswith("https://") or (ROOT / link).exists(), link
+
+
+def test_versions_agree():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert f"version: {version}\n" in (ROOT / "CITATION.cff").read_text()
+    assert ".".join(version.split(".")[:2]) == FORMAT
+    assert (ROOT / "CHANGELOG.md").read_text().startswith(f"# Changelog\n\n## {version}")
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda page: page.stem)
+def test_every_page_is_on_the_site(page):
+    """Those that the index does not name would be built, and found by nobody."""
+    assert page.stem == "index" or f"\n{page.stem}\n" in (ROOT / "docs" / "index.md").read_text()
+
+
+def test_the_pages_agree_on_how_often_a_log_is_flushed():
+    from palpate_devices.mcap_sink import _FLUSH_EVERY, McapSink
+
+    words = {4: "four", 5: "five", 6: "six", 7: "seven", 10: "ten"}[int(1 / _FLUSH_EVERY)]
+    for text in ((ROOT / "docs/logs.md").read_text(), (ROOT / "docs/results.md").read_text(), McapSink.__doc__):
+        (said,) = re.findall(r"[Ff]lush(?:ed|es)(?: it)? (\w+) times", " ".join(text.split()))
+        assert said == words

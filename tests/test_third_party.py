@@ -72,6 +72,8 @@ def test_an_analysis_of_a_stranger_stands_beside_ours(palpate, installed, point_
     done = palpate("run", point_pipeline, "--out", tmp_path / "out", *short, **environment)
     assert done.returncode == 0, done.stderr
     assert "histogram: 1 tracks to count" in done.stdout
+    assert palpate("report", tmp_path / "out", **environment).returncode == 0
+    assert "<p>histogram: 1 tracks to count</p>" in (tmp_path / "out" / "report.html").read_text()
     shown = palpate("histogram", tmp_path / "out", **environment)
     assert shown.returncode == 0, shown.stderr
     assert "elasticity of dr/ekf" in shown.stdout

@@ -1,5 +1,17 @@
 """palpate: elasticity and viscosity of soft material from robotic palpation, each with its uncertainty."""
 
+# The one family that the core names: its face for people with data, imported when it is first used.
+from palpate_notebook import (
+    compare as compare,
+    fit as fit,
+    load as load,
+    open_run as open_run,
+    read as read,
+    record as record,
+    run as run,
+    sweep as sweep,
+)
+
 from palpate.alignment.change_point import ChangePoint as ChangePoint, change_point as change_point
 from palpate.contact import (
     ContactModel as ContactModel,
@@ -32,7 +44,6 @@ from palpate.device import (
     Turnable as Turnable,
     Watched as Watched,
 )
-from palpate.diagnosis import Bias as Bias, Diagnosed as Diagnosed, Kept as Kept, TrackEvidence as TrackEvidence
 from palpate.errors import (
     ConfigurationError as ConfigurationError,
     DeviceError as DeviceError,
@@ -59,12 +70,13 @@ from palpate.extensions import (
     Diagnosis as Diagnosis,
     Display as Display,
     Fact as Fact,
+    Report as Report,
     ReportSection as ReportSection,
     Template as Template,
     lazily as lazily,
 )
 from palpate.fit_report import BudgetRow as BudgetRow, Effect as Effect, FitReport as FitReport, Unknown as Unknown
-from palpate.flags import Flag as Flag, FlagMeaning as FlagMeaning
+from palpate.flags import ADVICE as ADVICE, Flag as Flag, FlagMeaning as FlagMeaning
 from palpate.hooks import plugin as plugin
 from palpate.limiting import (
     ArmLimits as ArmLimits,
@@ -86,6 +98,15 @@ from palpate.recording import (
     Survey as Survey,
     TopicSurvey as TopicSurvey,
 )
+from palpate.result.evidence import (
+    Diagnosed as Diagnosed,
+    Ending as Ending,
+    Term as Term,
+    TrackEvidence as TrackEvidence,
+)
+from palpate.result.found import Bias as Bias
+from palpate.result.kept import Kept as Kept
+from palpate.result.record import Tail as Tail
 from palpate.sink import (
     GuardState as GuardState,
     Run as Run,
@@ -118,6 +139,7 @@ from palpate.units import (
     Length as Length,
     Mass as Mass,
     Pressure as Pressure,
+    Quantity as Quantity,
     Speed as Speed,
     Stiffness as Stiffness,
     Time as Time,

@@ -88,22 +88,6 @@ _ESTIMATE = {
         "Declare a larger noise of position or of the parameters.",
     ),
     "blind": _note("Samples lacked a measurement and were predicted only.", "Nothing, where they are few."),
-    "timing-undeclared": _doubtful(
-        "A parameter depends on the time between force and motion, of which no uncertainty is declared.",
-        "Declare delay and uncertainty in [alignment], or calibrate them.",
-    ),
-    "tare-undeclared": _doubtful(
-        "A parameter depends on the zero of the force, of which no uncertainty is declared or measured.",
-        'Record a second of free air first (tare = "free-air"), or set [alignment] tare_uncertainty.',
-    ),
-    "not-distinguishable-from-delay": _doubtful(
-        "The declared uncertainty of timing alone could explain the parameter.",
-        "Calibrate the delay, or palpate at another frequency.",
-    ),
-    "series-compliance": _note(
-        "Robot and sensor give way, which shifts a value by more than 1 %; counted as uncertainty, not corrected.",
-        "Stiffen the rig, or measure the position at the tip.",
-    ),
 }
 
 _RECORD = {

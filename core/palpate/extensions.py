@@ -39,10 +39,22 @@ class ReportSection:
 
 
 @dataclass(frozen=True)
+class Report:
+    """What is made of a run that has ended: ``function(folder)`` writes a file and answers where it is."""
+
+    target: str  # "module:function"
+
+
+@dataclass(frozen=True)
 class Diagnosis:
-    """A judge of results: ``function(evidence of all tracks)`` answers findings by track; see `palpate.diagnosis`."""
+    """A judge of results: ``function(evidence of all tracks)`` answers findings by track; see `TrackEvidence`.
+
+    Judges of one order are given the same evidence; what those of a lower order said is part of it.
+    """
 
     target: str | Callable[..., Any]  # "module:function", imported when a run has ended; or the function
+    order: int = 50
+    quick: bool = False  # it is asked once a second while a run goes on, too
 
 
 @dataclass(frozen=True)
@@ -87,7 +99,7 @@ class Template:
             raise PluginError(f"template {self.path} of {self.package} cannot be read: {error}") from error
 
 
-def function_of(offer: Command | ReportSection | Diagnosis | Check | Display | Fact) -> Callable[..., Any]:
+def function_of(offer: Command | Report | ReportSection | Diagnosis | Check | Display | Fact) -> Callable[..., Any]:
     """The function that an offer names; raises PluginError where it cannot be imported."""
     return imported(offer.target) if isinstance(offer.target, str) else offer.target
 

@@ -15,6 +15,12 @@ SEVERITIES: dict[Severity, str] = {
     "note": "for information",
 }
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)  # from the best to the worst
+ADVICE: dict[Verdict, str] = {  # what a person is to do with a track of that verdict
+    "good": "trust it",
+    "note": "trust it",
+    "doubtful": "look at it",
+    "invalid": "do not use it",
+}
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from palpate.contact import ContactModel, Indenter
     from palpate.device import Device
     from palpate.estimation import Estimator
-    from palpate.extensions import Check, Command, Diagnosis, Display, Fact, ReportSection, Template
+    from palpate.extensions import Check, Command, Diagnosis, Display, Fact, Report, ReportSection, Template
     from palpate.flags import FlagMeaning
     from palpate.migration import Migration
     from palpate.parts import Part, Settings
@@ -106,6 +106,11 @@ def palpate_report_sections() -> Mapping[str, ReportSection]:  # type: ignore[em
 
 
 @_hook
+def palpate_reports() -> Mapping[str, Report]:  # type: ignore[empty-body]
+    """What ``palpate run --report`` makes of a run, by the name of the command that makes it later, too."""
+
+
+@_hook
 def palpate_displays() -> Mapping[str, Display]:  # type: ignore[empty-body]
     """What shows a run on the terminal while it goes on, by name; of several the first by name is used."""
 
@@ -131,6 +136,7 @@ def palpate_migrations() -> Sequence[Migration]:  # type: ignore[empty-body]
 _EXTENSIONS = {
     "command": ("palpate_commands", "palpate.extensions:Command"),
     "table": ("palpate_tables", "palpate.parts:Settings"),
+    "report": ("palpate_reports", "palpate.extensions:Report"),
     "report section": ("palpate_report_sections", "palpate.extensions:ReportSection"),
     "display": ("palpate_displays", "palpate.extensions:Display"),
     "template": ("palpate_templates", "palpate.extensions:Template"),

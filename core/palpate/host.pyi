@@ -6,6 +6,7 @@ Parts need `palpate` only; commands and other tools use `palpate` and this.
 from palpate import registry as registry
 from palpate.alignment import (
     GRAVITY as GRAVITY,
+    AlignmentReport as AlignmentReport,
     AlignmentSettings as AlignmentSettings,
     Health as Health,
     Intake as Intake,
@@ -34,6 +35,7 @@ from palpate.config import (
     wrong_channels as wrong_channels,
 )
 from palpate.config.doubts import UNCHECKED as UNCHECKED
+from palpate.config.known import READINGS as READINGS, declared_std as declared_std
 from palpate.config.migrations import FORMAT as FORMAT, KEY as KEY
 from palpate.contact import force_slopes as force_slopes
 from palpate.device import (
@@ -61,8 +63,22 @@ from palpate.options import (
     Points as Points,
     TrackOption as TrackOption,
 )
-from palpate.parts import nested_settings as nested_settings, part_kind as part_kind
-from palpate.pictures import drawing as drawing, figure_of as figure_of, save_figure as save_figure
+from palpate.parts import (
+    nested_settings as nested_settings,
+    numbers_of as numbers_of,
+    part_kind as part_kind,
+    with_number as with_number,
+)
+from palpate.pictures import (
+    FORMATS as FORMATS,
+    WIDTHS as WIDTHS,
+    common_limits as common_limits,
+    figure_of as figure_of,
+    legend_outside as legend_outside,
+    quartiles as quartiles,
+    save_figure as save_figure,
+    style as style,
+)
 from palpate.pipeline import (
     Flow as Flow,
     Guard as Guard,
@@ -84,6 +100,7 @@ from palpate.quantities import measured as measured
 from palpate.registry import FlagEntry as FlagEntry, Registry as Registry, analysis as analysis, suggest as suggest
 from palpate.replaying import Carried as Carried, carried_by as carried_by, replay_source as replay_source
 from palpate.result import (
+    Derived as Derived,
     EstimatesTable as EstimatesTable,
     Found as Found,
     RunFolder as RunFolder,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import io
 import os
@@ -16,6 +17,19 @@ from palpate.errors import OutputError
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 # What a terminal is sent on purpose: colours, cursor up, line erased, cursor hidden or shown, carriage return.
 _OWN = re.compile("(\x1b\\[[0-9;]{0,20}[mAK]|\x1b\\[\\?25[lh]|\r)")
+
+
+# What an encoding may lack, in its place; all else is escaped.
+_PLAIN = {"µ": "u", "μ": "u", "±": "+-", "°": "deg", "Ω": "Ohm", "·": "*", "²": "^2", "–": "-", "…": "...", "×": "x"}
+
+
+def _plainly(error: UnicodeError) -> tuple[str | bytes, int]:
+    if isinstance(error, UnicodeEncodeError) and error.object[error.start] in _PLAIN:
+        return _PLAIN[error.object[error.start]], error.start + 1
+    return codecs.backslashreplace_errors(error)
+
+
+codecs.register_error("palpate-plain", _plainly)
 
 
 def printable(text: str) -> str:
@@ -34,7 +48,7 @@ class _Harmless:
         self._stream, self._name = stream, name
         self._failure: OutputError | None = None  # said again, since others try out a stream and go on
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
+            stream.reconfigure(errors="palpate-plain")
 
     def write(self, text: Any) -> int:
         """Raises OutputError where it cannot be written."""

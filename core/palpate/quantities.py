@@ -14,8 +14,17 @@ def measured(value: float, std: float) -> str:
     if not math.isfinite(value):
         return "-"
     if math.isnan(std):  # nobody can tell it
-        return f"{value:.4g} ± ?"
+        return f"{unsigned(f'{value:.4g}')} ± ?"
     if not (math.isfinite(std) and std > 0):
-        return f"{value:.4g}"
+        return unsigned(f"{value:.4g}")
     digits = max(0, 1 - math.floor(math.log10(std)))
-    return f"{value:.{digits}f} ± {std:.{digits}f}"
+    return f"{unsigned(f'{value:.{digits}f}')} ± {std:.{digits}f}"
+
+
+def unsigned(number: str) -> str:
+    """A number's text; a nought without the sign that rounding has left.
+
+    >>> unsigned("-0.00")
+    '0.00'
+    """
+    return number.lstrip("-") if float(number) == 0 else number

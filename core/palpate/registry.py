@@ -17,7 +17,7 @@ import pluggy
 
 from palpate import core_flags, hooks
 from palpate.errors import PluginError
-from palpate.extensions import Check, Command, Diagnosis, Display, Fact, ReportSection, Template, function_of
+from palpate.extensions import Check, Command, Diagnosis, Display, Fact, Report, ReportSection, Template, function_of
 from palpate.flags import Flag, FlagMeaning
 from palpate.migration import Migration
 
@@ -65,6 +65,7 @@ class Registry:
     commands: Mapping[str, Command] = field(default_factory=dict)
     tables: Mapping[str, type[Settings]] = field(default_factory=dict)  # of a pipeline file, besides the core's own
     sections: Mapping[str, ReportSection] = field(default_factory=dict)
+    reports: Mapping[str, Report] = field(default_factory=dict)  # by the name of their command
     displays: Mapping[str, Display] = field(default_factory=dict)
     templates: Mapping[str, Template] = field(default_factory=dict)
     flags: Mapping[str, FlagEntry] = field(default_factory=dict)
@@ -155,6 +156,7 @@ def load(files: Iterable[Path] = ()) -> Registry:
         commands=offered["command"],
         tables=offered["table"],
         sections=offered["report section"],
+        reports=offered["report"],
         displays=offered["display"],
         templates=offered["template"],
         flags=flags,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -41,9 +41,45 @@ class Table:
 def console(width: int = 120) -> Console:
     """A console on standard output: as wide as the terminal, or of a given width where there is none.
 
-    Texts are never taken as markup: names come from users, logs and plugins.
+    Texts are never taken as markup: names come from users, logs and plugins. A table that the terminal is too narrow
+    for is printed row by row, so that nothing of it is cut.
     """
     from rich.console import Console
 
-    found = Console(markup=False, emoji=False)
-    return found if found.is_terminal else Console(width=width, markup=False, emoji=False)
+    class Whole(Console):
+        """Prints tables whole."""
+
+        def print(self, *objects: Any, **options: Any) -> None:
+            """As rich does, but for tables that do not fit."""
+            super().print(*(_fitting(item, self) for item in objects), **options)
+
+    found = Whole(markup=False, emoji=False)
+    return found if found.is_terminal else Whole(width=width, markup=False, emoji=False)
+
+
+def _fitting(shown: Any, console: Console) -> Any:
+    from rich.console import Group
+    from rich.measure import Measurement
+    from rich.table import Table as View
+
+    if isinstance(shown, Group):
+        return Group(*(_fitting(item, console) for item in shown.renderables))
+    if isinstance(shown, View):
+        least = Measurement.get(console, console.options.update(width=10_000), shown).minimum
+        return shown if least <= console.width else _row_by_row(shown)
+    return shown
+
+
+def _row_by_row(table: Any) -> RenderableType:
+    """A table as lines "heading: cell", one block for each row."""
+    from rich.text import Text
+
+    def plain(cell: Any) -> str:
+        return " ".join(cell.plain.split() if isinstance(cell, Text) else str(cell).split())
+
+    headings = [plain(column.header) for column in table.columns]
+    lines = [plain(table.title)] if table.title else []
+    for row in zip(*(list(column.cells) for column in table.columns), strict=True):
+        cells = [(heading, plain(cell)) for heading, cell in zip(headings, row, strict=True)]
+        lines += ["", *(f"{heading}: {cell}" if heading else cell for heading, cell in cells if cell)]
+    return Text("\n".join(lines))

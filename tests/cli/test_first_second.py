@@ -9,7 +9,15 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent.parent
-LAZY = ["palpate", "palpate.host", "palpate_models", "palpate_filters", "palpate_devices", "palpate_trajectories"]
+LAZY = [
+    "palpate",
+    "palpate.host",
+    "palpate_models",
+    "palpate_filters",
+    "palpate_devices",
+    "palpate_trajectories",
+    "palpate_notebook",
+]
 SLOW = ("numpy", "pydantic", "typer", "rich", "pint", "casadi", "scipy")
 
 

@@ -34,6 +34,36 @@ def test_a_number_that_was_hardly_meant_is_refused(palpate, point_pipeline, sett
     assert "without a unit" not in meant.stderr
 
 
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        (
+            "device.rig.specimen.elasticity=112.5",
+            'elasticity: 112.5 without a unit is 112.5 Pa; did you mean "112.5 kPa"?',
+        ),
+        ("alignment.tare=1800", '1800 without a unit is 1800 N; did you mean "1800 mN"?'),
+        ("estimator.ekf.first_guess={elasticity=100}", '100 without a unit is 100 Pa; did you mean "100 kPa"?'),
+        ("estimator.ekf.first_guess_std={elasticity=50}", 'did you mean "50 kPa"?'),
+    ],
+)
+def test_numbers_by_other_names_are_doubted_too(palpate, point_pipeline, setting, words):
+    done = palpate("check", point_pipeline, "--set", setting)
+    assert done.returncode == 2
+    assert words in " ".join(done.stderr.split())
+    key, _, value = setting.rpartition("=")
+    number = value.strip("}")
+    unit = '"' + number + (" N" if "tare" in key else " Pa") + '"'
+    meant = palpate("check", point_pipeline, "--set", f"{key}={value.replace(number, unit)}")
+    assert "without a unit" not in meant.stderr
+
+
+def test_what_was_meant_is_read_back(point_pipeline):
+    """A very soft specimen, with its unit: resolved it has none any more."""
+    text = resolved_text(load_pipeline(point_pipeline, ["device.rig.specimen.elasticity=400 Pa"]))
+    point_pipeline.write_text(text)
+    assert load_pipeline(point_pipeline).devices["rig"].specimen.parameters["elasticity"] == 400.0
+
+
 def test_it_is_refused_in_a_file_with_its_line(point_pipeline):
     text = point_pipeline.read_text().replace('bias = "4 mm"', "bias = 4")
     point_pipeline.write_text(text)

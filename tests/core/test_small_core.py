@@ -8,7 +8,17 @@ import sys
 import pytest
 from palpate.registry import load
 
-ANALYSES = ["palpate_calibration", "palpate_maps", "palpate_studies"]
+ANALYSES = [
+    "palpate_calibration",
+    "palpate_hardware",
+    "palpate_live",
+    "palpate_maps",
+    "palpate_notebook",
+    "palpate_report",
+    "palpate_studies",
+    "palpate_testing",
+    "palpate_uncertainty",
+]
 LIBRARIES = {"filterpy", "csv", "mcap", "point", "live"}  # words that are libraries, formats or plain English, too
 
 

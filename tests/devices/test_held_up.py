@@ -5,17 +5,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from palpate_devices.twins.arm import TICK, SimulatedArm
+from palpate_devices.twins.controller import Controller
 from palpate_devices.ur3e.fence import ArmState
 from palpate_devices.ur3e.frame import WorkFrame
 from palpate_devices.ur3e.kinematics import UR3E, joints_at, matrix_of, tip
-from palpate_devices.ur3e.pace import next_cycle
-from palpate_devices.ur3e.servo import PERIOD, Commander
+from palpate_devices.ur3e.pace import next_deadline
+from palpate_devices.ur3e.servo import PERIOD, Commander, Law
 from palpate_devices.ur3e.worker import _Loop
 
 WORK = WorkFrame.model_construct(origin=(-0.3, -0.13, 0.1), rotation=(0.0, 0.0, 0.0), turn=0.0)
 TOOL = matrix_of([0.0, 0.0, 0.12, 0.0, 0.0, 0.0])
 POSTURE = np.array([0.0, -1.3, -1.9, -1.5, 1.5708, 0.0])
-SPEED, LAG = 0.04, 0.05
+SPEED, LAG = 0.04, 0.0045  # of the servo's default settings
 LIMITS = {
     "say": "limits",
     "low": (-0.005, -0.005, -0.007),
@@ -75,7 +76,7 @@ class VirtualRobot:
 
     def servo(self, position, turn):
         target = WORK.tool_pose(position)
-        self.arm.servo(joints_at(target, TOOL, self.arm.q, steps=15), 0.1, 300.0)
+        self.arm.servo(joints_at(target, TOOL, self.arm.q, steps=15), 0.03, 1000.0)
         return True
 
 
@@ -109,10 +110,10 @@ def driven(rows, held_up, unseen=0.0, jam=np.inf, longest=6.0):
     loop._obey(LIMITS, commander)
     loop._fence.begin(commander.command)
     commander.follow(rows)
-    now = deadline = due = ticked = cycles = 0
+    now = deadline = ticked = cycles = 0
     try:
         while commander.mode != "done" and now < longest * 1e9:
-            now = max(due, now) + round(1e9 * held_up())
+            now = max(deadline, now) + round(1e9 * held_up())
             while ticked + TICK_NS <= now:
                 ticked += TICK_NS
                 robot.arm.jammed = ticked > jam * 1e9
@@ -122,7 +123,8 @@ def driven(rows, held_up, unseen=0.0, jam=np.inf, longest=6.0):
                     robot.seen = ticked
             loop._command(commander, now)
             cycles += 1
-            deadline, due = next_cycle(deadline, now, now, commander.haste)
+            deadline, left_out = next_deadline(deadline, now)
+            commander.held_up(left_out)
     except SystemExit:
         pass
     return told, robot, cycles, now / 1e9
@@ -166,21 +168,41 @@ def test_a_jam_is_told_for_a_jam_however_busy_the_host_is(rows, unseen):
     assert robot.fastest < 1.02 * SPEED
 
 
+def test_what_has_passed_is_left_out_and_the_grid_stays():
+    due = 1_000_000_000
+    for late, left_out in ((0.0, 0), (1.0, 0), (1.4, 0), (1.5, 0), (1.6, 1), (2.5, 1), (2.6, 2), (5.6, 5)):
+        found = next_deadline(due, due + round(late * TICK_NS))
+        assert found == (due + (left_out + 1) * TICK_NS, left_out)
+
+
+def test_a_table_is_made_up_for_a_tenth_faster_and_to_the_bit_where_nothing_was_held_up():
+    rows = sine(0.02)
+    law = Law("servo", 20.0, 0.5, 0.02, 0.04, 1.0, most=SPEED)
+    told = {}
+    for held_up in (0, 20):
+        commander = Commander(law, rows[0, :3])
+        commander.follow(rows)
+        places = [commander.command]
+        while commander.mode != "done":
+            places.append(commander.next(places[-1], np.zeros(3)))
+            if held_up and len(places) == 200:
+                commander.held_up(held_up)
+        told[held_up] = np.array(places)[:, 2]
+    np.testing.assert_array_equal(told[0][-len(rows) :], rows[:, 2])
+    assert len(told[0]) - len(told[20]) == pytest.approx(20, abs=1)  # all of it is made up for
+    assert np.abs(np.diff(told[20])).max() < 1.1001 * np.abs(np.diff(told[0])).max()
+
+
 @pytest.mark.parametrize(
-    ("late", "haste", "periods", "due"),
-    [
-        (0.1, 0.0, 1, 1.0),  # on time
-        (1.0, 0.0, 1, 1.0),
-        (1.1, 0.0, 2, 2.0),  # no room for haste: a period is left out
-        (4.1, 0.0, 5, 5.0),
-        (1.1, 0.1, 1, 1.1 + 1 / 1.1),  # made up for, the next no sooner than a tenth early
-        (24.0, 0.1, 1, 24.0 + 1 / 1.1),
-        (26.5, 0.1, 27, 26.5 + 1 / 1.1),  # too much
-    ],
+    ("written", "late", "read"), [(5, 4, [0, 1, 2, 3, 4]), (3, 0, [2]), (4, 1, [1, 3]), (1, 2, [0, 0, 0])]
 )
-def test_what_has_passed_is_made_up_for_slowly_or_left_out(late, haste, periods, due):
-    deadline = 1_000_000_000
-    now = deadline + round(late * TICK_NS)
-    following, when = next_cycle(deadline, now, now, haste)
-    assert following == deadline + periods * TICK_NS
-    assert when == pytest.approx(deadline + due * TICK_NS, abs=2)
+def test_a_twin_that_is_late_reads_each_command_in_its_own_tick(written, late, read):
+    """Else ten commands that came while its process slept would be one leap of the arm."""
+    controller = Controller(SimulatedArm(POSTURE.copy(), TOOL), 0.0, 0.0, 0)
+    for number in range(written):
+        controller.write({"input_double_register_0": float(number)})
+    found = []
+    for more in reversed(range(late + 1)):
+        controller.tick(more)
+        found.append(controller.inputs["input_double_register_0"])
+    assert found == read

@@ -4,7 +4,7 @@ import json
 
 import pytest
 from palpate.errors import ConfigurationError, DeviceError
-from palpate.pipeline import examine
+from palpate_hardware.examine import examine
 
 NOISY = "twin.bench.force_std=0.2 N"  # four times what the filter is told
 

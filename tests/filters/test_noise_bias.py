@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from palpate import Bias, Diagnosed, Problem, Samples, Status, TrackEvidence
-from palpate.diagnosis import Keeper
 from palpate.result.found import Found
+from palpate.result.kept import Keeper
 from palpate_filters import AdaptiveFadingUkf, ExtendedKalmanFilter, KinematicFilter
 from palpate_filters.noise_bias import noise_bias
 from palpate_models import DimensionalityReduction, Sphere

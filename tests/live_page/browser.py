@@ -60,29 +60,37 @@ class Tab:
         Path(path).write_bytes(base64.b64decode(found["data"]))
 
 
+class Browser:
+    """A Chromium of its own."""
+
+    def __init__(self, stack, process, root):
+        self._stack, self.process, self._root = stack, process, root
+        self._main = self._connected(root)
+
+    def _connected(self, address):
+        return Tab(self._stack.enter_context(connect(address, max_size=None, compression=None)))
+
+    def open(self, address):
+        """A tab in a window of its own: one in the background draws nothing."""
+        target = self._main.call("Target.createTarget", url=address, newWindow=True)["targetId"]
+        tab = self._connected(f"{self._root.split('/devtools/')[0]}/devtools/page/{target}")
+        tab.call("Runtime.enable")
+        return tab
+
+
 @contextmanager
-def browser(*addresses, width=1280, height=1900):
-    """Tabs on the addresses, in one Chromium of its own that ends with the context."""
+def browser(width=1280, height=1900):
+    """A browser that ends with the context."""
     with tempfile.TemporaryDirectory(prefix="palpate-chromium-", ignore_cleanup_errors=True) as profile:
         command = [CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu", "--remote-debugging-port=0"]
-        command += [f"--user-data-dir={profile}", f"--window-size={width},{height}", "--no-first-run", "about:blank"]
+        command += [f"--user-data-dir={profile}", f"--window-size={width},{height}", "--no-first-run"]
+        command += ["--hide-scrollbars", "about:blank"]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         try:
             line = next(line for line in process.stderr if "DevTools listening on" in line)
-            root = line.split()[-1].strip()
             with ExitStack() as stack:
-                main = stack.enter_context(connect(root, max_size=None, compression=None))
-                tabs = [opened(stack, main, root, address) for address in addresses]
-                yield tabs if len(tabs) > 1 else tabs[0]
+                yield Browser(stack, process, line.split()[-1].strip())
         finally:
             process.kill()
             process.wait()
             process.stderr.close()
-
-
-def opened(stack, main, root, address):
-    target = Tab(main).call("Target.createTarget", url=address)["targetId"]
-    host = root.split("/devtools/")[0]
-    tab = Tab(stack.enter_context(connect(f"{host}/devtools/page/{target}", max_size=None, compression=None)))
-    tab.call("Runtime.enable")
-    return tab

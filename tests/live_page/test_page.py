@@ -28,7 +28,8 @@ def test_all_panels_are_drawn(point_pipeline, tmp_path):
     tracks = {str(track.name): track.model.parameters for track in pipeline.tracks}
     feed = Feed(Run(tmp_path, {}, tracks, {}, {}, "<b>a run</b>"), child.send, meanings())
     result = run_pipeline(pipeline, tmp_path / "out", observer=feed)
-    with browser(child.address) as tab:
+    with browser() as chromium:
+        tab = chromium.open(child.address)
         tab.until("window.palpate && window.palpate.draws > 2 && !!document.querySelector('#devices table')")
         drawn = tab.ask(COLOURED)
         assert len(drawn) == 6  # force, depth, elasticity, viscosity, innovation, NIS
@@ -43,6 +44,6 @@ def test_all_panels_are_drawn(point_pipeline, tmp_path):
         assert tab.ask("document.getElementById('name').innerText") == "<b>a run</b>"  # no text is markup
         assert tab.ask("document.getElementById('map-note').innerText").startswith("The tip stays in one place")
         tab.key("Escape")
-        tab.until("document.getElementById('state').textContent === 'stop was asked for'")
+        tab.until("document.getElementById('state')?.textContent === 'stop was asked for'")
     child.close()
     assert asked == ["on the live page"]

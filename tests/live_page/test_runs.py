@@ -141,13 +141,17 @@ def test_a_recorded_run_is_watched(run_point, addresses, monkeypatch):
         with opened(addresses.get(timeout=60)) as page:
             assert "Ctrl-C" in addresses.get(timeout=60)
             run, (time, columns) = read(page, "run")[0], read(page, "rows")[1]
+            healths = 1
+            while read_any(page)[0]["kind"] != "result":
+                healths += 1
         stop.set()
-        return run, time, columns
+        return run, time, columns, healths
 
     wait = meanwhile(look)
     before = sorted(folder.iterdir())
     watch.watch(folder)
-    run, time, columns = wait()
+    run, time, columns, messages = wait()
+    assert messages > 8  # how things stood each second of the record, however fast it was read
     assert run["recorded"]
     assert run["tracks"][0]["name"] == "dr/ekf"
     assert time[-1] == pytest.approx(6.0, abs=0.5)
@@ -176,3 +180,19 @@ def test_the_option_is_the_sink(palpate, point_pipeline):
     assert wrong.returncode == 2
     assert "sink.live" in wrong.stderr
     assert "65535" in wrong.stderr
+
+
+def test_writers_are_told_what_a_track_would_find(run_live, stage):
+    """As the result has it in the end, flags judged; nothing of it changes the run."""
+    result = run_live()
+    told = stage.LISTENERS[-1]
+    tracks = [health["tracks"] for (health,) in told.of("health")]
+    ours, theirs = tracks[-1]["dr/ekf"]["parameters"], result.tracks["dr/ekf"].table()["parameters"]
+    for name in ours:
+        assert ours[name]["value"] == theirs[name]["value"]
+        assert ours[name]["settling"] == theirs[name]["settling"]
+        assert theirs[name]["combined"] >= ours[name]["combined"] > ours[name]["std"]
+    assert tracks[0] == {}  # before it has begun
+    flags = [flag for _, flags in told.of("flags") for flag in flags]
+    assert flags
+    assert all(flag.severity for flag in flags)

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import shutil
 import signal
 import subprocess
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from palpate.config import load_pipeline
 from palpate.pipeline import remaining_pipeline, run_pipeline
+from palpate_basics.view import ranges_of
 from palpate_maps.analysis import find_lumps, make_map, read_path, sites_along
 
 SMALL = (
@@ -89,7 +91,7 @@ def test_a_pipeline_file_becomes_a_map_in_one_command(palpate, root, tmp_path):
     assert len(list((tmp_path / "runs").glob("*/result.json"))) == 1
 
 
-def test_the_log_and_the_map_as_mcap_say_where(palpate, raster_run):
+def test_the_log_and_the_map_as_mcap_say_where(palpate, raster_run, tmp_path):
     """The estimates of a run have a place while it goes on; the map is a Grid that another decoder reads."""
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
@@ -105,11 +107,12 @@ def test_the_log_and_the_map_as_mcap_say_where(palpate, raster_run):
     written = np.array([(float(row["x_m"]), float(row["y_m"])) for _, row in compared])
     np.testing.assert_allclose(logged, written, rtol=1e-9, atol=1e-12)  # the table has ten digits
 
-    done = palpate("map", raster_run, "--cell", "2 mm", "--method", "average", "--mcap")
+    out = tmp_path / "maps"
+    done = palpate("map", raster_run, "--cell", "2 mm", "--method", "average", "--mcap", "--out", out)
     assert done.returncode == 0, done.stderr
-    with (raster_run / "maps" / "map.mcap").open("rb") as file:
+    with (out / "map.mcap").open("rb") as file:
         ((*_, grid),) = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
-    with np.load(raster_run / "maps" / "map.npz") as arrays:
+    with np.load(out / "map.npz") as arrays:
         assert grid.column_count == len(arrays["x"])
         assert (grid.pose.position.x, grid.pose.position.y) == pytest.approx(
             (arrays["x"][0] - 1e-3, arrays["y"][0] - 1e-3)
@@ -272,6 +275,52 @@ def test_what_is_not_there_is_said(palpate, sweep_run, command, arguments, word)
     assert "Traceback" not in done.stderr
 
 
+def test_a_sweep_is_told_by_its_range_and_not_by_its_last_sample(raster_run):
+    """Background 112 kPa, and a sphere: the ranges of the table are those of the estimates along the way."""
+    path = read_path(raster_run, "dr/smoother")
+    low, high = ranges_of(raster_run)["dr/smoother"]["elasticity"]
+    assert (low, high) == pytest.approx(tuple(np.quantile(path.value, [0.01, 0.99])), rel=0.02)
+    assert low == pytest.approx(112e3, rel=0.03)
+    assert high > 120e3
+
+
+def test_a_run_of_a_sweep_prints_ranges(palpate, root, tmp_path):
+    line = ['trajectory.sweep.start=["0 mm", "-22 mm"]', 'trajectory.sweep.end=["0 mm", "-10 mm"]']
+    settings = [*line, "trajectory.sweep.settle=2 s", 'run.tracks=["dr/kinematic"]']
+    done = palpate("run", root / "pipelines" / "sweep.toml", *options(settings), "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    row = next(line for line in done.stdout.splitlines() if "dr/kinematic" in line)
+    assert re.search(r"\d to \d", row)
+    assert "±" not in row
+    assert f"ranges along the way of the tip; by place: palpate map {tmp_path / 'out'}" in " ".join(done.stdout.split())
+
+
+def test_no_map_is_written_over_an_earlier_one(palpate, raster_run, tmp_path):
+    out = tmp_path / "maps"
+    said = []
+    for cell in ("2 mm", "4 mm", "2 mm"):
+        done = palpate("map", raster_run, "--cell", cell, "--method", "average", "--out", out)
+        assert done.returncode == 0, done.stderr
+        said.append(done.stdout.split()[-4].rpartition("/")[2])
+    assert said == ["map.csv", "map-2.csv", "map.csv"]  # the third is the first again
+    assert sorted(path.name for path in out.iterdir()) == [
+        f"{name}.{ending}" for name in ("map-2", "map") for ending in ("csv", "npz", "png")
+    ]
+
+
+def test_a_map_of_an_offline_track_wants_all_parts(palpate, raster_run, tmp_path):
+    """The first part was killed: it has no offline estimates. A map of the second alone is no map of the run."""
+    run = tmp_path / "run"
+    shutil.copytree(raster_run, run, ignore=shutil.ignore_patterns("maps", "estimates-offline.csv", "result.json"))
+    shutil.copytree(raster_run, run / "part-2", ignore=shutil.ignore_patterns("maps"))
+    done = palpate("map", run, "--track", "dr/smoother", "--method", "average")
+    assert done.returncode == 2
+    assert "has no estimates of dr/smoother" in done.stderr
+    assert "dr/kinematic" in done.stderr
+    for track in ((), ("--track", "dr/kinematic")):
+        assert palpate("map", run, *track, "--method", "average").returncode == 0
+
+
 def test_a_folder_that_is_no_run_is_refused(palpate, tmp_path):
     for command in ("lumps", "search", "resume"):
         done = palpate(command, tmp_path)
@@ -279,16 +328,63 @@ def test_a_folder_that_is_no_run_is_refused(palpate, tmp_path):
         assert "no run folder" in done.stderr
 
 
-def test_a_search_visits_what_it_suspects(palpate, raster_run, tmp_path):
-    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
-    copy = tmp_path / "search"
-    shutil.copytree(raster_run, copy)
-    done = palpate("search", copy, "--go", "--points", 2, "--palpation", 2, "--budget", 5)
+def searched(palpate, root, folder, sphere, *more):
+    """Two lines over 30 mm x 10 mm beside or around one sphere, and `palpate search --go` from there."""
+    place = f'["{sphere[0]} mm", "{sphere[1]} mm"]'
+    body = f'device.rig.specimen.inclusions=[{{shape="sphere", place={place}, depth="2 mm", radius="5 mm"}}]'
+    lines = [
+        'trajectory.raster.size=["30 mm", "10 mm"]',
+        "trajectory.raster.pitch=10 mm",
+        "trajectory.raster.settle=1 s",
+    ]
+    rest = ["trajectory.raster.speed=6 mm/s", "estimator.smoother.sweep_speed=6 mm/s", 'run.tracks=["dr/smoother"]']
+    rest += [
+        "device.rig.sensor_rate=500 Hz",
+        "trajectory.raster.press.amplitude=1 mm",
+        "trajectory.raster.press.rest=0.5 s",
+    ]
+    done = palpate("run", root / "pipelines/raster.toml", *options([body, *lines, *rest]), "--out", folder)
     assert done.returncode == 0, done.stderr
-    assert "stopped:" in done.stdout
-    visited = sites_along(read_path(copy / "part-2"))
-    assert np.count_nonzero(visited.standing) == 2
-    assert np.hypot(*(visited.place[0] - [-0.016, 0.006])) < 6e-3
+    done = palpate("search", folder, "--go", "--palpation", 1, *more)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_search_goes_on_beyond_the_border_of_the_sites(palpate, root, tmp_path):
+    """The sphere's middle lies 6 mm outside of the box that the lines cover."""
+    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
+    text = searched(palpate, root, tmp_path / "run", (21.0, 1.0), "--budget", 60)
+    end = text.partition("stopped: ")[2]
+    x, y = re.search(r"the lump at (-?[\d.]+) mm, (-?[\d.]+) mm: p = \S+, certain$", end, re.MULTILINE).groups()
+    assert float(x) == pytest.approx(21.0, abs=2.0)
+    assert float(y) == pytest.approx(1.0, abs=2.0)
+    visited = sites_along(read_path(tmp_path / "run" / "part-2"))
+    assert visited.standing.all()
+
+
+def test_a_search_says_where_it_may_not_go_on(palpate, root, tmp_path):
+    """The same sphere, and an area that ends before it: nothing is visited beyond, and that is said."""
+    pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
+    area = "-15 mm, 16 mm, -8 mm, 8 mm"
+    text = searched(palpate, root, tmp_path / "run", (21.0, 1.0), "--budget", 25, "--area", area)
+    assert "it reaches the border of --area, so its middle may lie beyond" in text
+    places = np.concatenate([sites_along(read_path(part)).place for part in (tmp_path / "run").glob("part-*")])
+    assert places[:, 0].max() < 16.1e-3
+
+
+@pytest.mark.parametrize(
+    ("area", "message"),
+    [
+        ("1 mm, 2 mm", "are 2 lengths; write four"),
+        ("10 mm, -10 mm, 0 mm, 5 mm", "is empty"),
+        ("10 N, 20 mm, 0 mm, 5 mm", "--area"),
+        ("200 mm, 210 mm, 0 mm, 5 mm", "the rig refuses every place"),
+    ],
+)
+def test_an_impossible_area_is_refused(palpate, raster_run, area, message):
+    done = palpate("search", raster_run, "--area", area)
+    assert done.returncode == 2
+    assert message in " ".join(done.stderr.split())
 
 
 def test_the_recorded_sweep_holds_a_sphere_and_a_horseshoe_and_nothing_else(palpate, root, shared, tmp_path):

@@ -6,18 +6,21 @@ import numpy as np
 import pytest
 from palpate import LogError
 from palpate_maps.analysis import (
-    Findings,
+    Area,
     Lump,
     LumpSettings,
     Path2D,
+    Proposal,
     Sites,
     find_lumps,
     line_coordinate,
     make_map,
+    nothing_left,
+    off_limits,
     propose,
     settled,
     sites_along,
-    surest,
+    watched,
 )
 
 
@@ -89,6 +92,56 @@ def test_lumps_of_an_area():
         pytest.approx((-0.015, 0.005), abs=1.5e-3),
         pytest.approx((0.012, -0.01), abs=1.5e-3),
     ]
+
+
+def patched(dice, low, high, contrast, noise=0.004, slope=3e-3):
+    """Sites on lines 5 mm apart over a stiff rectangle with graded flanks [m]."""
+    sites = area(dice, [], noise)
+    outside = np.maximum(0.0, np.maximum(np.array(low) - sites.place, sites.place - np.array(high)))
+    flank = np.exp(-0.5 * (np.hypot(*outside.T) / slope) ** 2)
+    return replace(sites, log=sites.log + np.log1p(contrast * flank))
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(
+    ("low", "high", "contrast"),
+    [
+        ((-0.03, -0.02), (-0.01, 0.02), 0.3),  # a third
+        ((-0.03, -0.01), (0.0, 0.01), 0.12),
+        ((-0.022, -0.014), (0.016, 0.011), 0.08),  # six tenths with the flanks
+        ((-0.022, -0.014), (0.016, 0.011), 0.5),
+    ],
+)
+def test_what_covers_much_of_the_area_is_found_and_told(seed, low, high, contrast):
+    found = find_lumps(patched(np.random.default_rng(seed), low, high, contrast))
+    (lump,) = found.lumps
+    wide = np.maximum(np.array(low) - 3.5e-3, (-0.03, -0.02)), np.minimum(np.array(high) + 3.5e-3, (0.03, 0.02))
+    assert lump.place == pytest.approx(tuple((wide[0] + wide[1]) / 2), abs=2.5e-3)
+    assert lump.extent == pytest.approx(tuple(wide[1] - wide[0]), rel=0.2)  # at half its height
+    assert lump.contrast == pytest.approx(contrast, rel=0.25)
+    assert lump.p < 1e-3
+    assert found.background == pytest.approx(112e3, rel=0.005)
+    assert found.several is None or "not one population" in found.warning
+
+
+def test_half_of_the_area_is_no_background_without_a_word():
+    found = find_lumps(patched(np.random.default_rng(0), (-0.03, -0.02), (0.0, 0.02), 0.3))
+    assert 0.3 < found.several < 0.6
+
+
+def test_a_soft_spot_makes_no_lump_of_the_rest():
+    found = find_lumps(patched(np.random.default_rng(0), (-0.02, -0.01), (-0.005, 0.01), -0.3))
+    assert found.lumps == ()
+    assert found.background == pytest.approx(112e3, rel=0.005)
+
+
+def test_the_stay_before_a_raster_is_no_point_on_its_lump():
+    """The raster begins in the corner of a stiff patch: that stay neither places the lump nor checks it."""
+    sites = patched(np.random.default_rng(0), (-0.03, -0.02), (-0.01, 0.0), 0.3)
+    sites.standing[0] = True
+    (lump,) = find_lumps(sites).lumps
+    assert lump.place == pytest.approx((-0.02, -0.01), abs=2e-3)
+    assert not lump.checked
 
 
 def test_homogeneous_areas_raise_no_alarm():
@@ -168,7 +221,8 @@ def test_proposals_go_to_the_suspicious_place_and_to_the_unknown_one():
     apart = [np.hypot(a.place[0] - b.place[0], a.place[1] - b.place[1]) for a in best for b in best if a is not b]
     assert min(apart) >= 4e-3
     right = sites[sites.place[:, 0] < 0.01]
-    unknown = propose(right, 1, "uncertainty", area=(-0.03, 0.03, -0.02, 0.02))[0]
+    nodes = np.stack(np.meshgrid(np.linspace(-0.03, 0.03, 61), np.linspace(-0.02, 0.02, 41)), axis=-1).reshape(-1, 2)
+    unknown = propose(right, 1, "uncertainty", nodes=nodes)[0]
     assert unknown.place[0] > 0.02
 
 
@@ -207,6 +261,50 @@ def test_a_search_stops_once_its_lump_stays_in_place():
     assert not settled(first, moved, 1e-3)
     assert settled(moved, stays, 1e-3)
     assert not settled(moved, lump(0.0065, 0.01), 1e-3)
-    found = Findings((lump(0.0, 1e-9, checked=False), first, lump(0.02, 1e-7)), 1e5, 0.01, "")
-    assert surest(found).p == 1e-7
-    assert surest(Findings((), 1e5, 0.01, "")) is None
+
+
+def everywhere(places):
+    return np.ones(len(places), bool)
+
+
+def searching(sites, before=(), allows=everywhere):
+    """What a search says of the lumps of sites."""
+    nodes = np.stack(np.meshgrid(np.linspace(-0.04, 0.04, 41), np.linspace(-0.03, 0.03, 31)), axis=-1).reshape(-1, 2)
+    return watched(find_lumps(sites), before, sites, Area(nodes, "the plate", allows), 1e-3)
+
+
+def with_points(sites, places, log):
+    """Sites and point palpations."""
+    n = len(places)
+    joined = (np.vstack([sites.place, places]), np.append(sites.log, log), np.append(sites.std, np.full(n, 0.005)))
+    return Sites(*joined, np.arange(len(sites) + n) / 4.0, np.append(sites.standing, np.ones(n, bool)))
+
+
+def test_a_lump_is_done_once_points_confirm_it_and_leave_it_in_place():
+    sites = area(np.random.default_rng(0), [(0.0, 0.0, 0.005, 0.3)])
+    (first,) = searching(sites)
+    assert not first.certain
+    points = np.array([[0.0, 0.001], [0.004, 0.0], [-0.004, 0.0]])
+    log = np.log(112e3 * (1 + 0.3 * np.exp(-(points**2).sum(axis=1) / (2 * 0.005**2))))
+    confirmed = with_points(sites, points, log)
+    (second,) = searching(confirmed)
+    assert not second.certain  # nothing is known of where it was before
+    (third,) = searching(confirmed, [second])
+    assert third.done
+    assert nothing_left([third], [])
+    suspicious = [Proposal((0.02, 0.0), 0.2, 0.05, 0.9)]
+    assert not nothing_left([third], suspicious)
+    assert not nothing_left([], [])
+    taken = off_limits(sites.place, [third], 0.05, 4e-3)
+    assert taken[np.hypot(*sites.place.T) < 8e-3].all()
+    assert not taken[np.hypot(*sites.place.T) > 2.2e-2].any()
+
+
+def test_a_lump_at_the_border_goes_on_or_is_said_to_be_cut():
+    sites = area(np.random.default_rng(0), [(0.033, 0.0, 0.006, 0.4)])
+    (open_,) = searching(sites)
+    assert (open_.beyond, open_.cut) == (True, False)
+    (cut,) = searching(sites, allows=lambda places: places[:, 0] < 0.0305)
+    assert (cut.beyond, cut.cut) == (False, True)
+    (inside,) = searching(area(np.random.default_rng(0), [(0.01, 0.0, 0.006, 0.4)]))
+    assert (inside.beyond, inside.cut) == (False, False)

@@ -94,8 +94,8 @@ def test_a_correction_out_of_range_is_said():
         ([*SPHERE, "--speed", "4 kPa"], "is a pressure, not a speed"),
         ([*SPHERE, "--set", "radius=5 mm"], r"write model.KEY=VALUE or indenter.KEY=VALUE"),
         ([*SPHERE, "-o", "/no/such/folder/f.csv"], "cannot write"),
-        ([*SPHERE, "--picture", "/no/such/folder/f.png"], "cannot write the picture"),
-        ([*SPHERE, "--picture", "f.what"], "cannot write the picture"),
+        ([*SPHERE, "--picture", "/no/such/folder/f.png"], "cannot write"),
+        ([*SPHERE, "--picture", "f.what"], "a picture's name ends in"),
         (["no.toml"], "cannot read the pipeline file"),
     ],
 )

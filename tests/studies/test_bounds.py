@@ -1,19 +1,25 @@
 """Design: the Cramer-Rao bounds, against numbers found by other means."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from palpate import ConfigurationError, contact_force
+from palpate.config import load_pipeline
 from palpate.contact import force_slopes
+from palpate.pipeline import run_pipeline
 from palpate_models import DimensionalityReduction, Flat, Power, Sphere
 from palpate_studies.design.bounds import Nuisances, cramer_rao
+from palpate_studies.design.of_pipeline import run_design
 from palpate_studies.design.palpation import best, palpations
 from palpate_studies.design.path import sine_path
+from palpate_studies.design.sensing import Sensing, Stream
 from palpate_studies.design.settings import DesignSettings, PositionLoop
 
 S1 = {"elasticity": 282.1e3, "viscosity": 860.0}
 THETA = list(S1.values())
+SENSING = Sensing(Stream(500.0, 0.05), Stream(500.0, 0.0), in_step=True)
 SPHERE = DimensionalityReduction(indenter=Sphere(radius=0.005))
 TIPS = [Sphere(radius=0.005), Flat(radius=0.002), Power(exponent=4, coefficient=1e7)]
 
@@ -120,7 +126,7 @@ def test_the_recommendation_keeps_the_limits():
     settings = DesignSettings(
         frequencies=(1.0, 3.0, 5.0, 20.0), amplitudes=(0.0005, 0.0015, 0.005), top_acceleration=1.0
     )
-    found = palpations(SPHERE, THETA, settings, 0.14, 0.004, 10.0, 0.05)
+    found = palpations(SPHERE, THETA, settings, 0.14, 0.004, 10.0, SENSING)
     chosen = best(found, S1)
     assert chosen is not None
     assert chosen.refused is None
@@ -129,16 +135,16 @@ def test_the_recommendation_keeps_the_limits():
     assert {item.refused for item in found} >= {None, "leaves contact"}
 
     def cost(item):
-        return sum(share**2 for share in item.relative("known", S1).values())
+        return sum(share**2 for share in item.relative_rmse("known", S1).values())
 
     assert cost(chosen) == min(map(cost, allowed))
-    nothing = palpations(SPHERE, THETA, DesignSettings(top_speed=1e-6), 0.14, 0.004, 10.0, 0.05)
+    nothing = palpations(SPHERE, THETA, DesignSettings(top_speed=1e-6), 0.14, 0.004, 10.0, SENSING)
     assert best(nothing, S1) is None
 
 
 def test_several_sines_share_the_amplitude_and_weaken_an_unknown_skew():
     settings = DesignSettings(frequencies=(2.0,), amplitudes=(0.0015,), multisines=((0.5, 2.0, 5.0),))
-    one, several = palpations(SPHERE, THETA, settings, 0.14, 0.004, 10.0, 0.05)
+    one, several = palpations(SPHERE, THETA, settings, 0.14, 0.004, 10.0, SENSING)
     assert several.amplitude == pytest.approx(0.0005)
     skewed = "unknown skew"
     assert several.relative(skewed, S1)["viscosity"] < 0.6 * one.relative(skewed, S1)["viscosity"]
@@ -161,3 +167,61 @@ def test_half_the_effect_of_an_unknown_skew():
 def test_a_model_that_remembers_is_refused():
     with pytest.raises(ConfigurationError, match="remembers"):
         force_slopes(SimpleNamespace(memory=("branch",)), np.ones(2), np.ones(2), THETA)
+
+
+def test_a_faster_force_tells_more_and_a_noisy_motion_less():
+    """Twice the readings are worth the root of two; a position's noise is a force of the stiffness times that."""
+    path = sine_path(0.004, [(2.0, 0.001)], 10.0, 500.0, PositionLoop())
+    _, _, by_depth, by_rate = force_slopes(SPHERE, path.depth, path.rate, THETA)
+
+    def noise(**changed):
+        given = {"force": Stream(500.0, 0.05), "position": Stream(500.0, 0.0), **changed}
+        return Sensing(**given).noise(path, by_depth, by_rate)
+
+    np.testing.assert_allclose(noise(), 0.05, rtol=1e-6)
+    np.testing.assert_allclose(noise(force=Stream(1000.0, 0.05)), 0.05 / np.sqrt(2), rtol=1e-6)
+    shaky = noise(position=Stream(500.0, 5e-6))
+    np.testing.assert_allclose(np.sqrt(shaky**2 - 0.05**2), 5e-6 * by_depth, rtol=0.02)  # and a little by the rate
+    helped = noise(position=Stream(500.0, 5e-6), velocity=Stream(500.0, 1e-6))
+    assert (helped < shaky).all()
+
+
+@pytest.mark.parametrize(("frequency", "rate"), [(2.0, 800.0), (5.0, 800.0), (5.0, 640.0)])
+def test_what_a_straight_line_between_readings_moves(frequency, rate):
+    """Least squares on a force that was interpolated from readings between the positions, no noise."""
+    loop = PositionLoop()
+    path = sine_path(0.004, [(frequency, 0.0015)], 10.0, 500.0, loop)
+    fine = sine_path(0.004, [(frequency, 0.0015)], 10.01, rate, loop)
+    force = contact_force(SPHERE, fine.depth, fine.rate, THETA)
+    read = np.interp(path.time, fine.time, force)
+    exact, by_parameter, by_depth, by_rate = force_slopes(SPHERE, path.depth, path.rate, THETA)
+    jacobian = np.column_stack([by_parameter / [1e-5, 1e-3], by_depth * 1e-3])
+    moved = np.linalg.lstsq(jacobian, read - exact, rcond=None)[0] / [1e-5, 1e-3, 1e3]
+    sensing = Sensing(Stream(rate, 0.05), Stream(500.0, 0.0))
+    error = sensing.interpolation(path, exact, by_rate, 0.0)
+    found = cramer_rao(SPHERE, THETA, path, 0.0, 0.05, Nuisances(0.005, None), error=error)
+    assert found.bias["elasticity"] == pytest.approx(moved[0], rel=0.1)
+    assert found.bias["viscosity"] == pytest.approx(moved[1], rel=0.1)
+    assert found.rmse("elasticity") == pytest.approx(np.hypot(found.parameters["elasticity"], moved[0]), rel=0.02)
+    assert (
+        not Sensing(Stream(500.0, 0.05), Stream(500.0, 0.0), in_step=True)
+        .interpolation(path, exact, by_rate, 0.01)
+        .any()
+    )
+
+
+def test_the_bias_of_a_design_is_the_one_that_a_run_has(root, tmp_path):
+    """The fit at 5 Hz and 1.5 mm, no noise, a tip of no weight: E and eta are low by what `design` says."""
+    theta = {"elasticity": 282.1e3, "viscosity": 860.0}
+    settings = ["device.rig.force_std=0 N", "device.rig.position_std=0 m", "device.rig.velocity_std=0 m/s"]
+    settings += ["device.rig.tip_mass=1 g", "alignment.tip_mass=1 g", "device.rig.drift=0 N/h"]
+    settings += [f"device.rig.specimen.{name}={value}" for name, value in theta.items()]
+    settings += ["trajectory.press.frequency=5 Hz", "trajectory.press.amplitude=1.5 mm"]
+    settings += ['estimator.fit={type="casadi-fit"}', 'run.tracks=["dr/fit"]']
+    settings += ["design.frequencies=[5.0]", 'design.amplitudes=["1.5 mm"]']
+    pipeline = replace(load_pipeline(root / "pipelines" / "point.toml", settings), sinks={})
+    (said,) = run_design(pipeline, "dr").palpations
+    found = run_pipeline(pipeline, tmp_path / "run").tracks["dr/fit"].parameters
+    for name, share in said.relative_bias(theta).items():
+        assert share < -5e-4
+        assert found[name].value / theta[name] - 1 == pytest.approx(share, rel=0.15)

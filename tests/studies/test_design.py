@@ -1,10 +1,9 @@
 """`palpate design`: a table, a picture and a recommendation."""
 
+import json
 import math
 
 import pytest
-from palpate import OutputError
-from palpate.host import drawing
 
 
 @pytest.fixture
@@ -21,7 +20,7 @@ def test_table_and_recommendation(palpate, file):
         for line in done.stdout.splitlines()
         if (line.startswith("│ 2 ") and "│        1 │" in line) or " 0.795 │" in line
     )
-    for text in ("0.063", "0.327"):
+    for text in ("0.0562", "0.282", "-0.0093"):
         assert text in row
     assert "recommended within the limits: 5 Hz, 1.5 mm" in " ".join(done.stdout.split())
 
@@ -29,6 +28,17 @@ def test_table_and_recommendation(palpate, file):
 def test_the_truth_of_a_simulated_rig_is_what_is_expected(palpate, file):
     done = palpate("design", file)
     assert "elasticity 1.125e+05 Pa, viscosity 362 Pa*s" in done.stdout
+
+
+def test_json_has_every_bound(palpate, file):
+    done = palpate("design", file, "--json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)["dr"]
+    assert found["expected"] == {"elasticity": 112.5e3, "viscosity": 362.0}
+    assert len(found["palpations"]) == 15
+    (best,) = [row for row in found["palpations"] if row["recommended"]]
+    assert best["bounds"]["known"]["elasticity"] < best["bounds"]["unknown both"]["elasticity"]
+    assert best["bias"]["elasticity"] < 0
 
 
 def test_limits_move_the_recommendation(palpate, file):
@@ -92,11 +102,12 @@ def test_the_picture(palpate, file, tmp_path):
     assert (tmp_path / "bounds.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_picture_that_cannot_be_drawn_is_one_message(tmp_path):
-    with pytest.raises(OutputError, match="cannot draw"), drawing(tmp_path):
-        raise IsADirectoryError(21, "is a directory")
-    with pytest.raises(OutputError, match="pip install matplotlib"), drawing(tmp_path):
-        raise ImportError("matplotlib")
+@pytest.mark.parametrize(("name", "words"), [(".", "ends in .png"), ("no/such/bounds.png", "cannot write")])
+def test_a_picture_that_cannot_be_written_is_one_message(palpate, file, name, words):
+    few = ("--set", "design.frequencies=[1.0]", "--set", 'design.amplitudes=["1 mm"]')
+    done = palpate("design", file, *few, "--picture", name, timeout=240)
+    assert done.returncode == 2
+    assert words in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import Estimates, Samples
-from palpate.diagnosis import Keeper
+from palpate.result.kept import Keeper
 from palpate_filters import CasadiFit, ExtendedKalmanFilter, KinematicFilter, KinematicSmoother
 from palpate_uncertainty.lack_of_fit import LEVEL, lack_of_fit
 from palpate_uncertainty.whiteness import examined, oscillation

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, WithJsonSchema, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from palpate.parts import Settings
-from palpate.units import Delay, Force, Stiffness, Time, TipMass, quantity_schema, to_si
+from palpate.units import Delay, Force, Quantity, Stiffness, Time, TipMass, quantity_schema, to_si
 
 # What a role's channel must be in; a channel whose unit nobody knows ("1") is taken at its word.
 SIGNAL_UNITS = {"force": "N", "position": "m", "velocity": "m/s"}
@@ -49,7 +50,9 @@ class AlignmentSettings(Settings):
     measuring: Signal | None = Field(default=None, description="above 0.5 while the motion is meant for estimation")
     lateral_x: Signal | None = Field(default=None, description="x of the tip along the surface, for sweeps and maps")
     lateral_y: Signal | None = Field(default=None, description="y of the tip along the surface, for sweeps and maps")
-    tip_mass: TipMass | None = Field(default=None, gt=0, description="mass of all that hangs behind the sensor")
+    tip_mass: TipMass | None = Field(
+        default=None, ge=0, description="mass of all that hangs behind the sensor; 0 where it is known to be nothing"
+    )
     tip_mass_uncertainty: TipMass | None = Field(default=None, ge=0, description="its standard uncertainty")
     weight: Literal["tared", "removed"] = Field(
         default="tared",
@@ -88,13 +91,22 @@ class AlignmentSettings(Settings):
         default=0.02, gt=0, description="a longer pause between readings is a gap; nothing is interpolated over it"
     )
 
+    @property
+    def timing_uncertainty(self) -> float | None:
+        """Standard uncertainty [s] of the time between force and motion; None where neither side declares any."""
+        force, motion = self.force.uncertainty, (self.velocity or self.position).uncertainty
+        return None if force is None and motion is None else math.hypot(force or 0.0, motion or 0.0)
+
     @field_validator("tare", mode="before")
     @classmethod
     def _tare(cls, value: Any) -> Any:
         if value in ("free-air", "none", "calibrated"):
             return value
         try:
-            return to_si(value, "N")
+            found = to_si(value, "N")
         except ValueError as error:
             reason = f'{value!r} is none of "free-air", "calibrated", "none" and a force such as "1.8 N"'
             raise PydanticCustomError("tare", "{reason}", {"reason": reason}) from error
+        if not isinstance(value, str) and (doubt := Quantity("N", most=500.0).doubt(found)):
+            raise PydanticCustomError("tare", "{reason}", {"reason": doubt})
+        return found

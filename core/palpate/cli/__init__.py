@@ -22,8 +22,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Exit code 0, 2 for what the user can mend, 1 for what they cannot, 128 and the signal's number for what stopped it:
     130 for Ctrl-C, 143 for SIGTERM, 129 for a terminal that has gone.
     """
-    with harmless_output(), at_the_command_line():
-        _main(sys.argv[1:] if arguments is None else arguments)
+    try:
+        with harmless_output(), at_the_command_line():
+            _main(sys.argv[1:] if arguments is None else arguments)
+    except KeyboardInterrupt:  # while something is set up, or taken down
+        sys.exit(130)
 
 
 def _main(arguments: Sequence[str]) -> None:

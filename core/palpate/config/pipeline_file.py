@@ -15,13 +15,13 @@ from palpate import registry as registries
 from palpate.alignment import AlignmentSettings, Ports
 from palpate.calibration import CalibrationUse, read_calibration
 from palpate.config.builder import Builder, unknown_tables
+from palpate.config.known import unknown_sources
 from palpate.config.migrations import MIGRATIONS, migrate
 from palpate.config.mistakes import Mistake, raise_mistakes
 from palpate.config.source import Source
 from palpate.config.wired_safety import contradictions, wired
 from palpate.config.wiring import ports_of, wrong_channels, wrong_wiring
 from palpate.contact import ContactModel, Indenter
-from palpate.contact.sources import unknown_sources
 from palpate.device import Device
 from palpate.errors import PalpateError
 from palpate.estimation import Estimator
@@ -57,6 +57,7 @@ class RunSettings(Settings):
         '"force_scale", "position_scale": { radius = "20 um", poisson = 0.01, force_scale = 0.005 }; not declared: '
         "a radius to 0.5 %, Poisson's ratio within 0.02 below its value",
     )
+    report: bool = Field(default=False, description="write a report when the run has ended")
     estimates_interval: Time = Field(
         default=0.01, ge=0, description="estimates.csv has one row in so much time; 0: every sample"
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import weakref
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,6 +15,7 @@ from palpate.vectors import Floats
 _LEAST_STEPS = 4  # steps of the integration from one sample to the next
 _MOST_STEPS = 64
 _STEP_TIMES_RATE = 0.25  # Runge-Kutta's local error is then some 1e-5 of what a state forgets in the step
+_BUILT: dict[int, tuple[weakref.ref[Any], dict[int, Any]]] = {}  # by identity: a stranger's model need not be hashable
 
 
 def force_over_time(
@@ -55,7 +57,7 @@ def memory_over_time(
         return states
     states[0] = 0.0 if memory is None else memory
     steps = _steps(model, time, depth, rate, theta)
-    function = _interval(model, steps)
+    function = _kept(model, steps)
     state, ends = states[0].copy(), np.zeros(5)
     buffer, advance = function.buffer()  # a call through it costs a twentieth of an ordinary one
     for i, array in enumerate((state, ends, np.array(theta, float))):
@@ -73,12 +75,11 @@ def _steps(model: ContactModel, time: Floats, depth: Floats, rate: Floats, theta
     """How many steps an interval needs, from the largest rate at which any state forgets [1/s]."""
     import casadi
 
-    state, motion = casadi.SX.sym("m", len(model.memory)), casadi.SX.sym("d", 2)
-    change = casadi.vertcat(*model.memory_rate(motion[0], motion[1], list(theta), casadi.vertsplit(state)))
-    forgetting = casadi.Function("j", [state, motion], [casadi.norm_1(casadi.jacobian(change, state))])
+    forgetting = _kept(model, 0)
     rows = np.linspace(0, len(depth) - 1, min(len(depth), 50)).astype(int)
-    at_rest = casadi.DM.zeros(len(model.memory))
-    fastest = max(float(forgetting(at_rest, casadi.DM([float(depth[i]), float(rate[i])]))) for i in rows)
+    motion = casadi.DM(np.array([depth[rows], rate[rows]]))
+    at_rest, values = casadi.DM.zeros(len(model.memory), len(rows)), casadi.DM(np.array(theta, float))
+    fastest = float(np.max(np.array(forgetting(at_rest, motion, casadi.repmat(values, 1, len(rows))))))
     longest = float(np.max(np.diff(time), initial=0.0))
     if not math.isfinite(fastest):
         raise ValueError(f"{type(model).__name__}.memory_rate is not finite")
@@ -89,6 +90,27 @@ def _steps(model: ContactModel, time: Floats, depth: Floats, rate: Floats, theta
             f"{1e3 * longest:.3g} ms"
         )
     return steps
+
+
+def _kept(model: ContactModel, steps: int) -> Any:
+    """The function of an interval of so many steps, or that of the forgetting (0), built once for each model."""
+    known = _BUILT.get(id(model))
+    if known is None or known[0]() is not model:
+        own = id(model)
+        known = _BUILT[own] = (weakref.ref(model, lambda _: _BUILT.pop(own, None)), {})
+    if steps not in known[1]:
+        known[1][steps] = _interval(model, steps) if steps else _forgetting(model)
+    return known[1][steps]
+
+
+def _forgetting(model: ContactModel) -> Any:
+    """CasADi function: the rate at which the states forget [1/s], from states, depth and rate, and parameters."""
+    import casadi
+
+    state, motion = casadi.SX.sym("m", len(model.memory)), casadi.SX.sym("d", 2)
+    theta = casadi.SX.sym("p", len(model.parameters))
+    change = casadi.vertcat(*model.memory_rate(motion[0], motion[1], casadi.vertsplit(theta), casadi.vertsplit(state)))
+    return casadi.Function("j", [state, motion, theta], [casadi.norm_1(casadi.jacobian(change, state))])
 
 
 def _interval(model: ContactModel, steps: int) -> Any:

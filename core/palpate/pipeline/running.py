@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import signal
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from palpate.alignment import Aligner, AlignmentReport
+from palpate.alignment import Aligner
 from palpate.config import Pipeline, resolved_text
 from palpate.device import truth_of
 from palpate.errors import DeviceError, StoppedError, UserError
@@ -27,12 +27,10 @@ from palpate.pipeline.latency import Latency
 from palpate.pipeline.outputs import Outputs
 from palpate.pipeline.rest import declared_noise
 from palpate.pipeline.telling import Telling
-from palpate.pipeline.tracks import RunningTrack, Tracks, start_tracks
+from palpate.pipeline.tracks import Tracks, start_tracks
 from palpate.result import (
     SCHEMA,
-    Diagnosable,
     TrackResult,
-    diagnosed,
     finite,
     make_folder,
     record_flags,
@@ -145,7 +143,7 @@ def run_pipeline(
         if flow.facts:
             facts["live"] = flow.facts
         facts |= {"started": started.isoformat(timespec="seconds"), "duration": time.monotonic() - began}
-        result = _result(pipeline, folder, facts, aligner, tracks.running, interrupt)
+        result = _result(pipeline, folder, facts, aligner, tracks, interrupt)
         outputs.finish(result.table())
     write_new(folder / "result.json", json.dumps(result.table(), indent=2, allow_nan=False) + "\n")
     if failure is not None:
@@ -182,7 +180,7 @@ def _result(
     folder: Path,
     facts: dict[str, Any],
     aligner: Aligner,
-    running: Sequence[RunningTrack],
+    tracks: Tracks,
     interrupt: Interrupt,
 ) -> Result:
     report, settings = aligner.report, pipeline.alignment
@@ -217,25 +215,9 @@ def _result(
         folder,
         {key: finite(value) for key, value in facts.items()},
         stream_tables(report),
-        _tracks(pipeline, report, running, flags),
+        {name: found.judged(pipeline.registry, flags) for name, found in tracks.results(pipeline, report).items()},
         flags,
         truth_of(pipeline.devices),
         interrupt.reason,
         interrupt.signal,
     )
-
-
-def _tracks(
-    pipeline: Pipeline, report: AlignmentReport, running: Sequence[RunningTrack], flags: tuple[Flag, ...]
-) -> dict[str, TrackResult]:
-    """The results of all tracks, judged by every diagnosis that is installed, and by what their flags mean."""
-    settings, average = pipeline.alignment, pipeline.run.average
-    known = pipeline.run.uncertainties
-    results: dict[str, TrackResult] = {r.track.name: r.result(report, settings, average, known) for r in running}
-    whole: dict[str, Diagnosable] = {
-        r.track.name: Diagnosable(r.track.model, r.track.estimator, r.record, results[r.track.name])
-        for r in running
-        if r.record.failure is None
-    }
-    found = {**results, **diagnosed(whole, pipeline.registry.diagnoses, settings.tip_mass, pipeline.tables)}
-    return {name: result.judged(pipeline.registry, flags) for name, result in found.items()}

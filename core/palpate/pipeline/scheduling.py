@@ -6,7 +6,8 @@ import gc
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 
 _PRIORITY = 20  # below that of robots and sensors
 
@@ -28,10 +29,22 @@ def undisturbed() -> Iterator[str]:
 
 
 def _scheduled(priority: int) -> str:
-    """Real-time scheduling of this thread, and of those that it starts, where that is permitted; 0 gives it back."""
+    """Real-time scheduling of this process, where that is permitted; 0 gives it back.
+
+    Of all its threads, those that write as well: one that waits for a core and holds the interpreter's lock makes every
+    other one wait. Those that they start inherit it.
+    """
     try:
         policy = os.SCHED_FIFO if priority else os.SCHED_OTHER
         os.sched_setscheduler(0, policy, os.sched_param(priority))
     except (AttributeError, OSError):
         return "no real-time scheduling: not permitted"
+    for thread in _threads():
+        with suppress(OSError):  # it has ended meanwhile
+            os.sched_setscheduler(thread, policy, os.sched_param(priority))
     return f"real-time scheduling, SCHED_FIFO {priority}" if priority else ""
+
+
+def _threads() -> list[int]:
+    folder = Path("/proc/self/task")
+    return [int(entry.name) for entry in folder.iterdir()] if folder.is_dir() else []

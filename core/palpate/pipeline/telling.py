@@ -58,12 +58,8 @@ class Telling:
                 writer.guard(state)
 
     def _tell(self, now: Mapping[str, Any]) -> None:
-        report, pipeline = self._aligner.report, self._pipeline
-        settings, average, known = pipeline.alignment, pipeline.run.average, pipeline.run.uncertainties
-        every = {
-            running.track.name: running.so_far(report, settings, average, known) for running in self._tracks.online
-        }
-        tracks = {name: found for name, found in every.items() if found is not None}
+        report = self._aligner.report
+        tracks = self._tracks.results_so_far(self._pipeline, report)
         if self._health:
             devices = {name: link.health for name, link in self._flow.links.items() if isinstance(link, Watched)}
             tare = {"offset": report.tare.offset, "noise": report.tare.noise} if report.tare else None
@@ -72,7 +68,7 @@ class Telling:
             for writer in self._health:
                 writer.health(finite_tree(table))
         if self._flags:
-            flags = record_flags(report, settings, None)
+            flags = record_flags(report, self._pipeline.alignment, None)
             self._tell_flags(None, (flag for flag in flags if tracks or flag.code != "no-tare"))  # it may still come
             for name, found in tracks.items():
                 self._tell_flags(name, found.flags)

@@ -6,14 +6,14 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.config import Pipeline, Track
 from palpate.errors import ConfigurationError, PalpateError, PluginError
 from palpate.estimation import Estimates, Problem, Samples, Tracker
+from palpate.extensions import Diagnosis
 from palpate.pipeline.failing import Blame, judged
-from palpate.result import TrackRecord, TrackResult, timing_uncertainty, track_result
+from palpate.result import Diagnosable, Judged, TrackRecord, TrackResult, diagnosed, track_result
 
 _FEW = 10  # tracked samples; before that nothing is said of a track
 
@@ -43,27 +43,23 @@ class RunningTrack:
             return Estimates.idle(samples, parameters)
         return estimates
 
-    def result(
-        self, report: AlignmentReport, settings: AlignmentSettings, average: float, known: Mapping[str, Any]
-    ) -> TrackResult:
+    def result(self, report: AlignmentReport, settings: AlignmentSettings, average: float) -> TrackResult:
         """What the track found."""
         track, online = self.track, self.track.estimator.online
         try:
-            return track_result(track.name, track.model, self.record, report, settings, average, online, known)
+            return track_result(track.name, track.model, self.record, report, settings, average, online)
         except PalpateError:
             raise
         except Exception as error:  # a model that cannot say what its parameters mean
             self.record.failure = self.blame.flag(error)
-            return track_result(track.name, track.model, self.record, report, settings, average, online, known)
+            return track_result(track.name, track.model, self.record, report, settings, average, online)
 
-    def so_far(
-        self, report: AlignmentReport, settings: AlignmentSettings, average: float, known: Mapping[str, Any]
-    ) -> TrackResult | None:
+    def so_far(self, report: AlignmentReport, settings: AlignmentSettings, average: float) -> TrackResult | None:
         """What the track would find if the run ended now; None where there is too little, or nobody can say."""
         if self.record.samples <= _FEW and self.record.failure is None:
             return None
         try:
-            return track_result(self.track.name, self.track.model, self.record, report, settings, average, True, known)
+            return track_result(self.track.name, self.track.model, self.record, report, settings, average, True)
         except Exception:  # a model that cannot say what its parameters mean: the result will tell
             return None
 
@@ -92,6 +88,40 @@ class Tracks:
         samples, self._waiting = Samples.joined(self._waiting), []
         return samples, {track.track.name: track.run(samples) for track in self._offline}
 
+    def results(self, pipeline: Pipeline, report: AlignmentReport) -> dict[str, TrackResult]:
+        """What all tracks found, with the findings of every diagnosis."""
+        settings, average = pipeline.alignment, pipeline.run.average
+        found: dict[str, TrackResult] = {r.track.name: r.result(report, settings, average) for r in self.running}
+        return self._diagnosed(found, pipeline, report, pipeline.registry.diagnoses)
+
+    def results_so_far(self, pipeline: Pipeline, report: AlignmentReport) -> dict[str, TrackResult]:
+        """What the online tracks would find if the run ended now, with the findings of quick diagnoses."""
+        settings, average = pipeline.alignment, pipeline.run.average
+        every = {running.track.name: running.so_far(report, settings, average) for running in self.online}
+        found: dict[str, TrackResult] = {name: result for name, result in every.items() if result is not None}
+        quick = {name: diagnosis for name, diagnosis in pipeline.registry.diagnoses.items() if diagnosis.quick}
+        return self._diagnosed(found, pipeline, report, quick)
+
+    def _diagnosed(
+        self,
+        found: Mapping[str, TrackResult],
+        pipeline: Pipeline,
+        report: AlignmentReport,
+        diagnoses: Mapping[str, Diagnosis],
+    ) -> dict[str, TrackResult]:
+        whole: dict[str, Diagnosable] = {
+            r.track.name: Diagnosable(r.track.model, r.track.estimator, r.record, found[r.track.name])
+            for r in self.running
+            if r.track.name in found and r.record.failure is None
+        }
+        run = pipeline.run
+        return {
+            **found,
+            **diagnosed(
+                whole, diagnoses, Judged(pipeline.alignment, report, run.average, run.uncertainties, pipeline.tables)
+            ),
+        }
+
 
 def _others(pipeline: Pipeline, model: str) -> dict[str, tuple[str, ...]]:
     """Names of the parameters of the other models."""
@@ -106,7 +136,7 @@ def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
     running = []
     for track in pipeline.tracks:
         blame = Blame(track, pipeline.registry)
-        timing = timing_uncertainty(pipeline.alignment)
+        timing = pipeline.alignment.timing_uncertainty
         problem = Problem(track.model, pipeline.alignment.tip_mass, timing, rest, _others(pipeline, track.name.model))
         try:
             tracker = track.estimator.start(problem)

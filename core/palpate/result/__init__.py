@@ -1,25 +1,26 @@
 """Results: what a run found, what may be wrong with it, and where it is written."""
 
-from palpate.result.diagnosing import Diagnosable, diagnosed
+from palpate.result.diagnosing import Diagnosable, Judged, diagnosed
 from palpate.result.differing import differences
 from palpate.result.flags import track_flags
 from palpate.result.folder import EstimatesFile, make_folder, withdraw_folder
-from palpate.result.found import Found, finite, finite_tree
+from palpate.result.found import Derived, Found, finite, finite_tree
 from palpate.result.outcome import TrackResult, record_flags, stream_tables, track_result
 from palpate.result.reading import SCHEMA, is_whole, read_flags, read_result, upgraded
 from palpate.result.record import TrackRecord, acceleration
 from palpate.result.run_folder import ONLINE, RESOLVED, RESULT, EstimatesTable, RunFolder, TrackTable
-from palpate.result.timing import timing_uncertainty
 
 __all__ = [
     "ONLINE",
     "RESOLVED",
     "RESULT",
     "SCHEMA",
+    "Derived",
     "Diagnosable",
     "EstimatesFile",
     "EstimatesTable",
     "Found",
+    "Judged",
     "RunFolder",
     "TrackRecord",
     "TrackResult",
@@ -35,7 +36,6 @@ __all__ = [
     "read_result",
     "record_flags",
     "stream_tables",
-    "timing_uncertainty",
     "track_flags",
     "track_result",
     "upgraded",

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
+from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.contact import ContactModel
-from palpate.diagnosis import Diagnosed, TrackEvidence
 from palpate.estimation import Estimator
 from palpate.extensions import Diagnosis, function_of
-from palpate.fit_report import BudgetRow, Effect
+from palpate.fit_report import BudgetRow
 from palpate.flags import Flag
 from palpate.parts import Settings
-from palpate.result.found import Derived
+from palpate.result.evidence import Diagnosed, Ending, TrackEvidence
+from palpate.result.found import Derived, Found
 from palpate.result.outcome import TrackResult
 from palpate.result.record import TrackRecord
 
@@ -30,20 +32,30 @@ class Diagnosable:
     result: TrackResult
 
 
+@dataclass(frozen=True)
+class Judged:
+    """What concerns every track of a run, and diagnoses want to know."""
+
+    settings: AlignmentSettings
+    report: AlignmentReport
+    average: float  # [s] that results are means over
+    uncertainties: Mapping[str, Any] = field(default_factory=dict)  # that the pipeline declares
+    tables: Mapping[str, Settings] = field(default_factory=dict)
+
+
 def diagnosed(
-    tracks: Mapping[str, Diagnosable],
-    diagnoses: Mapping[str, Diagnosis],
-    tip_mass: float | None,
-    tables: Mapping[str, Settings],
+    tracks: Mapping[str, Diagnosable], diagnoses: Mapping[str, Diagnosis], of_run: Judged
 ) -> dict[str, TrackResult]:
     """The results of all tracks with the findings of all diagnoses; what was not estimated is not judged."""
     results = {name: track.result for name, track in tracks.items()}
-    evidence = [_evidence(name, track, tip_mass, tables) for name, track in tracks.items() if _estimated(track.result)]
-    if not evidence:
-        return results
-    for name, diagnosis in diagnoses.items():
-        for label, finding in _findings(name, diagnosis, evidence).items():
-            results[label] = with_findings(results[label], tracks[label].model, name, finding)
+    for order in sorted({diagnosis.order for diagnosis in diagnoses.values()}):
+        evidence = [
+            _evidence(name, track, results[name], of_run) for name, track in tracks.items() if _estimated(results[name])
+        ]
+        for name, diagnosis in diagnoses.items():
+            if evidence and diagnosis.order == order:
+                for label, finding in _findings(name, diagnosis, evidence).items():
+                    results[label] = with_findings(results[label], tracks[label].model, name, finding)
     return results
 
 
@@ -59,67 +71,94 @@ def _findings(name: str, diagnosis: Diagnosis, evidence: list[TrackEvidence]) ->
 def with_findings(result: TrackResult, model: ContactModel, name: str, finding: Diagnosed) -> TrackResult:
     """A result with the flags, uncertainties and numbers of a finding; derived values take them over."""
     cause = name.replace("-", "_")
+    names = [parameter.name for parameter in model.parameters]
     parameters = {
-        key: found.diagnosed(cause, finding.terms.get(key, 0.0), key in finding.unknown, finding.biases.get(key))
-        for key, found in result.parameters.items()
+        key: _caused(
+            result.parameters[key], finding, key, [abs(float(term.shifts[i])) for term in finding.sources]
+        ).diagnosed(cause, finding.terms.get(key, 0.0), key in finding.unknown, finding.biases.get(key))
+        for i, key in enumerate(names)
     }
     return replace(
         result,
         parameters=parameters,
-        budget=(*result.budget, *_rows(result, name, finding)),
+        budget=(*result.budget, *_rows(result, names, name, finding)),
         derived=tuple(_derived(value, model, result, finding, cause) for value in result.derived),
         flags=(*result.flags, *finding.flags),
         diagnoses=dict(result.diagnoses) | ({name: finding.table} if finding.table else {}),
     )
 
 
-def _rows(result: TrackResult, name: str, finding: Diagnosed) -> list[BudgetRow]:
-    """The row of a finding in the budget."""
+def _caused(found: Found, finding: Diagnosed, name: str, shares: Iterable[float]) -> Found:
+    """With a share of each source of a finding, and with the delay that the value looks like."""
+    for term, share in zip(finding.sources, shares, strict=True):
+        found = found.diagnosed(term.cause, share)
+    return replace(found, per_shear=finding.delays.get(name, found.per_shear))
+
+
+def _rows(result: TrackResult, names: Sequence[str], name: str, finding: Diagnosed) -> Iterator[BudgetRow]:
+    """The rows of a finding in the budget."""
+    for term in finding.sources:
+        shifts = zip(names, term.shifts.tolist(), strict=True)
+        effects = {
+            key: result.parameters[key].effect(abs(shift), shift / term.std if term.std else None)
+            for key, shift in shifts
+        }
+        label = term.cause if term.declared else f"{term.cause} (not declared)"
+        yield BudgetRow(label, term.std, term.unit, effects)
     terms = dict(finding.terms)
     for key, bias in finding.biases.items():
         terms[key] = math.hypot(terms.get(key, 0.0), bias.shift)
     shares = {key: share for key, share in terms.items() if share > 0 and key in result.parameters}
-    if not shares:
-        return []
-    values = {key: result.parameters[key].value for key in shares}
-    effects = {
-        key: Effect(None, share, 100.0 * share / abs(values[key]) if values[key] else None)
-        for key, share in shares.items()
-    }
-    return [BudgetRow(name, None, "", effects)]
+    if shares:
+        yield BudgetRow(name, None, "", {key: result.parameters[key].effect(share) for key, share in shares.items()})
 
 
 def _derived(value: Derived, model: ContactModel, result: TrackResult, finding: Diagnosed, cause: str) -> Derived:
     names = [parameter.name for parameter in model.parameters]
     values = [result.parameters[name].value for name in names]
     material = next(m for m in model.material(values) if m.name == value.name)
+    gradient = np.array(material.gradient)
     share = material.std([finding.terms.get(name, 0.0) for name in names])
     shifts = [finding.biases[name].shift if name in finding.biases else 0.0 for name in names]
     share = math.hypot(share, sum(slope * shift for slope, shift in zip(material.gradient, shifts, strict=True)))
     touched = any(slope and name in finding.unknown for name, slope in zip(names, material.gradient, strict=True))
-    return replace(value, found=value.found.diagnosed(cause, share, touched))
+    shares = [abs(float(gradient @ term.shifts)) for term in finding.sources]
+    return replace(value, found=_caused(value.found, finding, value.name, shares).diagnosed(cause, share, touched))
 
 
 def _estimated(result: TrackResult) -> bool:
     return bool(result.samples) and all(np.isfinite(found.value) for found in result.parameters.values())
 
 
-def _evidence(name: str, track: Diagnosable, tip_mass: float | None, tables: Mapping[str, Settings]) -> TrackEvidence:
-    found = [track.result.parameters[parameter.name] for parameter in track.model.parameters]
-    time, force, position = track.record.keeper.air
+def _evidence(name: str, track: Diagnosable, result: TrackResult, of_run: Judged) -> TrackEvidence:
+    found = [result.parameters[parameter.name] for parameter in track.model.parameters]
+    record, settings = track.record, of_run.settings
+    time, force, position = record.keeper.air
     return TrackEvidence(
         name,
         track.model,
         track.estimator,
-        tip_mass,
-        track.record.keeper.kept,
+        settings.tip_mass,
+        record.keeper.kept,
         time,
         force,
         position,
         np.array([f.value for f in found]),
         np.array([f.std for f in found]),
         np.array([f.combined for f in found]),
-        track.result.surface.value,
-        track.record.report,
-        tables,
+        result.surface.value,
+        record.report,
+        of_run.tables,
+        _ending(track, of_run),
+    )
+
+
+def _ending(track: Diagnosable, of_run: Judged) -> Ending | None:
+    ends = track.record.ends(of_run.average if track.estimator.online else math.inf)
+    if ends is None:
+        return None
+    included = {*track.record.details.get("included", ()), *(["timing"] if track.record.timing_included else [])}
+    tail, last = ends
+    return Ending(
+        tail, last, of_run.settings, of_run.report, of_run.uncertainties, track.record.held, frozenset(included)
     )

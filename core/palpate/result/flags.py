@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterator, Set
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.alignment import AlignmentReport, AlignmentSettings, Health
 from palpate.contact import ContactModel, contact_force
@@ -17,10 +16,6 @@ from palpate.result.record import Tail, TrackRecord
 _STILL_MOVING = 0.02  # of a value: slope times time tracked
 _NIS_RANGE = (0.5, 1.6)  # of the mean over the last second; 0.9 to 1.1 would be one by chance alone
 _COLOURED = 0.3  # autocorrelation of innovations; 0.1 comes by chance alone
-_MILLISECOND = 1e-3  # [s]
-_HARDLY = 0.01  # of a parameter
-_BARELY = 0.001  # of a parameter
-_OFFSET = 0.01  # [N]
 _WEAK = 5.0  # the force must swing by more than so many standard deviations of its noise
 _SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the one that the first touch says
 _LATE = 1e-3  # [s] of the velocity against the position
@@ -82,14 +77,12 @@ def _drift_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterat
 
 
 def track_flags(
-    record: TrackRecord,
-    model: ContactModel,
-    report: AlignmentReport,
-    average: float,
-    online: bool = True,
-    settling: float = 0.0,
+    record: TrackRecord, model: ContactModel, report: AlignmentReport, average: float, online: bool = True
 ) -> Iterator[Flag]:
-    """What is amiss with one track; an offline estimate is one of the whole record, so it does not drift."""
+    """What is amiss with one track, by its last `average` seconds [s].
+
+    An offline estimate is one of the whole record: it does not drift, and its first seconds are those that settle.
+    """
     yield from (_with_sign(flag, report) for flag in record.flags)
     if record.failure is not None:
         yield record.failure
@@ -107,17 +100,17 @@ def track_flags(
     yield from _status_flags(record)
     if record.marks[Status.DIVERGED]:
         return
-    end = float(tail.time[-1])
-    last = tail.since(end - average)
+    last = tail.since(float(tail.time[-1]) - average) if online else tail
     yield from _bound_flags(last, model, record.held)
     if online:
         swept = record.swept > SWEEP
         yield from _convergence_flags(tail, last, model, average, record.tracked, swept)
     else:
-        begun = tail.since(float(tail.time[0]) + settling)
-        yield from _innovation_flags(begun, f"after the first {settling:g} s")
+        begun = tail.since(float(tail.time[0]) + average)
+        yield from _innovation_flags(begun, f"after the first {average:g} s")
         yield from _colour_flags(begun)
-    yield from _force_flags(last, report)
+    if record.report is None:  # a fit says itself what its record does not tell
+        yield from _force_flags(last, report)
     yield from _surface_flags(last, model, report)
 
 
@@ -219,56 +212,3 @@ def validity_flags(model: ContactModel, last: Tail) -> Iterator[Flag]:
     problem = model.validity(depth) if np.isfinite(depth) and depth > 0 else ""
     if problem:
         yield Flag("beyond-model-range", problem)
-
-
-def timing_flags(
-    model: ContactModel,
-    values: NDArray[np.float64],
-    shifts: NDArray[np.float64],
-    uncertainty: float | None,
-    held: Set[str] = frozenset(),
-) -> Iterator[Flag]:
-    """Parameters that a force or motion recorded late would shift, against the declared timing uncertainty [s].
-
-    `shifts` (k,) are those of `delay_shifts`. Left out: what is `held` fixed, and what is not viscous and moves by
-    less than a hundredth in 1 ms.
-    """
-    for parameter, value, shift in zip(model.parameters, values.tolist(), shifts.tolist(), strict=True):
-        if not shift or parameter.name in held:
-            continue
-        if parameter.role != "viscous" and abs(shift) * _MILLISECOND <= _HARDLY * abs(value):
-            continue
-        if uncertainty is None:
-            per_ms = f"{abs(shift) * _MILLISECOND:.3g} {parameter.unit}"
-            yield Flag("timing-undeclared", f"no timing uncertainty is declared; 1 ms is {per_ms} of {parameter.name}")
-        elif abs(value) < 2 * abs(shift) * uncertainty:
-            yield Flag(
-                "not-distinguishable-from-delay", f"{parameter.name} is within {uncertainty * 1e3:.3g} ms of none"
-            )
-
-
-def tare_flags(model: ContactModel, values: NDArray[np.float64], shifts: NDArray[np.float64] | None) -> Iterator[Flag]:
-    """Elastic parameters that an offset of the force would shift; `shifts` (k,) per newton.
-
-    Left out: what moves by less than a thousandth in 10 mN.
-    """
-    if shifts is None:
-        return
-    moved = [
-        f"{abs(shift) * _OFFSET:.3g} {parameter.unit} of {parameter.name}"
-        for parameter, value, shift in zip(model.parameters, values.tolist(), shifts.tolist(), strict=True)
-        if parameter.role == "elastic" and abs(shift) * _OFFSET > _BARELY * abs(value)
-    ]
-    if moved:
-        yield Flag("tare-undeclared", f"no uncertainty of the tare is declared; 10 mN are {', '.join(moved)}")
-
-
-def compliance_flags(shares: Mapping[str, float], stiffness: float | None) -> Iterator[Flag]:
-    """Parameters that a robot which gives way shifts by more than a hundredth; `shares` of their values by name."""
-    strong = [f"{name} by {100 * share:.2g} %" for name, share in shares.items() if share > _HARDLY]
-    if stiffness is not None and strong:
-        yield Flag(
-            "series-compliance",
-            f"robot and sensor give way with {1e-3 * stiffness:.3g} N/mm, which shifts {', '.join(strong)}; it is not "
-            "corrected",
-        )

@@ -55,7 +55,7 @@ def withdraw_folder(folder: Path) -> None:
 
 
 class EstimatesFile:
-    """``estimates.csv``: time, place, every parameter and its standard deviation of every track, decimated.
+    """``estimates.csv``: time, place, what was measured, every parameter of every track with its std; decimated.
 
     Numbers have ten digits, far more than any of them deserves: all seventeen would take four times as long to write.
     """
@@ -64,7 +64,7 @@ class EstimatesFile:
         self._file = file
         self._interval = interval
         self._slot = -np.inf  # of time, in which the latest row lies
-        header = ["time_s", "x_m", "y_m"]
+        header = ["time_s", "x_m", "y_m", "force_N", "position_m", "velocity_m_s"]
         for track, parameters in tracks.items():
             header += [f"{track}:{p.name}{suffix}" for p in parameters for suffix in ("", "_std")]
             header += [f"{track}:{name}" for name in ("surface", "surface_std", "force", "nis", "status", "innovation")]
@@ -72,9 +72,10 @@ class EstimatesFile:
         self._line = ",".join(["%.10g"] * len(header)) + "\n"
 
     def write(self, samples: Samples, estimates: Mapping[str, Estimates]) -> None:
-        """One row for each interval of time: the tip's place and the estimates of all tracks on a block of samples."""
+        """One row for each interval of time: the tip's place, what was measured, and every track's estimates."""
         rows = self._due(samples.time)
         columns: list[NDArray[Any]] = [samples.time[rows, None], samples.lateral[rows]]
+        columns += [column[rows, None] for column in (samples.force, samples.position, samples.velocity)]
         for block in estimates.values():
             pairs = np.stack([block.values[rows], block.std[rows]], axis=2)
             columns.append(pairs.reshape(len(rows), 2 * block.values.shape[1]))

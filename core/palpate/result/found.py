@@ -11,8 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import ContactModel
-from palpate.diagnosis import Bias
-from palpate.result.budget import Term
+from palpate.fit_report import Effect
+
+
+@dataclass(frozen=True)
+class Bias:
+    """What an estimate is expected to be off by."""
+
+    shift: float  # [SI] value less truth
+    std: float | None  # [SI] standard uncertainty of the shift; None: too little is known of it to correct the value
 
 
 @dataclass(frozen=True)
@@ -60,7 +67,11 @@ class Found:
             known |= {"corrected": corrected.value, "corrected_combined": corrected.combined} if corrected else {}
         return {key: finite(value) for key, value in known.items()}
 
-    def diagnosed(self, cause: str, share: float, unknown: bool, bias: Bias | None = None) -> Found:
+    def effect(self, contribution: float, sensitivity: float | None = None) -> Effect:
+        """What a source does to the value by a standard uncertainty [SI]."""
+        return Effect(sensitivity, contribution, 100.0 * contribution / abs(self.value) if self.value else None)
+
+    def diagnosed(self, cause: str, share: float, unknown: bool = False, bias: Bias | None = None) -> Found:
         """With one more cause of systematic uncertainty [SI], an uncertainty that nobody can tell, or a known bias."""
         share = math.hypot(share, bias.shift) if bias is not None else share
         budget = dict(self.budget) | ({cause: share} if share > 0 else {})
@@ -84,31 +95,28 @@ class Derived:
 
 
 def derived_values(
-    model: ContactModel,
-    parameters: Mapping[str, Found],
-    terms: Sequence[Term],
-    covariance: NDArray[np.float64] | None = None,
+    model: ContactModel, parameters: Mapping[str, Found], covariance: NDArray[np.float64] | None = None
 ) -> tuple[Derived, ...]:
-    """What the parameters found say of the material, with their uncertainties carried over.
+    """What the parameters found say of the material, with their scatter and settling carried over.
 
-    Scatter by the `covariance` (k, k) where the estimator tells it, else as uncorrelated; each source of the budget as
-    one cause for all parameters, its shifts added with their signs. A value that is a parameter itself is not repeated.
+    Scatter by the `covariance` (k, k) where the estimator tells it, else as uncorrelated. A value that is a parameter
+    itself is not repeated.
     """
     found = [parameters[parameter.name] for parameter in model.parameters]
-    derived = []
-    for value in model.material([f.value for f in found]):
-        if value.name in parameters:
-            continue
-        settling = value.std([f.settling for f in found])
-        gradient = np.array(value.gradient)
-        budget = {term.cause: shift for term in terms if (shift := abs(float(gradient @ term.shifts)))}
-        systematic = math.hypot(*budget.values()) if budget else None
-        late = [float(gradient @ term.shifts) / term.std for term in terms if term.cause == "timing" and term.std]
-        per_shear = value.value / abs(late[0]) if late and late[0] and value.name == "viscosity" else None
-        std = _scatter(gradient, [f.std for f in found], covariance)
-        carried = Found(value.value, std, value.unit, settling, systematic, budget, per_shear)
-        derived.append(Derived(value.name, carried, value.caveat))
-    return tuple(derived)
+    return tuple(
+        Derived(
+            value.name,
+            Found(
+                value.value,
+                _scatter(np.array(value.gradient), [f.std for f in found], covariance),
+                value.unit,
+                value.std([f.settling for f in found]),
+            ),
+            value.caveat,
+        )
+        for value in model.material([f.value for f in found])
+        if value.name not in parameters
+    )
 
 
 def _scatter(gradient: NDArray[np.float64], std: Sequence[float], covariance: NDArray[np.float64] | None) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -12,25 +12,12 @@ from numpy.typing import NDArray
 
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.contact import ContactModel
-from palpate.contact.sources import sources_of
-from palpate.estimation import Status
 from palpate.fit_report import BudgetRow, FitReport
 from palpate.flags import Flag, Verdict, verdict
 from palpate.registry import Registry
-from palpate.result.along import along
-from palpate.result.budget import Term, budget_table, per_newton, systematic_terms
-from palpate.result.flags import (
-    SWEEP,
-    alignment_flags,
-    compliance_flags,
-    tare_flags,
-    timing_flags,
-    track_flags,
-    validity_flags,
-)
+from palpate.result.flags import SWEEP, alignment_flags, track_flags, validity_flags
 from palpate.result.found import Derived, Found, derived_values, finite, finite_tree
 from palpate.result.record import Tail, TrackRecord
-from palpate.result.timing import delay_shifts, is_viscous, timing_uncertainty
 from palpate.track_name import TrackName
 
 
@@ -117,36 +104,17 @@ def track_result(
     settings: AlignmentSettings,
     average: float,
     online: bool = True,
-    declared: Mapping[str, Any] | None = None,
 ) -> TrackResult:
     """The result of one track: means over the last `average` seconds of its estimates, and its flags.
 
-    Estimates of an offline estimator are constant and hold for every sample that it used. `declared` are standard
-    uncertainties by key of the model.
+    Estimates of an offline estimator are constant and hold for every sample that it used. Uncertainty is the
+    estimator's own and that of settling; diagnoses add what else there is.
     """
-    settling, average = average, average if online else math.inf
-    flags = list(track_flags(record, model, report, average, online, settling))
-    tail = record.tail
-    numbers, terms = _no_numbers(model), list[Term]()
-    if tail is not None and not record.marks[Status.DIVERGED] and record.failure is None:
-        last = tail.since(float(tail.time[-1]) - average)
-        values = last.values.mean(axis=0)
-        found = along(model, tail, last, values)
-        shifts = delay_shifts(model, found, values)
-        # A fit that looks for the delay itself has the declared timing in its std already.
-        timing = None if record.timing_included else timing_uncertainty(settings)
-        included = tuple(record.details.get("included", ()))
-        sources = sources_of(model, declared or {})
-        terms = systematic_terms(found, shifts, timing, settings, report, sources, included)
-        flags += timing_flags(model, values, shifts, timing_uncertainty(settings), record.held)
-        if "tare" not in included and (report.tare is None or report.tare.offset_std is None):
-            flags += tare_flags(model, values, per_newton(found))
-        flags += validity_flags(model, last)
-        numbers = _numbers(model, record, tail, last, shifts, terms, settings, online)
-        shares = {
-            name: f.budget.get("compliance", 0.0) / abs(f.value or math.inf) for name, f in numbers.parameters.items()
-        }
-        flags += compliance_flags(shares, settings.series_stiffness)
+    flags = list(track_flags(record, model, report, average, online))
+    numbers, ends = _no_numbers(model), record.ends(average if online else math.inf)
+    if ends is not None:
+        flags += validity_flags(model, ends[1])
+        numbers = _numbers(model, record, *ends, settings, online)
     return TrackResult(
         name.model,
         name.estimator,
@@ -157,13 +125,19 @@ def track_result(
         numbers.nis,
         tuple(flags),
         record.seconds / record.samples if record.samples else 0.0,
-        derived_values(model, numbers.parameters, terms, _covariance(model, record.details))
-        if record.failure is None
-        else (),
+        derived_values(model, numbers.parameters, _covariance(model, record.details)) if record.failure is None else (),
         record.details,
         record.report,
-        budget=tuple(budget_table(model, numbers.parameters, terms)),
+        budget=tuple(_own_budget(numbers.parameters)),
     )
+
+
+def _own_budget(parameters: Mapping[str, Found]) -> Iterator[BudgetRow]:
+    """What the estimator says itself, and what is left of the way to rest."""
+    yield BudgetRow("estimator", None, "", {name: found.effect(found.std) for name, found in parameters.items()})
+    if any(found.settling for found in parameters.values()):
+        rest = {name: found.effect(found.settling) for name, found in parameters.items()}
+        yield BudgetRow("settling", None, "", rest)
 
 
 def _no_numbers(model: ContactModel) -> _Numbers:
@@ -173,32 +147,14 @@ def _no_numbers(model: ContactModel) -> _Numbers:
 
 
 def _numbers(
-    model: ContactModel,
-    record: TrackRecord,
-    tail: Tail,
-    last: Tail,
-    shifts: NDArray[np.float64],
-    terms: Sequence[Term],
-    settings: AlignmentSettings,
-    online: bool,
+    model: ContactModel, record: TrackRecord, tail: Tail, last: Tail, settings: AlignmentSettings, online: bool
 ) -> _Numbers:
-    values, std = last.values.mean(axis=0), last.std[-1]
+    values, std = last.values.mean(axis=0).tolist(), last.std[-1].tolist()
     # What is left of the way to rest lies between nothing and this: a rectangular distribution.
     tracked = record.tracked if online and record.swept <= SWEEP else 0.0
-    settling = tail.unsettled(tail.values, tracked) / math.sqrt(3)
+    settling = (tail.unsettled(tail.values, tracked) / math.sqrt(3)).tolist()
     way = float(tail.unsettled(tail.surface[:, None], tracked)[0]) / math.sqrt(3)
-    parameters = {}
-    for i, (parameter, shift) in enumerate(zip(model.parameters, shifts.tolist(), strict=True)):
-        budget = {term.cause: by for term in terms if (by := abs(float(term.shifts[i])))}
-        parameters[parameter.name] = Found(
-            float(values[i]),
-            float(std[i]),
-            parameter.unit,
-            float(settling[i]),
-            math.hypot(*budget.values()) if budget else None,
-            budget,
-            float(values[i] / abs(shift)) if shift and is_viscous(parameter) else None,
-        )
+    parameters = {p.name: Found(values[i], std[i], p.unit, settling[i]) for i, p in enumerate(model.parameters)}
     surface = Found(float(last.surface.mean()), float(last.surface_std[-1]), "m", way)
     seen = last.nis[np.isfinite(last.nis)]
     nis = float(seen.mean()) if len(seen) else float("nan")

@@ -7,14 +7,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from palpate.diagnosis import Keeper
 from palpate.estimation import Estimates, Samples, Status
 from palpate.fit_report import FitReport
 from palpate.flags import Flag
-
-Floats = NDArray[np.float64]
+from palpate.result.kept import Keeper
+from palpate.vectors import Floats
 
 _ENOUGH = 100  # innovations to tell their autocorrelation
 _PARTS = 12  # of the tail, whose steps show a random walk
@@ -182,6 +180,13 @@ class TrackRecord:
     def _forget(self, before: float) -> None:
         while len(self._blocks) > 1 and self._blocks[0].time[-1] < before:
             self._blocks.pop(0)
+
+    def ends(self, average: float) -> tuple[Tail, Tail] | None:
+        """The tail, and of it the last so many seconds; None where there are no numbers that could be used."""
+        tail = self.tail
+        if tail is None or self.marks[Status.DIVERGED] or self.failure is not None:
+            return None
+        return tail, tail.since(float(tail.time[-1]) - average)
 
     @property
     def tail(self) -> Tail | None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import io
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,7 +21,7 @@ from palpate.result.reading import is_whole, read_result
 
 Floats = NDArray[np.float64]
 
-RESULT, GIVEN, RESOLVED = "result.json", "pipeline.toml", "resolved.toml"
+RESULT, GIVEN, RESOLVED, REVIEW = "result.json", "pipeline.toml", "resolved.toml", "review.json"
 ONLINE, OFFLINE = "estimates.csv", "estimates-offline.csv"
 _UNUSABLE = Status.IDLE | Status.WAITING | Status.DIVERGED
 
@@ -53,6 +55,13 @@ class EstimatesTable:
     def tracks(self) -> tuple[str, ...]:
         """Names of the tracks, in the order of the table."""
         return tuple(name.removesuffix(":status") for name in self.names if name.endswith(":status"))
+
+    @property
+    def measured(self) -> dict[str, Floats]:
+        """Time [s], tared force [N], position [m] and velocity [m/s], (n,) each; NaN where a table is older."""
+        names = {"time": "time_s", "force": "force_N", "position": "position_m", "velocity": "velocity_m_s"}
+        unknown = np.full(len(self.numbers), np.nan)
+        return {key: self._column(name) if name in self.names else unknown for key, name in names.items()}
 
     def track(self, name: str) -> TrackTable:
         """The columns of one track; raises LogError where the table has none of that name."""
@@ -98,6 +107,16 @@ class RunFolder:
         if not path.is_file():
             raise LogError(f"{self.path}: is no run folder: it has no {RESOLVED}")
         return path
+
+    @property
+    def rejected(self) -> dict[str, str]:
+        """Why a review left the run out, under "", or parts of it, under their names. Raises LogError."""
+        path = self.path / REVIEW
+        try:
+            marks = json.loads(path.read_text(encoding="utf-8"))["rejected"] if path.is_file() else {}
+            return {str(name): str(reason) for name, reason in marks.items()}
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise LogError(f"{path}: is no review of palpate") from error
 
     @property
     def maps(self) -> Path:
@@ -153,14 +172,23 @@ class RunFolder:
 def _read(path: Path) -> EstimatesTable:
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            rows = csv.reader(file)
-            names = next(rows, [])
-            lines = [row for row in rows if len(row) == len(names)]
+            names = next(csv.reader(file), [])
+            lines = [line for line in file if line.count(",") == len(names) - 1 and line.endswith("\n")]
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise LogError(f"{path}: cannot be read: {reason}") from error
     try:
-        numbers = np.array([[float(cell) if cell else np.nan for cell in row] for row in lines])
+        numbers = _numbers("".join(lines), len(names)) if lines and names else np.zeros((0, len(names)))
     except ValueError as error:
         raise LogError(f"{path}: is not a table of numbers: {error}") from error
-    return EstimatesTable(path, tuple(names), numbers.reshape(len(lines), len(names)))
+    return EstimatesTable(path, tuple(names), numbers)
+
+
+def _numbers(text: str, columns: int) -> Floats:
+    """Rows of numbers (n, columns), NaN where a cell is empty."""
+    for _ in range(2):  # neighbouring empty cells share a comma
+        text = text.replace(",,", ",nan,")
+    text = text.replace(",\n", ",nan\n").replace("\n,", "\nnan,")
+    return np.loadtxt(
+        io.StringIO(f"nan{text}" if text.startswith(",") else text), delimiter=",", ndmin=2, comments=None
+    )

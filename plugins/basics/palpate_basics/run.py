@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import json
+import shlex
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -27,12 +29,14 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="Print result.json instead of the table.")] = False,
     dry: Annotated[bool, typer.Option("--dry-run", help="Show the motion and its limits; connect to nothing.")] = False,
     seed: Annotated[int | None, typer.Option(help="Seed of the run; overrides that of the file.", min=0)] = None,
+    report: Annotated[bool, typer.Option("--report", help="Write a report into the run folder.")] = False,
     live: Annotated[bool, typer.Option("--live", help='Show it in the browser: --set sink.live.type="live".')] = False,
 ) -> None:
     """Run a pipeline; print what was found and where it is written."""
     if file.is_dir() or file.suffix in _LOGS:
         raise ConfigurationError(f"{file}: is no pipeline file; a recorded run is estimated anew by `palpate replay`")
     assignments = [*(overrides or []), *([f"run.seed={seed}"] if seed is not None else [])]
+    assignments += ["run.report=true"] if report else []
     assignments += ['sink.live.type="live"'] if live else []
     pipeline = load_pipeline(file, assignments)
     if dry:
@@ -55,4 +59,15 @@ def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False) -> None
         typer.echo(json.dumps(result.table(), indent=2))
     else:
         console().print(result_view(result, pipeline.registry.sections))
+    for line in _reported(pipeline, result.folder):
+        typer.echo(line, err=as_json)
     result.demand_whole()
+
+
+def _reported(pipeline: Pipeline, folder: Path) -> Iterator[str]:
+    """Where the reports of plugins are that the pipeline wants, or how to have them later."""
+    for name, report in pipeline.registry.reports.items():
+        if pipeline.run.report:
+            yield f"{name}: {function_of(report)(folder)}"
+        else:
+            yield f"to hand on: palpate {name} {shlex.quote(str(folder))}"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError, OutputError
-from palpate.host import Overrides, console, drawing, measured, write_whole
+from palpate.host import Overrides, console, measured, write_whole
 
 from palpate_calibration.plan import load_plan
 
@@ -62,7 +62,7 @@ def calibrate(
     ] = None,
     overrides: Overrides = None,
     picture: Annotated[
-        Path | None, typer.Option(help="Draw force and inertia into this file (.png, .svg or .pdf; wants matplotlib).")
+        Path | None, typer.Option(help="Draw force and inertia into this file (.png, .svg or .pdf).")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Write over an older calibration file.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: whoever is at the rig has prepared it.")] = False,
@@ -105,8 +105,7 @@ def calibrate(
     if picture is not None and session.shakes:
         from palpate_calibration.picture import draw
 
-        with drawing(picture):
-            draw(records[0], session, plan.settings.settle, picture)
+        draw(records[0], session, plan.settings.settle, picture)
 
 
 def _refuse_target(target: Path, force: bool) -> None:

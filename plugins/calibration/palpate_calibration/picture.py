@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from palpate.host import figure_of, legend_outside, save_figure, style
 
 from palpate_calibration.protocol import StepFindings
 from palpate_calibration.record import CalibrationRecord
@@ -14,10 +15,9 @@ from palpate_calibration.sines import sine_fit
 _SHOWN = 0.5  # [s]
 
 
+@style()
 def draw(record: CalibrationRecord, session: StepFindings, settle: float, path: Path) -> None:
     """Half a second of force in the first shake, -m z'' with and without the delay, and what is left over."""
-    from matplotlib.figure import Figure
-
     shake, segment = session.shakes[0], shaking(record, settle)[0]
     middle = (segment.begin + segment.end) / 2
     motion = sine_fit(*record.position.between(segment.begin, segment.end), shake.frequencies, middle)
@@ -30,15 +30,16 @@ def draw(record: CalibrationRecord, session: StepFindings, settle: float, path: 
 
     tau = session.values["delay"].value
     level = force - shake.offset
-    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    figure, axes = figure_of(1, 2, width=120.0, height=40.0)
+    upper, lower = axes[:, 0]
     shown = 1e3 * (time - time[0])
-    upper.plot(shown, level, ".", markersize=3, color="0.5", label="force less its mean")
-    upper.plot(shown, inertia(0.0), "--", color="C1", label="mass times acceleration, as stamped")
-    upper.plot(shown, inertia(tau), color="C0", label=f"the same, {tau * 1e3:.2f} ms later")
+    upper.plot(shown, level, ".", markersize=2, color="0.5", label="force less its mean")
+    upper.set_prop_cycle(None)
+    upper.plot(shown, inertia(tau), label=f"mass times acceleration, {tau * 1e3:.2f} ms later")
+    upper.plot(shown, inertia(0.0), label="the same as stamped")
     upper.set_ylabel("force [N]")
-    figure.legend(fontsize=8, loc="outside upper center", ncols=3)
-    lower.plot(shown, level - inertia(0.0), "--", color="C1", linewidth=0.8)
-    lower.plot(shown, level - inertia(tau), color="C0", linewidth=0.8)
+    legend_outside(upper, 2)
+    lower.plot(shown, level - inertia(tau))
+    lower.plot(shown, level - inertia(0.0))
     lower.set(xlabel="time [ms]", ylabel="left over [N]")
-    figure.savefig(path, dpi=150)
+    save_figure(figure, path)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate import Command, lazily, plugin
+from palpate import Command, Fact, lazily, plugin
 
 if TYPE_CHECKING:
     from palpate import Device, Sink, Twin
@@ -95,3 +95,9 @@ def palpate_commands() -> dict[str, Command]:
         "export": Command(f"{where}.export:export", "A log as CSV, NPZ, MAT or Parquet.", "logs"),
         "recover": Command(f"{where}.recover:recover", "What is whole of a damaged log, as a new log.", "logs"),
     }
+
+
+@plugin
+def palpate_facts() -> dict[str, Fact]:
+    """Whether a robot can be driven from here."""
+    return {"robots": Fact("palpate_devices.ur3e.client:robots_here")}

@@ -13,6 +13,7 @@ from palpate import (
     ContactModel,
     Indenter,
     Length,
+    Quantity,
     Setpoint,
     Settings,
     contact_force,
@@ -82,7 +83,8 @@ class Specimen(Settings):
         if "parameters" in data:
             return data
         own = {key: value for key, value in data.items() if key in cls.model_fields}
-        return own | {"parameters": {key: value for key, value in data.items() if key not in own}}
+        beside = {key: value for key, value in data.items() if key not in own}
+        return own | {"parameters": {key: _plain(value) for key, value in beside.items()}}
 
     @field_validator("parameters", mode="before")
     @classmethod
@@ -204,7 +206,17 @@ def _with_the_papers(data: dict[str, Any]) -> dict[str, Any]:
     return known | data
 
 
+class _Plain(float):
+    """A number beside the model, without a unit, as a person writes it."""
+
+
+def _plain(value: Any) -> Any:
+    return _Plain(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
 def _quantity(name: str, given: Any, unit: str) -> float:
+    if isinstance(given, _Plain) and (doubt := Quantity(unit).doubt(given)):
+        raise ValueError(f"{name}: {doubt}")
     try:
         return to_si(given, unit)
     except ValueError as error:

@@ -10,7 +10,7 @@ from palpate import Belief, ConfigurationError, Moment, Problem, Status, Tracker
 from pydantic import Field
 
 from palpate_filters.filterpy_kinds import Filter, ScaledProcess, ensemble, extended, sampled
-from palpate_filters.inertial_filter import PaperStart, first_state, mass_of
+from palpate_filters.inertial_filter import PaperStart, first_state, moved_mass
 from palpate_filters.opening_fit import PAUSE
 from palpate_filters.predictions import Points
 from palpate_filters.process import InertialProcess
@@ -47,7 +47,7 @@ class FilterpyFilter(PaperStart):
             import filterpy.kalman
         except ImportError as error:
             raise ConfigurationError(f"filterpy cannot be imported ({error}); pip install filterpy") from error
-        process = InertialProcess(problem.model, mass_of(problem))
+        process = InertialProcess(problem.model, moved_mass(problem))
         start = first_state(self, process, problem)
         rig = ScaledProcess(process, start, self.force_std, self.velocity_std)
         makers: dict[str, Callable[[], Filter]] = {

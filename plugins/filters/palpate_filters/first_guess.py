@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from palpate import ConfigurationError, ContactModel, Floats, to_si
+from palpate import ConfigurationError, ContactModel, Floats, Quantity, to_si
 
 _REFERENCE_DEPTH = 1e-3  # [m], where the paper's kappa and lambda are numerically force and damping
 
@@ -58,6 +58,10 @@ def _force_per_unit(model: ContactModel, which: int, guess: Floats) -> float:
 
 def _given(table: Mapping[str, Any], name: str, unit: str, default: float | None) -> float:
     if name in table:
+        given = table[name]
+        number = isinstance(given, int | float) and not isinstance(given, bool)
+        if number and (doubt := Quantity(unit).doubt(given)):
+            raise ConfigurationError(f"first guess of {name}: {doubt}")
         try:
             return to_si(table[name], unit)
         except ValueError as error:

@@ -35,6 +35,9 @@ _RESUME_STD = 1e-4  # [m], what a carry-over by the measured position adds to th
 _FIT_SPREAD = (
     10.0  # the filter sees the fitted samples again, so it takes only a hundredth of their weight from the fit
 )
+# [s/m] what a filter whose parameters follow at once makes of a skin that rises under it: scatter of E, relative, over
+# that of the skin's speed. No false lump in 56 simulated sweeps over 0.05 to 0.3 mm of roughness at 2 to 6 mm/s.
+_RELIEF = 120.0
 _NO_FADING = (math.inf, 1.0, 0.0, 0.0)
 
 
@@ -104,12 +107,23 @@ class Start:
 
 
 def mass_of(problem: Problem) -> float:
-    """The tip's mass [kg]; raises ConfigurationError where none is declared."""
-    if problem.tip_mass is None or not problem.tip_mass > 0:
+    """The tip's mass [kg], which may be 0; raises ConfigurationError where none is declared."""
+    if problem.tip_mass is None:
         raise ConfigurationError(
             'the tip\'s mass is not declared; this filter needs it: set [alignment] tip_mass, such as "140 g"'
         )
     return problem.tip_mass
+
+
+def moved_mass(problem: Problem) -> float:
+    """The mass [kg] that the force accelerates; raises ConfigurationError where none is declared, or it is 0."""
+    mass = mass_of(problem)
+    if mass == 0:
+        raise ConfigurationError(
+            "the tip's mass is 0, and this filter lets the force accelerate it: take an estimator that measures the "
+            "motion, such as kinematic-ekf or casadi-fit"
+        )
+    return mass
 
 
 def inertial_tracker(
@@ -119,7 +133,7 @@ def inertial_tracker(
 
     Raises ConfigurationError where no tip mass is declared or a first guess cannot be made.
     """
-    process = InertialProcess(problem.model, mass_of(problem), settings.order)
+    process = InertialProcess(problem.model, moved_mass(problem), settings.order)
     start = first_state(settings, process, problem, settings.evolution_time, settings.derivative_std)
     fade = (fading.theta, fading.alpha_max, fading.step_up, fading.step_down) if fading else _NO_FADING
     cap = (fading.covariance_cap * start.std) ** 2 if fading else np.full(process.states, 1e300)
@@ -138,7 +152,8 @@ def inertial_tracker(
     step = inertial_step(process, prediction, fading=fading is not None, signed=fading is not None and fading.signed)
     window = settings.start_duration if settings.start_from == "fit" else 0.0
     recursion = Recursion(step, len(problem.model.parameters), numbers, begin, _inputs)
-    return RecursiveTracker(recursion, Opening(window, settings.noise == "measure", problem.rest))
+    told = {"relief_sensitivity": _RELIEF} if fading is not None and settings.order else {}
+    return RecursiveTracker(recursion, Opening(window, settings.noise == "measure", problem.rest), details=told)
 
 
 def _inputs(samples: Samples, interval: Floats) -> Floats:

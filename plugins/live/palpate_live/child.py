@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
+import os
 import secrets
 import socket
 import subprocess
@@ -14,6 +16,9 @@ from contextlib import suppress
 
 from palpate import OutputError, printable
 
+_LIBC = ctypes.PyDLL(None, use_errno=True)  # its functions keep the interpreter's lock
+_LIBC.send.argtypes = (ctypes.c_int, ctypes.c_char_p, ctypes.c_size_t, ctypes.c_int)
+_LIBC.send.restype = ctypes.c_ssize_t
 _BUFFER = 1 << 20  # bytes that may wait for the process, where Linux permits
 _GOES = 2.0  # [s] in which it has to end
 _COMMAND = 256  # bytes
@@ -74,17 +79,32 @@ class Child:
     def send(self, message: bytes) -> bool:
         """Hand a message to the process; False where it was dropped, which is counted. Only one thread sends."""
         if self.lost is None:
-            try:
-                self._socket.send(message, 0 if self._patient else socket.MSG_DONTWAIT)
+            number = self._waiting(message) if self._patient else self._at_once(message)
+            if number == 0:
                 self.sent += 1
                 return True
-            except BlockingIOError:
-                pass
-            except OSError as error:
-                if error.errno != errno.EMSGSIZE:
-                    self.lost = error.strerror or str(error)
+            if number not in (errno.EAGAIN, errno.EMSGSIZE):
+                self.lost = os.strerror(number)
         self.dropped += 1
         return False
+
+    def _waiting(self, message: bytes) -> int:
+        """Send; the number of the error, or 0."""
+        try:
+            self._socket.send(message)
+        except OSError as error:
+            return error.errno or errno.EIO
+        return 0
+
+    def _at_once(self, message: bytes) -> int:
+        """Send without waiting, and without the interpreter's lock being given away; the number of the error, or 0.
+
+        A thread of ordinary priority that got the lock could keep it for long, on a busy computer.
+        """
+        flags = socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL
+        if _LIBC.send(self._socket.fileno(), message, len(message), flags) < 0:
+            return ctypes.get_errno()
+        return 0
 
     def _listen(self) -> None:
         while True:

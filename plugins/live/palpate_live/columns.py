@@ -13,7 +13,7 @@ from palpate import Estimates, Parameter, Run, Samples, Status
 from palpate.host import people
 
 COMMON = ("force", "position", "x", "y", "contact")
-PER_TRACK = ("surface", "force", "nis", "innovation")  # besides value and uncertainty of each parameter
+PER_TRACK = ("surface", "force", "nis", "innovation")  # after value and uncertainty of each parameter
 RATE = 100.0  # [Hz] of the rows
 UNUSABLE = int(Status.IDLE | Status.WAITING | Status.DIVERGED)
 
@@ -62,10 +62,20 @@ class Columns:
         with np.errstate(over="ignore", invalid="ignore"):  # what diverges may be too large for a picture
             table[:, :count] = estimates.values[rows]
             table[:, count : 2 * count] = np.hypot(estimates.std[rows], beyond)
-            for place, name in enumerate(PER_TRACK, 2 * count):
-                table[:, place] = getattr(estimates, name)[rows]
+            table[:, 2 * count] = estimates.surface[rows]
+            table[:, 2 * count + 1] = estimates.force[rows]
+            table[:, 2 * count + 2] = estimates.nis[rows]
+            table[:, 2 * count + 3] = estimates.innovation[rows]
         table[(estimates.status[rows] & UNUSABLE) != 0] = np.nan
         return table
+
+
+def rows_of(time: NDArray[np.float64], before: float) -> tuple[NDArray[np.intp], float]:
+    """Which samples become rows, the first of each hundredth of a second, and the hundredth of the last sample."""
+    bins = np.floor(time * RATE)
+    known = np.empty(len(bins))
+    known[0], known[1:] = before, bins[:-1]
+    return np.flatnonzero(bins > known), float(bins[-1])
 
 
 def described(run: Run, recorded: bool) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from palpate import Batch, Estimates, Flag, FlagMeaning, GuardState, Run, Samples
 from palpate.host import finite_tree, people
 
-from palpate_live.columns import RATE, Columns, Table, beyond, described
+from palpate_live.columns import Columns, Table, beyond, described, rows_of
 from palpate_live.wire import pack, pack_rows, pieces
 
 _EVERY = 0.05  # [s] between two messages with rows
@@ -49,9 +49,8 @@ class Feed:
         self._last, self._latest = self._latest, None
         if self._last is None:
             self._flush_in_time()
-        bins = np.floor(samples.time * RATE)
-        self._chosen = np.flatnonzero(np.diff(bins, prepend=self._bin) > 0)
-        self._bin, self._now, self._samples = float(bins[-1]), float(samples.time[-1]), samples
+        self._chosen, self._bin = rows_of(samples.time, self._bin)
+        self._now, self._samples = float(samples.time[-1]), samples
         if len(self._chosen):
             self._blocks.append((samples.time[self._chosen], self._columns.of_samples(samples, self._chosen)))
             self._stamp = int(samples.stamp[self._chosen[-1]])
@@ -132,7 +131,7 @@ class Feed:
 
     def _afterwards(self, track: str, estimates: Estimates) -> None:
         """Of an offline estimator, which speaks when the record has ended: the same rows, all at once."""
-        rows = np.flatnonzero(np.diff(np.floor(estimates.time * RATE), prepend=-math.inf) > 0)
+        rows, _ = rows_of(estimates.time, -math.inf)
         table = self._columns.of_track(estimates, rows, self._beyond[track]).T
         times = estimates.time[rows]
         for piece in pieces(len(times), len(table)):

@@ -17,7 +17,7 @@ from palpate_live.gate import answer
 from palpate_live.history import History
 from palpate_live.wire import LARGEST, is_text, pack
 
-_NICE = 10
+_NICE = 5  # once it serves: with more, a busy computer would not let it begin
 _MOST = 16  # browsers
 _PATIENCE = 8 << 20  # bytes that wait for one browser, besides the history that it is given
 _DRAIN = 1.0  # [s] for browsers to take what is left when the run has ended
@@ -121,13 +121,13 @@ async def work(listener: socket.socket, run: socket.socket, token: str) -> None:
         server_header=None,
         close_timeout=_DRAIN,
     ):
+        os.nice(_NICE)
         await server.over.wait()
         await server.finish()
 
 
 def main() -> None:
     """``python -m palpate_live.server LISTENER SOCKET``, with the token on standard input."""
-    os.nice(_NICE)
     listener, run = (socket.socket(fileno=int(number)) for number in sys.argv[1:3])
     asyncio.run(work(listener, run, sys.stdin.readline().strip()))
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from palpate import ConfigurationError, LogError, Run
-from palpate.host import RunFolder, build_pipeline, carried_by, replay_source, run_pipeline
+from palpate.host import Overrides, RunFolder, build_pipeline, carried_by, replay_source, run_pipeline
 
 from palpate_live.child import Child
 from palpate_live.feed import Feed
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 def watch(
     source: Annotated[Path, typer.Argument(metavar="RUN_OR_LOG", help="A run folder, or a log that palpate wrote.")],
+    overrides: Overrides = None,
     port: Annotated[int, typer.Option(help="Port of 127.0.0.1; 0: any free one.", min=0, max=65535)] = 0,
 ) -> None:
     """Show a recorded run on the live page, with a time slider, at any speed; Ctrl-C ends it.
@@ -31,7 +32,10 @@ def watch(
         raise ConfigurationError(
             f"{source}: carries no pipeline, so it is no log of palpate's: `palpate info {source} --suggest` writes one"
         )
-    pipeline = build_pipeline(replay_source(carried))
+    text = replay_source(carried)
+    for assignment in overrides or ():
+        text.override(assignment)
+    pipeline = build_pipeline(text)
     child = Child(port, None, patient=True)
     try:
         say(f"live page: {child.address}")

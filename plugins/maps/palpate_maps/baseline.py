@@ -9,7 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 
+from palpate_maps.populations import is_one, lowest_mode
+
 _LEAST = 4  # baseline sites; with fewer nothing can be said
+_SOFTER = 0.15  # share of sites that are no soft outliers any more, but surroundings of a large stiff part
 
 
 @dataclass(frozen=True)
@@ -20,14 +23,29 @@ class Baseline:
     spread: float  # standard deviation between sites
     count: int
     members: NDArray[np.bool_]  # (n,)
+    single: bool = True  # but for outliers, the sites are one population; else it is the lowest of several
 
 
 def find_baseline(log: Floats, level: float = 0.05, share: float = 0.5, floor: float = 0.0) -> Baseline:
-    """The baseline among sites (n,), by the generalised extreme studentised deviate test (Rosner 1983).
+    """The baseline among sites (n,): what is left of them without outliers, or the lowest of several populations.
 
-    Up to a `share` of the sites may be outliers, on either side; the test finds their number at a level without one
-    masking another. Assumes that baseline sites are independent and normal. `floor` is the least spread believed.
+    Up to a `share` of the sites may be outliers, on either side; Rosner's test (1983) finds their number at a level.
+    Where what it leaves is not one normal population, or what it takes away is a softer one, so many sites are stiff
+    that they hide each other: then the baseline is the lowest mode, told by what lies below it. `floor` is the least
+    spread believed.
     """
+    found = _without_outliers(log, level, share, floor)
+    inner = log[found.members]
+    softer = int(((log < inner.mean()) & ~found.members).sum())
+    if softer < _SOFTER * len(log) and (is_one(inner) or float(inner.std()) <= floor):
+        return found
+    mode = lowest_mode(log, floor)
+    members = np.abs(log - mode.mean) <= 3 * mode.spread
+    return Baseline(mode.mean, mode.spread, mode.told_by, members, single=False)
+
+
+def _without_outliers(log: Floats, level: float, share: float, floor: float) -> Baseline:
+    """The generalised extreme studentised deviate test (Rosner 1983), for independent normal baseline sites."""
     from scipy import stats
 
     n, most = len(log), int(share * len(log))
@@ -67,6 +85,8 @@ def prediction_p(log: Floats, baseline: Baseline) -> Floats:
     if k < _LEAST or baseline.spread <= 0:
         return np.ones(len(log))
     t = (log - baseline.mean) / (baseline.spread * np.sqrt(1 + 1 / k))
+    if not baseline.single:
+        return np.asarray(stats.t.sf(t, k - 1))
     inner = (log - baseline.mean) / (baseline.spread * np.sqrt(1 - 1 / k))
     # A member is part of the mean and the spread that it is compared with: its externally studentised residual.
     inner = inner * np.sqrt((k - 2) / np.maximum(k - 1 - inner**2, 1e-9))

@@ -63,10 +63,12 @@ def lumps_json(findings: Findings, track: str, parameter: str) -> str:
         "method": findings.method,
         "background": findings.background,
         "spread": findings.spread,
+        "warning": findings.warning,
         "lumps": [
             {
                 "x": lump.place[0],
                 "y": lump.place[1],
+                "highest": list(lump.highest or lump.place),
                 "extent": list(lump.extent),
                 "contrast": lump.contrast,
                 "contrast_std": lump.contrast_std,
@@ -76,6 +78,24 @@ def lumps_json(findings: Findings, track: str, parameter: str) -> str:
         ],
     }
     return json.dumps(table, indent=2, allow_nan=False) + "\n"
+
+
+def free_name(folder: Path, name: str, table: str) -> str:
+    """A name, such as "map" or "map-2", under which a folder has no table yet, or has just this one."""
+    number = 1
+    while True:
+        found = name if number == 1 else f"{name}-{number}"
+        there = [path for path in folder.glob(f"{found}.*") if path.is_file()]
+        if not there or _text_of(folder / f"{found}.csv") == table:
+            return found
+        number += 1
+
+
+def _text_of(path: Path) -> str | None:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return None
 
 
 def replace_file(path: Path, content: str | bytes) -> None:

@@ -32,6 +32,7 @@ class Lump:
     p: float  # the chance of one like it where there is none
     along: float = float("nan")  # [m] its middle along a sweep
     checked: bool = False  # palpated at a point of it, too
+    highest: tuple[float, float] | None = None  # [m] where the contrast is; the middle of a horseshoe is its hole
 
 
 @dataclass(frozen=True)
@@ -44,3 +45,14 @@ class Findings:
     method: str
     coordinate: Floats | None = None  # (m,) [m] along a sweep
     curve: Floats | None = None  # (m,) [SI] smoothed along it
+    several: float | None = None  # share of the sites that the background is, where they are not one population
+
+    @property
+    def warning(self) -> str | None:
+        """What the background is where it had to be chosen; None where the sites are one population and lumps."""
+        if self.several is None:
+            return None
+        return (
+            f"the sites are not one population with a few lumps: the {100 * self.several:.0f} % of them about the "
+            "lowest common value are taken for the background"
+        )

@@ -138,8 +138,10 @@ def _average(sites: Sites, nodes: Floats, length: float) -> tuple[Floats, Floats
     return mean, np.sqrt(np.maximum(scatter, 0.0) + weight @ sites.std**2), length
 
 
-def gaussian_process(sites: Sites, nodes: Floats) -> tuple[Floats, Floats, float]:
+def gaussian_process(sites: Sites, nodes: Floats, level: float | None = None) -> tuple[Floats, Floats, float]:
     """Posterior mean and standard deviation of the logarithm at nodes (m, 2), and the length scale [m].
+
+    Far from every site it goes back to `level`, by default the median.
 
     Kernel: variance x Matern 3/2, whose length is fitted by likelihood, plus white noise between sites; each site has
     its own variance on top (Rasmussen and Williams 2006, by scikit-learn).
@@ -152,7 +154,7 @@ def gaussian_process(sites: Sites, nodes: Floats) -> tuple[Floats, Floats, float
         raise ConfigurationError(
             'method "gaussian-process" needs scikit-learn: pip install scikit-learn, or choose "average"'
         ) from error
-    level = float(np.median(sites.log))
+    level = float(np.median(sites.log)) if level is None else level
     spread = max(float(sites.log.std()), 1e-3)
     kernel: Any = ConstantKernel(spread**2, (1e-8, 1e2)) * Matern(6e-3, (2e-3, 5e-2), nu=1.5)
     kernel = kernel + WhiteKernel(1e-4, (1e-8, 1e-1))

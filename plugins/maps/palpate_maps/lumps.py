@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats, LogError
@@ -13,11 +15,14 @@ from palpate_maps.findings import Findings, Lump, LumpSettings
 from palpate_maps.sites import Sites, line_coordinate, merged
 
 _FEWEST = 8  # sites; with fewer there are no surroundings
+_TELLING = 3  # points on a lump that place it without the sweeps
+_WIDTH = 5e-3  # [m] from a stay to the first site of the sweep that goes on from it
 
 
 def find_lumps(sites: Sites, settings: LumpSettings | None = None) -> Findings:
     """Lumps along a sweep where the sites lie on a line, else on the area that they cover; raises LogError."""
     settings = settings or LumpSettings()
+    settings = replace(settings, spread=max(settings.spread, sites.relief))
     if len(sites) < _FEWEST:
         raise LogError(f"{len(sites)} sites are too few to tell a lump from its surroundings; {_FEWEST} are needed")
     along = line_coordinate(sites)
@@ -37,7 +42,8 @@ def _over(sites: Sites, settings: LumpSettings) -> Findings:
     reach = _reach(coarse.place)
     lumps = [_lump(coarse, group, baseline, p) for group in clusters(coarse.place, stiff, reach)]
     name = f"prediction interval of {baseline.count} baseline sites"
-    return Findings(tuple(lumps), float(np.exp(baseline.mean)), baseline.spread, name)
+    several = None if baseline.single else float(baseline.members.mean())
+    return Findings(tuple(lumps), float(np.exp(baseline.mean)), baseline.spread, name, several=several)
 
 
 def _reach(place: Floats) -> float:
@@ -63,6 +69,13 @@ def clusters(place: Floats, chosen: NDArray[np.bool_], reach: float) -> list[NDA
     return found
 
 
+def _visits(sites: Sites) -> NDArray[np.bool_]:
+    """(n,) point palpations that are not the stay from which a sweep goes on."""
+    way = np.linalg.norm(np.diff(sites.place, axis=0), axis=1)
+    goes_on = np.r_[sites.standing[:-1] & ~sites.standing[1:] & (way < _WIDTH), False]
+    return np.asarray(sites.standing & ~goes_on)
+
+
 def _lump(sites: Sites, group: NDArray[np.intp], baseline: Baseline, p: Floats) -> Lump:
     """One lump of the sites in a group; neighbours that are raised by half its height belong to it, too."""
     height = sites.log - baseline.mean
@@ -72,12 +85,13 @@ def _lump(sites: Sites, group: NDArray[np.intp], baseline: Baseline, p: Floats) 
     body = near & (height >= 0.5 * height[peak])
     body[group] = True
     weight = np.maximum(height[body], 0.0)
-    points = sites.standing[body]
-    if points.any():  # sweeps pass where they pass; points were put where it is stiff
+    points = _visits(sites)[body]
+    if np.count_nonzero(points) >= _TELLING:  # sweeps pass where they pass; points were put where it is stiff
         weight = np.where(points, weight**2, 0.0)
     middle = weight @ sites.place[body] / weight.sum()
     extent = np.sqrt(12 * (weight @ (sites.place[body] - middle) ** 2) / weight.sum())
     std = float(np.hypot(baseline.spread, sites.std[peak]))
     contrast = float(np.expm1(height[peak]))
-    (x, y), (wide, high) = middle.tolist(), extent.tolist()
-    return Lump((x, y), (wide, high), contrast, std, float(p[group].min()), checked=bool(points.any()))
+    (x, y), (wide, high), (top_x, top_y) = middle.tolist(), extent.tolist(), sites.place[peak].tolist()
+    chance, checked = float(p[group].min()), bool(points.any())
+    return Lump((x, y), (wide, high), contrast, std, chance, checked=checked, highest=(top_x, top_y))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,22 +21,30 @@ class Path2D:
     value: Floats  # (n,) [SI]
     std: Floats  # (n,) [SI] as the estimator believes it
     nis: float  # mean normalised innovation squared; 1 where model and noise are right
+    surface: Floats | None = None  # (n,) [m] as the estimator has it; None where nobody asks
+    relief_sensitivity: float = 0.0  # [s/m] relative shift of its parameters by a speed at which the skin rises
 
 
 def read_path(folder: Path, track: str | None = None, parameter: str | None = None) -> Path2D:
-    """The estimates of a run and of its continuations; by default of its best track's first parameter.
+    """The estimates of a run and of its continuations, rejected ones apart; of its best track's first parameter.
 
     The best is an offline track where there is one, else the first in the table; each part has its own, since one that
     was killed has no offline estimates. Raises LogError for what is missing.
     """
     run = RunFolder(folder)
     run.demand_one_pipeline()
-    parts = run.parts
+    parts = [part for part in run.parts if "" not in part.rejected]
+    if not parts:
+        raise LogError(
+            f"{folder}: was rejected: {run.rejected['']}; `palpate review {folder} --accept {folder.name}` undoes it"
+        )
     known = {name for part in parts for name in tracks_of(part.path)}
     if not known:
         raise LogError(f"{folder}: is no run folder: it has no table of estimates")
     if track is not None and track not in known:
         raise LogError(f"{folder}: there is no track {track!r} (there are: {', '.join(sorted(known))})")
+    for part in parts if track is not None else ():
+        _demand_track(part, track or "")
     paths = [found for part in parts if (found := _read_part(part, track, parameter)) is not None]
     if not paths:
         raise LogError(
@@ -51,7 +59,26 @@ def read_path(folder: Path, track: str | None = None, parameter: str | None = No
         np.concatenate([path.value for path in paths]),
         np.concatenate([path.std for path in paths]),
         float(np.mean([path.nis for path in paths])),
+        np.concatenate([path.surface for path in paths if path.surface is not None]),
+        paths[0].relief_sensitivity,
     )
+
+
+def rejected(folder: Path) -> dict[Path, str]:
+    """The run and those of its continuations that a review has rejected, with the reasons."""
+    return {part.path: part.rejected[""] for part in RunFolder(folder).parts if "" in part.rejected}
+
+
+def _demand_track(part: RunFolder, track: str) -> None:
+    """Raise LogError where a part palpated, but not with this track: a map of the rest would say nothing of it."""
+    there = tracks_of(part.path)
+    if track in there:
+        return
+    if any(_read_part(part, other, None) is not None for other in there):
+        raise LogError(
+            f"{part.path}: has no estimates of {track}: it was ended before that could be made (there are: "
+            f"{', '.join(there)}); choose one of these with --track, or none for the best of each part"
+        )
 
 
 def tracks_of(folder: Path) -> list[str]:
@@ -67,7 +94,10 @@ def _read_part(part: RunFolder, track: str | None, parameter: str | None) -> Pat
     track = track or next(iter(tracks_of(part.path)), None)
     for table in tables:
         if track is not None and track in table.tracks:
-            return _path(part.path, table.track(track), track, parameter)
+            found = _path(part.path, table.track(track), track, parameter)
+            told = part.result["tracks"].get(track, {}).get("details", {}) if part.finished else {}
+            sensitivity = float(told.get("relief_sensitivity", 0.0))
+            return replace(found, relief_sensitivity=sensitivity) if found is not None else None
     return None
 
 
@@ -84,4 +114,6 @@ def _path(folder: Path, table: TrackTable, track: str, parameter: str | None) ->
         return None
     nis = table.others["nis"][rows]
     mean = float(np.nanmean(nis)) if np.isfinite(nis).any() else 1.0
-    return Path2D(track, parameter, table.time[rows], place[rows], value[rows], std[rows], mean)
+    return Path2D(
+        track, parameter, table.time[rows], place[rows], value[rows], std[rows], mean, table.others["surface"][rows]
+    )

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats
-from palpate.host import figure_of, people
+from palpate.host import common_limits, figure_of, legend_outside, people, style
 
 from palpate_maps.findings import Findings
 from palpate_maps.grid import StiffnessMap
 from palpate_maps.sites import Sites
 
 
+@style()
 def map_picture(
     field: StiffnessMap, label: str, unit: str, findings: Findings | None, outlines: Sequence[Floats]
 ) -> Any:
@@ -21,7 +22,7 @@ def map_picture(
 
     A red line surrounds what is significantly stiffer than the baseline.
     """
-    figure, axes = figure_of(2)
+    figure, axes = figure_of(2, height=60.0)
     name, factor = people(unit)
     extent = [1e3 * edge for edge in (*_edges(field.x), *_edges(field.y))]
     fields = [(field.value * factor, f"{label} [{name}]", "viridis")]
@@ -29,11 +30,12 @@ def map_picture(
     for axis, (values, title, colours) in zip(axes[0], fields, strict=True):
         shown = axis.imshow(values, origin="lower", extent=extent, cmap=colours, aspect="equal")
         figure.colorbar(shown, ax=axis, shrink=0.8)
-        axis.plot(*(1e3 * field.sites.T), ".", color="white", markersize=1, alpha=0.5)
+        axis.plot(*(1e3 * field.sites.T), ".", color="white", markersize=0.7, alpha=0.35)
         if field.stiff.any() and min(field.stiff.shape) > 1:
             axis.contour(1e3 * field.x, 1e3 * field.y, field.stiff, [0.5], colors="red", linewidths=0.8)
         _mark(axis, findings, outlines)
         axis.set(title=title, xlabel="x [mm]", ylabel="y [mm]", xlim=extent[:2], ylim=extent[2:])
+        axis.grid(False)
     return figure
 
 
@@ -44,11 +46,13 @@ def _edges(axis: Floats) -> tuple[float, float]:
 
 def _mark(axis: Any, findings: Findings | None, outlines: Sequence[Floats]) -> None:
     for outline in outlines:
-        axis.plot(*(1e3 * outline.T), "--", color="white", linewidth=1)
+        axis.plot(*(1e3 * outline.T), "--", color="white", linewidth=0.8)
     for lump in findings.lumps if findings else ():
-        axis.plot(1e3 * lump.place[0], 1e3 * lump.place[1], "r+", markersize=12, markeredgewidth=2)
+        x, y = lump.highest or lump.place
+        axis.plot(1e3 * x, 1e3 * y, "r+", markersize=7, markeredgewidth=1.5)
 
 
+@style()
 def sweep_picture(
     series: Mapping[str, tuple[Floats, Sites]],
     label: str,
@@ -57,12 +61,12 @@ def sweep_picture(
     points: tuple[Floats, Sites] | None = None,
 ) -> Any:
     """Estimates of tracks along a sweep, with two standard deviations, the lumps, and point palpations."""
-    figure, axes = figure_of(1, width=9.0)
+    figure, axes = figure_of(height=70.0)
     axis, (name, factor) = axes[0, 0], people(unit)
     for track, (along, sites) in series.items():
         order = np.argsort(along)
         at, value = 1e3 * along[order], sites.value[order] * factor
-        (line,) = axis.plot(at, value, label=track, linewidth=1)
+        (line,) = axis.plot(at, value, label=track)
         band = 2 * value * sites.std[order]
         axis.fill_between(at, value - band, value + band, color=line.get_color(), alpha=0.15, linewidth=0)
     if points is not None:
@@ -71,10 +75,9 @@ def sweep_picture(
     if findings is not None and findings.coordinate is not None and findings.curve is not None:
         for lump in findings.lumps:
             _mark_on_curve(axis, lump, findings, factor)
-    low, high = np.quantile(np.concatenate([sites.value for _, sites in series.values()]), [0.01, 0.99]) * factor
-    margin = 0.15 * low + 0.3 * (high - low)  # the first estimates of a filter may be anywhere
-    axis.set(xlabel="along the sweep [mm]", ylabel=f"{label} [{name}]", ylim=(low - margin, high + margin))
-    axis.legend()
+    axis.set(xlabel="along the sweep [mm]", ylabel=f"{label} [{name}]")
+    axis.set_ylim(common_limits([sites.value * factor for _, sites in series.values()], 0.0))
+    legend_outside(axis)
     return figure
 
 

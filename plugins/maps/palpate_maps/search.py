@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats
 
 from palpate_maps.baseline import find_baseline
-from palpate_maps.findings import Findings, Lump
+from palpate_maps.findings import Lump
 from palpate_maps.grid import gaussian_process
 from palpate_maps.sites import Sites, merged
 
@@ -31,13 +30,8 @@ class Proposal:
     suspicion: float  # probability of a contrast above the threshold
 
 
-def surest(findings: Findings) -> Lump | None:
-    """The lump with the smallest p-value of those that were palpated at a point, too; None where there is none."""
-    return min((lump for lump in findings.lumps if lump.checked), key=lambda lump: lump.p, default=None)
-
-
 def settled(before: Lump | None, now: Lump | None, sure: float, within: float = SETTLED) -> bool:
-    """Whether a search may stop: its surest lump has a p-value below `sure`, and visits no longer move it [m].
+    """Whether a lump is placed: its p-value is below `sure`, and a round of visits has not moved it [m].
 
     A point on the flank of a lump is significant, too; the lump is placed once another round of visits leaves it there.
     """
@@ -51,15 +45,17 @@ def propose(
     count: int = 5,
     aim: Aim = "suspicion",
     contrast: float = 0.05,
-    area: tuple[float, float, float, float] | None = None,
+    nodes: Floats | None = None,
     apart: float = 4e-3,
+    taken: NDArray[np.bool_] | None = None,
 ) -> list[Proposal]:
-    """Up to `count` places to palpate next, within an area (x0, x1, y0, y1) [m] and `apart` [m] from each other.
+    """Up to `count` places to palpate next, of `nodes` (m, 2) [m] that may be visited, `apart` [m] from each other.
 
     A Gaussian process over what is known gives a mean and a standard deviation everywhere; places are taken one after
     the other. "suspicion": by the highest probability of a contrast above the threshold, and of the likely ones by the
     highest mean plus standard deviation. "uncertainty": by the highest standard deviation. Each place is believed to
-    come out as expected before the next is chosen (kriging believer, Ginsbourger et al. 2010). Deterministic.
+    come out as expected before the next is chosen (kriging believer, Ginsbourger et al. 2010). Nodes that are `taken`
+    (m,) are left out; without nodes they are those of the box of the sites. Deterministic.
     """
     if count < 1:
         raise ConfigurationError(f"{count} places to propose; there must be at least 1")
@@ -67,19 +63,19 @@ def propose(
 
     known = merged(sites, 3e-3)
     base = find_baseline(known.log, floor=0.005)
-    nodes = _nodes(known.place, area)
+    nodes = _nodes(known.place) if nodes is None else nodes
+    closed = np.zeros(len(nodes), bool) if taken is None else taken
+    visited = known.place[known.standing] if aim == "suspicion" else np.zeros((0, 2))
+    closed = closed | _near(nodes, visited, apart)
     found: list[Proposal] = []
     for _ in range(count):
-        mean, std, _ = gaussian_process(known, nodes)
+        mean, std, _ = gaussian_process(known, nodes, base.mean)
         spread = np.hypot(std, base.spread / np.sqrt(base.count))
         suspicion = norm.sf((base.mean + np.log1p(contrast) - mean) / spread)
         # Of likely places, the one that may be stiffest: a flank that is certain says less than what is beside it.
         may_be = mean - base.mean + std
         score = std if aim == "uncertainty" else np.minimum(suspicion, _LIKELY) + 1e-3 * may_be
-        taken = [proposal.place for proposal in found]
-        if aim == "suspicion":
-            taken += [tuple(place) for place in known.place[known.standing]]
-        score = np.where(_near(nodes, taken, apart), -np.inf, score)
+        score = np.where(closed, -np.inf, score)
         best = int(np.argmax(score))
         if not np.isfinite(score[best]):
             break
@@ -88,22 +84,20 @@ def propose(
             Proposal((x, y), float(np.expm1(mean[best] - base.mean)), float(spread[best]), float(suspicion[best]))
         )
         known = _with(known, nodes[best], float(mean[best]))
+        closed = closed | _near(nodes, nodes[best : best + 1], apart)
     return found
 
 
-def _nodes(place: Floats, area: tuple[float, float, float, float] | None) -> Floats:
+def _nodes(place: Floats) -> Floats:
     low, high = place.min(axis=0), place.max(axis=0)
-    x0, x1, y0, y1 = area or (low[0], high[0], low[1], high[1])
-    if not (x1 >= x0 and y1 >= y0):
-        raise ConfigurationError(f"area: {x0:g} to {x1:g}, {y0:g} to {y1:g} m is empty")
-    x, y = (np.linspace(a, b, max(min(int((b - a) / 1e-3) + 1, 60), 1)) for a, b in ((x0, x1), (y0, y1)))
+    x, y = (np.linspace(a, b, max(min(int((b - a) / 1e-3) + 1, 60), 1)) for a, b in zip(low, high, strict=True))
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
-def _near(nodes: Floats, places: Sequence[tuple[float, ...]], apart: float) -> NDArray[np.bool_]:
+def _near(nodes: Floats, places: Floats, apart: float) -> NDArray[np.bool_]:
     near = np.zeros(len(nodes), bool)
     for place in places:
-        near |= np.hypot(*(nodes - np.array(place)).T) < apart
+        near |= np.hypot(*(nodes - place).T) < apart
     return near
 
 
@@ -116,4 +110,5 @@ def _with(sites: Sites, place: Floats, log: float) -> Sites:
         np.append(sites.time, sites.time[-1] + 1.0),
         np.append(sites.standing, False),
         sites.kept,
+        sites.relief,
     )

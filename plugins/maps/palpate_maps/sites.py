@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from palpate import Floats, LogError
 
 from palpate_maps.path import Path2D
+from palpate_maps.relief import relief_scatter
 
 _LOOK = 0.5  # [s] over which it is told whether the tip moves
 _SLOW = 5e-4  # [m/s]; below it stands
@@ -32,12 +33,14 @@ class Sites:
     time: Floats  # (n,) [s]
     standing: NDArray[np.bool_]  # (n,) a point palpation, not a piece of a sweep
     kept: float = KEPT  # share of `std` that is scatter between neighbours, and not common to them
+    relief: float = 0.0  # scatter, relative, that comes of a relief which the estimator does not know
 
     def __len__(self) -> int:
         return len(self.log)
 
     def __getitem__(self, rows: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Sites:
-        return Sites(self.place[rows], self.log[rows], self.std[rows], self.time[rows], self.standing[rows], self.kept)
+        columns = (self.place[rows], self.log[rows], self.std[rows], self.time[rows], self.standing[rows])
+        return Sites(*columns, self.kept, self.relief)
 
     @property
     def value(self) -> Floats:
@@ -69,7 +72,8 @@ def sites_along(path: Path2D, spacing: float = 1e-3) -> Sites:
     counted &= ~standing | (path.time >= last[groups] - _TAIL)
     if not counted.any():
         raise LogError(f"{path.track}: the estimates last {path.time[-1] - path.time[0]:.2g} s, too short for any site")
-    return replace(_means(path, groups, counted, standing), kept=_kept(path, standing, spacing))
+    kept, relief = _kept(path, standing, spacing), relief_scatter(path, standing)
+    return replace(_means(path, groups, counted, standing), kept=kept, relief=relief)
 
 
 def _kept(path: Path2D, standing: NDArray[np.bool_], spacing: float) -> float:
@@ -159,7 +163,8 @@ def merged(sites: Sites, width: float) -> Sites:
 
     place = np.column_stack([mean(sites.place[:, 0]), mean(sites.place[:, 1])])
     std = np.sqrt(mean(sites.std**2))
-    return Sites(place, mean(sites.log), std, mean(sites.time), mean(sites.standing.astype(float)) > 0.5, sites.kept)
+    standing = mean(sites.standing.astype(float)) > 0.5
+    return Sites(place, mean(sites.log), std, mean(sites.time), standing, sites.kept, sites.relief)
 
 
 def line_coordinate(sites: Sites, tolerance: float = 2e-3) -> Floats | None:

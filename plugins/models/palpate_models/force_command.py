@@ -21,7 +21,16 @@ from palpate import (
     tip_profile,
     to_si,
 )
-from palpate.host import PluginFiles, Source, build_parts, registry as registries, suggest
+from palpate.host import (
+    PluginFiles,
+    Source,
+    build_parts,
+    figure_of,
+    registry as registries,
+    save_figure,
+    style,
+    suggest,
+)
 
 _SAMPLES = 1001
 
@@ -190,32 +199,21 @@ def _write_rows(curve: _ForceCurve, stream: IO[str]) -> None:
         writer.writerow([f"{value:.9g}" for value in row])
 
 
+@style()
 def _draw(curve: _ForceCurve, model: ContactModel, name: str, picture: Path) -> None:
     """Force over depth, force over time, and the tip where the model has one."""
-    try:
-        import matplotlib
-    except ImportError as error:
-        raise ConfigurationError("--picture needs matplotlib: pip install matplotlib") from error
-    matplotlib.use("agg")
-    from matplotlib import pyplot
-
     tip = getattr(model, "indenter", None)
-    figure, axes = pyplot.subplots(1, 3 if tip is not None else 2, figsize=(12 if tip is not None else 8, 3.6))
+    figure, panels = figure_of(3 if tip is not None else 2)
+    axes = panels[0]
     axes[0].plot(1e3 * curve.depth, curve.force)
     axes[0].set(xlabel="depth d [mm]", ylabel="force F [N]", title=name)
     axes[1].plot(curve.time, curve.force)
     axes[1].set(xlabel="time [s]", ylabel="force F [N]")
     if tip is not None:
         draw_tip(axes[2], tip, float(np.max(curve.depth)))
-    for axis in axes:
-        axis.grid(alpha=0.3)
-    figure.tight_layout()
-    try:
-        figure.savefig(picture)
-    except (OSError, ValueError) as error:  # a directory that is not there, or a format that is not known
-        raise OutputError(f"{picture}: cannot write the picture: {error}") from error
-    finally:
-        pyplot.close(figure)
+        known = registries.load().parts["indenter"].items()
+        axes[2].set_title(next((word for word, entry in known if entry.part is type(tip)), "tip"))
+    save_figure(figure, picture)
 
 
 def draw_tip(axis: Any, tip: Any, depth: float) -> None:
@@ -224,4 +222,4 @@ def draw_tip(axis: Any, tip: Any, depth: float) -> None:
     for side in (-1, 1):
         axis.plot(side * 1e3 * radii, 1e3 * heights, color="black")
     axis.axhline(1e3 * depth, linestyle=":", color="gray")
-    axis.set(xlabel="r [mm]", ylabel="z [mm]", title=type(tip).__name__, aspect="equal")
+    axis.set(xlabel="r [mm]", ylabel="z [mm]", aspect="equal")

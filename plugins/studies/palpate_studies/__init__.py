@@ -17,6 +17,7 @@ def palpate_commands() -> dict[str, Command]:
         "compare": Command("palpate_studies.compare:compare", "Run every model with every estimator on one log."),
         "sweep": Command("palpate_studies.sweep.command:sweep", "Run every combination of settings, on all cores."),
         "repeat": Command("palpate_studies.repeat:repeat", "Statistics over many runs, and tests between groups."),
+        "review": Command("palpate_studies.review:review", "Rate runs, and mark those to leave out."),
         "design": Command("palpate_studies.design.command:design", "Bounds of a palpation, and its best settings."),
     }
 

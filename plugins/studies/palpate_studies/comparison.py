@@ -9,11 +9,21 @@ from collections.abc import Iterator, Mapping
 from itertools import groupby
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from palpate.host import Found, Result, Table, TrackResult, TrackTable, figure_of, measured, people
+from palpate.host import (
+    Found,
+    Result,
+    Table,
+    TrackResult,
+    TrackTable,
+    common_limits,
+    figure_of,
+    legend_outside,
+    measured,
+    people,
+    style,
+)
 
-_CURVES = 8  # in one panel
+_CURVES = 7  # in one panel
 _ORDER = ("good", "note", "doubtful", "invalid")
 
 
@@ -71,13 +81,14 @@ def _number(value: float | None) -> str:
     return "" if value is None or not math.isfinite(value) else f"{value:.10g}"
 
 
+@style()
 def picture(result: Result, curves: Mapping[str, TrackTable], reference: str | None) -> Any:
     """Parameters over time with bands of two standard deviations: panels by model, at most eight tracks in each.
 
     Tracks that cannot be used are left out, so that none of them flattens the others.
     """
     panels = list(_panels(result, curves, reference))
-    figure, axes = figure_of(2 if len(panels) > 1 else 1, max((len(panels) + 1) // 2, 1), width=7.5, height=3.2)
+    figure, axes = figure_of(2 if len(panels) > 1 else 1, max((len(panels) + 1) // 2, 1))
     for axis, (names, parameter, unit) in zip(axes.ravel(), panels):
         _draw(axis, {name: curves[name] for name in names}, parameter, unit, reference)
     for axis in axes.ravel()[len(panels) :]:
@@ -100,29 +111,13 @@ def _panels(
 def _draw(axes: Any, curves: Mapping[str, TrackTable], parameter: str, unit: str, reference: str | None) -> None:
     word, factor = people(unit)
     settled = []
-    for k, (label, table) in enumerate(curves.items()):
+    for label, table in curves.items():
         value, std = table.values[parameter] * factor, table.std[parameter] * factor
-        style = {"color": "black", "linewidth": 2.0} if label == reference else {"linewidth": 1.0}
+        look = {"color": "black", "linestyle": "-", "linewidth": 1.6} if label == reference else {}
         name = f"{label} (reference)" if label == reference else label
-        (line,) = axes.plot(table.time, value, label=name, linestyle=("-", "--", ":", "-.")[k % 4], **style)
+        (line,) = axes.plot(table.time, value, label=name, **look)
         axes.fill_between(table.time, value - 2 * std, value + 2 * std, color=line.get_color(), alpha=0.15, linewidth=0)
-        known = value[table.usable & np.isfinite(value)]
-        settled.append(known[len(known) // 2 :])
+        settled.append(value[table.usable])
     axes.set(xlabel="time [s]", ylabel=f"{parameter} [{word}]")
-    axes.grid(alpha=0.3)
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize=7, frameon=False)
-    if limits := _limits([values for values in settled if len(values)]):
-        axes.set_ylim(*limits)
-
-
-def _limits(settled: list[NDArray[np.float64]]) -> tuple[float, float] | None:
-    """Limits of a panel from the later half of each curve; one that is far from most of the others is left out."""
-    if not settled:
-        return None
-    middles = np.array([np.median(values) for values in settled])
-    centre = float(np.median(middles))
-    near = 4 * float(np.median(np.abs(middles - centre))) + 0.5 * abs(centre)
-    seen = np.concatenate([v for v, middle in zip(settled, middles, strict=True) if abs(middle - centre) <= near])
-    low, high = np.quantile(seen, [0.02, 0.98]).tolist()
-    margin = max(high - low, 0.1 * max(abs(low), abs(high)), 1e-30)
-    return low - margin, high + margin
+    axes.set_ylim(common_limits(settled))
+    legend_outside(axes)

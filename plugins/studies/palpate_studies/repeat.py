@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
-from palpate import ConfigurationError, LogError, UserError
-from palpate.host import console, finite_tree, measured, people, read_flags, suggest, upgraded, verdict
+from palpate import ConfigurationError, LogError, UserError, to_si
+from palpate.host import console, finite_tree, measured, people
 
+from palpate_studies.readings import natural, readings
 from palpate_studies.repeat_picture import draw_repeatability
-from palpate_studies.repeatability import WINDOW, repeatability
+from palpate_studies.repeatability import against_truth, repeatability
 
 _BAR = 40  # characters of the tallest bar
 _CAUTION = (
@@ -34,33 +35,49 @@ def repeat(
     picture: Annotated[
         Path | None, typer.Option(help="Draw histogram, autocorrelation and moving average here.")
     ] = None,
+    truth: Annotated[
+        str | None, typer.Option(help='What it is known to be, such as "282.1 kPa": prints the error of each group.')
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
 ) -> None:
-    """Mean, standard uncertainty, autocorrelation, trend and histogram over many runs; t-tests between groups."""
+    """Mean, standard uncertainty, autocorrelation, trend and histogram over many runs; tests between groups.
+
+    Between two groups Welch's t-test; of three or more Welch's analysis of variance and Games and Howell's test, too.
+    """
     files = _groups(sources or [], group or [])
     found: dict[str, list[float]] = {}
     unit, skipped, failures = "", 0, dict[str, UserError]()
+    rejected: dict[str, str] = {}
+    stated: dict[str, list[float]] = {}
     for name, paths in files.items():
-        values = []
+        values, stated[name] = [], []
         for path in paths:
             try:
-                of_file = list(_values(path, track, parameter))
+                of_file = list(readings(path, track, parameter))
             except UserError as error:
                 failures[str(path)] = error
                 typer.echo(f"{path} is left out: {error}", err=True)
                 continue
-            for value, unit_found in of_file:
-                unit = unit_found
-                if value is None:
-                    skipped += 1
+            for reading in of_file:
+                unit = reading.unit
+                if reading.rejected is not None:
+                    rejected[reading.name] = reading.rejected
+                elif reading.usable and reading.value is not None:
+                    values.append(reading.value)
+                    stated[name].append(reading.std or 0.0)
                 else:
-                    values.append(value)
+                    skipped += 1
         if not values and failures:
             raise next(iter(failures.values()))
         if not values:
             raise LogError(f"group {name}: no run has a value of {parameter}")
         found[name] = values
-    document = finite_tree({"parameter": parameter, "unit": unit, "skipped": skipped, **repeatability(found)})
+    counted = {"parameter": parameter, "unit": unit, "skipped": skipped, "rejected": rejected}
+    document = finite_tree({**counted, **repeatability(found)})
+    if truth is not None:
+        known = _truth(truth, unit)
+        for name, values in found.items():
+            document["groups"][name]["truth"] = against_truth(np.array(values), np.array(stated[name]), known)
     if picture is not None:
         draw_repeatability(document, picture)
     if as_json:
@@ -72,6 +89,17 @@ def repeat(
     if failures:
         typer.echo(f"{len(failures)} runs failed: {', '.join(failures)}", err=True)
         raise typer.Exit(1)
+
+
+def _truth(text: str, unit: str) -> float:
+    """The true value [SI]; raises ConfigurationError."""
+    try:
+        value = to_si(text, unit)
+    except ValueError as error:
+        raise ConfigurationError(f"--truth: {error}") from error
+    if not value:
+        raise ConfigurationError("--truth: an error relative to 0 says nothing")
+    return value
 
 
 def _groups(sources: list[Path], groups: list[str]) -> dict[str, list[Path]]:
@@ -89,56 +117,7 @@ def _groups(sources: list[Path], groups: list[str]) -> dict[str, list[Path]]:
         found[name] = [*found.get(name, []), *paths]
     if not found:
         raise ConfigurationError("name at least one run folder, or a --group NAME=PATTERN")
-    return {name: sorted(set(paths), key=_natural) for name, paths in found.items()}
-
-
-def _natural(path: Path) -> list[tuple[int, str]]:
-    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", str(path)) if part]
-
-
-def _values(path: Path, track: str | None, parameter: str) -> Iterator[tuple[float | None, str]]:
-    """Values in one file and their unit: one of a run; one for each log, or each cycle, of `palpate fit`."""
-    file = path
-    if path.is_dir():
-        file = path / "fit.json" if (path / "fit.json").is_file() else path / "result.json"
-    try:
-        document = json.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise LogError(f"{file}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise LogError(f"{file}: is no result of palpate: {error}") from error
-    if isinstance(document, dict) and document.get("cycles"):
-        rows = [row for row in document["cycles"] if track in (None, row["track"])]
-        name = _chosen({row["track"]: None for row in rows}, track, file)
-        rows = [row for row in rows if row["track"] == name]
-        for row in sorted(rows, key=lambda row: (_natural(Path(row["log"])), row["cycle"])):
-            known = row["unknowns"].get(parameter, {})
-            usable = verdict(read_flags(row["flags"])) != "invalid"
-            yield known.get("value") if usable else None, known.get("unit", "")
-    elif isinstance(document, dict) and "logs" in document:
-        for log in sorted(document["logs"], key=lambda name: _natural(Path(name))):
-            yield _one(upgraded(document["logs"][log], file), file, track, parameter)
-    else:
-        yield _one(upgraded(document, file), file, track, parameter)
-
-
-def _one(document: dict[str, Any], file: Path, track: str | None, parameter: str) -> tuple[float | None, str]:
-    result = document["tracks"][_chosen(document["tracks"], track, file)]
-    known = {**result["parameters"], "surface": result["surface"]}
-    if parameter not in known:
-        raise ConfigurationError(f"{file}: there is no parameter {parameter!r}{suggest(parameter, known)}")
-    usable = result["verdict"] != "invalid"
-    return known[parameter]["value"] if usable else None, known[parameter]["unit"]
-
-
-def _chosen(tracks: Mapping[str, Any], track: str | None, file: Path) -> str:
-    if track is None and len(tracks) == 1:
-        return next(iter(tracks))
-    if track is None:
-        raise ConfigurationError(f"{file}: has {len(tracks)} tracks; choose one with --track: {', '.join(tracks)}")
-    if track not in tracks:
-        raise ConfigurationError(f"{file}: there is no track {track!r}{suggest(track, tracks)}")
-    return track
+    return {name: sorted(set(paths), key=natural) for name, paths in found.items()}
 
 
 def _views(document: dict[str, Any]) -> Iterator[Any]:
@@ -156,10 +135,21 @@ def _views(document: dict[str, Any]) -> Iterator[Any]:
         yield from _histogram(name, found, factor)
         if found["moving_average"]:
             ends = found["moving_average"][0] * factor, found["moving_average"][-1] * factor
-            yield f"{name}: moving average over {WINDOW} goes from {ends[0]:.5g} to {ends[1]:.5g} {word}"
+            over = found["moving_average_window"]
+            yield f"{name}: moving average over {over} goes from {ends[0]:.5g} to {ends[1]:.5g} {word}"
+    for name, found in document["groups"].items():
+        if error := found.get("truth"):
+            said = f"{100 * error['error']:+.2f} ± {100 * error['error_std']:.2g} %"
+            scatter = f"{100 * error['by_scatter']:.2g} %"
+            yield f"{name}: {said} from {error['truth'] * factor:.5g} {word} (scatter alone {scatter})"
+    if whole := document["anova"]:
+        pairs = ", ".join(f"{row['first']} and {row['second']} p = {row['p']:.2g}" for row in whole["pairs"])
+        yield f"Welch's analysis of variance: F = {whole['f']:.3g}, p = {whole['p']:.2g}; Games-Howell: {pairs}"
     if document["tests"]:
         yield _tests(document["tests"], word, factor)
         yield _CAUTION
+    for name, reason in document["rejected"].items():
+        yield f"{name} was rejected and is left out: {reason}"
     if document["skipped"]:
         yield f"{document['skipped']} runs without a value, or with an invalid one, were left out"
 
@@ -189,9 +179,9 @@ def _tests(rows: list[dict[str, Any]], word: str, factor: float) -> Any:
     from rich.table import Table
 
     table = Table(title="Welch's t-test", title_justify="left")
-    for heading in ("groups", f"difference\n{word}", "t", "degrees of\nfreedom", "p"):
-        table.add_column(heading, justify="left" if heading == "groups" else "right")
+    for heading in ("difference of", f"means\n{word}", "t", "degrees of\nfreedom", "p"):
+        table.add_column(heading, justify="left" if heading == "difference of" else "right")
     for row in rows:
         cells = ["-" if row[key] is None else f"{row[key]:.3g}" for key in ("t", "degrees_of_freedom", "p")]
-        table.add_row(f"{row['first']}, {row['second']}", f"{row['difference'] * factor:.4g}", *cells)
+        table.add_row(row["difference_is"], f"{row['difference'] * factor:+.4g}", *cells)
     return table

@@ -55,11 +55,14 @@ class Repeatability:
         size = abs(rho) * math.sqrt(freedom / max(1.0 - rho**2, 1e-300))
         return rho, float(2 * student.sf(size, freedom))
 
-    def table(self) -> dict[str, Any]:
-        """Everything, as plain data."""
-        counts, edges = (
-            np.histogram(self.values, bins="auto") if len(self.values) > 1 else (np.zeros(0, int), np.zeros(0))
-        )
+    @property
+    def window(self) -> int:
+        """Of the moving average: the paper's 30, or a third of the values where they are fewer than 90."""
+        return min(WINDOW, max(len(self.values) // 3, 1))
+
+    def table(self, edges: Floats) -> dict[str, Any]:
+        """Everything, as plain data; the histogram over the given edges of bins."""
+        counts = np.histogram(self.values, bins=edges)[0] if len(edges) else np.zeros(0, int)
         correlation, p_value = self.trend
         return {
             "count": len(self.values),
@@ -71,7 +74,8 @@ class Repeatability:
             "correlation_with_order_p": p_value,
             "autocorrelation": autocorrelation(self.values, _LAGS).tolist(),
             "autocorrelation_95": 1.96 / math.sqrt(len(self.values)),
-            "moving_average": moving_average(self.values, WINDOW).tolist(),
+            "moving_average": moving_average(self.values, self.window).tolist(),
+            "moving_average_window": self.window,
             "histogram": {"counts": counts.tolist(), "edges": edges.tolist()},
             "values": self.values.tolist(),
         }
@@ -106,7 +110,8 @@ def welch_tests(groups: Mapping[str, Floats]) -> list[dict[str, Any]]:
     found = []
     for first, second in combinations(groups, 2):
         a, b = groups[first], groups[second]
-        row: dict[str, Any] = {"first": first, "second": second, "difference": float(b.mean() - a.mean())}
+        row: dict[str, Any] = {"first": first, "second": second}
+        row |= {"difference_is": f"{second} - {first}", "difference": float(b.mean() - a.mean())}
         value = freedom = math.nan
         if len(a) > 1 and len(b) > 1 and (_scatters(a) or _scatters(b)):
             spread_a, spread_b = a.var(ddof=1) / len(a), b.var(ddof=1) / len(b)
@@ -117,8 +122,53 @@ def welch_tests(groups: Mapping[str, Floats]) -> list[dict[str, Any]]:
     return found
 
 
+def common_edges(groups: Sequence[Floats]) -> Floats:
+    """Edges of bins that all groups share, as fine as the group that asks for the finest, 30 bins at the most."""
+    everything = np.concatenate(groups) if groups else np.zeros(0)
+    if len(everything) < 2 or not _scatters(everything):
+        return np.zeros(0)
+    several = [values for values in groups if len(values) > 1 and _scatters(values)]
+    widths = [float(np.diff(np.histogram_bin_edges(values, "auto"))[0]) for values in several]
+    count = int(np.ceil(np.ptp(everything) / min(widths))) if widths else 10
+    return np.asarray(np.histogram_bin_edges(everything, min(max(count, 1), 30)))
+
+
+def anova(groups: Mapping[str, Floats]) -> dict[str, Any] | None:
+    """Welch's analysis of variance over three or more groups, and Games and Howell's test of every two of them.
+
+    Neither takes the groups' spreads for equal; None for fewer groups, or one without scatter.
+    Sources: Welch 1951; Games and Howell 1976.
+    """
+    from scipy.stats import f_oneway, tukey_hsd
+
+    if len(groups) < 3 or any(len(values) < 2 or not _scatters(values) for values in groups.values()):
+        return None
+    whole = f_oneway(*groups.values(), equal_var=False)
+    pairs = tukey_hsd(*groups.values(), equal_var=False)
+    names = list(groups)
+    rows = [
+        {"first": names[i], "second": names[j], "p": float(pairs.pvalue[i, j])}
+        for i, j in combinations(range(len(names)), 2)
+    ]
+    return {"f": float(whole.statistic), "p": float(whole.pvalue), "pairs": rows}
+
+
+def against_truth(values: Floats, combined: Floats, truth: float) -> dict[str, float]:
+    """Error of the mean of values (n,) against a truth, relative, and its standard uncertainty.
+
+    That of the mean, and the median of what each run states: what is common to all runs does not average out. What of
+    it is random counts twice, which errs to the safe side.
+    """
+    found = Repeatability(values)
+    scatter = found.std_of_mean if len(values) > 1 else 0.0
+    stated = float(np.median(combined)) if len(combined) else 0.0
+    std = math.hypot(scatter, stated) / abs(truth)
+    return {"truth": truth, "error": found.mean / truth - 1.0, "error_std": std, "by_scatter": scatter / abs(truth)}
+
+
 def repeatability(groups: Mapping[str, Sequence[float]]) -> dict[str, Any]:
     """Statistics of each group, and the tests between them; groups in the order of their names."""
     ordered = {name: np.asarray(groups[name], float) for name in sorted(groups)}
-    tables = {name: Repeatability(values).table() for name, values in ordered.items()}
-    return {"groups": tables, "tests": welch_tests(ordered)}
+    edges = common_edges(list(ordered.values()))
+    tables = {name: Repeatability(values).table(edges) for name, values in ordered.items()}
+    return {"groups": tables, "tests": welch_tests(ordered), "anova": anova(ordered)}

@@ -14,8 +14,11 @@ if TYPE_CHECKING:
 def palpate_diagnoses() -> dict[str, Diagnosis]:
     """Judges of every track."""
     return {
+        # What others judge by holds its terms.
+        "budget": Diagnosis("palpate_uncertainty.terms:budgets", order=10, quick=True),
         "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
         "model-choice": Diagnosis("palpate_uncertainty.choice:model_choice"),
+        "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability"),
         "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),
     }
 
@@ -40,10 +43,40 @@ def palpate_commands() -> dict[str, Command]:
 def palpate_flags() -> dict[str, FlagMeaning]:
     """What their flags mean."""
     return {
+        "timing-undeclared": FlagMeaning(
+            "doubtful",
+            "A parameter depends on the time between force and motion, of which no uncertainty is declared.",
+            "Declare delay and uncertainty in [alignment], or calibrate them.",
+        ),
+        "tare-undeclared": FlagMeaning(
+            "doubtful",
+            "A parameter depends on the zero of the force, of which no uncertainty is declared or measured.",
+            'Record a second of free air first (tare = "free-air"), or set [alignment] tare_uncertainty.',
+        ),
+        "not-distinguishable-from-delay": FlagMeaning(
+            "doubtful",
+            "The declared uncertainty of timing alone could explain the parameter.",
+            "Calibrate the delay, or palpate at another frequency.",
+        ),
+        "series-compliance": FlagMeaning(
+            "note",
+            "Robot and sensor give way, which shifts a value by more than 1 %; counted as uncertainty, not corrected.",
+            "Stiffen the rig, or measure the position at the tip.",
+        ),
         "lack-of-fit": FlagMeaning(
             "doubtful",
             "What the model leaves of the force is not the noise that the channel had at standstill, and it matters.",
             "Use a model of the named reason (thickness, memory, timing, lift-off, tip, drift), or declare it.",
+        ),
+        "elsewhere": FlagMeaning(
+            "doubtful",
+            "Least squares on the samples that a filter used ends more than three uncertainties from its estimate.",
+            "Use a kinematic filter or a fit, palpate for longer, or use a model with fewer parameters.",
+        ),
+        "overconfident": FlagMeaning(
+            "doubtful",
+            "The filter's standard deviation is below half of the Cramer-Rao bound of the samples that it used.",
+            "Use a model with fewer parameters, or a motion that tells them apart: several frequencies, or a ramp.",
         ),
         "model-choice": FlagMeaning(
             "note",

@@ -16,6 +16,7 @@ _DEEPER = 1e-6  # [m], for slopes
 _LATEST = 0.02  # [s]
 _MOST = 3000  # samples that a refit looks at
 _FARTHEST = 0.02  # [m] that the surface may move
+_TOO_MUCH = 1e6  # [N]
 
 # From the model's parameters (k,), the surface [m] and the extra numbers:
 Force = Callable[[Floats, float, Floats], Floats]  # the force (n,) [N]
@@ -74,8 +75,11 @@ def refit(course: Course, theta: Floats, surface: float, make: Maker = unchanged
         return numbers[:k], surface + float(numbers[k]), numbers[k + 1 :]
 
     def residual(x: Floats) -> Floats:
-        error = (small.force - made.force(*parts(x)))[rows]
-        return np.asarray(np.where(np.isfinite(error), error, 1e6))
+        try:
+            error = (small.force - made.force(*parts(x)))[rows]
+        except ValueError:  # a memory that is too short for the samples
+            return np.full(len(rows), _TOO_MUCH)
+        return np.clip(np.where(np.isfinite(error), error, _TOO_MUCH), -_TOO_MUCH, _TOO_MUCH)
 
     found = least_squares(residual, start, bounds=(lower, upper), x_scale="jac", ftol=1e-7, xtol=1e-7, max_nfev=40)
     numbers, full = parts(found.x), made if small is course else make(course)

@@ -5,19 +5,28 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError
 from palpate.host import JsonOption, RunFolder, console, people, suggest
 
+if TYPE_CHECKING:
+    from palpate_uncertainty.monte_carlo import Propagated
+
 _LEAST = 5e-3  # per cent; less is shown as such
+_FEWEST = 4  # draws
 
 
 def budget(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
     track: Annotated[str | None, typer.Option(help="Track, such as dr/fit. [default: all]")] = None,
     as_json: JsonOption = False,
+    monte_carlo: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Draw every declared input N times and estimate again (GUM Supplement 1)."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
 ) -> None:
     """Every source of uncertainty of a run, and what it contributes to each value."""
     tracks: Mapping[str, Any] = RunFolder(run).result["tracks"]
@@ -29,12 +38,46 @@ def budget(
         raise ConfigurationError(
             f"{run}: {', '.join(without)} has no budget: the run is of an earlier version; replay it"
         )
+    drawn = {} if monte_carlo is None else _draws(run, list(chosen), monte_carlo, seed)
     if as_json:
-        typer.echo(json.dumps({name: found["budget"] for name, found in chosen.items()}, indent=2))
+        tables: dict[str, Any] = {name: found["budget"] for name, found in chosen.items()}
+        for name, found in drawn.items():
+            facts = {"draws": monte_carlo, "seed": seed, "lost": found.lost, "parameters": found.table()}
+            tables[name] = {"budget": tables[name], "monte_carlo": facts}
+        typer.echo(json.dumps(tables, indent=2))
         return
     screen = console()
     for name, found in chosen.items():
         screen.print(_view(name, found))
+    for found in drawn.values():
+        _print_draws(screen, found, seed)
+
+
+def _draws(run: Path, tracks: list[str], draws: int, seed: int) -> dict[str, Propagated]:
+    """The draws of every track, with a count on the terminal."""
+    from palpate_uncertainty.monte_carlo import cases, propagated
+
+    if draws < _FEWEST:
+        raise ConfigurationError(f"--monte-carlo: {draws} draws say nothing of a distribution; at least {_FEWEST}")
+    found = {}
+    for case in cases(run, tracks):
+
+        def tell(done: int, name: str = case.name) -> None:
+            typer.echo(f"\r{name}: {done} of {draws} draws", nl=done == draws, err=True)
+
+        found[case.name] = propagated(case, draws, seed, told=tell)
+    return found
+
+
+def _print_draws(screen: Any, found: Propagated, seed: int) -> None:
+    """What the draws of one track say beside the budget."""
+    screen.print(f"\n{len(found.values)} draws, seed {seed}{f', {found.lost} without an estimate' * (found.lost > 0)}")
+    for name, row in found.table().items():
+        shown = {key: _shown(value, found.parameters[name]["unit"]) for key, value in row.items() if value is not None}
+        ratio = f" (ratio {row['std'] / row['combined']:.2f})" if row["combined"] else ""
+        linear = shown.get("combined", "?")
+        screen.print(f"{found.name} {name}: u {linear} by the budget, {shown['std']} by the draws{ratio}")
+        screen.print(f"  mean {shown['mean']}, 95 % from {shown['low']} to {shown['high']}; value {shown['value']}")
 
 
 def _view(name: str, found: Mapping[str, Any]) -> Any:

@@ -13,6 +13,9 @@ from palpate_uncertainty.whitening import Floats, Runs
 _SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
 _STEP, _RATE_STEP = 1e-6, 1e-5  # [m], [m/s]; for slopes
 _GAP = 2.5  # of the usual interval
+_APART = 1e-3  # [m] sideways, from which on it is a sweep
+_WINDOWS = (5, 9, 15, 25, 41)  # samples
+_BENT = 0.1  # of the noise that smoothing may take from the signal
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,7 @@ class Course:
     begin: float  # [s] of the first sample
     span: float  # [s] to the last
     from_air: bool  # whether the record saw the tip come into contact
+    noise: tuple[float, float]  # [m], [m/s] standard deviations of what smoothing has left of the noise of the motion
 
     def reduced(self, most: int) -> Course:
         """At most so many of the fitted samples, and no others: for what does not depend on the past."""
@@ -57,6 +61,14 @@ class Course:
         low = self._force(depth, still, theta)
         return low, (self._force(depth + _STEP, still, theta) - low) / _STEP
 
+    def motion_noise(self, theta: Floats, surface: float) -> float:
+        """Mean square [N^2] of the force that the noise of the smoothed motion makes: slow, and no lack of fit."""
+        small = self.reduced(500) if not self.model.memory else self
+        depth, force = small.depth(surface), small.forces(theta, surface)
+        by_depth = (small._force(depth + _STEP, small.rate, theta) - force) / _STEP
+        by_rate = (small._force(depth, small.rate + _RATE_STEP, theta) - force) / _RATE_STEP
+        return float(np.mean((by_depth * self.noise[0]) ** 2 + (by_rate * self.noise[1]) ** 2))
+
     def change(self, theta: Floats, surface: float) -> Floats:
         """Slope in time (n,) [N/s] of the model's force."""
         depth, force = self.depth(surface), self.forces(theta, surface)
@@ -76,6 +88,19 @@ def runs_of(track: TrackEvidence) -> Runs:
     return np.asarray(np.cumsum(jumps | (step > _GAP * usual)), dtype=np.int64)
 
 
+def sweeps(track: TrackEvidence) -> bool:
+    """Whether the tip went along the surface, so that one value does not hold for the whole record."""
+    place = track.kept.lateral[track.kept.used]
+    place = place[np.isfinite(place).all(axis=1)]
+    return track.estimator.follows_changes or (len(place) > 0 and bool(np.max(np.ptp(place, axis=0)) > _APART))
+
+
+def possible(track: TrackEvidence) -> bool:
+    """Whether all of a track's numbers are within what is possible, so that its model can be asked for forces."""
+    pairs = zip(track.model.parameters, track.values.tolist(), strict=True)
+    return all(parameter.lower <= value <= parameter.upper for parameter, value in pairs)
+
+
 def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
     """The course of a track's kept samples; those at the ends of runs are not fitted."""
     kept, runs = track.kept, runs_of(track)
@@ -87,10 +112,35 @@ def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
         span = np.where(whole, kept.time[2 * k :] - kept.time[: -2 * k], np.nan)
         acceleration[k:-k] = change / span
     force = kept.force - (track.tip_mass or 0.0) * np.nan_to_num(acceleration)
+    (height, height_noise), (rate, rate_noise) = _quiet(kept.position, runs), _quiet(-kept.velocity, runs)
     known = np.isfinite(force) & np.isfinite(kept.position) & np.isfinite(kept.velocity) & np.isfinite(acceleration)
     first, last = (float(kept.time[0]), float(kept.time[-1])) if len(kept.time) else (0.0, 0.0)
-    rate = np.nan_to_num(-kept.velocity)
     return Course(
-        track.model, kept.time, force, kept.position, rate, np.nan_to_num(acceleration), runs, used & known, first,
-        max(last - first, 1e-9), len(track.air_time) > 0,
+        track.model, kept.time, force, height, np.nan_to_num(rate), np.nan_to_num(acceleration), runs, used & known,
+        first, max(last - first, 1e-9), len(track.air_time) > 0, (height_noise, rate_noise),
     )  # fmt: skip
+
+
+def _quiet(values: Floats, runs: Runs) -> tuple[Floats, float]:
+    """Heights or rates (n,) by local cubics over a symmetric window, and the standard deviation of the noise left.
+
+    A noisy regressor takes from what it multiplies (a viscosity by the noise of the rate over its mean square), and the
+    residual shows that as a pattern over phase. The window is the longest, of at most 41 samples, that takes less from
+    the signal than a tenth of the noise.
+    """
+    from scipy.signal import savgol_coeffs, savgol_filter
+
+    third = np.diff(values, 3)
+    third = third[np.isfinite(third)]
+    noise = float(np.sqrt(np.mean(third**2) / 20.0)) if len(third) else 0.0
+    if noise == 0.0 or not np.isfinite(values).all():
+        return values, 0.0
+    pieces = np.split(values, np.flatnonzero(np.diff(runs)) + 1)
+    smooth, left = values, 0.0
+    for width in _WINDOWS:
+        tried = np.concatenate([savgol_filter(p, width, 3) if len(p) >= width else p for p in pieces])
+        taken = np.convolve(values - tried, np.ones(width) / width, "valid")  # what is slow in it was signal
+        if float(np.mean(taken**2)) > (_BENT**2 + 2.0 / width) * noise**2:
+            break
+        smooth, left = tried, noise * float(np.linalg.norm(savgol_coeffs(width, 3)))
+    return np.asarray(smooth), left

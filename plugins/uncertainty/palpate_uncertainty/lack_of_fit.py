@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from palpate import Diagnosed, Flag, TrackEvidence
 
 from palpate_uncertainty.alternatives import Refit, alternatives, refit
-from palpate_uncertainty.course import Course, make_course, runs_of
+from palpate_uncertainty.course import Course, make_course, possible, runs_of, sweeps
 from palpate_uncertainty.whiteness import Tested, examined, oscillation
 from palpate_uncertainty.whitening import ENOUGH, WHITE, Floats, Null, null_of
 
 LEVEL = 1e-3  # of the family's p
 _ENOUGH = 300  # samples
 _STILL = 1e-4  # [m]
-_SWEEP = 1e-3  # [m] sideways
 _SMALL = 0.005  # of a parameter; less matters to nobody
+_BY_MOTION = 2.0  # of the mean square of the force that noise of the motion makes
 _LEFT = 0.02  # of the misfit's power; an alternative that leaves less has explained it
 _FAINT = 0.01  # the same, of the variance of the noise
 _NAMED = 0.2  # the same, for a reason that is worth naming though it does not explain it all
@@ -27,7 +27,15 @@ _NAMED = 0.2  # the same, for a reason that is worth naming though it does not e
 def lack_of_fit(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """Diagnoseds on all tracks; see docs/uncertainty.md."""
     known: dict[Any, _Base] = {}
-    return {track.name: found for track in tracks if (found := _judge(track, known)) is not None}
+    found = {}
+    for track in tracks:
+        try:
+            finding = _judge(track, known)
+        except ValueError as error:  # one model that has no force at such numbers does not keep the others from theirs
+            finding = Diagnosed((Flag("diagnosis-failed", f"lack-of-fit: {error}"),))
+        if finding is not None:
+            found[track.name] = finding
+    return found
 
 
 @dataclass(frozen=True)
@@ -41,16 +49,25 @@ class _Base:
 
     def test(self, residual: Floats) -> Tested:
         rows, course = self.course.used, self.course
-        return examined(residual, course.runs[rows], course.time[rows], -course.height[rows], self.phase, self.null)
+        found = examined(residual, course.runs[rows], course.time[rows], -course.height[rows], self.phase, self.null)
+        return self.by_motion(found, float(np.var(residual)))
+
+    def by_motion(self, found: Tested, power: float) -> Tested:
+        """Findings on residuals of this power [N^2]: nothing where the noise of the motion makes such a pattern."""
+        made = self.course.motion_noise(self.fit.theta, self.fit.surface)
+        return replace(found, p=1.0) if found.misfit * power < _BY_MOTION * made else found
 
 
 def _judge(track: TrackEvidence, known: dict[Any, _Base]) -> Diagnosed | None:
-    if np.count_nonzero(track.kept.used) < _ENOUGH:
+    if np.count_nonzero(track.kept.used) < _ENOUGH or not possible(track):
         return None
     if track.report is not None and np.isfinite(track.kept.innovation).any():
         found = _by_innovations(track)
+        if found.p < LEVEL:
+            base = _base(track, known)
+            found = base.by_motion(found, float(np.var(base.fit.residual)))
         return _explained(track, found, _base(track, known)) if found.p < LEVEL else _table(found)
-    if _sweeps(track):
+    if sweeps(track):
         return None
     base = _base(track, known)
     found = base.test(base.fit.residual)
@@ -60,13 +77,6 @@ def _judge(track: TrackEvidence, known: dict[Any, _Base]) -> Diagnosed | None:
 def left_by(track: TrackEvidence) -> Floats:
     """What the model, fitted again to a track's samples, leaves of the force (n,) [N]."""
     return _base(track, {}).fit.residual
-
-
-def _sweeps(track: TrackEvidence) -> bool:
-    """Whether the tip went along the surface, so that one value does not hold for the whole record."""
-    place = track.kept.lateral[track.kept.used]
-    place = place[np.isfinite(place).all(axis=1)]
-    return track.estimator.follows_changes or (len(place) > 0 and bool(np.max(np.ptp(place, axis=0)) > _SWEEP))
 
 
 def standstill(track: TrackEvidence) -> Floats:

@@ -6,26 +6,25 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Suggestion
-from palpate.host import figure_of, save_figure
+from palpate.host import figure_of, save_figure, style
 
 _POINTS = 20_000  # of each curve
 
 
+@style()
 def draw_suggestion(suggestion: Suggestion, name: str, path: Path) -> None:
     """Draw each role over time, and the force over the position; raises ConfigurationError, OutputError."""
-    figure, axes = figure_of(1, len(suggestion.views) + 1, width=9.0, height=2.6)
+    figure, axes = figure_of(1, len(suggestion.views) + 1, height=35.0)
     begin = min(float(time[0]) for time, _, _ in suggestion.views.values())
     for axis, (role, (time, values, unit)) in zip(axes[:, 0], suggestion.views.items(), strict=False):
         every = max(len(time) // _POINTS, 1)
         axis.plot(time[::every] - begin, values[::every], linewidth=0.8)
         axis.set_ylabel(f"{role} [{unit}]")
-        axis.grid(alpha=0.3)
     axes[0, 0].set_title(f"{name}: as palpate would take it")
     axes[-2, 0].set_xlabel("time [s]")
     force, place = suggestion.views["force"], suggestion.views["position"]
     every = max(len(force[0]) // _POINTS, 1)
     heights = np.interp(force[0][::every], place[0], place[1])
-    axes[-1, 0].plot(1e3 * (heights.max() - heights), force[1][::every], ".", markersize=1.5)
+    axes[-1, 0].plot(1e3 * (heights.max() - heights), force[1][::every], ".", markersize=1)
     axes[-1, 0].set(xlabel="way down from the highest point [mm]", ylabel="force [N]")
-    axes[-1, 0].grid(alpha=0.3)
     save_figure(figure, path)

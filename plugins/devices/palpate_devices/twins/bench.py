@@ -187,8 +187,8 @@ class World:
             if behind > _MOST_BEHIND:
                 began += behind
             ticks = min(int(behind / TICK), int(_MOST_BEHIND / TICK))
-            for _ in range(ticks):
-                self._tick()
+            for more in reversed(range(ticks)):
+                self._tick(more)
             if ticks:
                 self.ports.broadcast()
 
@@ -229,9 +229,9 @@ class World:
         self._askew = _OUT @ work.tool.T @ pose[:3, :3] @ _OUT
         return self._rotation @ (pose[:3, 3] - work.matrix[:3, 3]), self._rotation @ (jacobian[:3] @ arm.qd)
 
-    def _tick(self) -> None:
+    def _tick(self, more: int) -> None:
         began = self.controller.now
-        self.controller.tick()
+        self.controller.tick(more)
         position, velocity = self._before
         self._before = self._tip()
         self.sensor.poll(self.controller.now)

@@ -14,6 +14,7 @@ Floats = NDArray[np.float64]
 
 PERIOD = 0.002  # [s]
 _SHORTEST = 0.15  # [s] of a way, however short
+_MOST_BEHIND = 25.0  # periods; what is later is not made up for
 _HASTE = 0.1  # by so large a part a motion may be faster than planned, to make up for what the host held up
 
 
@@ -79,7 +80,7 @@ class Commander:
         self._speed = np.zeros(3)
         self._before = self.command, self._speed, self.turn
         self._table: Floats = np.zeros((0, SETPOINT.size))
-        self._row, self._haste = 0, 0.0
+        self._row, self._haste, self._behind = 0.0, 0.0, 0.0  # periods
         self._way: list[tuple[Floats, Floats]] = []
         self.home: Floats | None = None  # where the motion began
         self.mode = "hold"  # "hold", "retreat", "stay", "approach", "follow", "retract", "done"
@@ -88,13 +89,24 @@ class Commander:
     def setpoint(self) -> Floats:
         """Position, velocity (3 + 3) and whether it is meant for estimation, as of now."""
         if self.mode == "follow" and len(self._table):
-            return np.array(self._table[min(self._row, len(self._table) - 1)])
+            return self._in_table()
         return np.array([*self.command, *self._speed, 0.0])
 
-    @property
-    def haste(self) -> float:
-        """By how large a part the motion may be faster than planned, within the speed that is allowed."""
-        return self._haste if self.mode == "follow" else 0.0
+    def held_up(self, periods: int) -> None:
+        """So many periods had no command: a table is followed a little faster until that is made up for."""
+        if self.mode == "follow":
+            self._behind = min(self._behind + periods, _MOST_BEHIND)
+
+    def _in_table(self) -> Floats:
+        """The setpoint (7,) that is due, between two rows of the table while it makes up for something."""
+        last = len(self._table) - 1
+        low = min(int(self._row), last)
+        part = self._row - low
+        if part <= 0.0 or low == last:
+            return np.array(self._table[low])
+        row = self._table[low] + part * (self._table[low + 1] - self._table[low])
+        row[SETPOINT["measuring"]] = self._table[low, SETPOINT["measuring"]]
+        return np.asarray(row)
 
     def settle(self, position: Floats, turn: Floats) -> None:
         """Begin where the arm is, as long as it has not been moved."""
@@ -112,7 +124,7 @@ class Commander:
 
     def follow(self, table: Floats) -> None:
         """Go to the first setpoint, then through the table (n, 7): position, velocity, measuring."""
-        self._table, self._row, self.mode = table, 0, "approach"
+        self._table, self._row, self._behind, self.mode = table, 0.0, 0.0, "approach"
         fastest = (
             float(np.linalg.norm(np.diff(table[:, SETPOINT["position"]], axis=0), axis=1).max(initial=0.0)) / PERIOD
         )
@@ -156,17 +168,18 @@ class Commander:
 
     def _follow(self, position: Floats, velocity: Floats) -> None:
         law = self.law
-        row = self._table[min(self._row, len(self._table) - 1)]
-        before = self.command
+        row, before = self._in_table(), self.command
+        faster = min(self._haste, self._behind)
         if law.control == "pd":
-            wanted, rate = row[SETPOINT["position"]], row[SETPOINT["velocity"]]
+            wanted, rate = row[SETPOINT["position"]], row[SETPOINT["velocity"]] * (1.0 + faster)
             speed = law.gain * (wanted - position) + law.damping * (rate - velocity)
             length = float(np.linalg.norm(speed))
             self.command = before + (speed if length <= law.most else speed * (law.most / length)) * PERIOD
         else:
             self.command = row[SETPOINT["position"]].copy()
         self._speed = (self.command - before) / PERIOD
-        self._row += 1
+        self._row += 1.0 + faster
+        self._behind -= faster
         if self._row >= len(self._table):
             self.mode = "done"
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from palpate_devices.process.child import Parent, real_time
 from palpate_devices.process.ring import Ring
+from palpate_devices.ur3e.client import missing
 from palpate_devices.ur3e.fence import ArmState, Fence, Verdict
 from palpate_devices.ur3e.force_watch import ForceEye
 from palpate_devices.ur3e.frame import WorkFrame
@@ -43,7 +44,7 @@ def main() -> None:
     try:
         robot = Robot(settings)
     except ImportError as error:
-        parent.tell("fault", text=f"the client library is missing ({error}): pip install ur-rtde")
+        parent.tell("fault", text=f"{missing()} ({error})")
         os._exit(1)
     except RuntimeError as error:
         parent.tell("fault", text=f"cannot connect: {' '.join(str(error).split())}")
@@ -68,16 +69,15 @@ class _Loop:
 
     def run(self) -> NoReturn:
         """One cycle after another, each at its deadline."""
-        Pace(self._ring, lambda: self._following, self._haste).run(self._cycle, self._take_state)
-
-    def _haste(self) -> float:
-        return 0.0 if self._commander is None else self._commander.haste
+        Pace(self._ring, lambda: self._following).run(self._cycle, self._take_state)
 
     @property
     def _following(self) -> bool:
         return self._commander is not None and self._commander.mode == "follow"
 
-    def _cycle(self, now: int) -> None:
+    def _cycle(self, now: int, left_out: int) -> None:
+        if left_out and self._commander is not None:
+            self._commander.held_up(left_out)
         self._take_state()
         self._check(now)
         self._listen(now)

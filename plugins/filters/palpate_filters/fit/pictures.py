@@ -8,36 +8,30 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Estimates, FitReport, Floats, Samples, UserError
-from palpate.host import acceleration
+from palpate import Estimates, FitReport, Floats, Samples
+from palpate.host import acceleration, figure_of, legend_outside, quartiles, save_figure, style
 
 _MOST = 20_000  # points in a curve
 
 
-def draw(samples: Samples, found: Mapping[str, Estimates], tip_mass: float, folder: Path) -> list[Path]:
+@style()
+def draw(
+    samples: Samples, found: Mapping[str, Estimates], tip_mass: float, folder: Path, ending: str = "png"
+) -> list[Path]:
     """``force.png`` and ``residuals.png`` in a folder; none where nothing was fitted. Raises UserError."""
     fits = {name: (estimates, estimates.report) for name, estimates in found.items() if estimates.report is not None}
     if not fits:
         return []
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise UserError(
-            "pictures need matplotlib: pip install matplotlib, or leave them out with --no-pictures"
-        ) from error
     contact = samples.force + tip_mass * np.nan_to_num(acceleration(samples.time, samples.velocity))
     drawn = []
-    for name, (columns, paint) in {"force.png": (2, _forces), "residuals.png": (2, _residuals)}.items():
-        figure = Figure(figsize=(12, 4.5), layout="constrained")
-        axes: Any = figure.subplots(1, columns)
+    for name, paint in {"force": _forces, "residuals": _residuals}.items():
+        figure, axes = figure_of(2)
         for label, (estimates, report) in fits.items():
-            force = _without_offset(contact, samples, estimates, report)
-            paint(axes, label, samples, estimates, force)
-        for axis in axes:
-            axis.grid(True, alpha=0.3)
-            axis.legend(fontsize=8)
-        figure.savefig(folder / name, dpi=120, metadata={"Software": "palpate"})
-        drawn.append(folder / name)
+            paint(axes[0], label, samples, estimates, _without_offset(contact, samples, estimates, report))
+        for axis in axes[0]:
+            legend_outside(axis, 2)
+        drawn.append(folder / f"{name}.{ending}")
+        save_figure(figure, drawn[-1])
     return drawn
 
 
@@ -57,20 +51,22 @@ def _rows(estimates: Estimates) -> NDArray[np.intp]:
 def _forces(axes: Any, label: str, samples: Samples, estimates: Estimates, force: Floats) -> None:
     rows = _rows(estimates)
     depth = 1e3 * (estimates.surface[rows] - samples.position[rows])
-    if not axes[0].lines:
-        axes[0].plot(samples.time[rows], force[rows], ".", markersize=1.5, color="0.6", label="measured")
-        axes[1].plot(depth, force[rows], ".", markersize=1.5, color="0.6", label="measured")
-        axes[0].set(xlabel="time [s]", ylabel="contact force [N]", title="force over time")
-        axes[1].set(xlabel="depth [mm]", ylabel="contact force [N]", title="force over depth")
-    axes[0].plot(samples.time[rows], estimates.force[rows], linewidth=1, label=label)
-    axes[1].plot(depth, estimates.force[rows], linewidth=1, label=label)
+    for axis, across, word in ((axes[0], samples.time[rows], "time [s]"), (axes[1], depth, "depth [mm]")):
+        if not axis.lines:
+            axis.plot(across, force[rows], ".", markersize=1, color="0.6", label="measured")
+            axis.set_prop_cycle(None)
+            axis.set(xlabel=word, ylabel="contact force [N]")
+        axis.plot(across, estimates.force[rows], linewidth=0.8, label=label)
 
 
 def _residuals(axes: Any, label: str, samples: Samples, estimates: Estimates, force: Floats) -> None:
+    """Over time as they are; over depth by their median and quartiles in 40 bins, since loops cross each other."""
     rows = _rows(estimates)
     left = estimates.force[rows] - force[rows]
-    name = f"{label}, {estimates.report.rss:.4g} N^2" if estimates.report else label
-    axes[0].plot(samples.time[rows], left, linewidth=0.7, label=name)
-    axes[1].plot(1e3 * (estimates.surface[rows] - samples.position[rows]), left, linewidth=0.7, label=name)
-    axes[0].set(xlabel="time [s]", ylabel="model - measured [N]", title="residual over time")
-    axes[1].set(xlabel="depth [mm]", ylabel="model - measured [N]", title="residual over depth")
+    name = f"{label}, {estimates.report.rss:.4g} N²" if estimates.report else label
+    axes[0].plot(samples.time[rows], left, linewidth=0.5, label=name)
+    depth, (low, middle, high) = quartiles(1e3 * (estimates.surface[rows] - samples.position[rows]), left)
+    (line,) = axes[1].plot(depth, middle, label=label)
+    axes[1].fill_between(depth, low, high, color=line.get_color(), alpha=0.2, linewidth=0)
+    axes[0].set(xlabel="time [s]", ylabel="model less measured [N]")
+    axes[1].set(xlabel="depth [mm]", ylabel="model less measured [N]")

@@ -12,6 +12,7 @@ from palpate import Estimates, Flag
 
 from palpate_filters.fit.bootstrap import block_bootstrap
 from palpate_filters.fit.budget import Sensitivities, row, shift_of
+from palpate_filters.fit.height_noise import force_noise
 from palpate_filters.fit.identifiability import INDISTINCT, identifiability
 from palpate_filters.fit.profile import ProfileIntervals
 from palpate_filters.fit.residual import touching
@@ -88,7 +89,7 @@ def _reconstruction(fit: Fit) -> tuple[Floats, Floats]:
 def _judge(fit: Fit) -> _Judged:
     from scipy.stats import t
 
-    found = scatter(fit.residual, fit.record, fit.solution.x, fit.loss)
+    found = scatter(fit.residual, fit.record, fit.solution.least, fit.loss)
     free = list(fit.residual.free)
     random = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
     low, high = fit.unknowns.bounds(free)
@@ -231,7 +232,10 @@ def _table(judged: _Judged, total: Floats) -> dict[str, Any]:
 def _misfit(fit: Fit, found: ResidualScatter) -> Iterator[Flag]:
     """Whether the residual is more than the noise in the air, or than its own white noise where there was no air."""
     rms = float(np.sqrt(found.rss / max(found.samples, 1)))
-    noise = fit.approach.noise if fit.approach is not None else found.noise
+    noise = found.noise
+    if fit.approach is not None:  # in the air the noise of the height is not felt
+        surface = fit.unknowns.index("surface")
+        noise = float(np.hypot(fit.approach.noise, force_noise(fit.residual, fit.record, fit.solution.x, surface)))
     if noise > 0 and rms > _MISFIT * noise:
         what = f"the residual of {rms:.3g} N is more than noise, {noise:.3g} N: something is not in the model"
         yield Flag("misfit", what)

@@ -28,6 +28,12 @@ class Solution:
     cost: float  # half of the sum of losses
     evaluations: int
     converged: bool
+    moved: Floats | None = None  # (P,) by what the parameters have been corrected since; None: by nothing
+
+    @property
+    def least(self) -> Floats:
+        """(P,) where the sum of losses is least."""
+        return self.x if self.moved is None else self.x - self.moved
 
 
 def solve_trf(

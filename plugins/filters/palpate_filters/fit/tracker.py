@@ -19,6 +19,7 @@ from palpate_filters.fit.contact_point import (
     first_approach,
 )
 from palpate_filters.fit.first_guess import first_guess, linear_places
+from palpate_filters.fit.height_noise import unattenuated
 from palpate_filters.fit.loss import LossFunction
 from palpate_filters.fit.motion import TipTravel, zero_phase_motion
 from palpate_filters.fit.record import FitRecord, make_record
@@ -119,6 +120,8 @@ class FitTracker:
         solver, solution = self._solve(unknowns, record, residual, x, linear, loss)
         if not np.isfinite(solution.x).all() or not np.isfinite(solution.cost):
             raise NotFitted("diverged", "the fit ended in numbers that are not finite")
+        if loss.kind == "linear":
+            solution = unattenuated(residual, record, unknowns, solution)
         return Fit(
             settings, self._problem, samples, rows, course, motion, approach, points, self._sources, unknowns, linear,
             record, residual, solution, solver, loss, tuple(notes),

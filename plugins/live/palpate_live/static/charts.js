@@ -114,12 +114,17 @@ function column(rows, value) {
   return found;
 }
 
-// Lowest, middle and highest of a curve; a robust one leaves out what is rare.
+// Lowest, middle and highest of a curve. Of a robust one what is rare is left out, above all where it begins: there a
+// filter finds its way.
 function span(values, robust) {
-  const known = values.filter((v) => v !== null).sort((a, b) => a - b);
-  if (!known.length) return null;
-  const at = (share) => known[Math.min(Math.floor(share * known.length), known.length - 1)];
-  return robust ? [at(0.03), at(0.5), at(0.97)] : [known[0], at(0.5), known[known.length - 1]];
+  const sorted = (some) => some.filter((v) => v !== null).sort((a, b) => a - b);
+  const at = (known, share) => known[Math.min(Math.floor(share * known.length), known.length - 1)];
+  const all = sorted(values);
+  if (!all.length) return null;
+  if (!robust) return [all[0], at(all, 0.5), all[all.length - 1]];
+  const first = values.findIndex((v) => v !== null), late = sorted(values.slice(first + Math.floor((values.length - first) / 3)));
+  if (!late.length) return [at(all, 0.1), at(all, 0.5), at(all, 0.9)];
+  return [Math.min(at(all, 0.1), at(late, 0.01)), at(late, 0.5), Math.max(at(all, 0.9), at(late, 0.99))];
 }
 
 // What the axis shows: curves far from all others flatten nobody.

@@ -54,8 +54,8 @@ export class Cards {
     for (const card of this.cards) {
       const { track } = card, found = state.found[track.name], n = track.parameters.length;
       const verdict = worst(state, track.name);
-      card.verdict.textContent = found?.final ? `${WORDS[verdict]} (result)` : `${WORDS[verdict]} so far`;
-      card.verdict.className = verdict === "note" ? "note-flag" : verdict;
+      card.verdict.textContent = !found ? "± of the estimator alone" : found.final ? `${WORDS[verdict]} (result)` : `${WORDS[verdict]} so far`;
+      card.verdict.className = !found || verdict === "note" ? "note-flag" : verdict;
       track.parameters.forEach((parameter, k) => {
         const final = found?.final ? found.parameters[parameter.name] : null;
         const value = final ? final[0] ?? NaN : record.last(track.begin + k, rows);

@@ -87,8 +87,9 @@ def curves(
     if len(labels) != len(runs):
         raise ConfigurationError(f"--label: {len(labels)} labels for {len(runs)} runs")
     found: dict[str, TrackCurve] = {}
+    kept = tell_rejected(runs)
     for name, run in zip(labels, runs, strict=True):
-        tracks = curves_of(run)
+        tracks = curves_of(run) if run in kept else {}
         for track, curve in tracks.items():
             known = [part for part in (track if len(tracks) > 1 or not name else "", name) if part]
             found[", ".join(known)] = curve
@@ -142,6 +143,18 @@ def _distance(curve: TrackCurve, points: tuple[Any, Sites]) -> float:
         return float("nan")
     apart = np.interp(points[0][on], at, value) - points[1].value[on]
     return float(np.sqrt(np.mean(apart**2)))
+
+
+def tell_rejected(runs: list[Path]) -> list[Path]:
+    """Say what a review has rejected of some runs, continuations included; the runs that are left."""
+    from palpate_maps import analysis as maps
+
+    out: dict[Path, str] = {}
+    for run in runs:
+        out |= maps.rejected(run)
+    for path, reason in out.items():
+        typer.echo(f"{path} was rejected and is left out: {reason}", err=True)
+    return [run for run in runs if run not in out]
 
 
 def unit_of(run: Path, track: str, parameter: str) -> str:

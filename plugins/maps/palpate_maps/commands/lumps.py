@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
@@ -10,7 +11,7 @@ import typer
 from palpate import ConfigurationError, LogError
 from palpate.host import RunFolder, TrackOption
 
-from palpate_maps.commands.curves import unit_of
+from palpate_maps.commands.curves import tell_rejected, unit_of
 from palpate_maps.commands.map import Parameter, Run, length
 
 if TYPE_CHECKING:
@@ -45,11 +46,14 @@ def lumps(
     if method not in get_args(maps.SweepMethod):
         raise ConfigurationError(f'--method: {method!r} is none of "prominence" and "cusum"')
     settings = maps.LumpSettings(rate, contrast, spread, length(width, "--width"), method)  # type: ignore[arg-type]
+    tell_rejected([run])
     path = maps.read_path(run, track, parameter)
     findings = maps.find_lumps(maps.sites_along(path), settings)
     text = export.lumps_json(findings, path.track, path.parameter)
     export.replace_file(RunFolder(run).maps / "lumps.json", text)
     typer.echo(text if as_json else _view(findings, path.track, unit_of(run, path.track, path.parameter)))
+    if findings.warning:
+        typer.echo(f"warning: {findings.warning}", err=True)
 
 
 def _view(findings: Findings, track: str, unit: str) -> str:
@@ -73,6 +77,7 @@ def compare(
     track: TrackOption = None,
     parameter: Parameter = None,
     test: Annotated[str, typer.Option(help="prediction, or welch as in the paper.")] = "prediction",
+    as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON.")] = False,
 ) -> None:
     """Test a suspect site against baseline sites, by a prediction interval or by Welch's t-test."""
     import numpy as np
@@ -82,7 +87,7 @@ def compare(
     if test not in ("prediction", "welch"):
         raise ConfigurationError(f'--test: {test!r} is none of "prediction" and "welch"')
     _refuse_both(baseline, suspect)
-    told = [sites_of(runs, track, parameter) for runs in (baseline, suspect)]
+    told = [sites_of(tell_rejected(runs), track, parameter) for runs in (baseline, suspect)]
     groups = [np.array([value for _, value in sites]) for sites in told]
     if test == "prediction":
         groups = [by_place(sites) for sites in told]
@@ -91,9 +96,16 @@ def compare(
         raise ConfigurationError(f"--baseline: {len(groups[0])} sites are too few for {test}; {least} are needed")
     if test == "welch":
         found = maps.welch(groups[0], groups[1])
-        typer.echo("welch takes the scatter of repeats for that between sites: many false alarms where sites differ")
+        typer.echo(
+            "welch takes the scatter of repeats for that between sites: many false alarms where sites differ",
+            err=as_json,
+        )
     else:
         found = maps.against_sites(groups[0], float(np.exp(np.log(groups[1]).mean())))
+    if as_json:
+        answer = {"contrast": found.contrast, "p": found.p, "test": found.test, "baseline": len(groups[0])}
+        typer.echo(json.dumps(answer, indent=2))
+        return
     typer.echo(f"contrast {100 * found.contrast:+.2f} %, p = {found.p:.2g} ({found.test}, {len(groups[0])} baseline)")
 
 

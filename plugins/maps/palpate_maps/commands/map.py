@@ -10,7 +10,7 @@ import typer
 from palpate import ConfigurationError, LogError, PalpateError, Simulated, to_si
 from palpate.host import Points, RunFolder, TrackOption, load_pipeline, save_figure
 
-from palpate_maps.commands.curves import curves_of, points_of, unit_of
+from palpate_maps.commands.curves import curves_of, points_of, tell_rejected, unit_of
 
 Run = Annotated[Path, typer.Argument(help="The run folder.")]
 Parameter = Annotated[str | None, typer.Option(help="Parameter of its model. [default: the first]")]
@@ -38,7 +38,7 @@ def map_run(
 ) -> None:
     """Make the map of a run, with its uncertainty: CSV, NPZ and a picture; for a sweep, a curve.
 
-    A pipeline file is run first, into a new folder of runs/.
+    A pipeline file is run first, into a new folder of runs/. No earlier map is written over: the second is map-2.
     """
     from palpate.host import run_pipeline
 
@@ -51,6 +51,7 @@ def map_run(
         made = run_pipeline(load_pipeline(run))
         made.demand_whole()
         run = made.folder
+    tell_rejected([run])
     path = maps.read_path(run, track, parameter)
     sites = maps.sites_along(path)
     folder, ending = out or RunFolder(run).maps, "svg" if svg else "png"
@@ -66,24 +67,30 @@ def map_run(
         series = {name: (curve.along, curve.sites) for name, curve in curves.items()}
         checked = points_of(points, folder, parameter) if points is not None else None
         image = picture.sweep_picture(series, path.parameter, unit, findings, checked)
-        export.replace_file(folder / "sweep.csv", export.sweep_csv(series, path.parameter))
-        save_figure(image, folder / f"sweep.{ending}")
+        table = export.sweep_csv(series, path.parameter)
+        name = export.free_name(folder, "sweep", table)
+        export.replace_file(folder / f"{name}.csv", table)
+        save_figure(image, folder / f"{name}.{ending}")
         typer.echo(f"sweep of {1e3 * (along.max() - along.min()):.4g} mm, {len(sites)} sites, {path.track}")
     else:
         edge = length(reach, "--reach") if reach is not None else None
         field = maps.make_map(sites, length(cell, "--cell"), method, edge)  # type: ignore[arg-type]
         image = picture.map_picture(field, path.parameter, unit, findings, outlines_of(run))
-        export.replace_file(folder / "map.csv", export.map_csv(field, path.parameter))
-        export.replace_file(folder / "map.npz", export.map_npz(field, path.parameter))
-        save_figure(image, folder / f"map.{ending}")
+        table = export.map_csv(field, path.parameter)
+        name = export.free_name(folder, "map", table)
+        export.replace_file(folder / f"{name}.csv", table)
+        export.replace_file(folder / f"{name}.npz", export.map_npz(field, path.parameter))
+        save_figure(image, folder / f"{name}.{ending}")
         if mcap:
-            export.replace_file(folder / "map.mcap", map_mcap(field, path.parameter, round(1e9 * sites.time[-1])))
+            export.replace_file(folder / f"{name}.mcap", map_mcap(field, path.parameter, round(1e9 * sites.time[-1])))
         size = f"{1e3 * (field.x[-1] - field.x[0]):.4g} mm x {1e3 * (field.y[-1] - field.y[0]):.4g} mm"
         typer.echo(
             f"map of {size}, {100 * field.coverage:.0f} % covered, {len(sites)} sites, {path.track}, "
             f"interpolated over {1e3 * field.length:.3g} mm"
         )
-    typer.echo(f"written to {folder}")
+    if findings is not None and findings.warning:
+        typer.echo(f"warning: {findings.warning}", err=True)
+    typer.echo(f"written to {folder / name}.csv and beside it")
 
 
 def outlines_of(run: Path) -> list[Any]:

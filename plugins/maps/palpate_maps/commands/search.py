@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,53 +10,119 @@ import typer
 from palpate import ConfigurationError
 from palpate.host import TrackOption
 
-from palpate_maps.commands.map import Parameter, Run
+from palpate_maps.commands.map import Parameter, Run, length
 
 if TYPE_CHECKING:
-    from palpate_maps.analysis import Proposal
+    from palpate.host import Pipeline
 
-_ROUNDS = 20
+    from palpate_maps.analysis import Area, Proposal, Watched
+    from palpate_maps.area import Box
+
+_APART = 4e-3  # [m] between places
+_ROUNDS = 50
 
 
 def search(
     run: Run,
     track: TrackOption = None,
     parameter: Parameter = None,
-    points: Annotated[int, typer.Option(help="Places in one round.", min=1)] = 5,
+    points: Annotated[int, typer.Option(help="Places in one round.", min=1)] = 3,
     aim: Annotated[str, typer.Option(help="suspicion or uncertainty.")] = "suspicion",
     contrast: Annotated[float, typer.Option(help="Contrast that counts as a lump.")] = 0.05,
+    area: Annotated[
+        str | None,
+        typer.Option(
+            help='Where it may go: "-30 mm, 30 mm, -20 mm, 20 mm" (x, then y). [default: specimen, workspace]'
+        ),
+    ] = None,
     go: Annotated[bool, typer.Option("--go", help="Visit the places, and go on until a stop rule holds.")] = False,
     budget: Annotated[float, typer.Option(help="Seconds of motion after which --go stops.")] = 120.0,
     sure: Annotated[
-        float, typer.Option(help="--go stops once a lump checked by points has a smaller p-value and stays in place.")
+        float, typer.Option(help="A lump is certain once points on it have a smaller p-value and leave it in place.")
     ] = 0.001,
     palpation: Annotated[float, typer.Option(help="Seconds of sine at each place.")] = 2.0,
 ) -> None:
-    """Propose the next places to palpate after a coarse sweep or raster; with --go, visit them."""
+    """Propose the next places to palpate after a coarse sweep or raster; with --go, visit them.
+
+    With --go it ends once every lump is certain and no other place is suspicious, or the budget is spent.
+    """
+    from palpate.host import recorded_pipeline
+
     from palpate_maps import analysis as maps
 
     if aim not in ("suspicion", "uncertainty"):
         raise ConfigurationError(f'--aim: {aim!r} is none of "suspicion" and "uncertainty"')
-    spent, before = 0.0, None
+    pipeline = recorded_pipeline(run)
+    motion = _press(pipeline, run)
+    sites = maps.sites_along(maps.read_path(run, track, parameter))
+    allowed = maps.area_of(pipeline, motion, sites.place, box_of(area))
+    spent, lumps = 0.0, list[maps.Watched]()
     for _ in range(_ROUNDS):
-        sites = maps.sites_along(maps.read_path(run, track, parameter))
-        places = maps.propose(sites, points, aim, contrast)  # type: ignore[arg-type]
+        done = maps.off_limits(allowed.nodes, lumps, contrast, _APART)
+        places = maps.propose(sites, points, aim, contrast, allowed.nodes, taken=done)  # type: ignore[arg-type]
+        if go and maps.nothing_left(lumps, places):
+            _end(lumps, allowed, f"every lump is certain at {sure:g}, and nothing else is suspicious")
+            return
         _show(places)
         if not go or not places:
+            if go:
+                _end(lumps, allowed, "every place that may be visited is known")
+            return
+        if spent >= budget:
+            _end(lumps, allowed, f"{budget:g} s of motion are spent")
             return
         spent += visit(run, [place.place for place in places], palpation)
-        found = maps.find_lumps(maps.sites_along(maps.read_path(run, track, parameter)))
-        best = maps.surest(found)
-        told = "none is checked" if best is None else f"the surest checked one has p = {best.p:.2g}"
-        typer.echo(f"after {spent:.0f} s of visits: {len(found.lumps)} lumps; {told}")
-        if best is not None and maps.settled(before, best, sure):
-            x, y = (1e3 * value for value in best.place)
-            typer.echo(f"stopped: the lump at {x:.1f} mm, {y:.1f} mm is significant at {sure:g} and stays in place")
-            return
-        before = best
-        if spent >= budget:
-            typer.echo(f"stopped: {budget:g} s of motion are spent")
-            return
+        sites = maps.sites_along(maps.read_path(run, track, parameter))
+        lumps = maps.watched(maps.find_lumps(sites), lumps, sites, allowed, sure)
+        _report(lumps, spent)
+    _end(lumps, allowed, f"{_ROUNDS} rounds are made")
+
+
+def box_of(text: str | None) -> Box | None:
+    """The box (x0, x1, y0, y1) [m] that a text of four lengths names; raises ConfigurationError."""
+    if text is None:
+        return None
+    words = [word.strip() for word in text.split(",")]
+    if len(words) != 4:
+        raise ConfigurationError(f'--area: {text!r} are {len(words)} lengths; write four, "x from, x to, y from, y to"')
+    x0, x1, y0, y1 = (length(word, "--area") for word in words)
+    return x0, x1, y0, y1
+
+
+def _report(lumps: Sequence[Watched], spent: float) -> None:
+    certain = sum(item.certain for item in lumps)
+    typer.echo(f"after {spent:.0f} s of visits: {len(lumps)} lumps, {certain} of them certain")
+    for item in lumps:
+        if item.beyond:
+            typer.echo(f"  {_where(item)} is stiffest at the border of what was palpated: it goes on beyond")
+
+
+def _end(lumps: Sequence[Watched], area: Area, why: str) -> None:
+    typer.echo(f"stopped: {why}")
+    for item in lumps:
+        words = "certain" if item.certain else "not certain"
+        if item.beyond:
+            words += "; stiffest at the border of what was palpated, so its middle may lie beyond"
+        elif item.cut:
+            words += f"; it reaches the border of {area.told_by}, so its middle may lie beyond"
+        typer.echo(f"  {_where(item)}: p = {item.lump.p:.2g}, {words}")
+    if not lumps:
+        typer.echo("  no lump was found")
+
+
+def _where(item: Watched) -> str:
+    x, y = (1e3 * value for value in item.lump.place)
+    return f"the lump at {x:.1f} mm, {y:.1f} mm"
+
+
+def _press(pipeline: Pipeline, run: Path) -> Any:
+    """The motion of a run, with a press to palpate points with; raises ConfigurationError."""
+    if len(pipeline.trajectories) != 1:
+        raise ConfigurationError(f"{run}: moves nothing, so it cannot go anywhere")
+    ((name, motion),) = pipeline.trajectories.items()
+    if not hasattr(motion, "press") or not hasattr(motion, "surface"):
+        raise ConfigurationError(f"{run}: [trajectory.{name}] has no press = {{...}} to palpate points with")
+    return motion
 
 
 def visit(run: Path, places: list[tuple[float, float]], duration: float) -> float:
@@ -63,17 +130,11 @@ def visit(run: Path, places: list[tuple[float, float]], duration: float) -> floa
     from palpate.host import RunFolder, continued, recorded_pipeline, run_pipeline
 
     folder = RunFolder(run)
-
     pipeline = recorded_pipeline(run)
-    if len(pipeline.trajectories) != 1:
-        raise ConfigurationError(f"{run}: moves nothing, so it cannot go anywhere")
-    ((name, before),) = pipeline.trajectories.items()
-    known: dict[str, Any] = {key: getattr(before, key) for key in ("press", "surface") if hasattr(before, key)}
-    if "press" not in known:
-        raise ConfigurationError(f"{run}: [trajectory.{name}] has no press = {{...}} to palpate points with")
+    before = _press(pipeline, run)
     part: Any = pipeline.registry.find("trajectory", "grid-points")
     try:
-        motion = part(places=tuple(places), duration=duration, **known)
+        motion = part(places=tuple(places), duration=duration, press=before.press, surface=before.surface)
     except ValueError as error:
         raise ConfigurationError(f"{run}: the places cannot be visited: {error}") from error
     result = run_pipeline(continued(pipeline, motion, len(folder.parts)), folder.next_part)

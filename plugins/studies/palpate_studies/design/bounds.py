@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -27,6 +28,11 @@ class Bound:
 
     parameters: Mapping[str, float]  # [SI] by name; infinite where the data do not tell them
     surface: float  # [m]
+    bias: Mapping[str, float]  # [SI] by name: what the interpolation of the force moves the parameters by
+
+    def rmse(self, name: str) -> float:
+        """Root mean square error [SI] of an estimator that reaches the bound: standard deviation and bias together."""
+        return math.hypot(self.parameters[name], self.bias[name])
 
 
 def cramer_rao(
@@ -34,15 +40,18 @@ def cramer_rao(
     theta: Sequence[float],
     path: DepthPath,
     tip_mass: float,
-    force_std: float,
+    noise: float | Floats,
     nuisances: Nuisances,
     slopes: tuple[Floats, Floats, Floats, Floats] | None = None,
+    error: Floats | None = None,
 ) -> Bound:
-    """Bounds from the force along a known motion, u = F(d, d'; theta) + m d'' + bias, white noise of `force_std`.
+    """Bounds from the force along a motion, u = F(d, d'; theta) + m d'' + bias, with white `noise` [N] (n,) or one.
 
     Fisher information J^T J/sigma^2 + priors, with columns dF/dtheta, dF/dd (the surface), 1 (bias), du/dt (skew) and
     d'' (mass); priors 1/u^2 on the nuisances, none on parameters and surface. Source: Cramer 1946, Rao 1945; van Trees
-    1968 for the priors. `slopes` are those of `force_slopes` along the path, where they are at hand.
+    1968 for the priors. `slopes` are those of `force_slopes` along the path, where they are at hand. A systematic
+    `error` of the force (n,) [N] moves the parameters of least squares by (J^T J)^-1 J^T error, with columns for
+    parameters and surface: a fit takes offset, timing and mass as it is told.
     """
     _, by_parameter, by_depth, by_rate = slopes or force_slopes(model, path.depth, path.rate, theta)
     columns = [*by_parameter.T, by_depth, np.ones_like(path.time)]
@@ -53,9 +62,16 @@ def cramer_rao(
     if nuisances.mass is not None:
         columns.append(path.acceleration)
         priors.append(nuisances.mass)
-    std = _stds(np.column_stack(columns) / force_std, np.array(priors))
+    weight = 1.0 / np.broadcast_to(noise, path.time.shape)
+    std = _stds(np.column_stack(columns) * weight[:, None], np.array(priors))
+    moved = np.zeros(len(theta))
+    if error is not None and np.isfinite(std).all():
+        jacobian = np.column_stack(columns[: len(theta) + 1])
+        scale = np.linalg.norm(jacobian, axis=0)  # the parameters' units differ by many powers of ten
+        moved = (np.linalg.lstsq(jacobian / scale, error, rcond=None)[0] / scale)[: len(theta)]
     names = [parameter.name for parameter in model.parameters]
-    return Bound(dict(zip(names, std.tolist(), strict=False)), float(std[len(theta)]))
+    std_of, bias_of = (dict(zip(names, values.tolist(), strict=False)) for values in (std, moved))
+    return Bound(std_of, float(std[len(theta)]), bias_of)
 
 
 def _stds(jacobian: Floats, priors: Floats) -> Floats:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import Overrides, console, drawing, load_pipeline
+from palpate.host import Overrides, console, finite_tree, load_pipeline
 
 from palpate_studies.design.palpation import Case
 
@@ -33,10 +34,9 @@ _ADVICE = (
 
 def design(
     file: Annotated[Path, typer.Argument(help="The pipeline file.")],
-    picture: Annotated[
-        Path | None, typer.Option(help="Draw the bounds into this file (.png, .svg or .pdf; wants matplotlib).")
-    ] = None,
+    picture: Annotated[Path | None, typer.Option(help="Draw the bounds into this file (.png, .svg or .pdf).")] = None,
     overrides: Overrides = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print every bound in SI instead of the tables.")] = False,
 ) -> None:
     """Show how well elasticity and viscosity can be told at best, over frequency and amplitude, and what is best.
 
@@ -49,6 +49,9 @@ def design(
     if len(remembering) == len(pipeline.models):
         raise ConfigurationError(f"{file}: {_ADVICE.format(', '.join(remembering))}")
     designs = [run_design(pipeline, name) for name, model in pipeline.models.items() if not model.memory]
+    if as_json:
+        typer.echo(json.dumps(finite_tree({found.name: _plain(found) for found in designs}), indent=2))
+        return
     terminal = console(140)
     for found in designs:
         terminal.print(_table(found))
@@ -58,9 +61,25 @@ def design(
     if picture is not None:
         from palpate_studies.design.picture import draw
 
-        with drawing(picture):
-            draw(designs, picture)
+        draw(designs, picture)
         terminal.print(f"drawn to {picture}", highlight=False)
+
+
+def _plain(found: Design) -> dict[str, Any]:
+    """A design as plain data [SI]."""
+    rows = [
+        {
+            "frequencies": list(item.frequencies),
+            "amplitude": item.amplitude,
+            "travel": item.travel,
+            "refused": item.refused,
+            "recommended": item is found.recommended,
+            "bias": dict(item.bounds["known"].bias),
+            "bounds": {case: {**bound.parameters, "surface": bound.surface} for case, bound in item.bounds.items()},
+        }
+        for item in found.palpations
+    ]
+    return {"expected": dict(found.theta), "duration": found.duration, "palpations": rows}
 
 
 def _table(found: Design) -> object:
@@ -71,7 +90,7 @@ def _table(found: Design) -> object:
     for heading in ("mm", "real mm"):
         table.add_column(heading, justify="right")
     for symbol in found.symbols:
-        for words in _CASES.values():
+        for words in (*_CASES.values(), "bias"):
             table.add_column(f"{symbol}\n{words}", justify="right")
     table.add_column("surface\nµm", justify="right")
     table.add_column("")
@@ -87,6 +106,7 @@ def _cells(found: Design, item: Palpation) -> list[str]:
     for name in found.theta:
         for case in item.bounds:
             cells.append(f"{100 * item.relative(case, found.theta)[name]:.3g}")
+        cells.append(f"{100 * item.relative_bias(found.theta)[name]:+.2g}")
     return [*cells, f"{item.bounds['known'].surface * 1e6:.3g}"]
 
 
@@ -100,11 +120,12 @@ def _recommendation(found: Design) -> str:
         return f"{found.name}: no setting keeps the limits of [design] and tells all parameters"
 
     def words(case: Case) -> str:
-        return ", ".join(f"{name} {100 * share:.2g} %" for name, share in item.relative(case, found.theta).items())
+        shares = item.relative_rmse(case, found.theta).items()
+        return ", ".join(f"{name} {100 * share:.2g} %" for name, share in shares)
 
     frequencies = " + ".join(f"{f:.3g}" for f in item.frequencies)
     return (
         f"{found.name}: recommended within the limits: {frequencies} Hz, {item.amplitude * 1e3:.3g} mm each, "
-        f"{found.duration:.3g} s: {words('known')} after calibration and tare; "
+        f"{found.duration:.3g} s: root mean square error {words('known')} after calibration and tare; "
         f"{words('unknown both')} without either"
     )

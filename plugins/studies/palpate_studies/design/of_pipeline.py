@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -10,9 +11,11 @@ from palpate import ConfigurationError, ContactModel, to_si
 from palpate.host import Pipeline, truth_of
 
 from palpate_studies.design.palpation import Palpation, best, palpations
+from palpate_studies.design.sensing import Sensing, Stream
 from palpate_studies.design.settings import DesignSettings
 
-_NOISE = 0.05  # [N], the paper's sensor
+_NOISE = {"force_std": 0.05, "position_std": 5e-6, "velocity_std": 0.67e-3}  # [N], [m], [m/s]: the paper's rig
+_RATE = 500.0  # [Hz] of a stream that does not say
 _DEPTH, _DURATION = 0.004, 10.0  # [m], [s]: the paper's protocol, where no trajectory says otherwise
 
 
@@ -41,7 +44,7 @@ def run_design(pipeline: Pipeline, name: str) -> Design:
         pipeline.alignment.tip_mass or 0.0,
         depth,
         duration,
-        _noise(settings, pipeline),
+        sensing_of(settings, pipeline),
     )
     units = tuple(parameter.unit for parameter in model.parameters)
     symbols = tuple(parameter.symbol for parameter in model.parameters)
@@ -96,8 +99,21 @@ def _protocol(settings: DesignSettings, pipeline: Pipeline) -> tuple[float, floa
     return depth or _DEPTH, duration or _DURATION
 
 
-def _noise(settings: DesignSettings, pipeline: Pipeline) -> float:
-    if settings.force_std is not None:
-        return settings.force_std
+def sensing_of(settings: DesignSettings, pipeline: Pipeline) -> Sensing:
+    """What the pipeline measures with: noise of [design], else of its calibration, else the paper's; rates likewise."""
     values = pipeline.calibration.calibration.values if pipeline.calibration else {}
-    return values["force_std"].value if "force_std" in values else _NOISE
+
+    def std(name: str) -> float:
+        given = getattr(settings, name)
+        return float(given if given is not None else values[name].value if name in values else _NOISE[name])
+
+    def rate(role: str, given: float | None) -> float:
+        return given or pipeline.ports[role].stream.rate or _RATE
+
+    force, position = rate("force", settings.force_rate), rate("position", settings.position_rate)
+    velocity = None
+    if "velocity" in pipeline.ports.roles:
+        velocity = Stream(rate("velocity", None), std("velocity_std"))
+    live = any(device.live for device in pipeline.devices.values())
+    in_step = not live and math.isclose(force / position, round(force / position), rel_tol=1e-9)
+    return Sensing(Stream(force, std("force_std")), Stream(position, std("position_std")), velocity, in_step)

@@ -13,6 +13,7 @@ from palpate.host import Reach, force_slopes
 
 from palpate_studies.design.bounds import Bound, Nuisances, cramer_rao
 from palpate_studies.design.path import DepthPath, sine_path
+from palpate_studies.design.sensing import Sensing
 from palpate_studies.design.settings import DesignSettings
 
 Case = Literal["known", "unknown skew", "unknown bias", "unknown both"]
@@ -30,10 +31,19 @@ class Palpation:
 
     def relative(self, case: Case, theta: Mapping[str, float]) -> dict[str, float]:
         """Bounds over the expected values."""
-        return {
-            name: std / abs(theta[name]) if theta[name] else math.inf
-            for name, std in self.bounds[case].parameters.items()
-        }
+        return _over(self.bounds[case].parameters, theta)
+
+    def relative_bias(self, theta: Mapping[str, float]) -> dict[str, float]:
+        """What the interpolation of the force moves the parameters by, over the expected values."""
+        return _over(self.bounds["known"].bias, theta)
+
+    def relative_rmse(self, case: Case, theta: Mapping[str, float]) -> dict[str, float]:
+        """Root mean square errors over the expected values."""
+        return _over({name: self.bounds[case].rmse(name) for name in theta}, theta)
+
+
+def _over(values: Mapping[str, float], theta: Mapping[str, float]) -> dict[str, float]:
+    return {name: value / abs(theta[name]) if theta[name] else math.inf for name, value in values.items()}
 
 
 def palpations(
@@ -43,7 +53,7 @@ def palpations(
     tip_mass: float,
     depth: float,
     duration: float,
-    force_std: float,
+    sensing: Sensing,
 ) -> list[Palpation]:
     """Every frequency and multi-sine with every amplitude."""
     cases: dict[Case, Nuisances] = {
@@ -58,8 +68,10 @@ def palpations(
             sines = [(frequency, amplitude / len(frequencies)) for frequency in frequencies]
             path = sine_path(depth, sines, duration, settings.rate, settings.loop)
             slopes = force_slopes(model, path.depth, path.rate, theta)
+            noise = sensing.noise(path, slopes[2], slopes[3])
+            error = sensing.interpolation(path, slopes[0] + tip_mass * path.acceleration, slopes[3], settings.loop.lag)
             bounds: dict[Case, Bound] = {
-                case: cramer_rao(model, theta, path, tip_mass, force_std, nuisances, slopes)
+                case: cramer_rao(model, theta, path, tip_mass, noise, nuisances, slopes, error)
                 for case, nuisances in cases.items()
             }
             travel = float(abs(path.depth - depth).max())
@@ -96,10 +108,13 @@ def _refusal(
 
 
 def best(found: Iterable[Palpation], theta: Mapping[str, float], case: Case = "known") -> Palpation | None:
-    """The setting within the limits whose relative bounds have the smallest sum of squares; None where none is."""
+    """The setting within the limits whose relative errors have the smallest sum of squares; None where none is.
+
+    The error is that of an estimator that reaches the bound: scatter and what the interpolation moves, together.
+    """
 
     def cost(palpation: Palpation) -> float:
-        return sum(share**2 for share in palpation.relative(case, theta).values())
+        return sum(share**2 for share in palpation.relative_rmse(case, theta).values())
 
     allowed = [palpation for palpation in found if palpation.refused is None and math.isfinite(cost(palpation))]
     return min(allowed, key=cost, default=None)

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from palpate.host import figure_of, save_figure, style
+
 from palpate_studies.design.palpation import Case
 
 if TYPE_CHECKING:
@@ -14,17 +16,19 @@ if TYPE_CHECKING:
 _STYLES: dict[Case, str] = {"known": "-", "unknown skew": "--", "unknown bias": ":"}
 
 
+@style()
 def draw(designs: Sequence[Design], path: Path) -> None:
     """One row of axes for each model, one column for each parameter; the recommended setting is ringed."""
-    from matplotlib.figure import Figure
-
     widest = max(len(design.theta) for design in designs)
-    figure = Figure(figsize=(5.0 * widest, 4.0 * len(designs)), layout="constrained")
-    axes = figure.subplots(len(designs), widest, squeeze=False)
+    figure, axes = figure_of(widest, len(designs), height=70.0)
     for row, design in zip(axes, designs, strict=True):
         for axis, name in zip(row, design.theta, strict=False):
             _draw_parameter(axis, design, name)
-    figure.savefig(path, dpi=150)
+    first = axes[0, 0]
+    for case, look in _STYLES.items():
+        first.plot([], [], look, color="black", label=case)
+    figure.legend(*first.get_legend_handles_labels(), loc="outside upper left", ncols=4)
+    save_figure(figure, path)
 
 
 def _draw_parameter(axis: object, design: Design, name: str) -> None:
@@ -35,17 +39,16 @@ def _draw_parameter(axis: object, design: Design, name: str) -> None:
     for shade, amplitude in enumerate(sorted({item.amplitude for item in single})):
         items = sorted((i for i in single if i.amplitude == amplitude), key=lambda item: item.frequencies)
         frequencies = [item.frequencies[0] for item in items]
-        for case, style in _STYLES.items():
+        for case, look in _STYLES.items():
             shares = [100 * item.relative(case, design.theta)[name] for item in items]
             label = f"{amplitude * 1e3:.3g} mm" if case == "known" else None
-            plot.plot(frequencies, shares, style, color=f"C{shade}", label=label, marker=".")
+            plot.plot(frequencies, shares, look, color=f"C{shade}", label=label, marker=".", markersize=2)
     chosen = design.recommended
     if chosen is not None and len(chosen.frequencies) == 1:
         best = 100 * chosen.relative("known", design.theta)[name]
-        plot.plot(chosen.frequencies[0], best, "o", markersize=12, fillstyle="none", color="k", label="recommended")
-    plot.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel=f"bound of {name} [%]")
+        plot.plot(chosen.frequencies[0], best, "o", markersize=8, fillstyle="none", color="k", label="recommended")
+    plot.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel=f"{design.name}: bound of {name} [%]")
     ticks = sorted({item.frequencies[0] for item in single})
     plot.set_xticks(ticks, [f"{tick:.3g}" for tick in ticks])
     plot.set_xticks([], minor=True)
-    plot.set_title(f"{design.name}: - known, -- unknown timing, : unknown offset", fontsize=9)
-    plot.legend(fontsize=8)
+    plot.yaxis.set_major_formatter("{x:g}")

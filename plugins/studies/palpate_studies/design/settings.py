@@ -42,9 +42,21 @@ class DesignSettings(Settings):
         default=None, gt=0, description="mean depth; left out: that of the file's trajectory where it measures"
     )
     duration: Time | None = Field(default=None, gt=0, description="left out: that of the file's trajectory")
-    rate: Frequency = Field(default=500.0, gt=0, description="rate of the samples")
+    rate: Frequency = Field(default=500.0, gt=0, description="rate at which the path is computed")
+    force_rate: Frequency | None = Field(
+        default=None, gt=0, description="rate of the force; left out: that of its stream, or 500 Hz"
+    )
     force_std: Force | None = Field(
         default=None, gt=0, description="noise of the force; left out: that of [run] calibration, or 0.05 N"
+    )
+    position_rate: Frequency | None = Field(
+        default=None, gt=0, description="rate of the position; left out: that of its stream, or 500 Hz"
+    )
+    position_std: Length | None = Field(
+        default=None, ge=0, description="noise of the position; left out: that of [run] calibration, or 5 um"
+    )
+    velocity_std: Speed | None = Field(
+        default=None, ge=0, description="noise of the velocity; left out: that of [run] calibration, or 0.67 mm/s"
     )
     tare_std: Force = Field(default=0.005, gt=0, description="uncertainty of the offset after a tare")
     unknown_bias: Force = Field(default=1.0, gt=0, description="uncertainty of the offset without one")

@@ -1,0 +1,39 @@
+"""Standard uncertainties that ``[run] uncertainties`` declares: whether each is one, and of a number that there is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from palpate.contact import ContactModel
+from palpate.parts import numbers_of
+from palpate.units import to_si
+
+READINGS = {"force_scale": "1", "position_scale": "1"}
+
+
+def unknown_sources(models: Mapping[str, ContactModel], declared: Mapping[str, Any]) -> dict[str, str]:
+    """What is wrong with declared uncertainties, by name: a key that no model has, or a value that is none."""
+    numbers = [number for model in models.values() for number in numbers_of(model)]
+    keys = {key: unit for path, _, unit in numbers for key in (path[-1], ".".join(path))}
+    problems = {}
+    for name, value in declared.items():
+        unit = READINGS.get(name, keys.get(name))
+        if unit is None:
+            known = ", ".join(sorted({*READINGS, *(key for key in keys if "." not in key)}))
+            problems[name] = f"is no number of a model or its tip; there are: {known}"
+            continue
+        try:
+            declared_std(value, unit)
+        except ValueError as error:
+            problems[name] = str(error)
+    return problems
+
+
+def declared_std(value: Any, unit: str) -> float:
+    """A declared standard uncertainty [unit]; raises ValueError for what is none."""
+    std = float(value) if unit == "1" and not isinstance(value, str) else to_si(value, unit)
+    if not (std >= 0 and math.isfinite(std)):
+        raise ValueError(f"{value!r} is no standard uncertainty: it must be finite and not negative")
+    return std

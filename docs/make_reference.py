@@ -1,0 +1,104 @@
+"""Reference pages from what is installed: every part by kind, commands, tables, the Python face. Run by conf.py."""
+
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+
+import typer
+from palpate import Settings
+from palpate.host import AlignmentSettings, Registry, RunSettings, SafetySettings, function_of, registry
+from palpate_basics.inspect import _default, _type
+
+_KINDS = {
+    "indenter": "Tips",
+    "model": "Contact models",
+    "estimator": "Filters and fits",
+    "device": "Devices and logs",
+    "trajectory": "Motions",
+    "sink": "Sinks",
+    "twin": "Twins",
+}
+_FACE = ("load", "run", "record", "read", "fit", "compare", "sweep", "open_run")
+_CLASSES = ("Draft", "FinishedRun", "TrackView", "Quantity", "Record", "Fit", "Sweep", "MapView", "Picture")
+
+
+def write_reference(folder: Path) -> None:
+    """Write every page that has changed."""
+    folder.mkdir(exist_ok=True)
+    known = registry.load()
+    pages = {f"{kind}s": "\n".join(_of_kind(kind, title, known)) for kind, title in _KINDS.items()}
+    pages |= {"tables": "\n".join(_tables(known)), "options": "\n".join(_commands()), "python": "\n".join(_python())}
+    for name, text in pages.items():
+        path = folder / f"{name}.md"
+        if not path.is_file() or path.read_text(encoding="utf-8") != text + "\n":
+            path.write_text(text + "\n", encoding="utf-8")
+
+
+def _of_kind(kind: str, title: str, known: Registry) -> Iterator[str]:
+    yield f"# {title}\n\nTypes of `[{kind}.*]`; `palpate describe NAME` prints the same.\n"
+    for name, entry in known.parts[kind].items():
+        yield f"## {name}\n\n{_document(entry.part)}\n"
+        parameters = getattr(entry.part, "parameters", ())
+        if isinstance(parameters, tuple) and parameters:
+            yield from ("| parameter | symbol | unit | |", "|---|---|---|---|")
+            yield from (f"| `{p.name}` | {p.symbol} | {p.unit} | {_cell(p.meaning)} |" for p in parameters)
+            yield ""
+        yield from _keys(entry.part)
+
+
+def _tables(known: Registry) -> Iterator[str]:
+    yield '# Tables of a pipeline file\n\nBesides `[KIND.NAME]` for parts. At the top may stand `palpate = "0.2"`.\n'
+    tables = {"run": RunSettings, "alignment": AlignmentSettings, "safety": SafetySettings, **known.tables}
+    for name, settings in tables.items():
+        yield f"## [{name}]\n\n{_document(settings)}\n"
+        yield from _keys(settings)
+
+
+def _document(part: type) -> str:
+    """A docstring as it stands: formulas keep their signs, whatever Markdown would make of them."""
+    first, *rest = (inspect.getdoc(part) or "").split("\n\n", 1)
+    text = first if not any(sign in first for sign in "*_^<|") else f"```text\n{first}\n```"
+    return text + "".join(f"\n\n```text\n{more}\n```" for more in rest)
+
+
+def _keys(settings: type[Settings]) -> Iterator[str]:
+    if not settings.model_fields:
+        return
+    yield from ("| key | | default | meaning |", "|---|---|---|---|")
+    for key, field in settings.model_fields.items():
+        default = "must be given" if field.is_required() else _default(field.get_default(), field.metadata)
+        kind = _type(field.annotation, field.metadata)
+        cells = (kind, default.removeprefix("default "), field.description or "")
+        yield f"| `{key}` | {' | '.join(map(_cell, cells))} |"
+    yield ""
+
+
+def _cell(text: str) -> str:
+    for sign in "\\|*_<>[]$`":
+        text = text.replace(sign, f"\\{sign}")
+    return " ".join(text.split())
+
+
+def _commands() -> Iterator[str]:
+    yield "# Options of the commands\n"
+    for name, command in registry.load_commands().commands.items():
+        function = function_of(command)
+        app = typer.Typer(add_completion=False)
+        app.command(name=name)(function)
+        called = typer.main.get_command(app)
+        yield f"## palpate {name}\n\n{_cell(inspect.getdoc(function) or '')}\n"
+        yield from ("| argument or option | meaning |", "|---|---|")
+        for parameter in called.params:
+            meaning = _cell(getattr(parameter, "help", None) or "")
+            option = parameter.param_type_name == "option"
+            shown = ", ".join(parameter.opts) if option else (parameter.metavar or (parameter.name or "").upper())
+            yield f"| `{shown}` | {meaning} |"
+        yield ""
+
+
+def _python() -> Iterator[str]:
+    yield "# Python\n\n```{eval-rst}"
+    yield from (f".. autofunction:: palpate_notebook.{name}\n" for name in _FACE)
+    options = "   :members:\n   :class-doc-from: class\n"
+    yield from (f".. autoclass:: palpate_notebook.{name}\n{options}" for name in _CLASSES)
+    yield "```"

@@ -1,0 +1,147 @@
+"""Many runs of one pipeline with settings changed, on all cores."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from palpate import ConfigurationError, OutputError, UserError
+from palpate.host import Job, built, on_all_cores
+from palpate_studies.sweep.table import rows_of
+
+from palpate_notebook.draft import Draft, load, written
+from palpate_notebook.wanted import library
+
+if TYPE_CHECKING:
+    import pandas
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What a sweep found."""
+
+    rows: tuple[Mapping[str, Any], ...]  # one for each track of each combination [SI]
+    failures: Mapping[int, str]  # why a combination failed, by its number
+
+    @property
+    def frame(self) -> pandas.DataFrame:
+        """A row for each track of each combination: what was swept, values [SI], uncertainties, truth, verdict."""
+        return library("pandas").DataFrame(
+            [{**row, "flags": " ".join(flag["code"] for flag in row.get("flags", ()))} for row in self.rows]
+        )
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __repr__(self) -> str:
+        failed = f", {len(self.failures)} failed" if self.failures else ""
+        return f"<Sweep of {len({row['combination'] for row in self.rows})} combinations{failed}; .frame is its table>"
+
+
+def sweep(
+    pipeline: str | Path | Draft,
+    settings: Mapping[str, Iterable[Any]],
+    *,
+    combine: Literal["grid", "list"] = "grid",
+    folder: str | Path | None = None,
+    jobs: int | None = None,
+) -> Sweep:
+    """Run a pipeline with every combination of settings: ``sweep("point.toml", {"run.seed": range(8)})``.
+
+    `combine` as in ``[sweep]``: every value with every other, or the first of each, the second, ...; `jobs` runs at a
+    time, one per core by default. Each run has a folder in the new `folder`; without one nothing of them stays.
+
+    Raises ConfigurationError for a setting that the pipeline does not have; a combination that fails by itself is in
+    `failures`.
+    """
+    draft = pipeline if isinstance(pipeline, Draft) else load(pipeline)
+    values = {key: list(column) for key, column in settings.items()}
+    combinations = _combinations(values, combine)
+    with _place(folder) as place:
+        planned = [
+            Job(number, draft.text, str(draft.path), (*draft.changes, *_changes(one)), one, str(place))
+            for number, one in enumerate(combinations, start=1)
+        ]
+        _refuse_hopeless(planned)
+        found = _run(planned, jobs)
+    rows = [dict(row) for job in planned for row in rows_of(job, found[job.number])]
+    return Sweep(tuple(rows), {number: one["error"] for number, one in sorted(found.items()) if "error" in one})
+
+
+def _combinations(values: Mapping[str, list[Any]], combine: str) -> list[dict[str, Any]]:
+    if not values or not all(values.values()):
+        raise ConfigurationError('a sweep wants lists of values by setting, such as {"run.seed": range(8)}')
+    lengths = {key: len(column) for key, column in values.items()}
+    if combine == "grid":
+        return [dict(zip(values, one, strict=True)) for one in product(*values.values())]
+    if combine != "list":
+        raise ConfigurationError(f'combine: {combine!r} is none of "grid", "list"')
+    if len(set(lengths.values())) > 1:
+        told = ", ".join(f"{key} has {length}" for key, length in lengths.items())
+        raise ConfigurationError(f'combine="list" wants lists of one length: {told}')
+    return [dict(zip(values, one, strict=True)) for one in zip(*values.values(), strict=True)]
+
+
+def _changes(values: Mapping[str, Any]) -> list[str]:
+    return [f"{key}={written(key, value)}" for key, value in values.items()]
+
+
+def _refuse_hopeless(planned: list[Job]) -> None:
+    """Raise what is wrong with the first combination if the last one is wrong, too: then it is not a value's fault."""
+    try:
+        built(planned[0])
+    except UserError as error:
+        try:
+            built(planned[-1])
+        except UserError:
+            raise error from None
+
+
+def _run(planned: list[Job], jobs: int | None) -> dict[int, dict[str, Any]]:
+    found = {}
+    with _without_script(), closing(on_all_cores(planned, jobs)) as running:
+        for job, result in running:
+            if "interrupted" in result:
+                raise KeyboardInterrupt(result["interrupted"])
+            found[job.number] = result
+    return found
+
+
+@contextmanager
+def _without_script() -> Iterator[None]:
+    """Processes that are started in the context do not run the script once more that has called for them."""
+    main = sys.modules["__main__"]
+    kept: dict[str, Any] = {name: main.__dict__.pop(name) for name in ("__file__", "__spec__") if name in main.__dict__}
+    main.__dict__["__spec__"] = None
+    try:
+        yield
+    finally:
+        main.__dict__.pop("__spec__")
+        main.__dict__.update(kept)
+
+
+@contextmanager
+def _place(folder: str | Path | None) -> Iterator[Path]:
+    """The folder of the runs: a new one that stays, or one that does not."""
+    if folder is None:
+        made = Path(tempfile.mkdtemp(prefix="palpate-"))
+        try:
+            yield made
+        finally:
+            shutil.rmtree(made, ignore_errors=True)
+        return
+    place = Path(folder)
+    try:
+        place.mkdir(parents=True)
+    except FileExistsError as error:
+        raise OutputError(f"{place}: exists already, and nothing is ever overwritten") from error
+    except OSError as error:
+        raise OutputError(f"{place}: cannot be made: {error.strerror}") from error
+    yield place

@@ -1,0 +1,26 @@
+"""The report: one self-contained page of a run, or of many, and pictures of a run fit for a paper."""
+
+from __future__ import annotations
+
+from palpate import Command, Diagnosis, Report, plugin
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """Report and pictures."""
+    return {
+        "report": Command("palpate_report.command:report", "Write one page on a run, or on many runs, to hand on."),
+        "plot": Command("palpate_report.plot:plot", "Draw pictures of a run, fit for a paper, with their data."),
+    }
+
+
+@plugin
+def palpate_reports() -> dict[str, Report]:
+    """What `palpate run --report` writes."""
+    return {"report": Report("palpate_report.command:write_report")}
+
+
+@plugin
+def palpate_diagnoses() -> dict[str, Diagnosis]:
+    """How white the innovations of each track are, at the full rate of the samples."""
+    return {"innovations": Diagnosis("palpate_report.whiteness:innovations")}

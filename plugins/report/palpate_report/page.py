@@ -1,0 +1,255 @@
+"""The report of one run: everything that stands on the page, then the page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from palpate import ADVICE
+from palpate.host import SEVERITIES, WIDTHS, Table, function_of, people, registry
+
+from palpate_report import texts
+from palpate_report.anonymous import Anonymous
+from palpate_report.curves import Curves, swept
+from palpate_report.drawing import PICTURES, Subject, draw, lumps_of
+from palpate_report.reading import Record
+from palpate_report.svg import svg_text
+from palpate_report.verdict import LEVELS, RunVerdict, judge
+
+_FACTS = {  # of `run` in the result: what they are called, and their unit
+    "started": ("started", ""),
+    "log_duration": ("length of the record", "s"),
+    "samples": ("samples", ""),
+    "duration": ("time of the computing", "s"),
+    "seed": ("seed", ""),
+    "pipeline": ("pipeline", ""),
+    "command": ("command", ""),
+    "host": ("host", ""),
+}
+_LARGEST = 300_000  # characters of a pipeline that are shown
+
+
+def subject_of(record: Record, verdict: RunVerdict, track: str | None = None) -> Subject:
+    """What is drawn of a run: the track chosen, or the best one, then the others from the best to the worst.
+
+    Tracks that must not be used are drawn only where there are no others.
+    """
+    ranked = [found.track for level in LEVELS for found in verdict.of(level)]
+    known = [name for name in ranked if name in record.tracks] or list(record.tracks)
+    usable = [name for name in known if name not in {found.track for found in verdict.of(LEVELS[2])}] or known
+    main = track or (verdict.main if verdict.main in usable else next(iter(usable), None))
+    if main not in record.tracks:
+        main = next(iter(usable), None)
+    return Subject(record, main, [name for name in (main,) if name is not None] + [n for n in usable if n != main])
+
+
+def page_of(record: Record, track: str | None = None, anonymous: bool = False) -> str:
+    """The whole page of one run."""
+    verdict = judge(record)
+    subject = subject_of(record, verdict, track)
+    veil = Anonymous(record.document, record.resolved, record.path) if anonymous else None
+    document = veil.tree(record.document) if veil else record.document
+    pictures = {}
+    for name in PICTURES:
+        picture = draw(name, subject)
+        if picture is not None:
+            share = 100 * picture.figure.get_figwidth() / (WIDTHS["double"] / 25.4)
+            pictures[name] = {"svg": svg_text(picture.figure), "caption": picture.caption, "share": share}
+    given, resolved = record.given_text, record.resolved_text
+    sections = list(_sections(record, veil.text if veil else str)) if record.why_not is None else []
+    calibration = _calibration(document, record)
+    return render(
+        "report.html",
+        title=veil.text(record.name) if veil else record.name,
+        verdict=verdict,
+        levels=LEVELS,
+        document=document,
+        tracks=document.get("tracks", {}),
+        record_flags=_record_flags(document),
+        meanings={code: entry.meaning for code, entry in registry.load().flags.items()},
+        pictures=pictures,
+        main=subject.main,
+        numbers=_numbers(document, subject),
+        level_of={track.track: track.level for track in verdict.tracks},
+        budgets={name: budget_rows(table) for name, table in document.get("tracks", {}).items()},
+        sections=sections,
+        last=_last_rows(record) if record.why_not is not None else [],
+        lumps=lumps_of(record),
+        calibration=veil.tree(calibration) if veil else calibration,
+        facts=_facts(document.get("run", {})),
+        truth=_truth(document),
+        given=_shown(given, veil),
+        resolved=_shown(resolved, veil),
+        why_not=record.why_not,
+        unreadable=veil.text(record.unreadable) if veil and record.unreadable else record.unreadable,
+        logs=record.logs,
+        folder=record.path.name if anonymous else str(record.path),
+        parts_of_run=[(part.path.name, judge(Record(part)).level) for part in record.folder.parts[1:]],
+        embedded=texts.embedded(document) if document else None,
+    )
+
+
+def render(template: str, **content: Any) -> str:
+    """A page from a template; every text is escaped unless it is an SVG that was drawn here."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("palpate_report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    helpers = {name: getattr(texts, name) for name in ("scaled", "value_of", "parts_of", "readable", "plain", "chance")}
+    environment.globals.update(helpers, advice=ADVICE, severities=SEVERITIES, version=version("palpate"))
+    return environment.get_template(template).render(**content)
+
+
+def budget_rows(table: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Sources of a track's uncertainty with what each contributes, and its share of the combined variance [%]."""
+    rows = []
+    extra: dict[str, dict[str, Any]] = {}
+    for name, found in table["parameters"].items():
+        if found["value"] is None:
+            return []
+        listed = {row["source"].partition(" ")[0] for row in table.get("budget", ())}
+        for key, share in found.items():
+            cause = key.removeprefix("systematic_")
+            if key.startswith("systematic_") and share is not None and cause not in listed:
+                extra.setdefault(cause, {})[name] = {"contribution": share}
+    causes = [(row["source"], row["std"], row["unit"], row["effects"]) for row in table.get("budget", ())]
+    causes += [(cause.replace("_", "-"), None, "", effects) for cause, effects in extra.items()]
+    for source, std, unit, effects in causes:
+        cells = {}
+        for name, found in table["parameters"].items():
+            contribution = effects.get(name, {}).get("contribution")
+            if contribution is None:
+                continue
+            combined = found.get("combined")
+            share = 100 * (contribution / combined) ** 2 if combined else None
+            cells[name] = {"shown": texts.scaled(contribution, found["unit"]), "share": share}
+        rows.append({"source": source, "std": "" if std is None else texts.scaled(std, unit), "cells": cells})
+    return rows
+
+
+def _numbers(document: Mapping[str, Any], subject: Subject) -> list[tuple[str, str, str]]:
+    """Name, value and what to know of it, of everything that the main track says; along a way how far it goes."""
+    table = document.get("tracks", {}).get(subject.main)
+    if table is None or subject.main is None:
+        return []
+    if subject.main in subject.record.tracks and swept(subject.curves(subject.main).place):
+        return list(_along_the_way(table, subject.curves(subject.main)))
+    found = [(name, value, texts.parts_of(value)) for name, value in table["parameters"].items()]
+    found += [
+        (name, value, value["caveat"]) for name, value in table.get("derived", {}).items() if value["value"] is not None
+    ]
+    found.append(("surface", table["surface"], texts.parts_of(table["surface"])))
+    return [(texts.readable(name), texts.value_of(value), small) for name, value, small in found]
+
+
+def _along_the_way(table: Mapping[str, Any], curves: Curves) -> Iterator[tuple[str, str, str]]:
+    for name, value in table["parameters"].items():
+        known = curves.values[name][curves.settled] if name in curves.values else np.zeros(0)
+        if len(known):
+            word, factor = people(value["unit"])
+            low, high = (factor * np.quantile(known, [0.01, 0.99])).tolist()
+            doubt = texts.scaled(value["combined"], value["unit"]) if value.get("combined") else "not known"
+            yield texts.readable(name), f"{low:.4g} to {high:.4g} {word}", f"along the way; u of a place about {doubt}"
+
+
+def _record_flags(document: Mapping[str, Any]) -> list[Any]:
+    """Flags that every track has: they are of the record."""
+    every = [track["flags"] for track in document.get("tracks", {}).values()]
+    return [flag for flag in every[0] if all(flag in flags for flags in every[1:])] if len(every) > 1 else []
+
+
+def _sections(record: Record, hide: Callable[[str], str]) -> Iterator[dict[str, Any]]:
+    """What other plugins show of the run; one that fails says so and keeps nothing else from being shown."""
+    for name, section in sorted(registry.load().sections.items(), key=lambda item: (item[1].order, item[0])):
+        try:
+            shown = list(function_of(section)(record.result()))
+        except Exception as error:  # whatever a stranger's function raises
+            shown = [f"This section could not be made: {type(error).__name__}: {error}"]
+        if shown:
+            yield {"name": name, "parts": [part if isinstance(part, Table) else hide(str(part)) for part in shown]}
+
+
+def _facts(run: Mapping[str, Any]) -> dict[str, str]:
+    known = {word: (run[key], unit) for key, (word, unit) in _FACTS.items() if run.get(key) is not None}
+    return {word: f"{value:.4g} {unit}" if unit else texts.plain(value) for word, (value, unit) in known.items()}
+
+
+def _truth(document: Mapping[str, Any]) -> list[str]:
+    """What a simulated rig knows, in the units of the tracks."""
+    tables = document.get("tracks", {}).values()
+    units = {name: found["unit"] for table in tables for name, found in table["parameters"].items()} | {"surface": "m"}
+    return [
+        f"{texts.readable(name)} {texts.value_of({'value': value, 'combined': 0.0, 'unit': units[name]})}"
+        for name, value in document.get("truth", {}).items()
+        if name in units
+    ]
+
+
+def _last_rows(record: Record) -> list[dict[str, Any]]:
+    """The last usable estimate of each track of a run without a result."""
+    found = []
+    for name, (_, track) in record.tracks.items():
+        rows = track.usable.nonzero()[0]
+        if len(rows):
+            last = rows[-1]
+            values = {
+                key: texts.value_of(
+                    {"value": column[last], "combined": track.std[key][last], "unit": record.unit(name, key)}
+                )
+                for key, column in track.values.items()
+            }
+            found.append({"track": name, "time": float(track.time[last]), "values": values})
+        else:
+            found.append({"track": name, "time": None, "values": {}})
+    return found
+
+
+def _calibration(document: Mapping[str, Any], record: Record) -> dict[str, Any]:
+    """What the alignment took for force and motion, and what of it is declared or calibrated."""
+    alignment = record.resolved.get("alignment", {})
+    found: dict[str, Any] = {}
+    for name in ("force", "position", "velocity"):
+        signal = alignment.get(name)
+        if isinstance(signal, dict):
+            delay, doubt = signal.get("delay", 0.0), signal.get("uncertainty")
+            known = "not declared" if doubt is None else f"± {texts.scaled(doubt, 's')}"
+            found[f"{name} from"] = f"{signal.get('channel')}, delay {texts.scaled(delay, 's')} ({known})"
+    for key, unit in (
+        ("tip_mass", "kg"),
+        ("tip_mass_uncertainty", "kg"),
+        ("tare_uncertainty", "N"),
+        ("series_stiffness", "N/m"),
+    ):
+        if isinstance(alignment.get(key), int | float):
+            found[texts.readable(key)] = texts.scaled(alignment[key], unit)
+    run = document.get("run", {})
+    if tare := run.get("tare"):
+        offset, std = tare.get("offset"), tare.get("std")
+        word, factor = people("N")
+        if offset is not None:
+            found["tare"] = f"{offset * factor:.4g} {word}" + (f" ± {texts.scaled(std, 'N')}" if std else "")
+        if tare.get("noise") is not None:
+            found["noise of one force sample"] = texts.scaled(tare["noise"], "N")
+    if touch := run.get("first_touch"):
+        found["first touch"] = (
+            f"{touch['time']:.3f} s, at {texts.scaled(touch['position'], 'm')} ({texts.plain(touch.get('by'))})"
+        )
+    calibration = record.resolved.get("run", {}).get("calibration")
+    found["calibration file"] = texts.plain(calibration) if calibration else "none"
+    if uncertainties := record.resolved.get("run", {}).get("uncertainties"):
+        found["declared uncertainties"] = texts.plain(uncertainties)
+    return found
+
+
+def _shown(text: str | None, veil: Anonymous | None) -> str | None:
+    if text is None:
+        return None
+    text = text if len(text) <= _LARGEST else f"{text[:_LARGEST]}\n... cut: {len(text)} characters"
+    return veil.text(text) if veil else text

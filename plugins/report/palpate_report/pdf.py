@@ -1,0 +1,48 @@
+"""The page as PDF, printed by a browser that is on the machine."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from palpate import ConfigurationError, OutputError
+
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
+_PATIENCE = 120.0  # [s]
+
+
+def print_pdf(page: Path, target: Path) -> None:
+    """Print a page to a PDF; raises ConfigurationError without Chromium or Chrome, OutputError where it fails."""
+    browser = next((found for name in _BROWSERS if (found := shutil.which(name))), None)
+    if browser is None:
+        raise ConfigurationError(
+            f"--pdf: neither Chromium nor Chrome is on the PATH; open {page} in a browser and print it"
+        )
+    with TemporaryDirectory(prefix="palpate-print-") as folder:
+        made = Path(folder) / "report.pdf"
+        command = [
+            browser,
+            "--headless",
+            "--disable-gpu",
+            "--disable-extensions",
+            "--no-first-run",
+            "--no-pdf-header-footer",
+        ]
+        command += [f"--user-data-dir={folder}/profile", f"--print-to-pdf={made}"]
+        # Root has no sandbox; the page is our own, holds no script, and may load nothing.
+        command += ["--no-sandbox"] if os.geteuid() == 0 else []
+        try:
+            done = subprocess.run(
+                [*command, page.resolve().as_uri()], capture_output=True, timeout=_PATIENCE, check=False, text=True
+            )
+        except (OSError, subprocess.TimeoutExpired) as error:
+            raise OutputError(f"{target}: {browser} cannot print: {error}") from error
+        if not made.is_file():
+            raise OutputError(f"{target}: {browser} printed nothing: {done.stderr.strip()[-300:]}")
+        try:
+            shutil.copyfile(made, target)
+        except OSError as error:
+            raise OutputError(f"{target}: cannot write: {error.strerror}") from error

@@ -1,0 +1,208 @@
+"""What a run folder holds, whole or not: the one thing that report and pictures are made from."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from palpate import BudgetRow, Effect, FitReport, LogError, TrackName, Unknown
+from palpate.host import (
+    Derived,
+    EstimatesTable,
+    Found,
+    Result,
+    RunFolder,
+    TrackResult,
+    TrackTable,
+    read_flags,
+    registry,
+)
+
+_SIGNS = ("result.json", "resolved.toml", "pipeline.toml", "estimates.csv")
+_WHY_NOT = {
+    False: "There is no result.json: the run was killed, lost its power, or still goes on.",
+    True: "The result.json is not whole: the run was cut while it was written.",
+}
+
+
+@dataclass(frozen=True)
+class Record:
+    """A run folder as far as it can be read."""
+
+    folder: RunFolder
+
+    @classmethod
+    def read(cls, path: Path) -> Record:
+        """The folder of a run, or of its result.json; raises LogError for what is none."""
+        folder = path.parent if path.name == "result.json" else path
+        if not folder.is_dir() or not any((folder / name).is_file() for name in _SIGNS):
+            raise LogError(f"{path}: is no run folder: it has none of {', '.join(_SIGNS)}")
+        record = cls(RunFolder(folder))
+        if record.folder.finished:
+            record.folder.result  # noqa: B018  (a result of a newer palpate is refused here)
+        return record
+
+    @property
+    def path(self) -> Path:
+        """The folder."""
+        return self.folder.path
+
+    @property
+    def document(self) -> Mapping[str, Any]:
+        """The contents of ``result.json``; empty where there is no whole one."""
+        return self.folder.result if self.folder.finished else {}
+
+    @property
+    def why_not(self) -> str | None:
+        """Why there is no result; None where there is one."""
+        return None if self.folder.finished else _WHY_NOT[(self.path / "result.json").exists()]
+
+    @property
+    def name(self) -> str:
+        """What the run is called."""
+        named = self.document.get("run", {}).get("name") or self.resolved.get("run", {}).get("name")
+        return str(named or self.path.resolve().name)
+
+    @property
+    def given_text(self) -> str | None:
+        """The pipeline as given."""
+        return _text(self.path / "pipeline.toml")
+
+    @property
+    def resolved_text(self) -> str | None:
+        """The pipeline as run."""
+        return _text(self.path / "resolved.toml")
+
+    @cached_property
+    def resolved(self) -> Mapping[str, Any]:
+        """The tables of the pipeline as run; empty where it cannot be read."""
+        try:
+            return tomllib.loads(self.resolved_text or "")
+        except tomllib.TOMLDecodeError:
+            return {}
+
+    @property
+    def tip_mass(self) -> float:
+        """Mass of the tip [kg] whose inertia is in the force; 0 where none is declared."""
+        mass = self.resolved.get("alignment", {}).get("tip_mass")
+        return float(mass) if isinstance(mass, int | float) else 0.0
+
+    @cached_property
+    def _read_tables(self) -> tuple[list[EstimatesTable], str | None]:
+        try:
+            return self.folder.tables, None
+        except LogError as error:
+            return [], str(error)
+
+    @property
+    def unreadable(self) -> str | None:
+        """Why the tables of estimates cannot be read; None where they can."""
+        return self._read_tables[1]
+
+    @property
+    def tables(self) -> list[EstimatesTable]:
+        """The tables of estimates, those made afterwards first; none where they cannot be read."""
+        return self._read_tables[0]
+
+    @cached_property
+    def tracks(self) -> dict[str, tuple[EstimatesTable, TrackTable]]:
+        """Each track's estimates with the table they stand in, by name: in the order of the result."""
+        found: dict[str, tuple[EstimatesTable, TrackTable]] = {}
+        for table in self.tables:
+            found |= {
+                name: (table, table.track(name)) for name in table.tracks if name not in found and len(table.numbers)
+            }
+        order = list(self.document.get("tracks", {}))
+        return dict(sorted(found.items(), key=lambda item: order.index(item[0]) if item[0] in order else len(order)))
+
+    def unit(self, track: str, parameter: str) -> str:
+        """SI unit of a track's parameter: by the result, or by its model where there is none; nothing if unknown."""
+        found = self.document.get("tracks", {}).get(track, {}).get("parameters", {}).get(parameter)
+        if found:
+            return str(found["unit"])
+        table = self.resolved.get("model", {}).get(TrackName.parse(track).model, {})
+        entry = registry.load().parts["model"].get(table.get("type", ""))
+        units = {known.name: known.unit for known in entry.part.parameters} if entry else {}  # type: ignore[attr-defined]
+        return str(units.get(parameter, ""))
+
+    @property
+    def logs(self) -> list[str]:
+        """Names of logs in the folder, from which it can be replayed."""
+        return sorted(file.name for file in self.path.glob("*.mcap"))
+
+    def result(self) -> Result:
+        """The result as sections of a report take it; raises LogError where there is none."""
+        document = self.folder.result
+        tracks = {name: _track(table) for name, table in document["tracks"].items()}
+        return Result(self.path, document["run"], document["streams"], tracks, (), document["truth"], None)
+
+
+def _text(path: Path) -> str | None:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return None
+
+
+def _nan(value: Any) -> float:
+    return float("nan") if value is None else float(value)
+
+
+def _found(table: Mapping[str, Any]) -> Found:
+    budget = {key.removeprefix("systematic_"): _nan(v) for key, v in table.items() if key.startswith("systematic_")}
+    return Found(
+        _nan(table["value"]),
+        _nan(table["std"]),
+        table["unit"],
+        _nan(table.get("settling", 0.0)),
+        table.get("systematic"),
+        budget,
+        table.get("equivalent_delay"),
+        "combined" in table and table["combined"] is None,
+    )
+
+
+def _rows(rows: Any) -> tuple[BudgetRow, ...]:
+    return tuple(
+        BudgetRow(
+            row["source"], row["std"], row["unit"], {name: Effect(**effect) for name, effect in row["effects"].items()}
+        )
+        for row in rows
+    )
+
+
+def _report(table: Mapping[str, Any]) -> FitReport:
+    unknowns = {
+        name: Unknown(**{**unknown, "interval": tuple(unknown["interval"]) if unknown.get("interval") else None})
+        for name, unknown in table["unknowns"].items()
+    }
+    pairs = {(pair["first"], pair["second"]): pair["value"] for pair in table.get("correlations", ())}
+    plain = {key: table[key] for key in ("aic", "bic", "basis", "autocorrelation", "effective_samples") if key in table}
+    offset = {key: table[key] for key in ("bias", "drift", "cycles") if key in table}
+    return FitReport(
+        _nan(table["rss"]), table["samples"], unknowns, pairs, budget=_rows(table.get("budget", ())), **plain, **offset
+    )
+
+
+def _track(table: Mapping[str, Any]) -> TrackResult:
+    return TrackResult(
+        table["model"],
+        table["estimator"],
+        table["samples"],
+        {name: _found(found) for name, found in table["parameters"].items()},
+        _found(table["surface"]),
+        _nan(table["force_rms"]),
+        _nan(table["nis"]),
+        read_flags(table["flags"]),
+        _nan(table.get("seconds_per_sample")),
+        tuple(Derived(name, _found(value), value["caveat"]) for name, value in table.get("derived", {}).items()),
+        table.get("details", {}),
+        _report(table["fit"]) if "fit" in table else None,
+        _rows(table.get("budget", ())),
+        table.get("diagnoses", {}),
+        table["verdict"],
+    )

@@ -1,0 +1,50 @@
+"""The autocorrelation of innovations, at the rate of the samples: a table of estimates has only one row in many."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from palpate import Diagnosed, Floats, TrackEvidence
+
+LAGS = 50
+_FEWEST = 100
+
+
+def innovations(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
+    """Autocorrelation of each track's innovations at lags 1 to 50 over the later half of the record.
+
+    Before, an estimate may still be on its way to rest. No flags: the core raises them itself.
+
+    Innovations of a right model with the right noise are white: beyond 2/sqrt(n) one in twenty lags lies by chance
+    (Mehra 1970).
+    """
+    found = {}
+    for track in tracks:
+        kept = track.kept
+        if not kept.used.any():
+            continue
+        begin, end = kept.time[kept.used][[0, -1]].tolist()
+        later = kept.used & (kept.time >= 0.5 * (begin + end))
+        shares, count = autocorrelation(kept.index, np.where(later, kept.innovation, np.nan))
+        if count >= _FEWEST:
+            step = float(np.median(np.diff(kept.time)))
+            table = {"autocorrelation": [round(share, 5) for share in shares], "samples": count, "interval": step}
+            found[track.name] = Diagnosed(table=table)
+    return found
+
+
+def autocorrelation(index: np.ndarray, values: Floats) -> tuple[list[float], int]:
+    """Autocorrelation at lags 1 to 50 of values (n,) with gaps, and how many there are; index (n,) counts the samples.
+
+    Pairs over a gap, or with a value that is not known, do not count.
+    """
+    known = np.isfinite(values)
+    count = int(np.count_nonzero(known))
+    power = float((values[known] ** 2).mean()) if count else 0.0
+    shares = []
+    for lag in range(1, LAGS + 1):
+        pairs = (index[lag:] - index[:-lag] == lag) & known[lag:] & known[:-lag]
+        products = values[lag:][pairs] * values[:-lag][pairs]
+        shares.append(float(products.mean()) / power if len(products) and power > 0 else 0.0)
+    return shares, count

@@ -1,0 +1,13 @@
+"""Reproduction: a paper's tables and figures, each as settings, made anew from the recordings and held against them."""
+
+from __future__ import annotations
+
+from palpate import Command, plugin
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """One command."""
+    return {
+        "reproduce": Command("palpate_reproduction.command:reproduce", "The paper's tables and figures, made anew."),
+    }

@@ -1,0 +1,80 @@
+"""``palpate reproduce``: palpate | paper | ratio, for every table and figure that holds a number."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate.host import console, make_folder, write_new
+
+from palpate_reproduction import recordings as files
+from palpate_reproduction.item import HERE, Item, Recording, demand_known, load_items, load_recordings
+from palpate_reproduction.page import page
+from palpate_reproduction.picture import draw
+from palpate_reproduction.running import Maker, Row
+from palpate_reproduction.tables import csv_text, latex_text, table_of, tally
+
+
+def reproduce(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME...]", help="Tables and figures by label. [default: all]")
+    ] = None,
+    data: Annotated[
+        Path | None, typer.Option(help="Folder with the authors' files, known by their SHA-256, plain or gzipped.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder; must be new or empty. [default: runs/DATE_TIME_reproduce]")
+    ] = None,
+    paper: Annotated[
+        Path, typer.Option(help="Folder of another paper: items/*.toml, pipelines/, recordings.toml.")
+    ] = HERE,
+    strict: Annotated[bool, typer.Option("--strict", help="End with 1 where a recording is missing, too.")] = False,
+) -> None:
+    """Make the paper's tables and figures anew and hold them against the published numbers, each with its tolerance.
+
+    Fetches nothing: recordings that are not in the folder are named, with where a person gets them, and skipped. What
+    comes from simulated data is marked and never counts as reproduced. Ends with 1 where a number is outside of its
+    tolerance, or could not be made.
+    """
+    items, known = load_items(paper, names or ()), load_recordings(paper)
+    demand_known(items, known)
+    wanted = {row.recording: known[row.recording] for item in items for row in item.published if row.recording}
+    found = files.find(data, wanted) if data is not None else {}
+    folder = make_folder("reproduce", out, datetime.now(UTC).astimezone())
+    maker = Maker(paper, folder / "runs", found, known)
+    terminal, made = console(140), list[tuple[Item, list[Row]]]()
+    for item in items:
+        rows = maker.rows(item)
+        made.append((item, rows))
+        terminal.print(
+            table_of(item, rows).view() if rows else table_of(item, rows).title, highlight=False, markup=False
+        )
+        for missing in item.missing:
+            typer.echo(f"not reproduced: {missing.what}: {missing.reason}")
+        _write(folder, item, rows)
+    write_new(folder / "index.html", page(made, known))
+    lacking = {name: recording for name, recording in wanted.items() if name not in found}
+    typer.echo(_summary(made, lacking))
+    typer.echo(f"written to {folder}: index.html, and a CSV, LaTeX and picture of each")
+    statuses = [row.status for _, rows in made for row in rows]
+    if {"outside", "failed"} & set(statuses) or (strict and "skipped" in statuses):
+        raise typer.Exit(1)
+
+
+def _write(folder: Path, item: Item, rows: Sequence[Row]) -> None:
+    write_new(folder / f"{item.name}.csv", csv_text(item, rows))
+    write_new(folder / f"{item.name}.tex", latex_text(item, rows))
+    if any(row.ratio is not None for row in rows):
+        draw(item, rows, folder / f"{item.name}.png")
+
+
+def _summary(made: Sequence[tuple[Item, Sequence[Row]]], lacking: dict[str, Recording]) -> str:
+    lines = [tally([row for _, rows in made for row in rows])]
+    if lacking:
+        lines.append(f"{len(lacking)} recordings are not here ({', '.join(lacking)}); get them from")
+        lines.append(files.how_to_get(lacking.values()))
+        lines.append("and give their folder with --data")
+    return "\n".join(lines)

@@ -1,0 +1,140 @@
+"""One table or figure of the paper as settings: what is published, from which recording, by which pipeline."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, Self, TypeVar
+
+from palpate import ConfigurationError
+from palpate.host import suggest
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+HERE = Path(__file__).parent
+
+T = TypeVar("T", bound=BaseModel)
+Source = Literal["recording", "simulated", "self-consistency", "arithmetic"]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Recording(_Strict):
+    """A public file of the paper's authors, with the delays that its time-stamps do not tell."""
+
+    repository: str
+    commit: str
+    path: str
+    bytes: int
+    sha256: str = Field(pattern="^[0-9a-f]{64}$")
+    motion_delay: str = "0 ms"
+    force_delay: str = "0 ms"
+    reason: str  # for the delays
+
+    @property
+    def url(self) -> str:
+        """Where a person gets it."""
+        return f"https://raw.githubusercontent.com/{self.repository}/{self.commit}/{self.path}"
+
+
+class Published(_Strict):
+    """One number of the paper, and how it is made anew."""
+
+    row: str  # what it is of, such as "S2, R 5 mm"
+    quantity: str  # parameter of the model, or: rss, rms, lumps
+    unit: str = ""  # as published; SI where left out
+    value: float
+    spread: float | None = None  # standard deviation as published
+    tolerance: float = Field(ge=0)  # of palpate/paper - 1
+    reason: str  # for the tolerance
+    source: Source = "recording"
+    shown: str = ""  # why it is shown, and not judged
+    pipeline: str = ""  # file in pipelines/
+    recording: str = ""  # name in recordings.toml
+    track: str = ""
+    set: Mapping[str, str | float | int | bool | list[str | float]] = {}
+    formula: str = ""  # of arithmetic, with the names of `given`
+    given: Mapping[str, float] = {}
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if self.source == "arithmetic":
+            if not self.formula:
+                raise ValueError("arithmetic needs a formula")
+        elif not self.pipeline or not self.track:
+            raise ValueError(f"a row from a {self.source} needs pipeline and track")
+        if (self.source == "recording") != bool(self.recording):
+            raise ValueError('recording = NAME belongs to source = "recording", and to no other')
+        return self
+
+
+class Missing(_Strict):
+    """What of a table or figure cannot be reproduced, and why."""
+
+    what: str
+    reason: str
+
+
+class Item(_Strict):
+    """A table or figure."""
+
+    label: str  # in the paper's source
+    title: str
+    note: str = ""
+    published: tuple[Published, ...] = ()
+    missing: tuple[Missing, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The label without its kind: tab:visc_silic is visc_silic."""
+        return self.label.partition(":")[2] or self.label
+
+
+def load_items(paper: Path, names: Sequence[str] = ()) -> list[Item]:
+    """All items of a paper's folder, or those of some names or labels, in its order; raises ConfigurationError."""
+    items = [_read(path, Item) for path in sorted((paper / "items").glob("*.toml"))]
+    if not items:
+        raise ConfigurationError(f"{paper}: has no items/*.toml, so it is no paper's folder")
+    known = {name: item for item in items for name in (item.name, item.label)}
+    for name in names:
+        if name not in known:
+            raise ConfigurationError(f"there is no item {name!r}{suggest(name, [item.name for item in items])}")
+    return [item for item in items if not names or {item.name, item.label} & set(names)]
+
+
+def load_recordings(paper: Path) -> dict[str, Recording]:
+    """The recordings that items may ask for, by name; raises ConfigurationError."""
+    path = paper / "recordings.toml"
+    tables = _tables(path) if path.is_file() else {}
+    return {name: _checked(path, Recording, table) for name, table in tables.items()}
+
+
+def demand_known(items: Sequence[Item], recordings: Mapping[str, Recording]) -> None:
+    """Raise ConfigurationError where an item asks for a recording that nobody describes."""
+    for item in items:
+        for row in item.published:
+            if row.recording and row.recording not in recordings:
+                told = f"{item.label}: there is no recording {row.recording!r}{suggest(row.recording, recordings)}"
+                raise ConfigurationError(told)
+
+
+def _read(path: Path, kind: type[T]) -> T:
+    return _checked(path, kind, _tables(path))
+
+
+def _tables(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text("utf-8"))
+    except (tomllib.TOMLDecodeError, OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"{path}: {error}") from error
+
+
+def _checked(path: Path, kind: type[T], table: object) -> T:
+    try:
+        return kind.model_validate(table)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise ConfigurationError(f"{path}: {where}: {first['msg']}") from error

@@ -1,0 +1,153 @@
+"""Rows of items, made: each from its run, which rows of one recording and pipeline share."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from palpate import UserError, to_si
+from palpate.host import Found, Result, RunFolder, Source, TrackResult, analysis, build_pipeline, run_pipeline
+
+from palpate_reproduction.arithmetic import value_of
+from palpate_reproduction.item import Item, Published, Recording
+
+Status = Literal["reproduced", "checked", "agrees", "outside", "shown", "skipped", "failed"]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One published number beside what palpate finds."""
+
+    published: Published
+    status: Status
+    value: float | None = None  # in the published unit
+    std: float | None = None  # the same, combined
+    said: str = ""  # why it was skipped, failed, or is only shown
+    flags: tuple[str, ...] = ()  # codes that are more than notes
+
+    @property
+    def ratio(self) -> float | None:
+        """palpate over paper."""
+        return None if self.value is None or not self.published.value else self.value / self.published.value
+
+    @property
+    def ratio_std(self) -> float | None:
+        """Its standard uncertainty, from that of palpate and the published spread."""
+        if self.ratio is None or self.value is None:
+            return None
+        own = 0.0 if self.std is None or not self.value else self.std / self.value
+        theirs = (self.published.spread or 0.0) / self.published.value
+        return abs(self.ratio) * math.hypot(own, theirs)
+
+
+@dataclass
+class Maker:
+    """Makes rows; a run is made once for all that ask for the same."""
+
+    paper: Path  # its folder
+    folder: Path  # for run folders
+    files: Mapping[str, Path]  # recordings on this machine
+    recordings: Mapping[str, Recording]
+    _runs: dict[str, Result] = field(default_factory=dict)
+
+    def rows(self, item: Item) -> list[Row]:
+        """Every row of an item; what fails is a row that says why."""
+        return [self._row(published) for published in item.published]
+
+    def _row(self, published: Published) -> Row:
+        if published.recording and published.recording not in self.files:
+            return Row(published, "skipped", said=f"{published.recording} is not here")
+        try:
+            value, std, flags = self._found(published)
+        except UserError as error:
+            return Row(published, "failed", said=str(error))
+        if value is None or not math.isfinite(value):
+            return Row(published, "failed", said="no usable value", flags=flags)
+        return Row(published, _judged(published, value), value, std, published.shown, flags)
+
+    def _found(self, published: Published) -> tuple[float | None, float | None, tuple[str, ...]]:
+        """Value and standard uncertainty in the published unit, and what is flagged."""
+        if published.source == "arithmetic":
+            return value_of(published.formula, published.given), None, ()
+        result = self._run(published)
+        track = result.tracks.get(published.track)
+        if track is None:
+            raise UserError(f"there is no track {published.track!r}")
+        flags = tuple(dict.fromkeys(f.code for f in (*result.flags, *track.flags) if f.severity != "note"))
+        if published.quantity == "lumps":
+            return float(_lumps(result.folder, published.track)), None, flags
+        if published.quantity in ("rss", "rms", "nis"):
+            return _of_residual(track, published.quantity), None, flags
+        found = _parameter(track, published.quantity)
+        scale = to_si(f"1 {published.unit}", found.unit) if published.unit else 1.0
+        usable = track.usable and math.isfinite(found.value)
+        return (found.value / scale if usable else None), found.combined / scale, flags
+
+    def _run(self, published: Published) -> Result:
+        key = json.dumps([published.pipeline, published.recording, dict(published.set)], sort_keys=True)
+        if key not in self._runs:
+            source = Source.read(self.paper / "pipelines" / published.pipeline)
+            for assignment in self._overrides(published):
+                source.override(assignment)
+            name = f"{len(self._runs) + 1:03d}-{published.recording or Path(published.pipeline).stem}"
+            result = run_pipeline(build_pipeline(source), self.folder / name)
+            result.demand_whole()
+            self._runs[key] = result
+        return self._runs[key]
+
+    def _overrides(self, published: Published) -> list[str]:
+        own = [f"{key}={_text(value)}" for key, value in published.set.items()]
+        if not published.recording:
+            return own
+        recording = self.recordings[published.recording]
+        delays = {
+            "force": recording.force_delay,
+            "position": recording.motion_delay,
+            "velocity": recording.motion_delay,
+        }
+        file = json.dumps(str(self.files[published.recording].resolve()))
+        return [f"device.log.file={file}", *(f"alignment.{k}.delay={v}" for k, v in delays.items()), *own]
+
+
+def _text(value: object) -> str:
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _judged(published: Published, value: float) -> Status:
+    if published.shown:
+        return "shown"
+    if not abs(value - published.value) <= published.tolerance * abs(published.value) + 1e-12:
+        return "outside"
+    if published.source == "recording":
+        return "reproduced"
+    return "checked" if published.source == "arithmetic" else "agrees"
+
+
+def _parameter(track: TrackResult, name: str) -> Found:
+    if name == "surface":
+        return track.surface
+    if name not in track.parameters:
+        raise UserError(f"there is no parameter {name!r} (there are: {', '.join(track.parameters)})")
+    return track.parameters[name]
+
+
+def _of_residual(track: TrackResult, quantity: str) -> float | None:
+    if quantity == "nis":
+        return track.nis
+    if track.report is None:
+        return None
+    return track.report.rss if quantity == "rss" else track.report.rms
+
+
+def _lumps(run: Path, track: str) -> int:
+    """How many lumps `palpate lumps` finds."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        analysis("lumps")(run, track=track, as_json=True)
+    found = json.loads((RunFolder(run).maps / "lumps.json").read_text("utf-8"))
+    return len(found["lumps"])

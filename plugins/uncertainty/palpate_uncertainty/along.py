@@ -1,0 +1,99 @@
+"""The force of a model along the last samples of a track, and how it answers to everything that it is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import ContactModel, Floats, Tail, contact_force, force_over_time
+from palpate.host import acceleration, force_slopes, with_number
+
+_STEP = 1e-4  # of a number, for derivatives by differences
+_SURFACE_STEP = 1e-6  # [m]
+_MOST = 6000  # samples of a model that remembers
+
+
+@dataclass(frozen=True)
+class Along:
+    """Everything is (n,), at the samples in contact whose motion is known."""
+
+    model: ContactModel
+    values: Floats  # (k,)
+    jacobian: Floats  # (n, k + 1) by parameters and surface
+    force: Floats  # [N]
+    change: Floats  # [N/s] dF/dt
+    acceleration: Floats  # [m/s^2] z''
+    given_way: Floats | None  # [N^2/m] dF/dd F + dF/dd' F'; None for a model that remembers
+    stretched: Floats | None  # [N] dF/dd d + dF/dd' d'; the same
+    _motion: tuple[Floats, Floats, Floats, NDArray[np.bool_]]  # time, depth, rate, rows that count
+
+    def by_number(self, path: tuple[str, ...], value: float) -> Floats:
+        """Derivative (n,) of the force by a number among the model's keys."""
+        step = _STEP * (abs(value) or 1.0)
+        up, down = (self._force(with_number(self.model, path, side * step)) for side in (1.0, -1.0))
+        return np.asarray((up - down) / (2 * step))
+
+    def _force(self, model: Any) -> Floats:
+        time, depth, rate, rows = self._motion
+        if model.memory:
+            return np.asarray(force_over_time(model, time, depth, rate, self.values.tolist()))[rows]
+        return np.asarray(contact_force(model, depth[rows], rate[rows], self.values.tolist()))
+
+
+def along(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> Along | None:
+    """The model at parameter values (k,) along the `last` samples; None where these say nothing.
+
+    What a model remembers comes from the whole `tail`.
+    """
+    if not np.isfinite(values).all():
+        return None
+    return _remembered(model, tail, last, values) if model.memory else _instantaneous(model, last, values)
+
+
+def _instantaneous(model: ContactModel, last: Tail, values: Floats) -> Along | None:
+    second = acceleration(last.time, last.velocity)
+    depth, rate = float(last.surface.mean()) - last.position, -last.velocity
+    rows = np.isfinite(depth) & np.isfinite(rate) & np.isfinite(second) & (depth > 0)
+    if not rows.any():
+        return None
+    force, by_parameter, by_depth, by_rate = force_slopes(model, depth[rows], rate[rows], values.tolist())
+    change = by_depth * rate[rows] - by_rate * second[rows]
+    return Along(
+        model,
+        values,
+        np.column_stack([by_parameter, by_depth]),
+        force,
+        change,
+        second[rows],
+        by_depth * force + by_rate * change,
+        by_depth * depth[rows] + by_rate * rate[rows],
+        (last.time, depth, rate, rows),
+    )
+
+
+def _remembered(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> Along | None:
+    """By differences, the model's states carried along."""
+    time, rate = tail.time[-_MOST:], -tail.velocity[-_MOST:]
+    depth = float(last.surface.mean()) - tail.position[-_MOST:]
+    second = acceleration(time, tail.velocity[-_MOST:])
+    rows = (time >= last.time[0]) & np.isfinite(second)
+    if rows.sum() < 2 or not (np.isfinite(depth).all() and np.isfinite(rate).all()):
+        return None
+
+    def force(theta: Floats, deeper: float = 0.0) -> Floats:
+        return force_over_time(model, time, depth + deeper, rate, theta.tolist())
+
+    columns = []
+    try:
+        for i, value in enumerate(values):
+            step = np.zeros_like(values)
+            step[i] = _STEP * (abs(value) or 1.0)
+            columns.append((force(values + step) - force(values - step)) / (2 * step[i]))
+        columns.append((force(values, _SURFACE_STEP) - force(values, -_SURFACE_STEP)) / (2 * _SURFACE_STEP))
+        whole = force(values)
+    except ValueError:  # states that change too fast for the samples
+        return None
+    jacobian, change = np.column_stack(columns)[rows], np.gradient(whole, time)[rows]
+    return Along(model, values, jacobian, whole[rows], change, second[rows], None, None, (time, depth, rate, rows))

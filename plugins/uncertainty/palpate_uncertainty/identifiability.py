@@ -1,0 +1,126 @@
+"""Identifiability: whether an online estimate is as good as it says, by least squares on the samples that it used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from palpate import Diagnosed, Flag, TrackEvidence
+
+from palpate_uncertainty.alternatives import Refit, refit
+from palpate_uncertainty.course import Course, make_course, possible, sweeps
+from palpate_uncertainty.whitening import Floats
+
+_ENOUGH = 300  # samples
+_MOST = 3000  # samples that slopes are taken at
+_ELSEWHERE = 3.0  # combined uncertainties
+_OVERCONFIDENT = 0.5  # of the bound; a filter that forgets is above it
+_INDISTINCT = 0.998  # correlation beyond which one of two could be 15 times better known if the other were
+_STEP = 1e-4  # of a value, for slopes
+
+
+def identifiability(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
+    """Findings on all point palpations that were estimated as they came, or smoothed; a fit judges itself.
+
+    Least squares from the estimate, over the samples that the estimator used, must lead to a place within its
+    uncertainty; and no standard deviation can be below the Cramer-Rao bound sigma^2 (J^T J)^-1 there, J the slopes of
+    the force in parameters and surface, sigma the residual's standard deviation. Where either fails, the distance, or
+    the bound, joins the uncertainty.
+    """
+    found = {}
+    for track in tracks:
+        enough = np.count_nonzero(track.kept.used) >= _ENOUGH
+        if track.report is None and enough and possible(track) and not sweeps(track):
+            try:
+                found[track.name] = _judge(track)
+            except ValueError:  # the model has no force at numbers that far off, which other flags say
+                continue
+    return found
+
+
+def _judge(track: TrackEvidence) -> Diagnosed:
+    names = [parameter.name for parameter in track.model.parameters]
+    course = make_course(track, track.kept.used)
+    best = refit(course, track.values, track.surface)
+    bound, correlation, blind = _bounds(course, best)
+    away = np.abs(best.theta - track.values)
+    free = np.isfinite(track.combined) & (track.std > 0)
+    elsewhere = free & (away > _ELSEWHERE * track.combined) & (away > _ELSEWHERE * np.minimum(bound, away))
+    short = free & (track.std < _OVERCONFIDENT * bound)
+    terms = np.where(elsewhere, away, 0.0)
+    terms = np.hypot(terms, np.where(short, np.sqrt(np.maximum(bound**2 - track.std**2, 0.0)), 0.0))
+    flags = []
+    if elsewhere.any():
+        said = [_said(track, names, int(i), float(best.theta[i])) for i in np.flatnonzero(elsewhere)]
+        flags.append(Flag("elsewhere", f"least squares on the same samples finds {', '.join(said)}"))
+    if short.any() or blind:
+        said = [
+            _percent(names[i], float(track.values[i]), float(track.std[i]), float(bound[i]))
+            for i in np.flatnonzero(short)
+        ]
+        said += [f"{name} has no effect on the force" for name in blind]
+        pairs = _pairs(names, correlation)
+        told = f"; hard to tell apart: {', '.join(pairs)}" if pairs else ""
+        flags.append(
+            Flag("overconfident", f"the record cannot tell what the estimator claims: {', '.join(said)}{told}")
+        )
+    table: dict[str, Any] = {
+        "least_squares": dict(zip(names, best.theta.tolist(), strict=True)),
+        "bound": dict(zip(names, bound.tolist(), strict=True)),
+        "pairs": _pairs(names, correlation),
+        "without_effect": blind,
+    }
+    return Diagnosed(tuple(flags), dict(zip(names, terms.tolist(), strict=True)), table=table)
+
+
+def _said(track: TrackEvidence, names: list[str], i: int, value: float) -> str:
+    return f"{names[i]} {value:.4g} {track.model.parameters[i].unit} where it says {track.values[i]:.4g}"
+
+
+def _percent(name: str, value: float, std: float, bound: float) -> str:
+    scale = 100.0 / max(abs(value), 1e-300)
+    return f"{name} to {scale * std:.2g} % where {scale * bound:.2g} % is the bound"
+
+
+def _pairs(names: list[str], correlation: Floats) -> list[str]:
+    known = [*names, "surface"]
+    found = []
+    for i, j in combinations(range(len(known)), 2):
+        if abs(correlation[i, j]) > _INDISTINCT:
+            found.append(f"{known[i]} and {known[j]} ({correlation[i, j]:+.4f})")
+    return found
+
+
+def _bounds(course: Course, best: Refit) -> tuple[Floats, Floats, list[str]]:
+    """Cramer-Rao bound (k,) of each parameter, correlations (k + 1, k + 1), and what has no effect on the force."""
+    small = course if course.model.memory else course.reduced(_MOST)
+    slopes = _slopes(small, best)[small.used]
+    slopes = slopes[np.isfinite(slopes).all(axis=1)]
+    lengths = np.linalg.norm(slopes, axis=0)
+    scaled = slopes / np.where(lengths > 0, lengths, 1.0)
+    inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-14, hermitian=True)
+    variance = np.maximum(np.diag(inverse), 0.0)
+    spread = np.sqrt(np.where(variance > 0, variance, 1.0))
+    count = max(int(np.count_nonzero(course.used)), 1) / max(len(slopes), 1)  # samples that each of these stands for
+    noise = float(np.std(best.residual)) / np.sqrt(count)
+    k = len(best.theta)
+    sizes = np.where(best.theta != 0, np.abs(best.theta), 1.0)
+    bound = np.where(lengths > 0, noise * np.sqrt(variance) / np.where(lengths > 0, lengths, 1.0), np.inf)[:k] * sizes
+    names = [parameter.name for parameter in course.model.parameters]
+    blind = [name for name, length in zip(names, lengths[:k].tolist(), strict=True) if length == 0.0]
+    return np.where(np.isfinite(bound), bound, 0.0), inverse / np.outer(spread, spread), blind
+
+
+def _slopes(course: Course, best: Refit) -> Floats:
+    """Slopes (n, k + 1) of the force in relative changes of the parameters, and in the surface [mm]."""
+    columns = []
+    for i, value in enumerate(best.theta):
+        step = np.zeros_like(best.theta)
+        step[i] = _STEP * (abs(float(value)) or 1.0)
+        ahead, back = (course.forces(best.theta + sign * step, best.surface) for sign in (1.0, -1.0))
+        columns.append((ahead - back) / (2.0 * _STEP))
+    ahead, back = (course.forces(best.theta, best.surface + sign * 1e-6) for sign in (1.0, -1.0))
+    columns.append((ahead - back) / 2e-3)
+    return np.column_stack(columns)

@@ -1,0 +1,223 @@
+"""Monte Carlo after GUM Supplement 1 (JCGM 101:2008): every declared input drawn anew, the estimator run again."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from palpate import Batch, ConfigurationError, ContactModel, Estimates, Estimator, Floats, Part, Problem, Samples
+from palpate.host import Pipeline, RunFolder, build_pipeline, carried_by, replay_source, run_pipeline
+
+_UNDECLARED = " (not declared)"
+_HALF_WIDTH = math.sqrt(3)  # of a rectangular distribution, in standard deviations
+_SLOPE = 10  # samples to either side that the slope of the force is taken over
+_CHUNK = 8
+_GRAVITY = 9.80665  # [m/s^2]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One track of a run, ready to be estimated again."""
+
+    name: str
+    model: ContactModel
+    estimator: Estimator
+    problem: Problem
+    samples: Samples
+    average: float  # [s] at the end that a value is the mean of
+    weight_removed: bool
+    rows: tuple[Mapping[str, Any], ...]  # of its budget
+    parameters: Mapping[str, Mapping[str, Any]]  # as in result.json
+    covariance: Floats | None  # (k, k) of the estimator's own scatter
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the parameters."""
+        return tuple(parameter.name for parameter in self.model.parameters)
+
+
+@dataclass(frozen=True)
+class Propagated:
+    """What the draws of one track come to."""
+
+    name: str
+    values: Floats  # (n, k); NaN where nothing was estimated
+    parameters: Mapping[str, Mapping[str, Any]]
+
+    @property
+    def lost(self) -> int:
+        """Draws without an estimate."""
+        return int(np.count_nonzero(~np.isfinite(self.values).all(axis=1)))
+
+    def table(self) -> dict[str, dict[str, float]]:
+        """By parameter: value and standard uncertainty of the budget, and mean, std and 95 % interval of the draws."""
+        found = {}
+        whole = self.values[np.isfinite(self.values).all(axis=1)]
+        for i, (name, parameter) in enumerate(self.parameters.items()):
+            low, high = np.quantile(whole[:, i], [0.025, 0.975]).tolist()
+            found[name] = {
+                "value": parameter["value"], "combined": parameter["combined"], "mean": float(whole[:, i].mean()),
+                "std": float(whole[:, i].std(ddof=1)), "low": low, "high": high,
+            }  # fmt: skip
+        return found
+
+
+@dataclass
+class _Kept:
+    """An observer of a run that keeps its samples."""
+
+    blocks: list[Samples] = field(default_factory=list)
+
+    def batch(self, device: str, batch: Batch) -> None:
+        """Raw readings are not kept."""
+
+    def samples(self, samples: Samples) -> None:
+        """Keep a block."""
+        self.blocks.append(samples)
+
+    def estimates(self, track: str, estimates: Estimates) -> None:
+        """The run's own estimates are not kept."""
+
+
+def cases(run: Path, tracks: Sequence[str]) -> list[Case]:
+    """The tracks of a run with the samples of its log; raises ConfigurationError for a run without one."""
+    carried = carried_by(run)
+    if carried is None:
+        raise ConfigurationError(f"{run}: holds no log of its own; add a [sink.*] to the pipeline, and run it again")
+    pipeline = build_pipeline(replay_source(carried, list(tracks)))
+    kept = _Kept()
+    with tempfile.TemporaryDirectory() as folder:
+        run_pipeline(pipeline, Path(folder) / "replay", observer=kept)
+    samples = Samples.joined(kept.blocks)
+    results = RunFolder(run).result["tracks"]
+    return [_case(pipeline, track.name, results[str(track.name)], samples) for track in pipeline.tracks]
+
+
+def _case(pipeline: Pipeline, name: Any, result: Mapping[str, Any], samples: Samples) -> Case:
+    track = next(track for track in pipeline.tracks if track.name == name)
+    settings = pipeline.alignment
+    rest = pipeline.safety.rest if pipeline.safety else None
+    timing = [s.uncertainty for s in (settings.force, settings.velocity or settings.position) if s.uncertainty]
+    problem = Problem(track.model, settings.tip_mass, math.hypot(*timing) if timing else None, rest)
+    changes = {key: value for key, value in {"profile": False, "bootstrap": 0}.items() if hasattr(track.estimator, key)}
+    names = [parameter.name for parameter in track.model.parameters]
+    table = result.get("details", {}).get("covariance")
+    covariance = None
+    if isinstance(table, Mapping) and set(names) <= set(table["names"]):
+        places = [table["names"].index(n) for n in names]
+        covariance = np.array(table["matrix"], float)[np.ix_(places, places)]
+    return Case(
+        str(name), track.model, track.estimator.model_copy(update=changes), problem, samples, pipeline.run.average,
+        settings.weight == "removed", tuple(result["budget"]), result["parameters"], covariance,
+    )  # fmt: skip
+
+
+def propagated(
+    case: Case, draws: int, seed: int, workers: int | None = None, told: Callable[[int], None] = lambda done: None
+) -> Propagated:
+    """So many draws of a track, the same for the same seed however many processes share them."""
+    chunks = [range(first, min(first + _CHUNK, draws)) for first in range(0, draws, _CHUNK)]
+    found: list[Floats] = []
+    with ProcessPoolExecutor(workers) as pool:
+        for values in pool.map(partial(_chunk, case, seed), chunks):
+            found.append(values)
+            told(sum(map(len, found)))
+    return Propagated(case.name, np.concatenate(found), case.parameters)
+
+
+def _chunk(case: Case, seed: int, numbers: range) -> Floats:
+    return np.array([_drawn(case, np.random.default_rng([seed, number])) for number in numbers])
+
+
+def _drawn(case: Case, random: np.random.Generator) -> Floats:
+    """Values (k,) of one draw."""
+    model, samples, mass = case.model, case.samples, case.problem.tip_mass
+    unexplained = np.zeros(len(case.names))
+    for row in case.rows:
+        cause, declared = row["source"].removesuffix(_UNDECLARED), not row["source"].endswith(_UNDECLARED)
+        std = row["std"]
+        if cause == "estimator":
+            unexplained += _scatter(case, row, random)
+        elif std is None:  # settling, lack of fit: known by what it does
+            unexplained += _effects(case, row) * random.uniform(-_HALF_WIDTH, _HALF_WIDTH)
+        elif cause == "mass" and mass is not None:
+            change = std * random.standard_normal()
+            mass += change
+            weight = _GRAVITY * change if case.weight_removed else 0.0
+            samples = replace(samples, force=samples.force + weight)
+        elif cause in ("timing", "tare", "force_scale", "position_scale", "compliance"):
+            samples = _changed(samples, cause, std * random.standard_normal())
+        else:
+            at_its_end = cause == "poisson" and not declared  # rectangular, below the value
+            shift = -_HALF_WIDTH * random.uniform() if at_its_end else random.standard_normal()
+            model = with_number(model, cause, std * shift)
+    problem = replace(case.problem, model=model, tip_mass=mass)
+    found = case.estimator.start(problem).run(samples)
+    rows = np.flatnonzero(np.isfinite(found.values).all(axis=1))
+    if not len(rows):
+        return np.full(len(case.names), np.nan)
+    since = found.time[rows[-1]] - (case.average if case.estimator.online else math.inf)
+    return np.asarray(found.values[rows[found.time[rows] >= since]].mean(axis=0) + unexplained)
+
+
+def _effects(case: Case, row: Mapping[str, Any]) -> Floats:
+    effects = row["effects"]
+    return np.array([effects[name]["contribution"] or 0.0 if name in effects else 0.0 for name in case.names])
+
+
+def _scatter(case: Case, row: Mapping[str, Any], random: np.random.Generator) -> Floats:
+    """The estimator's own scatter: by its covariance where it tells one, the rest of its std uncorrelated."""
+    std = _effects(case, row)
+    if case.covariance is None:
+        return np.asarray(std * random.standard_normal(len(std)))
+    rest = np.sqrt(np.maximum(std**2 - np.diag(case.covariance), 0.0))
+    return np.asarray(
+        random.multivariate_normal(np.zeros(len(std)), case.covariance, method="eigh")
+        + rest * random.standard_normal(len(std))
+    )
+
+
+def _changed(samples: Samples, cause: str, size: float) -> Samples:
+    """Samples as they are if a source is off by `size` [SI]."""
+    force = samples.force
+    match cause:
+        case "timing":  # by the slope of the force, which leaves its noise as it is
+            return replace(samples, force=force + size * _slope(samples))
+        case "tare":
+            return replace(samples, force=force + size)
+        case "force_scale":
+            return replace(samples, force=force * (1 + size))
+        case "compliance":  # the robot gives way by F/k
+            rate = size * _slope(samples)
+            return replace(samples, position=samples.position + size * force, velocity=samples.velocity + rate)
+    fixed = float(np.nanmax(samples.position))
+    height = fixed + (samples.position - fixed) * (1 + size)
+    return replace(samples, position=height, velocity=samples.velocity * (1 + size))
+
+
+def _slope(samples: Samples) -> Floats:
+    """Slope [N/s] of the force by a local cubic; 0 where it is not known."""
+    from scipy.signal import savgol_filter
+
+    interval = float(np.median(samples.interval[1:]))
+    known = np.isfinite(samples.force)
+    force = np.interp(samples.time, samples.time[known], samples.force[known])
+    return np.asarray(savgol_filter(force, 2 * _SLOPE + 1, 3, deriv=1) / interval)
+
+
+def with_number(part: Any, name: str, change: float) -> Any:
+    """A model with the number of this name, its own or its tip's, changed by so much."""
+    for key in type(part).model_fields:
+        value = getattr(part, key)
+        if key == name and isinstance(value, float):
+            return part.model_copy(update={key: value + change})
+        if isinstance(value, Part) and (inner := with_number(value, name, change)) is not value:
+            return part.model_copy(update={key: inner})
+    return part

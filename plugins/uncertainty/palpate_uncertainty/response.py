@@ -1,0 +1,23 @@
+"""How a least-squares estimate answers to a small error of the force."""
+
+from __future__ import annotations
+
+import numpy as np
+from palpate import Floats
+
+_INDISTINCT = 1e-6  # ratio of singular values below which parameters and surface cannot be told apart
+
+
+def answer(jacobian: Floats, error: Floats) -> Floats | None:
+    """Shift of parameters and surface (k + 1,) by an error (n,) of the force [N]; None where they are indistinct."""
+    if len(jacobian) <= jacobian.shape[1]:
+        return None
+    scale = np.linalg.norm(jacobian, axis=0)
+    if not (np.isfinite(scale).all() and (scale > 0).all()):
+        return None
+    # Sums and a small explicit inverse: the same bits on every run.
+    unit = jacobian / scale
+    normal = (unit[:, :, None] * unit[:, None, :]).sum(axis=0)
+    if np.linalg.cond(normal) > _INDISTINCT**-2:
+        return None
+    return np.asarray(np.linalg.solve(normal, (unit * error[:, None]).sum(axis=0)) / scale)

@@ -1,0 +1,94 @@
+"""Terminals of every kind: narrow, dumb, without colours, locale or reader; and Ctrl-C at once."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from palpate.host import console, measured
+from rich.table import Table
+
+COMMAND = [sys.executable, "-c", "from palpate.cli import main; main()"]
+
+
+def run(*arguments, **env):
+    given = {key: value for key, value in os.environ.items() if key not in ("LANG", "LC_ALL", "LC_CTYPE", "COLUMNS")}
+    return subprocess.run([*COMMAND, *map(str, arguments)], env={**given, **env}, capture_output=True, timeout=120)
+
+
+@pytest.mark.parametrize(
+    "env",
+    [
+        {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+        {"LC_ALL": "POSIX", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+        {"PYTHONIOENCODING": "ascii"},
+        {"TERM": "dumb", "NO_COLOR": "1", "COLUMNS": "20"},
+        {"TERM": "", "COLUMNS": "0"},
+    ],
+    ids=["C", "POSIX", "ascii", "dumb", "no-terminal"],
+)
+def test_every_terminal_gets_its_table(root, env):
+    few = ("--set", "design.frequencies=[2.0]", "--set", 'design.amplitudes=["1 mm"]')
+    done = run("design", root / "pipelines" / "late.toml", *few, **env)
+    assert done.returncode == 0, done.stderr
+    text = done.stdout.decode(env.get("PYTHONIOENCODING", "utf-8"))
+    assert "recommended within the limits" in " ".join(text.split())
+    assert "0.795" in text
+    assert b"\x1b" not in done.stdout
+    assert b"Traceback" not in done.stderr
+    if "ascii" in env.values():
+        assert "um" in text
+        assert "\\" not in text
+
+
+@pytest.mark.parametrize("arguments", [("list",), ("describe", "casadi-fit"), ("--help",), ("schema",)])
+def test_a_reader_that_goes_early_is_no_error(arguments):
+    """As `| head -1` does: the pipe is closed before anything was written, or in the middle."""
+    process = subprocess.Popen([*COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process.stdout.close()
+    _, errors = process.communicate(timeout=120)
+    assert errors == b""
+
+
+@pytest.mark.parametrize("wait", [0.0, 0.1, 0.3, 0.6, 0.9])
+def test_ctrl_c_within_the_first_second_ends_without_a_traceback(point_pipeline, tmp_path, wait):
+    """Counted from where the interpreter has come to the command: before that it is the interpreter's own affair."""
+    script = "import sys\nfrom palpate.cli import main\nprint('ready', flush=True)\nmain(sys.argv[1:])"
+    command = [sys.executable, "-c", script, "run", str(point_pipeline), "--out", str(tmp_path / "out")]
+    command += ["--set", "device.rig.pace=real-time"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout.readline() == "ready\n"
+        time.sleep(wait + 0.002)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=120)
+    finally:
+        process.kill()
+    assert process.returncode == 130, errors
+    assert "Traceback" not in errors
+
+
+def test_a_table_too_wide_is_printed_row_by_row(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "30")
+    table = Table(title="results")
+    for heading in ("track", "elasticity\nkPa", "viscosity\nPa*s"):
+        table.add_column(heading)
+    table.add_row("dimensionality-reduction/kinematic", "112.43 ± 0.21", "361.2 ± 3.4")
+    console(30).print(table)
+    text = capsys.readouterr().out
+    assert "…" not in text
+    whole = "".join(text.split())
+    for words in ("track:dimensionality-reduction/kinematic", "elasticitykPa:112.43±0.21", "viscosityPa*s:361.2±3.4"):
+        assert words in whole
+    console(120).print(table)
+    assert "┃" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "text"),
+    [(-0.0, 0.1, "0.00 ± 0.10"), (-0.001, 0.5, "0.00 ± 0.50"), (-0.0, 0.0, "0"), (-0.2, 0.1, "-0.20 ± 0.10")],
+)
+def test_nought_has_no_sign(value, std, text):
+    assert measured(value, std) == text

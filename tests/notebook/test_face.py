@@ -1,0 +1,409 @@
+"""The Python face: runs, records, fits, comparisons, sweeps and maps, as a notebook uses them."""
+
+import gc
+import json
+import math
+import warnings
+
+import numpy as np
+import palpate
+import pandas as pd
+import pytest
+from palpate import ConfigurationError, LogError, OutputError
+from palpate_models import DimensionalityReduction, Sphere
+
+ROUNDING = 1e-12
+
+
+@pytest.fixture(scope="module")
+def short(root):
+    return palpate.load(root / "pipelines" / "point.toml").set("trajectory.press.duration", "2 s")
+
+
+@pytest.fixture(scope="module")
+def kept(short, tmp_path_factory):
+    """A run with a folder."""
+    return short.run(tmp_path_factory.mktemp("face") / "run")
+
+
+@pytest.fixture(scope="module")
+def arrays(kept):
+    samples = kept.samples
+    return {
+        "time": samples["time"].values,
+        "force": samples["force"].values,
+        "height": samples["position"].values,
+        "velocity": samples["velocity"].values,
+    }
+
+
+@pytest.fixture(scope="module")
+def record(arrays):
+    return palpate.record(**arrays, timing="0.14 ms", tip_mass="140 g")
+
+
+@pytest.fixture(scope="module")
+def fitted(record):
+    return palpate.fit(record, tip=Sphere(radius="5 mm"), model="dr")
+
+
+def test_a_run_is_that_of_the_command_line(kept):
+    written = json.loads((kept.folder / "result.json").read_text())
+    assert kept.document == written
+    track = kept["dr/kinematic"]
+    table = written["tracks"]["dr/kinematic"]["parameters"]["elasticity"]
+    assert (track.elasticity.value, track.elasticity.std, track.elasticity.combined) == (
+        table["value"],
+        table["std"],
+        table["combined"],
+    )
+    assert abs(track.elasticity.value - kept.truth["elasticity"]) < 3 * track.elasticity.combined
+    assert str(track.elasticity).endswith(" kPa")
+    assert "±" in str(track.elasticity)
+
+
+def test_the_budget_is_what_the_combined_uncertainty_is_made_of(kept):
+    quantity = kept["dr/kinematic"].elasticity
+    assert math.hypot(*quantity.budget.values()) == pytest.approx(quantity.combined, rel=1e-9)
+    frame = kept["dr/kinematic"].budget()
+    assert frame.loc["combined", "elasticity"] == quantity.combined
+    assert frame.loc["estimator", "elasticity"] == quantity.std
+
+
+def test_without_a_folder_nothing_stays(short):
+    run = short.set("trajectory.press.duration", "0.2 s").run()
+    folder = run.folder
+    assert (folder / "result.json").is_file()
+    del run
+    gc.collect()
+    assert not folder.exists()
+
+
+def test_what_is_refused_leaves_no_folder(short, tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    lost = short.set("device.rig", "x")
+    with pytest.raises(ConfigurationError):
+        lost.run()
+    with pytest.raises(ConfigurationError):
+        palpate.sweep(short, {"run.sed": [1]})
+    assert not list(tmp_path.iterdir())
+
+
+def test_estimates_and_samples_have_dimensions_and_units(kept):
+    estimates, samples = kept.estimates, kept.samples
+    assert estimates["elasticity"].dims == ("track", "time")
+    assert list(estimates["track"].values) == list(kept)
+    assert estimates["elasticity"].attrs["units"] == "Pa"
+    assert samples["force"].dims == ("time",)
+    assert {name: samples[name].attrs["units"] for name in ("force", "position", "velocity", "time")} == {
+        "force": "N",
+        "position": "m",
+        "velocity": "m/s",
+        "time": "s",
+    }
+    last = estimates["elasticity"].sel(track="dr/kinematic").dropna("time")
+    assert last.where(last["time"] > last["time"][-1] - 1.0).mean() == pytest.approx(
+        kept["dr/kinematic"].elasticity.value, rel=1e-3
+    )
+
+
+def test_a_run_that_is_opened_is_the_run(kept):
+    opened = palpate.open_run(kept.folder)
+    assert opened.document == kept.document
+    np.testing.assert_array_equal(opened.samples["force"], kept.samples["force"])
+    again = opened.replay()
+    np.testing.assert_array_equal(again.estimates["elasticity"], kept.estimates["elasticity"])
+    thin = opened.estimates["elasticity"]
+    np.testing.assert_allclose(thin, kept.estimates["elasticity"].sel(time=thin["time"], method="nearest"), rtol=1e-9)
+
+
+def test_summary(kept):
+    frame = kept.summary()
+    assert list(frame.columns) == ["value", "std", "combined", "unit", "verdict"]
+    row = frame.loc[("dr/kinematic", "elasticity")]
+    assert row["unit"] == "kPa"
+    assert row["value"] == pytest.approx(1e-3 * kept["dr/kinematic"].elasticity.value, rel=ROUNDING)
+    assert kept.summary(si=True).loc[("dr/kinematic", "elasticity"), "unit"] == "Pa"
+
+
+def test_what_a_notebook_shows(kept):
+    html = kept._repr_html_()
+    assert html.count("<tr>") == 4  # head, two tracks, truth
+    assert kept["dr/kinematic"].elasticity.number in html
+    for flags in kept.flags.values():
+        for flag in flags:
+            assert flag.code in html
+            assert flag.code in repr(kept)
+
+
+def test_names_of_a_run_are_no_markup(short):
+    run = short.set("run.name", "<script>alert(1)</script>").set("trajectory.press.duration", "0.2 s").run()
+    assert "<script>" not in run._repr_html_()
+
+
+def test_pictures(kept, fitted, tmp_path):
+    for number, picture in enumerate(
+        [kept.plot(), kept.plot("elasticity"), kept.plot.force_depth(), kept.plot.force("dr/kinematic"), fitted.plot()]
+    ):
+        assert picture._repr_png_().startswith(b"\x89PNG")
+        assert picture.save(tmp_path / f"{number}.svg").stat().st_size > 1000
+        assert all(axis.lines for axis in picture.axes)
+
+
+@pytest.mark.parametrize(
+    ("do", "what"),
+    [
+        (lambda run: run["dr/kinematik"], "did you mean 'dr/kinematic'"),
+        (lambda run: run["dr/ekf"]["elastisity"], "did you mean 'elasticity'"),
+        (lambda run: run.plot("viscosty"), "did you mean 'viscosity'"),
+        (lambda run: run.plot.force("dr"), "there is no track 'dr'"),
+        (lambda run: run["dr/ekf"].elasticity.to("mm"), "elasticity"),
+        (lambda run: run.map(cell="3 kg"), "cell: '3 kg' is a mass"),
+        (lambda run: run.map(method="magic"), "magic"),
+    ],
+)
+def test_mistakes_are_told(kept, do, what):
+    with pytest.raises(ConfigurationError, match=what):
+        do(kept)
+
+
+def test_a_report(kept, tmp_path, capsys):
+    page = kept.report(tmp_path / "point.html")
+    assert kept.name in page.read_text()
+    assert capsys.readouterr().out == ""
+
+
+def test_nothing_is_overwritten(kept, tmp_path):
+    kept.save(tmp_path / "copy")
+    assert palpate.open_run(tmp_path / "copy").document == kept.document
+    with pytest.raises(OutputError, match="exists already"):
+        kept.save(tmp_path / "copy")
+
+
+def test_mistakes_of_the_file_are_those_of_the_command_line(short):
+    with pytest.raises(ConfigurationError, match=r"radius: '5 kPa' is a pressure"):
+        short.set("indenter.tip.radius", "5 kPa").run()
+    with pytest.raises(ConfigurationError, match="is a table"):
+        short.set("indenter.tip", {"radius": "5 mm"})
+    with pytest.raises(ConfigurationError, match="nothing that a pipeline file can hold"):
+        short.set("run.seed", object())
+
+
+def test_a_change_makes_a_new_draft(short):
+    assert short.set("run.seed", 7).check().run.seed == 7
+    assert short.check().run.seed == 1
+
+
+# Records
+
+
+def test_a_fit_finds_the_truth(fitted, kept):
+    for name in ("elasticity", "viscosity"):
+        found = fitted[name]
+        assert abs(found.value - kept.truth[name]) < 3 * found.combined
+    assert fitted.elasticity.combined < 0.05 * fitted.elasticity.value
+    assert fitted.budget().loc["timing", "u"] == pytest.approx(1.4e-4)
+    np.testing.assert_allclose(np.diag(fitted.correlation), 1.0)
+    np.testing.assert_array_equal(fitted.correlation, fitted.correlation.T)
+    assert -1 <= fitted.correlation.loc["elasticity", "surface"] < -0.5
+
+
+def test_units_of_any_kind_make_the_same_record(arrays, record):
+    import pint
+    import xarray
+
+    unit = pint.UnitRegistry()
+    millimetres = 1e3 * arrays["height"]
+    frame = pd.DataFrame({"t": arrays["time"], "z": millimetres, "f": arrays["force"], "v": arrays["velocity"]})
+    common = {"timing": "0.14 ms", "tip_mass": 0.14}
+    by_units = palpate.record(
+        time=frame["t"], force=frame["f"], height=frame["z"], velocity=frame["v"], units={"height": "mm"}, **common
+    )
+    by_pint = palpate.record(
+        **{**arrays, "height": millimetres * unit.mm, "time": 1e3 * arrays["time"] * unit.ms}, **common
+    )
+    labelled = xarray.DataArray(millimetres, attrs={"units": "mm"})
+    by_label = palpate.record(**{**arrays, "height": labelled}, **common)
+    for other in (by_units, by_pint, by_label):
+        np.testing.assert_allclose(other.columns.values, record.columns.values, rtol=1e-12, atol=1e-15)
+        np.testing.assert_array_equal(other.columns.time, record.columns.time)
+
+
+def test_the_same_readings_are_the_same_record(arrays):
+    one, other = palpate.record(**arrays), palpate.record(**arrays)
+    assert one.devices == other.devices
+    changed = palpate.record(**{**arrays, "force": arrays["force"] + 1e-12})
+    assert changed.devices != one.devices
+
+
+def test_declared_delay_and_sign_act_as_in_a_pipeline(arrays):
+    late = {**arrays, "force": -arrays["force"], "height": arrays["height"]}
+    record = palpate.record(**late, sign=-1, delay={"velocity": "2 ms"}, tare="none")
+    assert record.alignment["force"] == {"channel": "record.force", "sign": -1}
+    assert record.alignment["velocity"]["delay"] == "2 ms"
+    plain = palpate.record(**arrays, delay={"velocity": "2 ms"}, tare="none")
+    np.testing.assert_array_equal(record.samples["force"], plain.samples["force"])
+
+
+def test_what_is_not_declared_is_flagged(arrays):
+    fit = palpate.fit(palpate.record(**arrays), tip=Sphere(radius="5 mm"))
+    assert "timing-undeclared" in {flag.code for flag in fit.flags}
+
+
+def test_the_same_fit_to_the_bit(record, fitted):
+    again = palpate.fit(record, tip=Sphere(radius="5 mm"), model="dr")
+    assert again.track.document["parameters"] == fitted.track.document["parameters"]
+
+
+def test_a_tip_mass_of_zero(arrays):
+    record = palpate.record(**arrays, tip_mass=0, timing="0.1 ms")
+    light = palpate.compare(record, tip=Sphere(radius="5 mm"), estimators=["kinematic-ekf", "casadi-fit"])
+    for track in light.tracks.values():
+        assert track.elasticity.value == pytest.approx(112.5e3, rel=0.1)
+    with pytest.raises(ConfigurationError, match="mass is 0"):
+        palpate.compare(record, tip=Sphere(radius="5 mm"), estimators=["ekf"])
+
+
+def test_parts_are_classes_with_units(record):
+    model = DimensionalityReduction(indenter=Sphere(radius="5 mm"), poisson=0.49)
+    run = palpate.compare(record, models=[model, "kv"], estimators=["casadi-fit"])
+    assert list(run) == ["dimensionality-reduction/casadi-fit", "kv/casadi-fit"]
+    assert run.pipeline["model"]["dimensionality-reduction"]["poisson"] == 0.49
+    assert run.estimates["stiffness"].sel(track="dimensionality-reduction/casadi-fit").isnull().all()
+
+
+def test_a_log_is_a_record(kept):
+    record = palpate.read(kept.folder)
+    found = palpate.fit(record, tip=Sphere(radius="5 mm"))
+    assert abs(found.elasticity.value - kept.truth["elasticity"]) < 3 * found.elasticity.combined
+    np.testing.assert_array_equal(record.samples["force"], kept.samples["force"])
+
+
+def test_a_csv_is_a_record(arrays, tmp_path):
+    path = tmp_path / "mine.csv"
+    pd.DataFrame(arrays).to_csv(path, index=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what is a guess is warned of
+        record = palpate.read(path, {"force": "force", "height": "height", "velocity": "velocity", "time": "time"})
+    assert record.alignment["force"]["channel"].endswith("force")
+    assert len(record.samples["time"]) == len(arrays["time"])
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"force": [1.0, 2.0]}, "must be equally long: time has .*, force has 2"),
+        ({"force": "words"}, "force: holds something that is no number"),
+        ({"force": np.ones((3, 2))}, "force: must be one column of numbers, and is 3 x 2"),
+        ({"force": 3.0}, "force: must be one column"),
+        ({"time": None}, "give either time"),
+        ({"rate": "500 Hz"}, "give either time"),
+        ({"time": None, "rate": "-1 Hz"}, "must be above 0"),
+        ({"time": None, "rate": "3 mm"}, "rate: '3 mm' is a length"),
+        ({"units": {"hight": "mm"}}, "did you mean 'height'"),
+        ({"units": {"height": "kg"}}, "height: .*mass"),
+        ({"sign": {"forse": -1}}, "did you mean 'force'"),
+        ({"delay": {"velocity": "1 ms"}, "velocity": None}, "there is no signal 'velocity'"),
+    ],
+)
+def test_columns_that_are_none(arrays, change, what):
+    with pytest.raises(ConfigurationError, match=what):
+        palpate.record(**{**arrays, **change})
+
+
+def test_times_that_are_none(arrays):
+    time = arrays["time"].copy()
+    time[7] = np.nan
+    with pytest.raises(ConfigurationError, match="the first one in row 7"):
+        palpate.record(**{**arrays, "time": time})
+    dates = np.datetime64("2026-01-01") + (1e9 * arrays["time"]).round().astype("timedelta64[ns]")
+    assert np.diff(palpate.record(**{**arrays, "time": dates}).columns.time).tolist() == (
+        np.diff(palpate.record(**arrays).columns.time).tolist()
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        ({"model": "dr"}, "wants a tip"),
+        ({"model": "doctor", "tip": Sphere(radius="5 mm")}, "there is no model 'doctor'"),
+        ({"model": 3, "tip": Sphere(radius="5 mm")}, "3 is no model"),
+        ({"tip": "sphere"}, "'sphere' is no indenter"),
+        ({"tip": Sphere(radius=5)}, 'did you mean "5 mm"'),
+        ({"tip": Sphere(radius="5 mm"), "uncertainties": {"radios": "1 um"}}, "radios"),
+    ],
+)
+def test_fits_that_cannot_be(record, arguments, what):
+    with pytest.raises(ConfigurationError, match=what):
+        palpate.fit(record, **arguments)
+
+
+def test_a_record_that_is_gone(arrays):
+    devices = palpate.record(**arrays, name="short-lived", sign=-1, tare="1 N").devices
+    altered = {"record": {**devices["record"], "sha256": "0" * 64}}
+    orphan = palpate.record(**arrays)
+    with pytest.raises(ConfigurationError, match="not in the memory of this process"):
+        palpate.fit(type(orphan)("gone", altered, orphan.alignment), tip=Sphere(radius="5 mm"))
+
+
+# Sweeps and maps
+
+
+def test_a_sweep_is_a_frame(short):
+    found = palpate.sweep(short.set("trajectory.press.duration", "0.3 s"), {"run.seed": range(2)}, jobs=1)
+    frame = found.frame
+    assert frame["run.seed"].tolist() == [0, 0, 1, 1]
+    assert set(frame["track"]) == {"dr/ekf", "dr/kinematic"}
+    assert not found.failures
+
+
+def test_a_sweep_of_a_script_does_not_run_the_script_again(short, tmp_path):
+    import subprocess
+    import sys
+
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import palpate\nprint('once')\n"
+        f"draft = palpate.load({str(short.path)!r}).set('trajectory.press.duration', '0.2 s')\n"
+        "print(len(palpate.sweep(draft.set('run.tracks', ['dr/ekf']), {'run.seed': [1, 2]}, jobs=2)))\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=240, cwd=tmp_path)
+    assert done.stdout.split() == ["once", "2"], done.stderr
+
+
+@pytest.mark.parametrize(
+    ("settings", "more", "what"),
+    [
+        ({}, {}, "lists of values by setting"),
+        ({"run.seed": []}, {}, "lists of values by setting"),
+        ({"run.seed": [1], "run.average": ["1 s", "2 s"]}, {"combine": "list"}, "run.average has 2"),
+        ({"run.sed": [1]}, {}, "sed"),
+        ({"run.seed": [1]}, {"combine": "zip"}, "is none of"),
+    ],
+)
+def test_sweeps_that_cannot_be(short, settings, more, what):
+    with pytest.raises(ConfigurationError, match=what):
+        palpate.sweep(short, settings, **more)
+
+
+def test_a_raster_is_a_map(root, tmp_path):
+    raster = palpate.load(root / "pipelines" / "raster.toml").set("trajectory.raster.size", ["8 mm", "4 mm"])
+    run = raster.set("trajectory.raster.pitch", "4 mm").set("run.tracks", ["dr/kinematic"]).run()
+    found = run.map(cell="2 mm", method="average")
+    value = found.data["value"]
+    assert value.dims == ("y", "x")
+    assert value.attrs["units"] == "Pa"
+    assert np.nanmedian(value) == pytest.approx(112e3, rel=0.3)  # nothing is told of the layer's thickness
+    assert (found.data["std"] > 0).where(value.notnull(), True).all()
+    assert list(found.lumps.columns) == ["x", "y", "contrast", "std", "p"]
+    assert found.plot().save(tmp_path / "map.png").stat().st_size > 1000
+
+
+def test_a_point_is_no_map(kept):
+    with pytest.raises(LogError):
+        kept.map()
+
+
+def test_a_folder_that_is_no_run(tmp_path):
+    with pytest.raises(LogError):
+        palpate.open_run(tmp_path)

@@ -1,0 +1,87 @@
+"""The verdict on records whose truth is known: what is to be trusted is within twice its uncertainty."""
+
+import json
+
+import pytest
+from palpate_report.reading import Record
+from palpate_report.verdict import LEVELS, judge
+
+TRUST, LOOK, REFUSE = LEVELS
+ONE = 'run.tracks=["dr/kinematic"]'
+SHORT = "trajectory.press.duration=6 s"
+
+CASES = {
+    "as it should be": ("point", (ONE, SHORT), TRUST),
+    "twice the noise": ("point", (ONE, SHORT, "device.rig.force_std=0.1 N"), TRUST),
+    "stiff": ("point", (ONE, SHORT, "device.rig.specimen.elasticity=400 kPa", "trajectory.press.bias=2 mm"), TRUST),
+    "surface elsewhere": ("point", (ONE, SHORT, "device.rig.specimen.surface=-1 mm"), TRUST),
+    "seed 9": ("point", (ONE, SHORT, "run.seed=9"), TRUST),
+    "too short": ("point", ('run.tracks=["dr/ekf"]', "trajectory.press.duration=1 s"), LOOK),
+    "timing nobody declares": ("late", (ONE,), LOOK),
+    "a model without the material's memory": ("relaxation", ('run.tracks=["half-space/ekf"]',), LOOK),
+    "a filter that expects one material, on a sweep": ("sweep", ('run.tracks=["dr/ekf"]',), LOOK),
+    "nothing touched": ("point", (ONE, SHORT, "device.rig.specimen.surface=-30 mm"), REFUSE),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_is_to_be_trusted_is_right(runs, case):
+    name, overrides, expected = CASES[case]
+    record = Record.read(runs(name, *overrides))
+    verdict = judge(record)
+    assert verdict.level == expected, verdict
+    assert expected == TRUST or all(track.reasons for track in verdict.tracks)
+    for track in verdict.of(TRUST):
+        found = record.document["tracks"][track.track]["parameters"]
+        for parameter, value in found.items():
+            assert abs(value["value"] - record.document["truth"][parameter]) < 2 * value["combined"], (case, parameter)
+
+
+@pytest.fixture
+def result(point, tmp_path):
+    """Write a changed result into a folder of its own and judge it."""
+    document = json.loads((point / "result.json").read_text())
+
+    def judged(change):
+        change(document)
+        (tmp_path / "result.json").write_text(json.dumps(document))
+        return judge(Record.read(tmp_path))
+
+    return judged
+
+
+def test_a_value_of_unknown_uncertainty_is_not_trusted(result):
+    def change(document):
+        document["tracks"] = {"dr/kinematic": document["tracks"]["dr/kinematic"]}
+        document["tracks"]["dr/kinematic"]["parameters"]["elasticity"]["combined"] = None
+
+    verdict = result(change)
+    assert verdict.level == LOOK
+    assert "elasticity" in verdict.tracks[0].reasons[0]
+
+
+def test_two_that_contradict_each_other_are_both_doubted_and_one_against_many_alone(result):
+    def apart(document):
+        good = document["tracks"]["dr/kinematic"]
+        other = json.loads(json.dumps(good))
+        other["parameters"]["elasticity"]["value"] *= 1.2
+        document["tracks"] = {"dr/a": good, "dr/b": other}
+
+    assert {track.level for track in result(apart).tracks} == {LOOK}
+
+    def third(document):
+        document["tracks"]["dr/c"] = document["tracks"]["dr/a"]
+
+    levels = {track.track: track.level for track in result(third).tracks}
+    assert levels == {"dr/a": TRUST, "dr/b": LOOK, "dr/c": TRUST}
+
+
+def test_other_models_may_differ(result):
+    def change(document):
+        good = document["tracks"]["dr/kinematic"]
+        other = json.loads(json.dumps(good)) | {"model": "layer"}
+        other["parameters"]["elasticity"]["value"] *= 2
+        document["tracks"] = {"dr/a": good, "layer/a": other}
+
+    assert result(change).level == TRUST
+    assert len(result(lambda _: None).of(TRUST)) == 2

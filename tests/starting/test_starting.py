@@ -1,0 +1,141 @@
+"""Pipelines and distributions to start from, and completion."""
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from palpate import ConfigurationError, OutputError
+from palpate.host import load_pipeline, registry, run_pipeline
+from palpate_starting.completion import completion
+from palpate_starting.distribution import KINDS, distribution
+from palpate_starting.init import init
+
+ROOT = Path(__file__).parent.parent.parent
+PIPELINES = {"point": "point", "ur3e": "point_ur3e", "raster": "raster", "calibrate": "guided"}
+BLOCK = re.compile(r"^```python\n# file: (\S+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("what", [*PIPELINES, "log"])
+def test_a_pipeline_to_start_from_is_in_order(what, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    init(what)
+    text = (tmp_path / f"{what}.toml").read_text()
+    assert text.count('palpate = "0.2"') == 1
+    assert "#:schema" not in text
+    load_pipeline(Path(f"{what}.toml"), estimates=what != "calibrate")
+
+
+@pytest.mark.parametrize("what", PIPELINES)
+def test_it_is_the_one_of_the_repository(what, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    init(what, Path("sub/mine.toml"))
+    written = tomllib.loads((tmp_path / "sub" / "mine.toml").read_text())
+    assert written.pop("palpate") == "0.2"
+    assert written == tomllib.loads((ROOT / "pipelines" / f"{PIPELINES[what]}.toml").read_text())
+    assert f"pipelines/{PIPELINES[what]}.toml" not in (tmp_path / "sub" / "mine.toml").read_text()
+
+
+def test_the_log_finds_what_it_was_simulated_with(tmp_path):
+    init("log", tmp_path / "mine.toml")
+    result = run_pipeline(load_pipeline(tmp_path / "mine.toml"), tmp_path / "out")
+    for track in result.tracks.values():
+        assert track.verdict == "good"
+        for name, truth in {"elasticity": 112.5e3, "viscosity": 362.0}.items():
+            found = track.parameters[name]
+            assert abs(found.value - truth) < 2 * found.combined
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        (("pont",), "did you mean 'point'"),
+        (("log-analysis",), "there is no pipeline"),  # only a part of one
+        (("x", None, "tipp"), "did you mean 'tip'"),
+        (("Bad_Name", None, "tip"), "small letters"),
+    ],
+)
+def test_mistakes_are_told(arguments, what):
+    with pytest.raises(ConfigurationError, match=what):
+        init(*arguments)
+
+
+def test_nothing_is_overwritten(tmp_path):
+    (tmp_path / "log.csv").write_text("mine")
+    with pytest.raises(OutputError, match=r"log\.csv: exists already"):
+        init("log", tmp_path / "log.toml")
+    assert not (tmp_path / "log.toml").exists()
+    with pytest.raises(OutputError, match="exists already"):
+        init("mine", tmp_path, "tip")
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """A distribution of every kind, installed beside each other; where their sources are, and where they went."""
+    folder = tmp_path_factory.mktemp("own")
+    for kind in KINDS:
+        init(f"own-{kind}", folder / f"own-{kind}", kind)
+    command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
+    environment = {**os.environ, "PIP_DISABLE_PIP_VERSION_CHECK": "1", "PIP_ROOT_USER_ACTION": "ignore"}
+    sources = [folder / f"own-{kind}" for kind in KINDS]
+    subprocess.run([*command, "--target", folder / "site", *sources], check=True, env=environment, timeout=120)
+    return folder
+
+
+def test_plugins_of_ones_own_pass_their_tests_when_installed(installed):
+    site = os.pathsep.join([str(installed / "site"), os.environ.get("PYTHONPATH", "")])
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--import-mode=importlib"]
+    tests = [installed / f"own-{kind}" / "tests" for kind in KINDS]
+    done = subprocess.run(
+        [*command, *tests], cwd=installed, env={**os.environ, "PYTHONPATH": site}, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout
+    assert f"{len(KINDS) + 1} passed" in done.stdout  # the filter has two tests
+
+
+def test_their_parts_are_listed(installed, palpate):
+    listed = palpate("list", PYTHONPATH=str(installed / "site")).stdout
+    for part, kind in {"funnel": "tip", "foam": "model", "known-surface": "filter", "dip": "trajectory"}.items():
+        assert re.search(rf"{part}\b.*own-{kind} 0\.1\.0", listed, re.DOTALL)
+
+
+@pytest.mark.parametrize(
+    ("kind", "family", "module"),
+    [
+        ("tip", "models", "my_tip"),
+        ("model", "models", "my_model"),
+        ("filter", "filters", "my_filter"),
+        ("device", "devices", "my_device"),
+        ("trajectory", "trajectories", "my_trajectory"),
+        ("analysis", "studies", "my_histogram"),
+    ],
+)
+def test_they_are_what_the_readmes_show(kind, family, module):
+    shown = dict(BLOCK.findall((ROOT / "plugins" / family / "README.md").read_text()))[f"{module}.py"]
+    written = distribution(kind, "palpate-mine")["palpate_mine/__init__.py"]
+    assert shown.replace(f"palpate_file_{module}", "palpate_mine") in written
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_knows_commands_options_and_parts(shell, capsys):
+    completion(shell)
+    printed = capsys.readouterr().out
+    for name in registry.load_commands().commands:
+        assert name in printed
+    assert "dry-run" in printed
+    assert "dimensionality-reduction" in printed
+
+
+def test_bash_completes(capsys):
+    completion("bash")
+    script = capsys.readouterr().out + 'COMP_WORDS=(palpate run --dr); COMP_CWORD=2; _palpate; echo "${COMPREPLY[@]}"\n'
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, timeout=60)
+    assert done.stdout.split() == ["--dry-run"], done.stderr
+
+
+def test_a_shell_that_is_none():
+    with pytest.raises(ConfigurationError, match="there is no completion for 'sh'"):
+        completion("sh")

@@ -1,0 +1,69 @@
+"""Every block of code in the documents: pipelines against the schema, Python compiled, commands against what there is.
+
+The blocks of plugins/*/README.md are run by test_plugin_readmes, those of docs/tutorials when the site is built.
+"""
+
+import re
+import shlex
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+import typer
+from palpate.host import function_of, registry
+from palpate_basics.schema import pipeline_schema
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def blocks(*kinds):
+    found = []
+    for page in PAGES:
+        for number, (kind, text) in enumerate(BLOCK.findall(page.read_text())):
+            if kind in kinds:
+                found.append(pytest.param(text, id=f"{page.name}-{number}"))
+    return found
+
+
+def without_required(schema: Any) -> Any:
+    """A block may be a part of a pipeline."""
+    if isinstance(schema, dict):
+        return {key: without_required(value) for key, value in schema.items() if key != "required"}
+    return [without_required(item) for item in schema] if isinstance(schema, list) else schema
+
+
+@pytest.fixture(scope="module")
+def validator():
+    return jsonschema.Draft202012Validator(without_required(pipeline_schema(registry.load())))
+
+
+@pytest.mark.parametrize("text", blocks("toml"))
+def test_pipelines_are_what_the_schema_allows(text, validator):
+    mistakes = [f"{list(error.absolute_path)}: {error.message}" for error in validator.iter_errors(tomllib.loads(text))]
+    assert not mistakes
+
+
+@pytest.mark.parametrize("text", blocks("python"))
+def test_python_is_python(text):
+    compile(text, "block", "exec")
+
+
+def options(name):
+    app = typer.Typer(add_completion=False)
+    app.command(name=name)(function_of(registry.load_commands().command(name)))
+    return {option for parameter in typer.main.get_command(app).params for option in parameter.opts} | {"--help", "-h"}
+
+
+@pytest.mark.parametrize("text", blocks("sh", "bash"))
+def test_commands_and_their_options_are_there(text):
+    for line in text.replace("\\\n", " ").splitlines():
+        for call in re.findall(r"(?:^|&&|\||;)\s*(?:\S*/)?palpate ([^|&;]*)", line.partition(" #")[0]):
+            words = [word for word in shlex.split(call) if word != "--no-plugins"]
+            if words and not words[0].startswith("-"):
+                known = options(words[0])
+                given = {word.partition("=")[0] for word in words[1:] if re.match(r"--?[a-z]", word)}
+                assert given <= known, (words[0], given - known)
