@@ -32,10 +32,10 @@ def _plainly(error: UnicodeError) -> tuple[str | bytes, int]:
 codecs.register_error("palpate-plain", _plainly)
 
 
-def printable(text: str) -> str:
+def _harmless(text: str) -> str:
     r"""A text with its control characters written out.
 
-    >>> printable("a\x1b]0;b")
+    >>> _harmless("a\x1b]0;b")
     'a\\x1b]0;b'
     """
     return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
@@ -57,7 +57,7 @@ class _Harmless:
         if not text:
             return 0
         parts = _OWN.split(text) if self._stream.isatty() else [text]
-        safe = "".join(part if i % 2 else printable(part) for i, part in enumerate(parts))
+        safe = "".join(part if i % 2 else _harmless(part) for i, part in enumerate(parts))
         with self._told():
             self._stream.write(safe)
         return len(text)

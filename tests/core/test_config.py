@@ -57,7 +57,7 @@ def test_every_mistake_is_shown_at_once_with_its_line(point_pipeline):
         ("alignment.velocity=rig.tip.z", "'rig.tip.z' is in m, but velocity is wanted in m/s"),
         ("alignment.force.sign=2", "2 is not allowed"),
         ("alignment.tare=sometimes", "is none of"),
-        ("alignment.tip_mass=-1 g", "must be greater than 0"),
+        ("alignment.tip_mass=-1 g", "must be greater than or equal to 0"),
         ("device.rig.specimen.model=nope", "there is no [model.nope]"),
         ("device.rig.specimen.elasticity=5 mm", "elasticity: '5 mm' is a length, not a pressure"),
         ("device.rig.specimen.elastisity=5 kPa", "parameter 'elastisity' is unknown"),

@@ -121,36 +121,20 @@ def load_pipeline(path: Path, overrides: Iterable[str] = (), estimates: bool = T
 
 def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
     """The pipeline in a source; raises like `load_pipeline`."""
-    tables, base = source.tables, source.path.parent
-    renamed = migrate(source, MIGRATIONS)
-    first = Builder(tables, Registry({}), base)
-    run = first.settings(RunSettings, ("run",))
-    demand_trust(run.plugins if run else (), base)
-    registry = registries.load(run.plugins if run else ())
-    renamed += migrate(source, registry.migrations)
-    builder = Builder(tables, registry, base)
-    builder.mistakes += first.mistakes + unknown_tables(tables, registry)
-    alignment = None
-    if "alignment" in tables:
-        alignment = builder.settings(AlignmentSettings, ("alignment",))
-    else:
-        builder.mistakes.append(Mistake((), "the table [alignment] is missing: it says which channel is the force"))
+    tables = source.tables
+    builder, registry, run, renamed = _begun(source)
+    stated = builder.settings(AlignmentSettings, ("alignment",)) if "alignment" in tables else None
     extra = {name: builder.settings(part, (name,)) for name, part in registry.tables.items() if name in tables}
     safety = builder.settings(SafetySettings, ("safety",)) if "safety" in tables else None
     kinds = {kind: builder.parts(kind) for kind in registry.parts}
-    builder.mistakes += _missing_kinds(tables, registry, ("device", "model", "estimator") if estimates else ("device",))
-    if alignment and isinstance(tables.get("device"), dict) and len(kinds["device"]) == len(tables["device"]):
-        wrong = wrong_channels(alignment, kinds["device"])
-        builder.mistakes += wrong or wrong_wiring(ports_of(alignment, kinds["device"]), safety)
-    stated = alignment
-    use, problems = _calibration(run, alignment) if estimates else (None, [])
-    builder.mistakes += problems
-    if use and alignment:
-        alignment = use.alignment(alignment)
+    builder.mistakes += _missing(tables, registry, ("device", "model", "estimator") if estimates else ("device",))
+    builder.mistakes += _wrong_signals(tables, stated, kinds["device"], safety)
+    use, problems = _calibration(run, stated) if estimates else (None, [])
+    builder.mistakes += [*problems, *_wrong_uncertainties(run, kinds["model"])]
+    alignment = stated
+    if use and stated:
+        alignment = use.alignment(stated)
         kinds["estimator"] = {name: use.estimator(part) for name, part in kinds["estimator"].items()}
-    if run:
-        unknown = unknown_sources(kinds["model"], run.uncertainties) if kinds["model"] else {}
-        builder.mistakes += [Mistake(("run", "uncertainties", name), problem) for name, problem in unknown.items()]
     tracks, lost = _tracks(run or RunSettings(), kinds["model"], kinds["estimator"])
     if estimates and not builder.mistakes:
         builder.mistakes += lost
@@ -160,6 +144,7 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
     raise_mistakes(builder.mistakes, source)
     registry.demand_sound(kinds)
     assert alignment is not None
+    assert run is not None
     return Pipeline(
         path=source.path,
         text=source.text,
@@ -180,6 +165,37 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
         stated=stated,
         renamed=renamed,
     )
+
+
+def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None, tuple[Flag, ...]]:
+    """A source in the names of today, with the plugins that it asks for; its builder, and what was renamed."""
+    tables, base = source.tables, source.path.parent
+    renamed = migrate(source, MIGRATIONS)
+    first = Builder(tables, Registry({}), base)
+    run = first.settings(RunSettings, ("run",))
+    demand_trust(run.plugins if run else (), base)
+    registry = registries.load(run.plugins if run else ())
+    renamed += migrate(source, registry.migrations)
+    builder = Builder(tables, registry, base)
+    builder.mistakes += first.mistakes + unknown_tables(tables, registry)
+    return builder, registry, run, renamed
+
+
+def _wrong_signals(
+    tables: Mapping[str, Any],
+    alignment: AlignmentSettings | None,
+    devices: Mapping[str, Device],
+    safety: SafetySettings | None,
+) -> list[Mistake]:
+    """Channels that are none, and wires that cannot be; nothing where not all devices could be built."""
+    if not alignment or not isinstance(tables.get("device"), dict) or len(devices) != len(tables["device"]):
+        return []
+    return wrong_channels(alignment, devices) or wrong_wiring(ports_of(alignment, devices), safety)
+
+
+def _wrong_uncertainties(run: RunSettings | None, models: Mapping[str, ContactModel]) -> list[Mistake]:
+    unknown = unknown_sources(models, run.uncertainties) if run and models else {}
+    return [Mistake(("run", "uncertainties", name), problem) for name, problem in unknown.items()]
 
 
 def build_parts(source: Source, kind: str, registry: Registry | None = None) -> dict[str, Any]:
@@ -219,9 +235,10 @@ def _calibration(
     return CalibrationUse(calibration, str(run.calibration), run.calibration_valid), []
 
 
-def _missing_kinds(tables: Mapping[str, Any], registry: Registry, needed: tuple[str, ...]) -> list[Mistake]:
+def _missing(tables: Mapping[str, Any], registry: Registry, needed: tuple[str, ...]) -> list[Mistake]:
     missing = [kind for kind in needed if not tables.get(kind)]
-    return [
+    alignment = Mistake((), "the table [alignment] is missing: it says which channel is the force")
+    return [alignment] * ("alignment" not in tables) + [
         Mistake(
             (), f"a pipeline needs at least one [{kind}.*] table (there are: {', '.join(sorted(registry.parts[kind]))})"
         )

@@ -155,31 +155,39 @@ def _default(value: Any, metadata: list[Any]) -> str:
     return f"default {value:.6g}{unit}" if isinstance(value, float) else f"default {json.dumps(value, default=str)}"
 
 
+_PLAIN = {float: "number", int: "whole number", str: "text", bool: "true or false", Path: "path"}
+
+
 def _type(annotation: Any, metadata: list[Any]) -> str:
-    for item in metadata:
-        if isinstance(item, Quantity):
-            return dimension(item.unit)
-    kind = part_kind(annotation)
+    """What may be written for a field, in words."""
+    quantity = next((item for item in metadata if isinstance(item, Quantity)), None)
+    if quantity is not None:
+        return dimension(quantity.unit)
+    kind, nested = part_kind(annotation), nested_settings(annotation)
     if kind is not None:
         return f"name of a [{kind}.*] or a table"
-    nested = nested_settings(annotation)
     if nested is not None:
         return f"table {nested.__name__.lower()}"
+    if getattr(annotation, "__metadata__", None):
+        return _type(annotation.__origin__, list(annotation.__metadata__))
+    return _of_several(annotation) or _PLAIN.get(annotation, "value")
+
+
+def _of_several(annotation: Any) -> str:
+    """A type that is made of others, in words; empty for one that is not."""
+    origin = typing.get_origin(annotation)
     arguments = tuple(argument for argument in typing.get_args(annotation) if argument is not type(None))
-    if typing.get_origin(annotation) is dict:
+    if origin is dict:
         return f"table of names, each a {_type(arguments[1], [])}"
-    if typing.get_origin(annotation) is typing.Literal:
+    if origin is typing.Literal:
         return " or ".join(json.dumps(choice) for choice in arguments)
     for argument in arguments:  # optional quantities carry their unit inside the union
         if getattr(argument, "__metadata__", None):
             return _type(argument.__origin__, list(argument.__metadata__))
-    if getattr(annotation, "__metadata__", None):
-        return _type(annotation.__origin__, list(annotation.__metadata__))
-    if len(arguments) == 1 and annotation not in (dict, tuple) and typing.get_origin(annotation) is not tuple:
+    if origin is tuple:
+        return "list"
+    if len(arguments) == 1:
         return _type(arguments[0], [])
-    if arguments and typing.get_origin(annotation) in (typing.Union, types.UnionType):
+    if origin in (typing.Union, types.UnionType):
         return " or ".join(_type(argument, []) for argument in arguments)
-    words = {float: "number", int: "whole number", str: "text", bool: "true or false", Path: "path"}
-    if annotation in words:
-        return words[annotation]
-    return "list" if typing.get_origin(annotation) is tuple else "value"
+    return ""

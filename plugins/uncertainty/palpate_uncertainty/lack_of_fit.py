@@ -133,14 +133,11 @@ def _table(found: Tested) -> Diagnosed:
 def _explained(track: TrackEvidence, found: Tested, base: _Base) -> Diagnosed:
     """What the pattern says of the reason, and by how much each parameter may be off for it."""
     first = base.test(base.fit.residual)
-    if first.p >= LEVEL:  # the model is right, and what is amiss is how far the track is from it
-        others = [(base.fit, first)]
-    else:
-        others = [(other, base.test(other.residual)) for other in alternatives(base.course, base.fit)]
+    others = _others(base, first)
     left = {other.reason: _ratio(test.misfit, first.misfit) for other, test in others if other.reason}
     removing = [other for other, test in others if _removes(test, first)]
     naming = [other for other, _ in others if left.get(other.reason, 1.0) < _NAMED]
-    shifts = np.max([np.max(np.abs(o.candidates - track.values), axis=0) for o in removing or naming or [base.fit]], 0)
+    shifts = _shifts(track, removing or naming or [base.fit])
     if not removing:
         shifts = np.maximum(shifts, _by_size(base, first.misfit))
     # Without a standstill it may be the channel's noise after all, where no alternative takes anything of it.
@@ -155,17 +152,31 @@ def _explained(track: TrackEvidence, found: Tested, base: _Base) -> Diagnosed:
         "reasons": reasons,
         "explained": bool(removing),
         "left": left,
-        "alternatives": {
-            other.reason: {name: other.candidates[:, i].tolist() for i, name in enumerate(names)}
-            for other, _ in others
-            if other.reason
-        },
+        "alternatives": _values(names, [other for other, _ in others]),
     }
     if not matters:
         return Diagnosed(table=table)
     text = _sentence(found, reasons, bool(removing), known, dict(zip(names, effects.tolist(), strict=True)))
     terms = dict(zip(names, shifts.tolist(), strict=True)) if known else {}
     return Diagnosed((Flag("lack-of-fit", text),), terms, frozenset() if known else frozenset(names), table)
+
+
+def _others(base: _Base, first: Tested) -> list[tuple[Refit, Tested]]:
+    """What else the record may be, tested; the model as it is where that is right and the track is far from it."""
+    if first.p >= LEVEL:
+        return [(base.fit, first)]
+    return [(other, base.test(other.residual)) for other in alternatives(base.course, base.fit)]
+
+
+def _shifts(track: TrackEvidence, others: Sequence[Refit]) -> Floats:
+    """How far (k,) the parameters may be from what some refits say."""
+    return np.asarray(np.max([np.max(np.abs(other.candidates - track.values), axis=0) for other in others], 0))
+
+
+def _values(names: Sequence[str], others: Sequence[Refit]) -> dict[str, dict[str, list[float]]]:
+    """Every value of each parameter by the reason that makes it."""
+    named = [other for other in others if other.reason]
+    return {other.reason: {name: other.candidates[:, i].tolist() for i, name in enumerate(names)} for other in named}
 
 
 def _ratio(part: float, whole: float) -> float:

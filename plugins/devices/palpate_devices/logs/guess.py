@@ -121,6 +121,30 @@ class Search:
 
     def found(self) -> Found | None:
         """The best roles; None where nothing can be a force or a position."""
+        pairs = self._pairs()
+        if not pairs:
+            return None
+        _, p, f = pairs[0]
+        p = self._measured(p, f)
+        law, speed = self._law(p, f), self._velocity(p, f)
+        picks = {
+            "force": self._pick("force", f, {k: s for s, _, k in reversed(pairs)}, law),
+            "position": self._pick("position", p, {k: s for s, k, other in reversed(pairs) if other == f}, law),
+        }
+        told = any(self._series[k].why for k in (p, f))
+        gain, share = self._moves(p, speed)
+        if speed is not None:
+            rivals = {k: d.share for (place, k), d in self._rates.items() if place == p}
+            picks["velocity"] = self._pick("velocity", speed, rivals, None)
+            told = told or share > _CERTAIN  # else its witness is a guess
+        else:
+            told = told or any(place == p for place, _ in self._rates)
+        if not told:  # force over position looks much as position over force
+            picks = {role: replace(pick, sure=False) for role, pick in picks.items()}
+        return Found(picks, self._signs(p, f, law, gain), gain, law)
+
+    def _pairs(self) -> list[tuple[float, int, int]]:
+        """Score, position and force of every pair of columns that may be that, the best first."""
         rates = {v for _, v in self._rates}
         free = "force" not in self._chosen
         pairs = [
@@ -129,29 +153,14 @@ class Search:
             for f in self._may("force")
             if p != f and not (free and self._series[f].role is None and (f in rates or self._same(p, f)))
         ]
-        if not pairs:
-            return None
-        pairs.sort(key=lambda pair: -pair[0])
-        _, p, f = pairs[0]
-        p = self._measured(p, f)
-        law = self._law(p, f)
-        speed = self._velocity(p, f)
-        told = any(self._series[k].why for k in (p, f)) or any(place == p for place, _ in self._rates)
-        picks = {
-            "force": self._pick("force", f, {k: s for s, _, k in reversed(pairs)}, law),
-            "position": self._pick("position", p, {k: s for s, k, other in reversed(pairs) if other == f}, law),
-        }
-        if not told:  # force over position looks much as position over force
-            picks = {role: replace(pick, sure=False) for role, pick in picks.items()}
-        gain = None
-        if speed is not None:
-            gain = self._rates[p, speed].gain if (p, speed) in self._rates else self._gain(p, speed)
-            rivals = {k: d.share for (place, k), d in self._rates.items() if place == p}
-            picks["velocity"] = self._pick("velocity", speed, rivals, None)
-            share = self._rates[p, speed].share if (p, speed) in self._rates else 0.0
-            if not (share > _CERTAIN or any(self._series[k].why for k in (p, f))):
-                picks = {role: replace(pick, sure=False) for role, pick in picks.items()}  # its witness is a guess
-        return Found(picks, self._signs(p, f, law, gain), gain, law)
+        return sorted(pairs, key=lambda pair: -pair[0])
+
+    def _moves(self, p: int, speed: int | None) -> tuple[float | None, float]:
+        """By what factor a velocity is the slope of a position, and the share of it that this explains."""
+        if speed is None:
+            return None, 0.0
+        rate = self._rates.get((p, speed))
+        return (rate.gain, rate.share) if rate is not None else (self._gain(p, speed), 0.0)
 
     def _measured(self, p: int, f: int) -> int:
         """Of positions that serve as well, the rougher one: a setpoint is smoother than any measurement."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -39,36 +39,39 @@ def suggestion_for(container: Container, path: Path, kind: str, choices: Mapping
     chosen = {role: _chosen(role, choices[role], series, looked, path) for role in ROLES if role in choices}
     found = searched([s for s in series if s.role != "other"], chosen)
     if found is None:
-        known = ", ".join(printable(s.label) for s in series[:_NAMED])
-        raise LogError(
-            f"{path}: no two numbers can be force and position; choose with --force TOPIC:FIELD and --position "
-            f"(there are: {known or 'no numbers'}{', ...' if len(series) > _NAMED else ''})"
-        )
+        raise LogError(f"{path}: {_nothing_found(series)}")
     keys = {role: pick.series.key for role, pick in found.picks.items()}
     names = dict(zip(*_streams([topic for topic, _ in keys.values()]), strict=True))
     units = {role: pick.series.unit or roles.UNITS[role] for role, pick in found.picks.items()}
     extra: dict[str, list[str]] = {"reasons": [], "doubts": []}
     _guess_units(found, units, extra["doubts"])
-    device: dict[str, Any] = {
-        "type": kind,
-        "file": str(path),
-        "signals": {
-            role: {"topic": topic, **_field(name), "unit": units[role]} for role, (topic, name) in keys.items()
-        },
-    }
-    end = _last_contact(found.picks["force"].series, found.signs["force"].value)
-    if end is not None:
-        device["end"] = f"{end:.1f} s"
-        extra["reasons"].append(
-            f"end: the result is what a filter says at the end, and after {end:.1f} s the load is gone"
-        )
-    clock = _clock(keys, looked)
-    if clock is not None:
-        device["time"] = {**_field(clock), "unit": "s"}
-        extra["reasons"].append(f"time: {clock} (runs with the clock of the recorder)")
+    signals = {role: {"topic": topic, **_field(name), "unit": units[role]} for role, (topic, name) in keys.items()}
+    device: dict[str, Any] = {"type": kind, "file": str(path), "signals": signals}
+    device |= dict(_times(found, keys, looked, extra["reasons"]))
     channels = {role: f"log.{names[topic]}.{role}" for role, (topic, _) in keys.items()}
     factors = {role: si_unit(unit)[1] for role, unit in units.items()}
     return assembled(found, device, channels, factors, extra)
+
+
+def _nothing_found(series: Sequence[Series]) -> str:
+    known = ", ".join(printable(s.label) for s in series[:_NAMED]) or "no numbers"
+    more = ", ..." if len(series) > _NAMED else ""
+    choose = "choose with --force TOPIC:FIELD and --position"
+    return f"no two numbers can be force and position; {choose} (there are: {known}{more})"
+
+
+def _times(
+    found: Found, keys: Mapping[str, tuple[str, str]], looked: Looked, reasons: list[str]
+) -> Iterator[tuple[str, Any]]:
+    """Keys of the device that say until when it is read, and by which clock."""
+    end = _last_contact(found.picks["force"].series, found.signs["force"].value)
+    if end is not None:
+        reasons.append(f"end: the result is what a filter says at the end, and after {end:.1f} s the load is gone")
+        yield "end", f"{end:.1f} s"
+    clock = _clock(keys, looked)
+    if clock is not None:
+        reasons.append(f"time: {clock} (runs with the clock of the recorder)")
+        yield "time", {**_field(clock), "unit": "s"}
 
 
 def _guess_units(found: Found, units: dict[str, str], doubts: list[str]) -> None:

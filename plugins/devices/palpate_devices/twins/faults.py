@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from palpate_devices.twins.scene import begun_at, softened
 
 if TYPE_CHECKING:
     from palpate_devices.twins.bench import World
+
+Words = list[str]
+Action = Callable[[Any, Words], object]  # on a World
 
 FAULTS = {
     "protective-stop": "the robot stops as after a collision; the program is paused",
@@ -60,98 +64,94 @@ FAULTS = {
 }
 
 
+def _set(part: str, name: str, value: Any) -> Action:
+    """The action that sets a name of a part of the world, such as its sensor."""
+    return lambda world, _: setattr(getattr(world, part), name, value)
+
+
+def _sensor_fault(fault: str) -> Action:
+    return _set("sensor", "fault", fault)
+
+
+def _stalled(world: World, words: Words) -> None:
+    world.stalled_until = time.monotonic() + float(words[0])
+
+
+def _sound(world: World, _: Words) -> None:
+    world.sensor.fault, world.sensor.corruption = None, 0.0
+
+
+def _turned(world: World, words: Words) -> None:
+    x, y, z = (float(word) for word in words)
+    world.down = (x, y, z)
+
+
+def _begun(world: World, words: Words) -> None:
+    world.settings = begun_at(world.settings, [float(word) for word in words])
+
+
+def _softened(world: World, words: Words) -> None:
+    world.settings = softened(world.settings, float(words[0]))
+
+
+# What each line does; those that answer something of their own are not among them.
+_ACTIONS: dict[str, Action] = {
+    "protective-stop": lambda world, _: world.controller.protective_stop(),
+    "emergency-stop": lambda world, _: world.controller.emergency_stop(),
+    "safeguard-stop": lambda world, _: world.controller.protective_stop(safeguard=True),
+    "pause-program": lambda world, _: world.controller.pause(),
+    "stop-program": lambda world, _: world.controller.end_program(),
+    "freeze": _set("ports", "frozen", True),
+    "thaw": _set("ports", "frozen", False),
+    "stuck-pose": lambda world, _: world.controller.stick(),
+    "nan-pose": _set("controller", "no_number", True),
+    "jam": lambda world, _: setattr(world.controller.arm, "jammed", True),
+    "mute-control": _set("ports", "control_mute", True),
+    "mark": lambda world, _: world.truth.mark(),
+    "trace": lambda world, words: world.truth.write(words[0]),
+    "half": _set("ports", "halved", True),
+    "message": lambda world, _: world.ports.say("a text between two states"),
+    "refuse-start": _set("controller", "refuses_start", True),
+    "lack": lambda world, words: setattr(world.controller, "unknown_output", words[0]),
+    "deaf": _set("controller", "deaf", True),
+    "local": _set("controller", "remote", False),
+    "no-port": lambda world, words: world.ports.shut(int(words[0])),
+    "no-greeting": _set("ports", "greets_not", True),
+    "mute": _set("ports", "mute", True),
+    "slow": lambda world, words: setattr(world.sensor, "reply_time", float(words[0])),
+    "lumps": lambda world, words: setattr(world.sensor, "lump_time", float(words[0])),
+    "stall": _stalled,
+    "close": lambda world, _: world.ports.disconnect(reset=False),
+    "reset": lambda world, _: world.ports.disconnect(reset=True),
+    "gone": lambda world, _: world.ports.close(),
+    "unplug": lambda world, _: world.sensor.unplug(),
+    "plug-in": lambda world, _: world.sensor.plug_in(),
+    "reboot": lambda world, _: world.sensor.reboot(world.controller.now),
+    **{name: _sensor_fault(name) for name in ("silent", "overrange", "saturated", "raw", "throttled")},
+    "sound": _sound,
+    "corrupt": lambda world, words: setattr(world.sensor, "corruption", float(words[0])),
+    "refuse": lambda world, words: world.sensor.refuse(words[0]),
+    "sign": lambda world, _: setattr(world.sensor, "sign", -world.sensor.sign),
+    "turn": _turned,
+    "start": _begun,
+    "elasticity": _softened,
+    "restore": lambda world, _: world.restore(),
+    "quit": lambda world, _: None,
+}
+_NUMBERS = {"turn": "three numbers", "start": "six numbers"}  # that an action wants; others one
+
+
 def apply_fault(world: World, words: list[str]) -> str:
     """Do what a line says; answer with the host's monotonic time, or with what is wrong with it."""
-    name, argument = words[0], words[1] if len(words) > 1 else ""
-    controller, ports, sensor = world.controller, world.ports, world.sensor
+    name, given = words[0], words[1:]
+    if name == "state":
+        return _state(world)
+    if name not in _ACTIONS:
+        return f"unknown: {name}; help lists what there is"
     try:
-        match name:
-            case "protective-stop":
-                controller.protective_stop()
-            case "emergency-stop":
-                controller.emergency_stop()
-            case "safeguard-stop":
-                controller.protective_stop(safeguard=True)
-            case "pause-program":
-                controller.pause()
-            case "stop-program":
-                controller.end_program()
-            case "freeze" | "thaw":
-                ports.frozen = name == "freeze"
-            case "stuck-pose":
-                controller.stick()
-            case "nan-pose":
-                controller.no_number = True
-            case "jam":
-                controller.arm.jammed = True
-            case "mute-control":
-                ports.control_mute = True
-            case "mark":
-                world.truth.mark()
-            case "trace":
-                world.truth.write(argument)
-            case "half":
-                ports.halved = True
-            case "message":
-                ports.say("a text between two states")
-            case "refuse-start":
-                controller.refuses_start = True
-            case "lack":
-                controller.unknown_output = argument
-            case "deaf":
-                controller.deaf = True
-            case "local":
-                controller.remote = False
-            case "no-port":
-                ports.shut(int(argument))
-            case "no-greeting":
-                ports.greets_not = True
-            case "mute":
-                ports.mute = True
-            case "slow":
-                sensor.reply_time = float(argument)
-            case "lumps":
-                sensor.lump_time = float(argument)
-            case "stall":
-                world.stalled_until = time.monotonic() + float(argument)
-            case "close" | "reset":
-                ports.disconnect(reset=name == "reset")
-            case "gone":
-                ports.close()
-            case "unplug":
-                sensor.unplug()
-            case "plug-in":
-                sensor.plug_in()
-            case "reboot":
-                sensor.reboot(controller.now)
-            case "silent" | "overrange" | "saturated" | "raw" | "throttled":
-                sensor.fault = name
-            case "sound":
-                sensor.fault, sensor.corruption = None, 0.0
-            case "corrupt":
-                sensor.corruption = float(argument)
-            case "refuse":
-                sensor.refuse(argument)
-            case "sign":
-                sensor.sign = -sensor.sign
-            case "turn":
-                x, y, z = (float(word) for word in words[1:])
-                world.down = (x, y, z)
-            case "start":
-                world.settings = begun_at(world.settings, [float(word) for word in words[1:]])
-            case "elasticity":
-                world.settings = softened(world.settings, float(argument))
-            case "restore":
-                world.restore()
-            case "state":
-                return _state(world)
-            case "quit":
-                pass
-            case _:
-                return f"unknown: {name}; help lists what there is"
+        _ACTIONS[name](world, given or [""])
     except ValueError:
-        wanted = {"turn": "three numbers", "start": "six numbers"}.get(name, "a number")
-        return f"{name} wants {wanted}, not {' '.join(words[1:])!r}"
+        return f"{name} wants {_NUMBERS.get(name, 'a number')}, not {' '.join(given)!r}"
     return f"done {time.monotonic():.6f} {name}"
 
 

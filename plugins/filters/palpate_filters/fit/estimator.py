@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, ClassVar, Literal
 
 from palpate import ConfigurationError, Estimator, Force, Problem, Time, Tracker
@@ -91,27 +92,27 @@ class CasadiFit(Estimator):
         """A tracker that wants the whole record at once; raises ConfigurationError where the settings contradict."""
         from palpate_filters.fit.tracker import FitTracker
 
-        windows = parse_segment(self.segment)
-        if self.contact_point != "free" and ("surface" in self.fixed or "surface" in self.bounds):
-            self._refuse(
-                f'contact_point = "{self.contact_point}" finds the surface, so it can be neither fixed nor bounded'
-            )
-        if self.solver == "varpro" and (self.loss != "linear" or "delay" in (self.unknowns or ())):
-            self._refuse('solver "varpro" needs loss = "linear" and no unknown delay; take "trf" or "auto"')
-        if self.solver == "ipopt" and problem.model.memory:
-            self._refuse('solver "ipopt" does not take models with memory; take "trf" or "auto"')
-        if problem.tip_mass is None and "tip_mass" in self.systematic and "tip_mass" not in self.fixed:
-            self._refuse("systematic: tip_mass has an uncertainty but no value: set [alignment] tip_mass")
+        windows, wanted = parse_segment(self.segment), self.unknowns or ()
+        for contradiction in self._contradictions(problem):
+            raise ConfigurationError(f"estimator casadi-fit: {contradiction}")
         fixed: dict[str, Any] = dict(self.fixed)
-        if "tip_mass" not in fixed and "tip_mass" not in (self.unknowns or ()):
+        if "tip_mass" not in fixed and "tip_mass" not in wanted:
             fixed["tip_mass"] = problem.tip_mass or 0.0
-        unknowns = unknowns_of(problem.model, self.unknowns or (), fixed, self.start_at, self.bounds)
+        unknowns = unknowns_of(problem.model, wanted, fixed, self.start_at, self.bounds)
         sources = sources_of(problem.model, self.systematic)
         for source in sources:
-            if source.name in (self.unknowns or ()):
-                self._refuse(f"systematic: {source.name} is an unknown of the fit, which finds its uncertainty itself")
+            if source.name in wanted:
+                known = f"systematic: {source.name} is an unknown of the fit, which finds its uncertainty itself"
+                raise ConfigurationError(f"estimator casadi-fit: {known}")
         return FitTracker(self, problem, windows, unknowns, sources)
 
-    @staticmethod
-    def _refuse(problem: str) -> None:
-        raise ConfigurationError(f"estimator casadi-fit: {problem}")
+    def _contradictions(self, problem: Problem) -> Iterator[str]:
+        """Settings that exclude one another, or what the problem lacks for them."""
+        if self.contact_point != "free" and ("surface" in self.fixed or "surface" in self.bounds):
+            yield f'contact_point = "{self.contact_point}" finds the surface, so it can be neither fixed nor bounded'
+        if self.solver == "varpro" and (self.loss != "linear" or "delay" in (self.unknowns or ())):
+            yield 'solver "varpro" needs loss = "linear" and no unknown delay; take "trf" or "auto"'
+        if self.solver == "ipopt" and problem.model.memory:
+            yield 'solver "ipopt" does not take models with memory; take "trf" or "auto"'
+        if problem.tip_mass is None and "tip_mass" in self.systematic and "tip_mass" not in self.fixed:
+            yield "systematic: tip_mass has an uncertainty but no value: set [alignment] tip_mass"

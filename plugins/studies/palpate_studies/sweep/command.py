@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
@@ -43,9 +43,6 @@ def sweep(
     points: Points = None,
 ) -> None:
     """Run a pipeline with every combination of the settings in its [sweep] table; write sweep.csv and sweep.json."""
-    from rich.console import Console
-    from rich.progress import Progress
-
     source = _source(file, overrides or [])
     combinations = combinations_of(source)
     if out is None or not (out / "sweep.toml").is_file():
@@ -53,6 +50,30 @@ def sweep(
     folder = _folder(source, out)
     planned = _planned(source, combinations, overrides or [], folder)
     found = {job.number: done for job in planned if (done := finished(job)) is not None}
+    earlier = len(found)
+    _carry_out(planned, found, jobs)
+    rows = [row for job in planned if job.number in found for row in rows_of(job, found[job.number])]
+    write_rows(folder, rows)
+    failed = _tell_failures(found)
+    if len(found) < len(planned):
+        typer.echo(f"stopped after {len(found)} of {len(planned)} combinations; go on with --out {folder}", err=True)
+        raise typer.Exit(130)
+    if failed < len(planned):
+        terminal().print(best_rows(rows).view())
+    before = f", {earlier} found in the folder" if earlier else ""
+    typer.echo(f"{len(planned)} combinations, {failed} failed{before}: {folder / 'sweep.csv'}")
+    if failed == len(planned):
+        raise typer.Exit(1)
+    if picture or points is not None:
+        runs = _runs(planned)
+        analysis("curves")(list(runs.values()), list(runs), points, folder / "sweep.png")
+
+
+def _carry_out(planned: Sequence[Job], found: dict[int, dict[str, Any]], jobs: int | None) -> None:
+    """Run what is not `found` yet, until all is done or somebody stops it."""
+    from rich.console import Console
+    from rich.progress import Progress
+
     rest = [job for job in planned if job.number not in found]
     console = Console(stderr=True, markup=False, emoji=False)
     with Progress(console=console, disable=not console.is_terminal, transient=True) as bar:
@@ -60,30 +81,17 @@ def sweep(
         with closing(on_all_cores(rest, jobs)) as running:
             for job, result in running:
                 if "interrupted" in result:
-                    break
+                    return
                 found[job.number] = result
                 bar.advance(task)
-    rows = [row for job in planned if job.number in found for row in rows_of(job, found[job.number])]
-    write_rows(folder, rows)
+
+
+def _tell_failures(found: Mapping[int, dict[str, Any]]) -> int:
+    """Say which combinations failed, and why; how many."""
     failures = {number: result["error"] for number, result in sorted(found.items()) if "error" in result}
     for number, reason in failures.items():
         typer.echo(f"combination {number} failed: {reason}", err=True)
-    if len(found) < len(planned):
-        typer.echo(f"stopped after {len(found)} of {len(planned)} combinations; go on with --out {folder}", err=True)
-        raise typer.Exit(130)
-    if len(failures) < len(planned):
-        terminal().print(best_rows(rows).view())
-    failed, earlier = len(failures), len(planned) - len(rest)
-    typer.echo(
-        f"{len(planned)} combinations, {failed} failed"
-        + (f", {earlier} found in the folder" if earlier else "")
-        + f": {folder / 'sweep.csv'}"
-    )
-    if failed == len(planned):
-        raise typer.Exit(1)
-    if picture or points is not None:
-        runs = _runs(planned)
-        analysis("curves")(list(runs.values()), list(runs), points, folder / "sweep.png")
+    return len(failures)
 
 
 def _planned(source: Source, combinations: Sequence[dict[str, Any]], overrides: list[str], folder: Path) -> list[Job]:
