@@ -138,7 +138,7 @@ def _quiet(values: Floats, runs: Runs) -> tuple[Floats, float]:
     pieces = np.split(values, np.flatnonzero(np.diff(runs)) + 1)
     smooth, left = values, 0.0
     for width in _WINDOWS:
-        tried = np.concatenate([savgol_filter(p, width, 3) if len(p) >= width else p for p in pieces])
+        tried = np.concatenate([np.asarray(savgol_filter(p, width, 3)) if len(p) >= width else p for p in pieces])
         taken = np.convolve(values - tried, np.ones(width) / width, "valid")  # what is slow in it was signal
         if float(np.mean(taken**2)) > (_BENT**2 + 2.0 / width) * noise**2:
             break
