@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.config import Pipeline, load_pipeline
 from palpate.errors import ConfigurationError
-from palpate.result import ONLINE, RESOLVED, RunFolder
+from palpate.result import ONLINE, RunFolder
 from palpate.trajectory import Resumable, Trajectory
 
 _CAUTION = 0.5  # [s]; what ended this much before the record did is taken for finished
@@ -33,7 +33,7 @@ def remaining_pipeline(folder: Path) -> Pipeline | None:
     recorded_pipeline(folder)
     left: list[tuple[Path, Pipeline, Trajectory]] = []
     for part in run.parts:
-        if not (part.path / RESOLVED).is_file():
+        if not part.began:
             continue  # ended before it began
         pipeline = recorded_pipeline(part.path)
         if len(pipeline.trajectories) != 1:
