@@ -1,8 +1,9 @@
-"""A long live run against the twins: memory, clocks, losses. ``python benchmarks/soak.py --minutes 30``.
+"""A long live run against the twins: memory, clocks, losses. ``python benchmarks/soak.py --minutes 30 -o soak.jsonl``.
 
-It ends with a verdict, and with exit code 1 where one is bad: memory must not rise over the last four fifths of the
-time, nothing may be lost or left waiting, and both devices' clocks must stay with the host's as they say. All of it
-depends on the machine as well, which is why it is no test; a quiet one passes.
+The file gets a line with the memory as time goes by and, at the end, the table; Ctrl-C ends the run, and what it was
+until then is judged. It ends with a verdict, and with exit code 1 where one is bad: memory must not rise over the last
+four fifths of the time, nothing may be lost or left waiting, and both devices' clocks must stay with the host's as they
+say. All of it depends on the machine as well, which is why it is no test; a quiet one passes.
 """
 
 from __future__ import annotations
@@ -51,13 +52,21 @@ def memory_of(pid: int) -> tuple[int, int]:
     return len(found), sum(found)
 
 
-def watch(job: subprocess.Popen[bytes], interval: float) -> list[tuple[float, int, int]]:
-    """Time [s], processes and memory [kB], until the job ends."""
+def watch(job: subprocess.Popen[bytes], interval: float, file: Path) -> list[tuple[float, int, int]]:
+    """Time [s], processes and memory [kB], until the job ends; Ctrl-C, which it hears as well, ends it sooner."""
     began, seen = time.monotonic(), []
     while job.poll() is None:
         seen.append((time.monotonic() - began, *memory_of(job.pid)))
-        time.sleep(interval)
+        write(file, dict(zip(("time", "processes", "memory_kB"), seen[-1], strict=True)) | {"load": os.getloadavg()[0]})
+        with contextlib.suppress(KeyboardInterrupt, subprocess.TimeoutExpired):
+            job.wait(interval)
     return seen
+
+
+def write(file: Path, row: dict[str, Any]) -> None:
+    """Append a line."""
+    with file.open("a") as lines:
+        lines.write(json.dumps(row) + "\n")
 
 
 def slope(memory: np.ndarray) -> tuple[float, float]:
@@ -105,7 +114,7 @@ class Soaked:
     log: Path
 
 
-def soak(minutes: float, silence: float, folder: Path, every: float, host: str = "127.66.0.1") -> Soaked:
+def soak(minutes: float, silence: float, folder: Path, every: float, file: Path, host: str = "127.66.0.1") -> Soaked:
     """One long press against the twins, with a look at the memory every so often [s]."""
     port = folder / "sensor"
     sets = [f"twin.bench.host={host}", f"twin.bench.port={port}", f"device.arm.host={host}"]
@@ -114,7 +123,11 @@ def soak(minutes: float, silence: float, folder: Path, every: float, host: str =
     sets += [f"{limit}={silence} s" for limit in limits] + [f"device.arm.watchdog={max(1 / silence, 1.0)} Hz"]
     options = [word for item in sets for word in ("--set", item)]
     twin = subprocess.Popen(
-        [*_PALPATE, "twin", str(PIPELINE), *options], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [*_PALPATE, "twin", str(PIPELINE), *options],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,  # Ctrl-C is for the job
     )
     assert twin.stdin is not None
     assert twin.stdout is not None
@@ -122,7 +135,7 @@ def soak(minutes: float, silence: float, folder: Path, every: float, host: str =
         print(twin.stdout.readline().strip())
         out = folder / "out"
         job = subprocess.Popen([*_PALPATE, "run", str(PIPELINE), "--out", str(out), *options])
-        memory = np.array(watch(job, every), float)
+        memory = np.array(watch(job, every, file), float)
         twin.stdin.write("state\n")
         twin.stdin.flush()
         state = json.loads(twin.stdout.readline().removeprefix("state "))
@@ -170,12 +183,18 @@ def verdicts(soaked: Soaked) -> Iterator[tuple[bool, str]]:
     for name, drift in drifts(soaked.log).items():
         allowed = max(live["devices"][name]["clock_wander"], _DRIFT)
         yield abs(drift) < allowed, f"clock of the {name}: {1e3 * drift:+.3f} ms apart, {1e3 * allowed:.3f} ms allowed"
+    latency = live["estimates"]["latency"] or {}
+    figures = ", ".join(f"{key} {1e3 * value:.1f} ms" for key, value in latency.items())
+    yield True, f"from a reading to its estimate: {figures}; {live['estimates']['largest_behind']:.2f} s behind at most"
+    rate, missed = arm["commands"].get("rate", float("nan")), arm["commands"]["missed"]
+    yield True, f"commands: {rate:.2f} Hz, {missed} of {arm['commands']['cycles']} late by more than a period"
+    yield True, f"the live system takes {live['cpu_cores']:.2f} cores; load {os.getloadavg()[0]:.1f}"
     periods = arm["commands"]["periods_lost"]
     yield True, f"{periods} periods of the servo loop were lost, {arm['commands']['periods_lost_to_host']} to the host"
 
 
-def report(soaked: Soaked) -> bool:
-    """Print the figures; whether all is well."""
+def report(soaked: Soaked, file: Path) -> bool:
+    """Print the figures, and add them to the file; whether all is well."""
     table = soaked.table
     live = table["run"]["live"]
     print(f"memory: {soaked.memory[:, 2].max() / 1024:.1f} MB at most, shared pages once")
@@ -188,6 +207,7 @@ def report(soaked: Soaked) -> bool:
     for name, track in table["tracks"].items():
         print(f"{name}: {json.dumps(track['parameters'])} {track['flags']}")
     found = list(verdicts(soaked))
+    write(file, {"live": live, "streams": table["streams"], "verdicts": found})
     for good, text in found:
         print(f"{'ok ' if good else 'BAD'} {text}")
     return all(good for good, _ in found)
@@ -198,11 +218,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--silence", type=float, default=0.1, help="limits of silence [s]; 0.6 where cores are shared")
+    parser.add_argument("-o", "--output", type=Path, default=Path("soak.jsonl"))
     given = parser.parse_args()
     print(f"bare loop of 500 Hz before: {json.dumps(bare_loop())}", flush=True)
     with tempfile.TemporaryDirectory() as folder:
         every = max(min(given.minutes, 10.0), 0.2)
-        good = report(soak(given.minutes, given.silence, Path(folder), every))
+        good = report(soak(given.minutes, given.silence, Path(folder), every, given.output), given.output)
     print(f"bare loop of 500 Hz after: {json.dumps(bare_loop())}", flush=True)
     sys.exit(not good)
 

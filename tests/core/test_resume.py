@@ -24,13 +24,18 @@ def live(root):
     return replace(pipeline, trajectories={"raster": raster})
 
 
-def write(folder, pipeline, until, delay=0.0, noise=0.0):
-    """A run folder as a kill leaves it: the pipeline as resolved, and estimates up to a time of the motion [s]."""
+def write(folder, pipeline, until, delay=0.0, noise=0.0, retraction=0.0):
+    """A run folder as a kill leaves it: the pipeline as resolved, and estimates up to a time of the motion [s].
+
+    Then the tip stays above the place for the time of a retraction [s].
+    """
     folder.mkdir(parents=True)
     (folder / "resolved.toml").write_text(resolved_text(pipeline))
     (motion,) = pipeline.trajectories.values()
-    time = np.arange(0.0, until + delay, 0.01)
-    place = motion.at(time - delay).position[:, :2] + noise * np.random.default_rng(1).normal(size=(len(time), 2))
+    time = np.arange(0.0, until + delay + retraction, 0.01)
+    place = motion.at(np.minimum(time - delay, until)).position[:, :2] + noise * np.random.default_rng(1).normal(
+        size=(len(time), 2)
+    )
     rows = [f"{t:.4f},{x:.9f},{y:.9f}" for t, (x, y) in zip(time, place, strict=True)]
     (folder / "estimates.csv").write_text("\n".join(["time_s,x_m,y_m", *rows]) + "\n")
 
@@ -91,3 +96,5 @@ def test_the_rest_and_the_way_to_the_start_are_no_time_of_the_motion(live, tmp_p
     assert motion_of(remaining_pipeline(tmp_path / "run")).first_line == 0
     write(tmp_path / "later", live, until + 1.5, delay, noise=2e-6)
     assert motion_of(remaining_pipeline(tmp_path / "later")).first_line == 1
+    write(tmp_path / "up", live, until - 0.5, delay, noise=2e-6, retraction=2.0)  # no time of the motion either
+    assert motion_of(remaining_pipeline(tmp_path / "up")).first_line == 0

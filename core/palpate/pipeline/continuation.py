@@ -15,6 +15,7 @@ from palpate.trajectory import Resumable, Trajectory
 
 _CAUTION = 0.5  # [s]; what ended this much before the record did is taken for finished
 _STEP = 0.05  # [s] of the search for the motion's begin in a record
+_FOLLOWED = 1e-3  # [m] that a tip may be from where the motion has it
 _ROWS = 2000  # of the record that are compared for it
 
 
@@ -63,7 +64,8 @@ def _remaining(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> T
 def _elapsed(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> float:
     """How long [s] the motion went on. A live record begins before its motion: with the rest and the way to its start.
 
-    The delay is that at which the places that were recorded are those of the motion.
+    The delay is that at which the places that were recorded are those of the motion. Nor is it time of the motion when
+    the tip no longer follows it: a retraction after the interruption is recorded, too.
     """
     if not (part.path / ONLINE).is_file():
         return 0.0
@@ -73,10 +75,14 @@ def _elapsed(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> flo
     time, place = part.places
     rest = pipeline.safety.rest if pipeline.safety else 0.0
     known = np.isfinite(place).all(axis=1)
-    if not known.any():
-        return end - rest
+    if not known.any():  # of a motion that was cut nobody knows how far it came
+        return end - rest if end - rest >= trajectory.total_duration else 0.0
     every = max(int(known.sum()) // _ROWS, 1)
-    return end - _delay(time[known][::every], place[known][::every], trajectory, rest)
+    time, place = time[known], place[known]
+    delay = _delay(time[::every], place[::every], trajectory, rest)
+    apart = np.linalg.norm(trajectory.at(time - delay).position[:, :2] - place, axis=1)
+    followed = time[apart < _FOLLOWED]
+    return (float(followed[-1]) if len(followed) else 0.0) - delay
 
 
 def _delay(time: NDArray[np.float64], place: NDArray[np.float64], trajectory: Trajectory, least: float) -> float:

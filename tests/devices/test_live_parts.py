@@ -1,0 +1,98 @@
+"""Whole live runs with other parts than the example has: another box, other arms, a raster that is gone on with."""
+
+import os
+import signal
+import threading
+
+import numpy as np
+import pytest
+from palpate.config import load_pipeline
+from palpate.host import RunFolder, remaining_pipeline
+from palpate.pipeline import run_pipeline
+from palpate_devices.mcap_replay import McapReplay
+from palpate_devices.ur3e.device import UR
+
+E_TRUE, WORK = 112.5e3, (-0.3, -0.13)
+RASTER = """[trajectory.raster]
+type = "raster"
+size = ["6 mm", "2 mm"]
+pitch = "1 mm"
+speed = "6 mm/s"
+settle = "0.2 s"
+press = { bias = "2 mm", amplitude = "0.3 mm", frequency = "5 Hz", clearance = "3 mm" }
+
+"""
+
+
+def with_table(root, folder, name, text, *sets):
+    """The example pipeline with another table in place of one."""
+    lines, skipping, out = (root / "pipelines" / "point_ur3e.toml").read_text().splitlines(), False, []
+    for line in lines:
+        if line.startswith("["):
+            skipping = line.startswith(f"[{name}]")
+            out += [text] if skipping else []
+        out += [] if skipping else [line]
+    (folder / "pipeline.toml").write_text("\n".join(out) + "\n")
+    return load_pipeline(folder / "pipeline.toml", sets)
+
+
+@pytest.mark.parametrize("box", ["ati", "onrobot"])
+def test_a_whole_run_with_a_box_that_speaks_rdt(bench, short, patient, root, tmp_path, box):
+    twin = bench(*short, f"twin.bench.sensor={box}")
+    sensor = f'[device.sensor]\ntype = "rdt"\nhost = "{twin.host}"\nbox = "{box}"\nsilence = "5 s"\n'
+    sets = [s for s in (*short, *patient) if not s.startswith("device.sensor")]
+    pipeline = with_table(root, tmp_path, "device.sensor", sensor, f"device.arm.host={twin.host}", *sets)
+    result = run_pipeline(pipeline, tmp_path / "out")
+    assert result.interrupted is None
+    elasticity = result.tracks["dr/ekf"].parameters["elasticity"]
+    assert abs(elasticity.value - E_TRUE) < max(0.05 * E_TRUE, 2 * elasticity.combined)
+    health = result.run["live"]["devices"]["sensor"]
+    assert health["unusable"] == 0
+
+
+@pytest.mark.parametrize("robot", ["ur10e", "ur16e"])
+def test_another_arm_is_known_by_its_kinematics(bench, short, robot):
+    twin = bench(*short, f"twin.bench.robot={robot}")
+    work = {"origin": (-0.3, -0.13, 0.1)}
+    with UR.model_validate({"host": twin.host, "work": work, "stale": 5.0, "watchdog": 1.0}).connect(0) as link:
+        for batch in link.batches():
+            if batch.stream == "tip" and len(batch.time):
+                break
+        assert link.health["model"] == robot
+        assert link.health["kinematics_mismatch"] < 1e-4
+        np.testing.assert_allclose(batch.values[-1, :3], [0.0, 0.0, 0.004], atol=1e-4)
+
+
+def test_a_raster_that_is_gone_on_with_does_what_was_left(bench, short, patient, root, tmp_path):
+    """What the arm was told in both parts is every line, and none twice but the one that was cut."""
+    twin = bench(*(s for s in short if "trajectory" not in s))
+    sets = [s for s in (*short, *patient) if "trajectory" not in s and not s.startswith("twin")]
+    sets += [f"device.arm.host={twin.host}", f"device.sensor.port={twin.port}", 'run.tracks=["*/kinematic"]']
+    sets += ["alignment.lateral_x=arm.tip.x", "alignment.lateral_y=arm.tip.y"]
+    pipeline = with_table(root, tmp_path, "trajectory.press", RASTER, *sets)
+
+    def interrupt():
+        twin.wait(lambda state: state["height"] < -0.001 and np.hypot(*np.subtract(state["pose"][:2], WORK)) < 0.6e-3)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    first = run_pipeline(pipeline, tmp_path / "out")
+    thread.join()
+    assert first.interrupted is not None
+    assert twin.wait_at_rest()["height"] > 0.002
+    rest = remaining_pipeline(tmp_path / "out")
+    second = run_pipeline(rest, RunFolder(tmp_path / "out").next_part)
+    assert second.interrupted is None
+    done, left = (lines_of(result.folder / "log.mcap") for result in (first, second))
+    assert {y for lines in (done, left) for y, length in lines.items() if length > 4.0} == {-1.0, 0.0, 1.0}
+    assert min(left) >= max(done)  # none but the one that was cut is gone along again
+
+
+def lines_of(log):
+    """Along how much [mm] of each line, by its place across [mm], the arm was told to go while it measured."""
+    with McapReplay(file=log, recorded="arm").connect(0) as link:
+        told = np.concatenate([batch.values for batch in link.batches() if batch.stream == "setpoint"])
+    told = told[(np.abs(told[:, 3]) > 5e-3) & (told[:, 6] > 0.5)]  # at full speed, and not from one line to the next
+    across = np.round(1e3 * told[:, 1], 1) + 0.0
+    return {float(y): 1e3 * float(np.ptp(told[across == y, 0])) for y in np.unique(across)}
