@@ -37,7 +37,7 @@ _ESTIMATE = {
     ),
     "diverged": _invalid(
         "The estimates stopped being finite or plausible numbers; none is given.",
-        "Start from a closer guess, check units and signs, or use another estimator.",
+        "Start from a closer guess, check units, signs and timing, or use another estimator.",
     ),
     "not-identifiable": _invalid(
         "The force changes too little against its noise, or a parameter has too little effect on it, to be estimated.",
@@ -106,6 +106,10 @@ _RECORD = {
     "velocity-late": _doubtful(
         "The velocity lags the position: filtered (a mean of n samples is late by (n - 1)/2), or of another clock.",
         "Declare the velocity's delay in [alignment], or leave the velocity out.",
+    ),
+    "force-late": _doubtful(
+        "The force follows the motion later than any contact that only takes in work can explain; no viscosity holds.",
+        "Calibrate the timing (`palpate calibrate`), or declare the force's delay in [alignment].",
     ),
     "clock-drift": _doubtful(
         "The time-stamps of force and motion gain on one another over the record.",

@@ -11,6 +11,7 @@ from palpate.alignment import AlignmentReport, AlignmentSettings, Health
 from palpate.contact import ContactModel, contact_force
 from palpate.estimation import Status
 from palpate.flags import Flag
+from palpate.result.lateness import force_lateness
 from palpate.result.record import Tail, TrackRecord
 
 _STILL_MOVING = 0.02  # of a value: slope times time tracked
@@ -77,7 +78,12 @@ def _drift_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterat
 
 
 def track_flags(
-    record: TrackRecord, model: ContactModel, report: AlignmentReport, average: float, online: bool = True
+    record: TrackRecord,
+    model: ContactModel,
+    report: AlignmentReport,
+    average: float,
+    online: bool = True,
+    tip_mass: float = 0.0,
 ) -> Iterator[Flag]:
     """What is amiss with one track, by its last `average` seconds [s].
 
@@ -97,7 +103,10 @@ def track_flags(
         none = f"the force never stayed above {report.touch_force:.3g} N: nothing was estimated"
         yield _with_sign(Flag("no-contact", none), report)
         return
-    yield from _status_flags(record)
+    late = force_lateness(tail, tip_mass) if record.swept <= SWEEP else None
+    yield from _status_flags(record, late)
+    if late is not None:
+        yield Flag("force-late", f"the contact gives out work: the force is at least {1e3 * late:.2g} ms late")
     if record.marks[Status.DIVERGED]:
         return
     last = tail.since(float(tail.time[-1]) - average) if online else tail
@@ -122,10 +131,11 @@ def _with_sign(flag: Flag, report: AlignmentReport) -> Flag:
     return replace(flag, message=f"{flag.message}; {asked}")
 
 
-def _status_flags(record: TrackRecord) -> Iterator[Flag]:
+def _status_flags(record: TrackRecord, late: float | None) -> Iterator[Flag]:
     marks = record.marks
     if marks[Status.DIVERGED]:
-        yield Flag("diverged", "the estimates stopped being finite or plausible numbers; none can be used")
+        cause = "" if late is None else "; the likely cause is a force that is late: the viscosity would be negative"
+        yield Flag("diverged", f"the estimates stopped being finite or plausible numbers; none can be used{cause}")
     if marks[Status.LIFTED]:
         yield Flag(
             "depth-not-positive", f"the estimated depth was not positive in {marks[Status.LIFTED]} samples in contact"

@@ -110,7 +110,7 @@ def track_result(
     Estimates of an offline estimator are constant and hold for every sample that it used. Uncertainty is the
     estimator's own and that of settling; diagnoses add what else there is.
     """
-    flags = list(track_flags(record, model, report, average, online))
+    flags = list(track_flags(record, model, report, average, online, settings.tip_mass or 0.0))
     numbers, ends = _no_numbers(model), record.ends(average if online else math.inf)
     if ends is not None:
         flags += validity_flags(model, ends[1])

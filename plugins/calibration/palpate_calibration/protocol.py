@@ -23,6 +23,7 @@ _MARGIN = 0.06  # [s]; a delay that is searched for must not leave the record
 _SHIFTED = 8.0  # standard uncertainties between the mean forces of shake and rest
 _DIFFERENT = 3.0  # standard uncertainties between two ways to one value
 _NOTED = 1.5  # times the noise at rest
+_SMALL = 1e-4  # [s] of a velocity, which a run leaves where it is
 _UNEXPLAINED = 3.0  # times the noise at rest, and a tenth of the inertia, may be left over
 
 
@@ -216,6 +217,8 @@ def _notes(shakes: Sequence[ShakeFit], rests: Sequence[RestFit]) -> list[str]:
     lags = [shake.velocity_delay for shake in shakes if shake.velocity_delay is not None]
     if lags:
         lag = Measured.of(lags, "s")
-        if abs(lag.value) > 1e-4 and abs(lag.value) > 3 * lag.combined:
-            notes.append(f"velocity-late: the velocity is {lag.value * 1e3:.2f} ms later than the position")
+        small = abs(lag.value) <= _SMALL
+        if abs(lag.value) > (5 if small else 3) * lag.combined:
+            late = f"velocity-late: the velocity is {lag.value * 1e3:.3g} ms later than the position"
+            notes.append(f"{late}: certain, but too little for it to be moved" if small else late)
     return notes
