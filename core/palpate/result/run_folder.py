@@ -18,8 +18,7 @@ from palpate.errors import LogError
 from palpate.estimation import Status
 from palpate.result.differing import differences
 from palpate.result.reading import is_whole, read_result
-
-Floats = NDArray[np.float64]
+from palpate.vectors import Floats
 
 RESULT, PIPELINE, GIVEN, REVIEW = "result.json", "pipeline.toml", "given.toml", "review.json"
 _OLDER = "resolved.toml"  # the pipeline of an older run, whose pipeline.toml is as given
