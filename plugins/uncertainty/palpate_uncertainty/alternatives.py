@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from palpate import Floats
 
 from palpate_uncertainty.course import Course
 from palpate_uncertainty.memory import relaxed
-from palpate_uncertainty.whitening import Floats
 
 _LAYER = (1.133, 1.283, 0.769, 0.0975)  # Dimitriadis et al. 2002, eq. 13
 _DEEPER = 1e-6  # [m], for slopes

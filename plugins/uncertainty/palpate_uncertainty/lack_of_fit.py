@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from palpate import Diagnosed, Flag, TrackEvidence
+from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
 from palpate_uncertainty.alternatives import Refit, alternatives, refit
 from palpate_uncertainty.course import Course, make_course, possible, runs_of, sweeps
 from palpate_uncertainty.whiteness import Tested, examined, oscillation
-from palpate_uncertainty.whitening import ENOUGH, WHITE, Floats, Null, null_of
+from palpate_uncertainty.whitening import ENOUGH, WHITE, Null, null_of
 
 LEVEL = 1e-3  # of the family's p
 _ENOUGH = 300  # samples

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from palpate import Floats
 
 from palpate_uncertainty.course import Course
-from palpate_uncertainty.whitening import Floats
 
 _TIMES = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # [s] of the branches
 _MOST = 3000  # samples that are fitted
