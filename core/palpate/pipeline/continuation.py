@@ -9,7 +9,7 @@ import numpy as np
 
 from palpate.config import Pipeline, load_pipeline
 from palpate.errors import ConfigurationError
-from palpate.result import ONLINE, RESOLVED, RunFolder
+from palpate.result import ONLINE, RunFolder
 from palpate.trajectory import Resumable, Trajectory
 from palpate.vectors import Floats
 
@@ -34,7 +34,7 @@ def remaining_pipeline(folder: Path) -> Pipeline | None:
     recorded_pipeline(folder)
     left: list[tuple[Path, Pipeline, Trajectory]] = []
     for part in run.parts:
-        if not (part.path / RESOLVED).is_file():
+        if not part.began:
             continue  # ended before it began
         pipeline = recorded_pipeline(part.path)
         if len(pipeline.trajectories) != 1:
