@@ -23,8 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import ContactModel, Estimator, Indenter, Problem, Samples
+from palpate import ContactModel, Estimator, Floats, Indenter, Problem, Samples
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.alignment.tare import Tare
 from palpate.registry import Registry, load
@@ -34,8 +33,6 @@ from palpate.track_name import TrackName
 from palpate_filters import CasadiFit, KinematicFilter, KinematicSmoother
 from palpate_models import DimensionalityReduction
 from palpate_models.indenters import Cone, ExactSphere, Flat, Power, Sphere
-
-Floats = NDArray[np.float64]
 
 RATE = 500.0  # [Hz]
 AIR, APPROACH, LASTS = 1.0, 1.0, 10.0  # [s]

@@ -9,10 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Samples
-
-Floats = NDArray[np.float64]
+from palpate import Floats, Samples
 
 RATE = 500.0  # [Hz]
 AIR, APPROACH = 1.0, 1.0  # [s]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from palpate.parts import Part
 from palpate.trajectory import OwnMotion, Setpoint, Trajectory
+from palpate.vectors import Floats
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Batch:
     stream: str
     time: NDArray[np.int64]  # (n,) [ns] time-stamps of the stream's clock
     received: NDArray[np.int64]  # (n,) [ns] when the host got them
-    values: NDArray[np.float64]  # (n, channels) [SI]
+    values: Floats  # (n, channels) [SI]
 
     @property
     def valid(self) -> NDArray[np.bool_]:
@@ -83,7 +84,7 @@ class Arm(Protocol):
 class Approaching(Protocol):
     """An arm that goes by itself from where it stands to the first setpoint."""
 
-    def way(self, trajectory: Trajectory) -> tuple[NDArray[np.float64], Setpoint]:
+    def way(self, trajectory: Trajectory) -> tuple[Floats, Setpoint]:
         """Times (n,) [s] and setpoints of the way that `follow` would take now; nothing moves for it.
 
         Raises DeviceError where the arm stands too far away.
@@ -173,7 +174,7 @@ class Simulated(Protocol):
         ...
 
     @property
-    def outlines(self) -> tuple[NDArray[np.float64], ...]:
+    def outlines(self) -> tuple[Floats, ...]:
         """Closed outlines (k, 2) [m] of what is hidden below the skin, for pictures."""
         ...
 

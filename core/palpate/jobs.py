@@ -84,7 +84,8 @@ def finished(job: Job) -> dict[str, Any] | None:
 
 def _demand_same(job: Job, run: RunFolder) -> None:
     """Raise OutputError where a run was made with other settings than a job has now."""
-    told = differences(resolved_text(built(job)), run.pipeline.read_text(encoding="utf-8"))
+    pipeline = built(job)
+    told = differences(resolved_text(pipeline), run.pipeline.read_text(encoding="utf-8"), pipeline.registry.tables)
     if told:
         raise OutputError(
             f"{run.path}: combination {job.number} was run with other settings: {told}; nothing is mixed: give --out "

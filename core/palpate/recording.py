@@ -74,7 +74,7 @@ class Suggestion:
 class Attached:
     """What a log carries besides its messages: texts, never code."""
 
-    documents: Mapping[str, str] = field(default_factory=dict)  # by name: the pipeline as given and as resolved
+    documents: Mapping[str, str] = field(default_factory=dict)  # by name: the pipeline as run and as given
     facts: Mapping[str, str] = field(default_factory=dict)  # versions, seed, hashes
 
 

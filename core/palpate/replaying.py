@@ -12,9 +12,8 @@ from palpate import registry as registries
 from palpate.config import Source
 from palpate.errors import ConfigurationError, LogError
 from palpate.recording import Attached, Recording
+from palpate.result import RunFolder, pipeline_among
 from palpate.suggesting import recording_of
-
-RESOLVED = "resolved.toml"
 
 
 @dataclass(frozen=True)
@@ -24,6 +23,7 @@ class Carried:
     log: Path
     reader: type[Recording]
     attached: Attached
+    name: str  # of the attachment that is the pipeline
 
 
 def carried_by(path: Path) -> Carried | None:
@@ -31,12 +31,13 @@ def carried_by(path: Path) -> Carried | None:
     log = log_in(path)
     reader = recording_of(log)
     attached = reader.attached(log)
-    return Carried(log, reader, attached) if RESOLVED in attached.documents else None
+    name = pipeline_among(attached.documents)
+    return Carried(log, reader, attached, name) if name is not None else None
 
 
 def log_in(path: Path) -> Path:
     """The log itself, or the one log in a run folder; raises LogError where there is none, or several."""
-    if not path.is_dir() or not (path / RESOLVED).is_file():
+    if not path.is_dir() or not RunFolder(path).began:
         return path
     readers = {entry.part for entry in registries.load().parts["device"].values() if issubclass(entry.part, Recording)}
     logs = [file for file in sorted(path.iterdir()) if file.is_file() and any(r.recognises(file) for r in readers)]
@@ -55,8 +56,8 @@ def replay_source(
     Nothing that a log carries is executed: plugin files are those of this machine, and only where their hash is that
     of the recording. Raises ConfigurationError where one is missing or another one.
     """
-    where = carried.log.with_name(f"{carried.log.name}:{RESOLVED}")
-    source = Source(carried.attached.documents[RESOLVED], where)
+    where = carried.log.with_name(f"{carried.log.name}:{carried.name}")
+    source = Source(carried.attached.documents[carried.name], where)
     tables = source.tables
     _refuse_other_plugins(tables, carried)
     tables["device"] = {name: carried.reader.playback(carried.log.absolute(), name) for name in tables["device"]}

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from palpate.errors import ConfigurationError
@@ -15,6 +14,7 @@ from palpate.limiting import ArmLimits
 from palpate.parts import Settings
 from palpate.trajectory import OwnMotion, Setpoint, Trajectory
 from palpate.units import Acceleration, Angle, AngularSpeed, Force, Length, Speed, Stiffness, Time
+from palpate.vectors import Floats
 
 _STEP = 0.002  # [s] between the instants that are checked
 _TOLERANCE = 1e-9
@@ -26,13 +26,13 @@ _CONTRADICTION = 1e-3  # [m/s] between stated velocity and what the positions do
 class Reach:
     """What a motion asks of an arm."""
 
-    low: NDArray[np.float64]  # (3,) [m]
-    high: NDArray[np.float64]  # (3,) [m]
+    low: Floats  # (3,) [m]
+    high: Floats  # (3,) [m]
     speed: float  # [m/s]
     acceleration: float  # [m/s^2]
 
     @classmethod
-    def of(cls, times: NDArray[np.float64], setpoint: Setpoint) -> Reach:
+    def of(cls, times: Floats, setpoint: Setpoint) -> Reach:
         """Of setpoints at times (n,) [s]: what the positions do counts as much as the stated velocity."""
         position, velocity, step = setpoint.position, setpoint.velocity, np.diff(times)[:, None]
         moved = np.diff(position, axis=0) / step
@@ -169,8 +169,8 @@ class MotionReport:
     """A motion against its limits."""
 
     duration: float  # [s]
-    low: NDArray[np.float64]  # (3,) [m]
-    high: NDArray[np.float64]  # (3,) [m]
+    low: Floats  # (3,) [m]
+    high: Floats  # (3,) [m]
     speed: float  # [m/s]
     inward_speed: float  # [m/s]
     acceleration: float  # [m/s^2]
@@ -184,7 +184,7 @@ def check_motion(trajectory: Trajectory, limits: SafetySettings) -> MotionReport
     return check_setpoints(times, trajectory.at(times), limits)
 
 
-def check_setpoints(times: NDArray[np.float64], setpoint: Setpoint, limits: SafetySettings) -> MotionReport:
+def check_setpoints(times: Floats, setpoint: Setpoint, limits: SafetySettings) -> MotionReport:
     """Setpoints at times (n,) [s] against the limits."""
     reach, moved = Reach.of(times, setpoint), np.diff(setpoint.position, axis=0) / np.diff(times)[:, None]
     inward = max(float((-column[:, 2]).max(initial=0.0)) for column in (setpoint.velocity, moved))
@@ -208,11 +208,11 @@ def check_setpoints(times: NDArray[np.float64], setpoint: Setpoint, limits: Safe
     )
 
 
-def _largest(vectors: NDArray[np.float64]) -> float:
+def _largest(vectors: Floats) -> float:
     return float(np.linalg.norm(vectors, axis=1).max(initial=0.0))
 
 
-def _contradiction(moved: NDArray[np.float64], velocity: NDArray[np.float64], change: NDArray[np.float64]) -> list[str]:
+def _contradiction(moved: Floats, velocity: Floats, change: Floats) -> list[str]:
     """Where positions do not move as the stated velocity says; within a step it may change by so much (n,)."""
     stated = 0.5 * (velocity[1:] + velocity[:-1])
     apart = np.linalg.norm(moved - stated, axis=1) - change

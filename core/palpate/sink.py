@@ -30,7 +30,7 @@ class Run:
     streams: Mapping[str, tuple[Stream, ...]]  # by device
     tracks: Mapping[str, tuple[Parameter, ...]]  # parameters by track
     facts: Mapping[str, str]  # versions, seed, hashes: what it takes to redo the run
-    documents: Mapping[str, str]  # files by name: the pipeline as given and as resolved
+    documents: Mapping[str, str]  # files by name: the pipeline as run and as given
     name: str = ""
     duration: float | None = None  # [s] as planned, of the record; None where nobody knows
     extent: Extent | None = None  # [m] box of the planned motion; None where nothing moves

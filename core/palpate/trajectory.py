@@ -10,16 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.parts import Part
+from palpate.vectors import Floats
 
 
 @dataclass(frozen=True)
 class Setpoint:
     """Where the tip shall be at some instants, in the work frame: origin on the skin, z outwards."""
 
-    position: NDArray[np.float64]  # (n, 3) [m]
-    velocity: NDArray[np.float64]  # (n, 3) [m/s]
+    position: Floats  # (n, 3) [m]
+    velocity: Floats  # (n, 3) [m/s]
     measuring: NDArray[np.bool_]  # (n,) in the part of the motion that is meant for estimation
-    turning: NDArray[np.float64] | None = None  # (n,) [rad/s] of the tool; None: it keeps its orientation
+    turning: Floats | None = None  # (n,) [rad/s] of the tool; None: it keeps its orientation
     lever: float = 0.0  # [m] from the tip to what moves farthest when the tool turns about its tip
 
     @property
@@ -49,7 +50,7 @@ class Trajectory(Part, ABC):
         """From the first setpoint to the last [s]."""
 
     @abstractmethod
-    def at(self, time: NDArray[np.float64]) -> Setpoint:
+    def at(self, time: Floats) -> Setpoint:
         """Setpoints at times (n,) [s] since the start; before it and after the end, the resting places."""
 
 

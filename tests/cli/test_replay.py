@@ -4,6 +4,7 @@ import json
 import shutil
 
 import pytest
+from palpate.result import RunFolder, pipeline_among
 
 SHORT = [
     "--set",
@@ -41,6 +42,33 @@ def test_the_same_bits_from_a_run_folder_and_from_its_log(recorded, palpate, tmp
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "again" / "estimates.csv").read_bytes() == (recorded / "estimates.csv").read_bytes()
     assert tracks(tmp_path / "again") == tracks(recorded)
+
+
+def test_the_one_pipeline_of_the_folder_reproduces_the_run(palpate, point_pipeline, tmp_path):
+    """With what was set on the command line, and with the tables of analyses that judge the run."""
+    with point_pipeline.open("a", encoding="utf-8") as file:
+        file.write('\n[model.exact]\ntype = "dimensionality-reduction"\nindenter = "tip"\npoisson = 0.45\n')
+        file.write('\n[choice]\ncandidates = ["dr", "exact"]\n')
+    done = palpate("run", point_pipeline, *SHORT, "--out", tmp_path / "run")
+    assert done.returncode == 0, done.stderr
+    done = palpate("run", tmp_path / "run" / "pipeline.toml", "--out", tmp_path / "again")
+    assert done.returncode == 0, done.stderr
+    assert tracks(tmp_path / "again") == tracks(tmp_path / "run")
+    assert "model-choice" in json.dumps(tracks(tmp_path / "run"))
+    assert (tmp_path / "again" / "pipeline.toml").read_text() == (tmp_path / "run" / "pipeline.toml").read_text()
+    assert (tmp_path / "run" / "given.toml").read_text() == point_pipeline.read_text()
+
+
+def test_a_folder_and_a_log_of_an_older_palpate(recorded, palpate, tmp_path):
+    """Their pipeline as run stands in resolved.toml, and pipeline.toml beside it lacks what was set."""
+    old = shutil.copytree(recorded, tmp_path / "old")
+    (old / "pipeline.toml").rename(old / "resolved.toml")
+    (old / "given.toml").rename(old / "pipeline.toml")
+    done = palpate("replay", old, "--out", tmp_path / "again")
+    assert done.returncode == 0, done.stderr
+    assert tracks(tmp_path / "again") == tracks(recorded)
+    assert pipeline_among({"pipeline.toml": "as given", "resolved.toml": "as run"}) == "resolved.toml"
+    assert RunFolder(old).given == old / "pipeline.toml"
 
 
 def test_a_log_alone_is_enough(recorded, palpate, tmp_path):

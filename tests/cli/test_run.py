@@ -26,8 +26,8 @@ def test_the_run_folder(palpate, point_pipeline, tmp_path):
     (folder,) = (tmp_path / "runs").iterdir()
     assert folder.name.endswith("_S2-sphere-R-5-mm-simulated")
     names = {path.name for path in folder.iterdir()}
-    assert names == {"pipeline.toml", "resolved.toml", "result.json", "estimates.csv", "log.mcap"}
-    assert (folder / "pipeline.toml").read_text() == point_pipeline.read_text()
+    assert names == {"pipeline.toml", "given.toml", "result.json", "estimates.csv", "log.mcap"}
+    assert (folder / "given.toml").read_text() == point_pipeline.read_text()
     result = json.loads((folder / "result.json").read_text())
     run = result["run"]
     assert run["seed"] == 7
@@ -62,7 +62,7 @@ def test_a_second_run_in_the_same_second_gets_its_own_folder(palpate, point_pipe
 def test_the_same_input_gives_the_same_result_bit_for_bit(palpate, palpate_process, point_pipeline, tmp_path):
     for name, call in (("one", palpate), ("two", palpate_process)):
         assert call("run", point_pipeline, *SHORT, "--out", tmp_path / name).returncode == 0
-    for file in ("estimates.csv", "resolved.toml"):
+    for file in ("estimates.csv", "pipeline.toml"):
         assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes()
     other = palpate("run", point_pipeline, *SHORT, "--seed", 99, "--out", tmp_path / "three")
     assert other.returncode == 0
@@ -78,7 +78,7 @@ def test_settings_from_the_command_line(palpate, point_pipeline, tmp_path):
     done = palpate(
         "run", point_pipeline, *SHORT, "--set", "estimator.ekf.force_std=0.1 N", "--json", "--out", tmp_path / "out"
     )
-    assert "force_std = 0.1" in (tmp_path / "out" / "resolved.toml").read_text()
+    assert "force_std = 0.1" in (tmp_path / "out" / "pipeline.toml").read_text()
     assert done.returncode == 0
 
 

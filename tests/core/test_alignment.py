@@ -289,3 +289,15 @@ def test_the_tips_place_comes_along_or_is_unknown():
     plain, _ = aligned(record())
     assert plain.lateral.shape == (len(plain), 2)
     assert np.isnan(plain.lateral).all()
+
+
+def test_readings_that_no_instant_can_need_are_forgotten():
+    """A minute in blocks of 50 ms: what is held does not grow."""
+    aligner, count = aligner_of(RIG), 0
+    for second in np.arange(0.0, 60.0, 0.05):
+        force, motion = stamps(800.0, 0.05, second), stamps(500.0, 0.05, second)
+        aligner.feed("rig", batch("wrench", force, force_of(force)))
+        aligner.feed("rig", batch("tip", motion, height_of(motion), speed_of(motion)))
+        count += len(aligner.samples())
+        assert all(len(series.stamps) <= 3 for series in aligner._roles.values())
+    assert count > 59 * 500

@@ -173,6 +173,14 @@ def test_a_force_that_falls_on_the_way_in_asks_for_the_sign(guard, deeper, hint)
     assert "the force is 13.0 N" in guard.reason
 
 
+def test_the_way_in_is_judged_by_where_the_tip_is_at_last(guard):
+    stamps = np.arange(20, dtype=np.int64)
+    for first, last in ((0.003, -0.001), (-0.001, 0.0)):  # it goes in, and out again
+        guard.check("r", Batch("tip", stamps, stamps, np.linspace(first, last, 20)[:, None]))
+    guard.check("s", force(1.0, -12.0))
+    assert "force sign" not in guard.reason
+
+
 def test_the_guard_lets_pass_what_is_in_order(guard):
     guard.check("s", force(1.0, 12.9, -10.9))
     guard.check("r", height(-0.0069))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from palpate import Batch, Channel, Stream
 from palpate.alignment import Aligner, AlignmentSettings, Ports
+from palpate.alignment.change_point import change_point
 from palpate.estimation import Samples
 
 FORCE = Stream("wrench", (Channel("z", "N", (-50.0, 50.0)),), 500.0)
@@ -154,3 +155,13 @@ def test_lift_off_after_a_doubtful_touch_is_noticed():
     assert report.touches == 1
     assert samples.contact.any()
     assert not samples.contact[-200:].any()
+
+
+def test_noise_of_few_samples_is_not_called_too_small():
+    """Offset, rise and height are fitted: three of 24 samples say nothing of the noise."""
+    z = np.linspace(1e-3, -1e-3, 24)
+    found = [
+        change_point(z, hertz(-z) + NOISE * np.random.default_rng(seed).standard_normal(24)).rms ** 2
+        for seed in range(400)
+    ]
+    assert np.mean(found) == pytest.approx(NOISE**2, rel=4 * np.sqrt(2 / 21 / 400))

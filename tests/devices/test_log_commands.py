@@ -45,7 +45,7 @@ def test_what_is_recovered_is_whole_and_the_same(palpate, recording, tmp_path):
 
     with (tmp_path / "good.mcap").open("rb") as file:
         reader = make_reader(file)
-        assert {a.name for a in reader.iter_attachments()} >= {"pipeline.toml", "resolved.toml"}
+        assert {a.name for a in reader.iter_attachments()} >= {"pipeline.toml", "given.toml"}
         assert "seed" in next(m for m in reader.iter_metadata() if m.name == "palpate").metadata
 
 

@@ -75,8 +75,8 @@ def test_the_recording_holds_what_it_takes_to_redo_the_run(recording):
         attachments = {a.name: a.data.decode() for a in reader.iter_attachments()}
         metadata = {m.name: m.metadata for m in reader.iter_metadata()}
         topics = {c.topic for c in reader.get_summary().channels.values()}
-    assert attachments["pipeline.toml"] == (recording.parent / "pipeline.toml").read_text()
-    assert "resolved.toml" in attachments
+    for name in ("pipeline.toml", "given.toml"):
+        assert attachments[name] == (recording.parent / name).read_text()
     assert {"palpate", "numpy", "casadi", "seed"} <= set(metadata["palpate"])
     assert {"/rig/wrench", "/rig/tip", "/rig/twist", "/palpate/samples", "/palpate/estimates/dr/ekf"} <= topics
 

@@ -248,7 +248,7 @@ def test_compare_takes_the_roles_as_info_does(palpate, tmp_path):
     written(tmp_path / "log.csv", [time, force, 0.5 * force, height], ["time_s", "a_N", "b_N", "z_m"])
     done = palpate("compare", "log.csv", "--force", "b_N", "--estimators", "ekf", "--out", "out")
     assert done.returncode == 0, done.stderr
-    assert "b_N" in (tmp_path / "out" / "pipeline.toml").read_text()
+    assert "b_N" in (tmp_path / "out" / "given.toml").read_text()
     refused = palpate("compare", "out/pipeline.toml", "--force", "b_N")
     assert (refused.returncode, "--force is for logs" in refused.stderr) == (2, True)
 

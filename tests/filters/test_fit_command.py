@@ -93,7 +93,7 @@ def test_models_and_logs_are_compared_and_evaluated_on_each_other(palpate, logs)
     for log in ("v0", "v1", "v2"):
         for picture in ("force.png", "residuals.png"):
             assert (logs / "out" / log / picture).stat().st_size > 10_000
-        assert (logs / "out" / log / "resolved.toml").exists()
+        assert (logs / "out" / log / "pipeline.toml").exists()
 
 
 def test_no_order_of_logs_or_tracks_changes_a_result(palpate, logs):

@@ -134,7 +134,7 @@ def test_an_interrupted_raster_resumes_at_the_last_whole_line(root, raster_run, 
     (cut / "estimates.csv").write_text("".join(rows[:last]) + rows[last][:20])
     done = palpate("resume", cut)
     assert done.returncode == 0, done.stderr
-    assert "first_line = 1" in (cut / "part-2" / "resolved.toml").read_text()
+    assert "first_line = 1" in (cut / "part-2" / "pipeline.toml").read_text()
     assert "nothing is left" in palpate("resume", cut).stdout
     whole, pieces = (make_map(sites_along(read_path(run)), 2e-3, "average") for run in (raster_run, cut))
     both = whole.covered[:-1, :-1] & pieces.covered[: whole.covered.shape[0] - 1, : whole.covered.shape[1] - 1]
@@ -182,11 +182,11 @@ def test_a_killed_raster_resumes_and_gives_the_map_of_an_uninterrupted_one(palpa
     process.kill()
     process.wait()
     assert not (out / "result.json").exists()
-    resolved = out / "resolved.toml"
+    resolved = out / "pipeline.toml"
     resolved.write_text(resolved.read_text().replace('pace = "real-time"', 'pace = "fast"'))
     done = palpate("resume", out)
     assert done.returncode == 0, done.stderr
-    (rest,) = load_pipeline(out / "part-2" / "resolved.toml").trajectories.values()
+    (rest,) = load_pipeline(out / "part-2" / "pipeline.toml").trajectories.values()
     assert rest.first_line in (1, 2)  # 2 where the machine was slow to kill it
     run_pipeline(load_pipeline(file, small), tmp_path / "whole")
     whole, pieces = (make_map(sites_along(read_path(run)), 2e-3, "average") for run in (tmp_path / "whole", out))

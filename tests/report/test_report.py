@@ -98,7 +98,7 @@ def test_texts_of_others_are_no_markup(palpate, copied):
     document["streams"][HOSTILE] = document["streams"]["rig.tip"]
     document["run"]["inputs"][HOSTILE] = HOSTILE
     (copied / "result.json").write_text(json.dumps(document))
-    with (copied / "pipeline.toml").open("a", encoding="utf-8") as file:
+    with (copied / "given.toml").open("a", encoding="utf-8") as file:
         file.write(f"# {HOSTILE}\n")
     table = (copied / "estimates.csv").read_text()
     (copied / "estimates.csv").write_text(table.replace("dr/ekf:", "dr/<script>alert(1)</script>$\\frac$:"))
@@ -132,11 +132,13 @@ def test_a_run_that_was_killed_says_what_there_is(palpate, copied):
     assert sum(tag == "svg" for tag, _ in page.tags) >= 4
 
 
-@pytest.mark.parametrize("kept", [(), ("result.json",), ("pipeline.toml",), ("estimates.csv",)])
+@pytest.mark.parametrize("kept", [(), ("result.json",), ("pipeline.toml",), ("resolved.toml",), ("estimates.csv",)])
 def test_whatever_is_left_of_a_run_is_shown(palpate, copied, kept):
-    for name in ("log.mcap", "result.json", "pipeline.toml", "resolved.toml", "estimates.csv"):
-        if name not in kept:
-            (copied / name).unlink()
+    if kept == ("resolved.toml",):  # of an older run
+        (copied / "pipeline.toml").rename(copied / "resolved.toml")
+    for path in copied.iterdir():
+        if path.is_file() and path.name not in kept:
+            path.unlink()
     done = palpate("report", copied)
     if not kept:
         assert done.returncode == 2
@@ -154,8 +156,8 @@ def test_whatever_is_left_of_a_run_is_shown(palpate, copied, kept):
         ("estimates.csv", "time_s,x_m,y_m\n"),
         ("estimates.csv", "\x00\x01,,,\n1,2"),
         ("estimates.csv", "time_s,x_m,y_m\na,b,c\n"),
-        ("resolved.toml", "[[["),
-        ("pipeline.toml", "\udcff"),
+        ("pipeline.toml", "[[["),
+        ("given.toml", "\udcff"),
     ],
 )
 def test_a_spoilt_file_spoils_nothing_else(palpate, copied, file, content):
@@ -183,7 +185,7 @@ def test_anonymous_names_neither_host_nor_path(palpate, point, tmp_path):
     for track in document["tracks"].values():
         track["flags"] = [{"code": "device", "message": "runs/jane/log.mcap on lab-seven", "severity": "note"}]
     (run / "result.json").write_text(json.dumps(document))
-    with (run / "pipeline.toml").open("a") as file:
+    with (run / "given.toml").open("a") as file:
         file.write('\n# path = "/home/jane doe/log.mcap", C:\\Users\\jane\\x.csv at lab-seven\n')
     other = shutil.copytree(run, tmp_path / "other")
     for arguments in (["report", run], ["report", run, other, "-o", run / "report.html"]):

@@ -51,7 +51,7 @@ def test_too_few_draws_and_a_run_without_a_log_are_refused(run, tmp_path):
     with pytest.raises(ConfigurationError, match="--monte-carlo"):
         budget(run, monte_carlo=1)
     (tmp_path / "result.json").write_text((run / "result.json").read_text())
-    (tmp_path / "resolved.toml").write_text((run / "resolved.toml").read_text())
+    (tmp_path / "pipeline.toml").write_text((run / "pipeline.toml").read_text())
     with pytest.raises(Exception, match="log"):
         budget(tmp_path, monte_carlo=4)
 

@@ -17,6 +17,7 @@ from palpate.alignment.tare import Tare
 from palpate.alignment.touch import TouchFinder
 from palpate.device import Batch
 from palpate.estimation import Samples
+from palpate.vectors import Floats
 
 _SECOND = 1_000_000_000  # [ns]
 _LATERAL = ("lateral_x", "lateral_y")
@@ -96,9 +97,9 @@ class Aligner:
     def _block(
         self,
         stamps: NDArray[np.int64],
-        position: NDArray[np.float64],
+        position: Floats,
         next_stamps: NDArray[np.int64],
-        next_position: NDArray[np.float64],
+        next_position: Floats,
     ) -> Samples:
         if self._origin is None and len(stamps):
             self._origin = int(stamps[0])
@@ -121,7 +122,7 @@ class Aligner:
         lateral = [self._roles[role].at(stamps) if role in self._roles else unknown for role in _LATERAL]
         return Samples(stamps, time, interval, force, position, velocity, contact, measuring, np.column_stack(lateral))
 
-    def _central_difference(self, stamps: NDArray[np.int64], position: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _central_difference(self, stamps: NDArray[np.int64], position: Floats) -> Floats:
         """Velocity [m/s] from the parabola through three neighbours: no delay; NaN at an end and beside a gap."""
         if self._previous is not None:
             stamps = np.concatenate([[self._previous[0]], stamps])

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from palpate.vectors import Floats
 
 _POWER = 1.5  # of the depth: a sphere; free, it would cost more scatter than it takes bias of other tips
 _GRID = 41  # heights that are tried together

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from palpate.vectors import Floats
 
 _BLOCK = 0.01  # [s]
 _AVERAGED = 10  # blocks

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from palpate.alignment.settings import Signal
 from palpate.device import Batch, Stream
+from palpate.vectors import Floats
 
 _SECOND = 1_000_000_000  # [ns]
 _SECONDS = 1000  # in one batch; more are no clock
@@ -91,7 +92,7 @@ class Series:
         self._gap = round(gap * _SECOND)
         self._limits = limits
         self.stamps: NDArray[np.int64] = np.zeros(0, np.int64)
-        self.values: NDArray[np.float64] = np.zeros(0)
+        self.values: Floats = np.zeros(0)
         self._saturated: NDArray[np.bool_] = np.zeros(0, bool)
         self._repeated = 0
         self._previous = np.nan
@@ -109,13 +110,13 @@ class Series:
         self.values = np.concatenate([self.values, values * self.signal.sign])
         self._saturated = np.concatenate([self._saturated, saturated])
 
-    def _beyond_limits(self, values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def _beyond_limits(self, values: Floats) -> NDArray[np.bool_]:
         if self._limits is None:
             return np.zeros(len(values), bool)
         low, high = self._limits
         return (values <= low) | (values >= high)
 
-    def _longest_repeat(self, values: NDArray[np.float64]) -> int:
+    def _longest_repeat(self, values: Floats) -> int:
         longest = 0
         changes = np.flatnonzero(np.diff(np.concatenate([[self._previous], values])) != 0)
         edges = np.concatenate([changes, [len(values)]])
@@ -133,7 +134,7 @@ class Series:
         """True time [ns] of the latest reading."""
         return int(self.stamps[-1]) if len(self.stamps) else None
 
-    def at(self, instants: NDArray[np.int64]) -> NDArray[np.float64]:
+    def at(self, instants: NDArray[np.int64]) -> Floats:
         """Values (n,) by linear interpolation; NaN outside the readings, across a gap, or beside a saturated one."""
         values = np.full(len(instants), np.nan)
         if not len(self.stamps):

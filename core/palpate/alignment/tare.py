@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.alignment.change_point import change_point
 from palpate.alignment.settings import AlignmentSettings
 from palpate.errors import LogError
 from palpate.estimation import Samples
+from palpate.vectors import Floats
 
 _WANDER = 0.02  # [N]; less is drift
 _FEWEST = 10  # samples
@@ -67,7 +67,7 @@ def _known(samples: Samples) -> Samples:
     return samples[np.isfinite(samples.force)]
 
 
-def _at_rest(force: NDArray[np.float64]) -> bool:
+def _at_rest(force: Floats) -> bool:
     """Whether a record scatters within its sixths rather than wandering from one to the next."""
     parts = np.array_split(force, 6)
     between = float(np.std([part.mean() for part in parts]))

@@ -12,6 +12,7 @@ from palpate.alignment.rise import RiseFinder
 from palpate.alignment.settings import AlignmentSettings
 from palpate.alignment.tare import Tare, given_tare, measured_tare
 from palpate.estimation import Samples
+from palpate.vectors import Floats
 
 GRAVITY = 9.80665  # [m/s^2], standard
 _PAPER_NOISE = 0.05  # [N], standard deviation of the sensor in the paper; where there is no free air to measure it in
@@ -204,7 +205,7 @@ class TouchFinder:
         self._in_contact = bool(contact[-1])
         return replace(samples, contact=contact, active=contact & samples.active)
 
-    def _listen_to_the_air(self, force: NDArray[np.float64]) -> None:
+    def _listen_to_the_air(self, force: Floats) -> None:
         """What the force is before the first touch, where it should be none."""
         known = force[np.isfinite(force)]
         self._air_sum = float(np.cumsum([self._air_sum, *known])[-1])  # one by one, however the record is cut

@@ -37,6 +37,7 @@ def resolved_text(pipeline: Pipeline) -> str:
     }
     for kind, parts in kinds.items():
         tables[kind] = {name: plain_settings(part, pipeline.registry) for name, part in parts.items()}
+    tables |= {name: plain_settings(table, pipeline.registry) for name, table in pipeline.tables.items()}
     return tomli_w.dumps({name: table for name, table in tables.items() if table})
 
 
@@ -48,6 +49,7 @@ def plain_settings(value: Any, registry: Registry) -> Any:
         # What is unlikely without a unit was checked when it was read.
         meant = sorted(doubts(type(value), fields))
         head |= {UNCHECKED: meant} if meant else {}
+        fields |= value.model_extra or {}
         return head | {name: plain_settings(field, registry) for name, field in fields.items() if field is not None}
     if isinstance(value, dict):
         return {name: plain_settings(item, registry) for name, item in value.items() if item is not None}

@@ -6,12 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.config import Pipeline, load_pipeline
 from palpate.errors import ConfigurationError
-from palpate.result import ONLINE, RESOLVED, RunFolder
+from palpate.result import ONLINE, RunFolder
 from palpate.trajectory import Resumable, Trajectory
+from palpate.vectors import Floats
 
 _CAUTION = 0.5  # [s]; what ended this much before the record did is taken for finished
 _STEP = 0.05  # [s] of the search for the motion's begin in a record
@@ -34,7 +34,7 @@ def remaining_pipeline(folder: Path) -> Pipeline | None:
     recorded_pipeline(folder)
     left: list[tuple[Path, Pipeline, Trajectory]] = []
     for part in run.parts:
-        if not (part.path / RESOLVED).is_file():
+        if not part.began:
             continue  # ended before it began
         pipeline = recorded_pipeline(part.path)
         if len(pipeline.trajectories) != 1:
@@ -85,7 +85,7 @@ def _elapsed(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> flo
     return (float(followed[-1]) if len(followed) else 0.0) - delay
 
 
-def _delay(time: NDArray[np.float64], place: NDArray[np.float64], trajectory: Trajectory, least: float) -> float:
+def _delay(time: Floats, place: Floats, trajectory: Trajectory, least: float) -> float:
     """The delay [s] of a motion's begin, at least `least`, that explains recorded places (n, 2) best; the latest of
     equals, so that nothing is taken for done that was not."""
     delays = np.arange(least, max(float(time[-1]), least) + _STEP, _STEP)

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.alignment import Port, Ports
 from palpate.device import Arm, Batch, Retractable
@@ -17,6 +16,7 @@ from palpate.errors import DeviceError
 from palpate.pipeline.rest import Standstill, refuse_unrest
 from palpate.safety import SafetySettings
 from palpate.sink import GuardState
+from palpate.vectors import Floats
 
 _LOOK_EVERY = 0.02  # [s]
 _ENOUGH = 10  # readings
@@ -31,11 +31,11 @@ class _Watch:
 
     def __init__(self, port: Port) -> None:
         self.port, self.name = port, port.signal.channel
-        self.rest: list[NDArray[np.float64]] = []
+        self.rest: list[Floats] = []
         self.heard: int | None = None  # [ns] the latest reading, on the clock of the process that receives it
         self._looks: dict[str, int] = {}  # by stream of the device: when that process last looked [ns]
 
-    def of(self, batch: Batch) -> NDArray[np.float64]:
+    def of(self, batch: Batch) -> Floats:
         """Readings (n,) as the device sent them."""
         return batch.values[:, self.port.column]
 
@@ -58,7 +58,7 @@ class _Watch:
         self.heard = None
         self._looks.clear()
 
-    def at_rest(self) -> NDArray[np.float64]:
+    def at_rest(self) -> Floats:
         values = np.concatenate(self.rest) if self.rest else np.zeros(0)
         return values[np.isfinite(values)]
 
@@ -80,8 +80,8 @@ class Guard:
         self._components = list(ports["force"].components)
         self._named = self._components.index(ports["force"].column)
         self._height, self._deeper = math.inf, False  # [m] of the tip; whether it went down lately
-        self._tare: NDArray[np.float64] | None = None
-        self._resting: list[NDArray[np.float64]] = []  # (n, components) of the force
+        self._tare: Floats | None = None
+        self._resting: list[Floats] = []  # (n, components) of the force
         self._arms: list[Arm] = []
         self._moving: set[str] = set()  # devices whose motion goes on
         self._looked: dict[str, float] = {}  # by device: when its batches were last asked for, monotonic [s]
@@ -113,7 +113,7 @@ class Guard:
         return self._force.port
 
     @property
-    def rest_force(self) -> NDArray[np.float64]:
+    def rest_force(self) -> Floats:
         """The force's readings at rest (n,)."""
         return self._force.at_rest()
 

@@ -9,7 +9,6 @@ from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.alignment import Port
 from palpate.config import Pipeline
@@ -22,6 +21,7 @@ from palpate.pipeline.rig import Rig
 from palpate.pipeline.start import check_way
 from palpate.safety import SafetySettings
 from palpate.trajectory import Trajectory
+from palpate.vectors import Floats
 
 _RETREAT, _SPEED = 0.5e-3, 2e-3  # [m], [m/s] of the way that is felt along
 _SETTLE, _LISTEN = 0.1, 0.3  # [s] after the retreat; of force that is compared
@@ -102,7 +102,7 @@ def feel(arms: list[Arm], live: LiveLinks, guard: Guard, pass_on: Pass, stopped:
     took = max(arm.retreat(_RETREAT, _SPEED) for arm in able)
     begin = time.time_ns() + round(1e9 * (took + _SETTLE))
     end, heard = begin + round(1e9 * _LISTEN), time.monotonic()
-    after: list[NDArray[np.float64]] = []
+    after: list[Floats] = []
     latest = 0
     while latest < end and time.monotonic() < heard + _LATE and not stopped():
         for arrivals in live.until(time.monotonic() + 0.02):
@@ -135,7 +135,7 @@ def refuse_contact(felt: Felt, force: str) -> None:
     )
 
 
-def compared(before: NDArray[np.float64], after: NDArray[np.float64], sign: float) -> Felt | None:
+def compared(before: Floats, after: Floats, sign: float) -> Felt | None:
     """The change between two stretches of readings, by means of blocks: they scatter however the noise is coloured.
 
     None where there are too few readings.

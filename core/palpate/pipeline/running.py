@@ -29,6 +29,8 @@ from palpate.pipeline.rest import declared_noise
 from palpate.pipeline.telling import Telling
 from palpate.pipeline.tracks import Tracks, start_tracks
 from palpate.result import (
+    GIVEN,
+    PIPELINE,
     SCHEMA,
     TrackResult,
     finite,
@@ -87,7 +89,7 @@ def run_pipeline(
     started = datetime.now(UTC).astimezone()
     folder = make_folder(pipeline.run.name, out, started)
     facts = run_facts(pipeline)
-    documents = {"pipeline.toml": pipeline.text, "resolved.toml": resolved_text(pipeline)}
+    documents = {PIPELINE: resolved_text(pipeline), GIVEN: pipeline.text}
     for name, text in documents.items():
         write_new(folder / name, text)
     aligner = Aligner(pipeline.alignment, pipeline.ports)

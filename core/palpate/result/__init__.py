@@ -8,11 +8,21 @@ from palpate.result.found import Derived, Found, finite, finite_tree
 from palpate.result.outcome import TrackResult, record_flags, stream_tables, track_result
 from palpate.result.reading import SCHEMA, is_whole, read_flags, read_result, upgraded
 from palpate.result.record import TrackRecord, acceleration
-from palpate.result.run_folder import ONLINE, RESOLVED, RESULT, EstimatesTable, RunFolder, TrackTable
+from palpate.result.run_folder import (
+    GIVEN,
+    ONLINE,
+    PIPELINE,
+    RESULT,
+    EstimatesTable,
+    RunFolder,
+    TrackTable,
+    pipeline_among,
+)
 
 __all__ = [
+    "GIVEN",
     "ONLINE",
-    "RESOLVED",
+    "PIPELINE",
     "RESULT",
     "SCHEMA",
     "Derived",
@@ -32,6 +42,7 @@ __all__ = [
     "finite_tree",
     "is_whole",
     "make_folder",
+    "pipeline_among",
     "read_flags",
     "read_result",
     "record_flags",

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from palpate.contact import Parameter
 from palpate.errors import OutputError
 from palpate.estimation import Estimates, Samples
+from palpate.vectors import Floats
 
 _ROWS = 4096  # of a table that are made into text at once
 
@@ -87,7 +88,7 @@ class EstimatesFile:
             text = (self._line * len(part)) % tuple(part.ravel().tolist())
             self._file.write(text.replace("nan", ""))
 
-    def _due(self, time: NDArray[np.float64]) -> NDArray[np.int64]:
+    def _due(self, time: Floats) -> NDArray[np.int64]:
         """The first sample of every interval."""
         if self._interval <= 0 or not len(time):
             return np.arange(len(time))

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.contact import ContactModel
 from palpate.fit_report import Effect
+from palpate.vectors import Floats
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Derived:
 
 
 def derived_values(
-    model: ContactModel, parameters: Mapping[str, Found], covariance: NDArray[np.float64] | None = None
+    model: ContactModel, parameters: Mapping[str, Found], covariance: Floats | None = None
 ) -> tuple[Derived, ...]:
     """What the parameters found say of the material, with their scatter and settling carried over.
 
@@ -122,7 +122,7 @@ def derived_values(
     )
 
 
-def _scatter(gradient: NDArray[np.float64], std: Sequence[float], covariance: NDArray[np.float64] | None) -> float:
+def _scatter(gradient: Floats, std: Sequence[float], covariance: Floats | None) -> float:
     """Standard deviation of a value with this gradient (k,); what `std` holds beyond the covariance is uncorrelated."""
     if covariance is None:
         return math.hypot(*(gradient * np.array(std)))

@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.contact import ContactModel
@@ -20,6 +19,7 @@ from palpate.result.found import Derived, Found, derived_values, finite, finite_
 from palpate.result.record import Tail, TrackRecord
 from palpate.result.way import SWEEP
 from palpate.track_name import TrackName
+from palpate.vectors import Floats
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class _Numbers:
     nis: float
 
 
-def _covariance(model: ContactModel, details: Mapping[str, Any]) -> NDArray[np.float64] | None:
+def _covariance(model: ContactModel, details: Mapping[str, Any]) -> Floats | None:
     """Covariance (k, k) of the parameters as the estimator tells it in its details; None where it does not."""
     table = details.get("covariance")
     if not isinstance(table, Mapping):

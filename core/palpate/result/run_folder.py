@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,10 +18,10 @@ from palpate.errors import LogError
 from palpate.estimation import Status
 from palpate.result.differing import differences
 from palpate.result.reading import is_whole, read_result
+from palpate.vectors import Floats
 
-Floats = NDArray[np.float64]
-
-RESULT, GIVEN, RESOLVED, REVIEW = "result.json", "pipeline.toml", "resolved.toml", "review.json"
+RESULT, PIPELINE, GIVEN, REVIEW = "result.json", "pipeline.toml", "given.toml", "review.json"
+_OLDER = "resolved.toml"  # the pipeline of an older run, whose pipeline.toml is as given
 ONLINE, OFFLINE = "estimates.csv", "estimates-offline.csv"
 _UNUSABLE = Status.IDLE | Status.WAITING | Status.DIVERGED
 
@@ -84,6 +84,11 @@ class EstimatesTable:
         return np.asarray(self.numbers[:, self.names.index(name)])
 
 
+def pipeline_among(names: Container[str]) -> str | None:
+    """Which of the documents of a run, by name, is the pipeline that reproduces it; None where there is none."""
+    return next((name for name in (_OLDER, PIPELINE) if name in names), None)
+
+
 @dataclass(frozen=True)
 class RunFolder:
     """A run's folder: its result, pipeline, estimates and continuations."""
@@ -101,12 +106,25 @@ class RunFolder:
         return read_result(self.path / RESULT)
 
     @property
+    def began(self) -> bool:
+        """Whether there is a pipeline that was run."""
+        return self._pipeline_name is not None
+
+    @property
     def pipeline(self) -> Path:
-        """The file of the pipeline as it was resolved; raises LogError where there is none."""
-        path = self.path / RESOLVED
-        if not path.is_file():
-            raise LogError(f"{self.path}: is no run folder: it has no {RESOLVED}")
-        return path
+        """The file of the pipeline that reproduces the run, overrides included; raises LogError where there is none."""
+        if (name := self._pipeline_name) is None:
+            raise LogError(f"{self.path}: is no run folder: it has no {PIPELINE}")
+        return self.path / name
+
+    @property
+    def given(self) -> Path:
+        """The file of the pipeline as it was given, with its comments; it need not be there."""
+        return self.path / (PIPELINE if self._pipeline_name == _OLDER else GIVEN)
+
+    @property
+    def _pipeline_name(self) -> str | None:
+        return pipeline_among([name for name in (_OLDER, PIPELINE) if (self.path / name).is_file()])
 
     @property
     def rejected(self) -> dict[str, str]:
@@ -131,9 +149,9 @@ class RunFolder:
 
     def demand_one_pipeline(self) -> None:
         """Raise LogError where a continuation was not made with the settings of the run, its motion and seed apart."""
-        own = self.pipeline.read_text(encoding="utf-8") if (self.path / RESOLVED).is_file() else None
+        own = self.pipeline.read_text(encoding="utf-8") if self.began else None
         for part in self.parts[1:] if own is not None else ():
-            if (part.path / RESOLVED).is_file():
+            if part.began:
                 text = part.pipeline.read_text(encoding="utf-8")
                 if told := differences(text, own or "", ("trajectory", "run.seed")):
                     raise LogError(f"{part.path}: is no continuation of {self.path}, nothing is mixed: {told}")

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from palpate import Floats
 
 from palpate_calibration.record import CalibrationRecord
 
@@ -75,7 +76,7 @@ def _comes_back(record: CalibrationRecord, segment: Segment) -> bool:
     return abs(float(values[-quarter:].mean() - values[:quarter].mean())) < float(values.std())
 
 
-def _swing(record: CalibrationRecord) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _swing(record: CalibrationRecord) -> tuple[Floats, Floats]:
     """Edges of windows (k + 1,) [s] and the standard deviation (k,) of the position in each."""
     count = max(int((record.end - record.begin) / _WINDOW), 1)
     edges = np.asarray(record.begin + _WINDOW * np.arange(count + 1), np.float64)
@@ -85,9 +86,7 @@ def _swing(record: CalibrationRecord) -> tuple[NDArray[np.float64], NDArray[np.f
     return edges, np.array(swing, np.float64)
 
 
-def _stretches(
-    edges: NDArray[np.float64], wanted: NDArray[np.bool_], record: CalibrationRecord, shortest: float
-) -> list[Segment]:
+def _stretches(edges: Floats, wanted: NDArray[np.bool_], record: CalibrationRecord, shortest: float) -> list[Segment]:
     padded = np.concatenate([[False], wanted, [False]])
     begins = np.flatnonzero(~padded[:-1] & padded[1:])
     ends = np.flatnonzero(padded[:-1] & ~padded[1:])

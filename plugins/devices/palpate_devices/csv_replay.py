@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Annotated, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from palpate import (
     Batch,
     Channel,
     File,
+    Floats,
     Frequency,
     Link,
     LogError,
@@ -166,7 +166,7 @@ class _CsvLink:
         if row == 0:
             raise LogError(f"{self._log.file}: the file holds no rows of numbers")
 
-    def _blocks(self) -> Iterator[NDArray[np.float64]]:
+    def _blocks(self) -> Iterator[Floats]:
         path = self._log.file
         with opened(path) as file:
             rows = enumerate(csv.reader(bounded(file, path), delimiter=self._log.delimiter), start=1)

@@ -14,7 +14,7 @@ from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Batch, Estimates, OutputError, Run, Samples, Sink, Stream, Writer
+from palpate import Batch, Estimates, Floats, OutputError, Run, Samples, Sink, Stream, Writer
 from pydantic import Field
 
 from palpate_devices.mcap_index import keep_index_in
@@ -63,7 +63,7 @@ class _LogWriter:
     def __init__(self, log: _Log) -> None:
         self._log = log
         self._stamps: NDArray[np.int64] = np.zeros(0, np.int64)
-        self._lateral: NDArray[np.float64] = np.zeros((0, 2))
+        self._lateral: Floats = np.zeros((0, 2))
         self._waiting: queue.Queue[Callable[[], None] | None] = queue.Queue(_WAITING)
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._work, name="mcap sink", daemon=True)
@@ -173,9 +173,7 @@ class _Log:
         numbers = np.column_stack([*columns, samples.lateral])
         self._write(self._samples, samples.stamp, samples.stamp, "surface", numbers)
 
-    def estimates(
-        self, track: str, estimates: Estimates, stamps: NDArray[np.int64], lateral: NDArray[np.float64]
-    ) -> None:
+    def estimates(self, track: str, estimates: Estimates, stamps: NDArray[np.int64], lateral: Floats) -> None:
         columns = (
             estimates.surface,
             estimates.surface_std,
@@ -196,7 +194,7 @@ class _Log:
         stamps: NDArray[np.int64],
         logged: NDArray[np.int64],
         frame: str,
-        numbers: NDArray[np.float64],
+        numbers: Floats,
         joints: tuple[str, ...] = (),
     ) -> None:
         messages = pack(stamps, frame, numbers, joints)

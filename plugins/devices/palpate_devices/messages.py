@@ -13,6 +13,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from palpate import Floats
 
 from palpate_devices.logs.topics import column
 
@@ -112,9 +113,7 @@ def known_type(schema_name: str, definition: str) -> MessageType | None:
     return MessageType(name, definition, tuple(words[1] for words in fields[1:]))
 
 
-def pack(
-    stamps: NDArray[np.int64], frame: str, numbers: NDArray[np.float64], joints: tuple[str, ...] = ()
-) -> list[bytes]:
+def pack(stamps: NDArray[np.int64], frame: str, numbers: Floats, joints: tuple[str, ...] = ()) -> list[bytes]:
     """One CDR message for each stamp [ns] and row of numbers (n, k); of joints (n, 2 j), angles and then speeds."""
     template, runs = _template(frame, numbers.shape[1], joints)
     messages = np.tile(np.frombuffer(template, np.uint8), (len(stamps), 1))

@@ -7,10 +7,10 @@ from functools import cached_property
 from typing import Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from palpate import (
     ConfigurationError,
     ContactModel,
+    Floats,
     Indenter,
     Length,
     Quantity,
@@ -26,8 +26,6 @@ from palpate_devices.inclusions import Inclusion
 from palpate_devices.layers import Layer, layered_factors
 from palpate_devices.paper_specimens import SPECIMENS
 from palpate_devices.relief import Relief
-
-Floats = NDArray[np.float64]
 
 _SLIP = 1e-4  # [m/s] of sliding over which friction comes up
 

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Batch, Device, DeviceError, Limited, Link, Observable, Stream, Watched
+from palpate import Batch, Device, DeviceError, Floats, Limited, Link, Observable, Stream, Watched
 from palpate.host import (
     Guard,
     LiveLinks,
@@ -146,7 +145,7 @@ def _stream(name: str, stream: Stream, batches: list[Batch], gap: float) -> Iter
         yield Finding("bad", name, f"{invalid} of {len(stamps)} readings are invalid")
 
 
-def _arrival(name: str, late: NDArray[np.float64]) -> Iterator[Finding]:
+def _arrival(name: str, late: Floats) -> Iterator[Finding]:
     median, p99 = float(np.median(late)), float(np.quantile(late, 0.99))
     if p99 > _LATE:
         text = f"arrives late: {1e3 * median:.2f} ms, 1 % later than {1e3 * p99:.1f} ms; is its latency timer at 1 ms?"

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Estimates, Parameter, Run, Samples, Status
+from palpate import Estimates, Floats, Parameter, Run, Samples, Status
 from palpate.host import people
 
 COMMON = ("force", "position", "x", "y", "contact")
@@ -55,7 +55,7 @@ class Columns:
         return table
 
     @staticmethod
-    def of_track(estimates: Estimates, rows: NDArray[np.intp], beyond: NDArray[np.float64]) -> Table:
+    def of_track(estimates: Estimates, rows: NDArray[np.intp], beyond: Floats) -> Table:
         """Rows (n, columns of the track): values, uncertainties with what is known `beyond` the estimator's (k,)."""
         count = estimates.values.shape[1]
         table = np.empty((len(rows), Columns.width(count)), np.float32)
@@ -70,7 +70,7 @@ class Columns:
         return table
 
 
-def rows_of(time: NDArray[np.float64], before: float) -> tuple[NDArray[np.intp], float]:
+def rows_of(time: Floats, before: float) -> tuple[NDArray[np.intp], float]:
     """Which samples become rows, the first of each hundredth of a second, and the hundredth of the last sample."""
     bins = np.floor(time * RATE)
     known = np.empty(len(bins))

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Batch, Estimates, Flag, FlagMeaning, GuardState, Run, Samples
+from palpate import Batch, Estimates, Flag, FlagMeaning, Floats, GuardState, Run, Samples
 from palpate.host import finite_tree, people
 
 from palpate_live.columns import Columns, Table, beyond, described, rows_of
@@ -33,7 +33,7 @@ class Feed:
         self._bin = -math.inf  # in which the latest row is
         self._samples: Samples | None = None
         self._chosen: NDArray[np.intp] = np.zeros(0, np.intp)
-        self._blocks: list[tuple[NDArray[np.float64], Table]] = []
+        self._blocks: list[tuple[Floats, Table]] = []
         self._stamp = 0  # [ns] of the latest row
         self._last: str | None = None  # track that was told last of the block before
         self._latest: str | None = None

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+from palpate import Floats
 
 from palpate_live.wire import Header, Rows, pack, pack_rows, unpack
 
@@ -57,7 +58,7 @@ class History:
             self._events.append(message)
         return str(kind)
 
-    def _append(self, time: NDArray[np.float64], columns: NDArray[np.float32]) -> None:
+    def _append(self, time: Floats, columns: NDArray[np.float32]) -> None:
         if self._count + len(time) > len(self._time):
             self._thin()
         end = self._count + len(time)
@@ -72,7 +73,7 @@ class History:
         self._columns[:, : len(kept)] = self._columns[:, kept]
         self._count = len(kept)
 
-    def _fill(self, begin: int, time: NDArray[np.float64], columns: NDArray[np.float32]) -> None:
+    def _fill(self, begin: int, time: Floats, columns: NDArray[np.float32]) -> None:
         """What an offline estimator says of rows that are known, by their times."""
         known = self._time[: self._count]
         places = np.searchsorted(known, time)

@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from palpate import Floats
 
 LARGEST = 32_000  # bytes of a datagram: Linux cuts longer ones of such a socket into several
 _LENGTH = struct.Struct("<I")
 _TEXT = b"{"  # begins a message without numbers; no length does: each is 4 more than a multiple of 8
 
 Header = dict[str, Any]
-Rows = tuple[NDArray[np.float64], NDArray[np.float32]]  # times (n,), columns (columns, n)
+Rows = tuple[Floats, NDArray[np.float32]]  # times (n,), columns (columns, n)
 
 
 def pack(header: Mapping[str, Any]) -> bytes:
@@ -28,7 +29,7 @@ def pack(header: Mapping[str, Any]) -> bytes:
     return json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
 
 
-def pack_rows(header: Mapping[str, Any], time: NDArray[np.float64], columns: NDArray[np.float32]) -> bytes:
+def pack_rows(header: Mapping[str, Any], time: Floats, columns: NDArray[np.float32]) -> bytes:
     """A message with rows: times (n,) [s] and columns (columns, n)."""
     text = pack({**header, "rows": len(time)})
     text += b" " * (-(len(text) + _LENGTH.size) % 8)

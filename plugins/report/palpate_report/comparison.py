@@ -190,7 +190,8 @@ def _tests(runs: Sequence[Run], groups: Sequence[str], track: str, parameter: st
             continue
         from scipy.stats import ttest_ind
 
-        p = float(ttest_ind(a, b, equal_var=False).pvalue)
+        tested: Any = ttest_ind(a, b, equal_var=False)
+        p = float(tested.pvalue)
         change = factor * float(b.mean() - a.mean())
         rows.append(
             {

@@ -22,7 +22,7 @@ from palpate.host import (
     registry,
 )
 
-_SIGNS = ("result.json", "resolved.toml", "pipeline.toml", "estimates.csv")
+_SIGNS = ("result.json", "pipeline.toml", "estimates.csv")
 _WHY_NOT = {
     False: "There is no result.json: the run was killed, lost its power, or still goes on.",
     True: "The result.json is not whole: the run was cut while it was written.",
@@ -39,7 +39,7 @@ class Record:
     def read(cls, path: Path) -> Record:
         """The folder of a run, or of its result.json; raises LogError for what is none."""
         folder = path.parent if path.name == "result.json" else path
-        if not folder.is_dir() or not any((folder / name).is_file() for name in _SIGNS):
+        if not folder.is_dir() or not (RunFolder(folder).began or any((folder / name).is_file() for name in _SIGNS)):
             raise LogError(f"{path}: is no run folder: it has none of {', '.join(_SIGNS)}")
         record = cls(RunFolder(folder))
         if record.folder.finished:
@@ -70,12 +70,12 @@ class Record:
     @property
     def given_text(self) -> str | None:
         """The pipeline as given."""
-        return _text(self.path / "pipeline.toml")
+        return _text(self.folder.given)
 
     @property
     def resolved_text(self) -> str | None:
         """The pipeline as run."""
-        return _text(self.path / "resolved.toml")
+        return _text(self.folder.pipeline) if self.folder.began else None
 
     @cached_property
     def resolved(self) -> Mapping[str, Any]:

@@ -8,8 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import ContactModel, Indenter, contact_force, force_over_time
+from palpate import ContactModel, Floats, Indenter, contact_force, force_over_time
 from palpate.host import Quantity
 
 from palpate_testing.demand import demand, demand_close
@@ -17,7 +16,7 @@ from palpate_testing.demand import demand, demand_close
 _DEPTHS = np.geomspace(1e-6, 6e-3, 60)  # [m], a palpation's range
 
 
-def check_indenter(indenter: Indenter, depths: NDArray[np.float64] = _DEPTHS) -> None:
+def check_indenter(indenter: Indenter, depths: Floats = _DEPTHS) -> None:
     """A tip obeys the method of dimensionality reduction, and its one expression runs on every kind of number.
 
     Checked: contact radius finite, not negative, never shrinking; area 0 at touch, growing, with derivative A' = a;
@@ -42,7 +41,7 @@ def check_indenter(indenter: Indenter, depths: NDArray[np.float64] = _DEPTHS) ->
     _scales(indenter, depths, radius, name)
 
 
-def _scales(indenter: Indenter, depths: NDArray[np.float64], radius: NDArray[np.float64], name: str) -> None:
+def _scales(indenter: Indenter, depths: Floats, radius: Floats, name: str) -> None:
     """A tip of twice the size, where that is known by its settings."""
     sizes = {}
     for key, field in type(indenter).model_fields.items():
@@ -73,7 +72,7 @@ def usual_values(model: ContactModel) -> list[float]:
     return values
 
 
-def check_force(model: ContactModel, theta: Sequence[float], depths: NDArray[np.float64] = _DEPTHS) -> None:
+def check_force(model: ContactModel, theta: Sequence[float], depths: Floats = _DEPTHS) -> None:
     """A contact model takes (depth, rate, theta, memory) and answers one number; at rest it grows with depth.
 
     A model that declares `adhesive` may pull, and its force may fall with depth.
@@ -90,7 +89,7 @@ def check_force(model: ContactModel, theta: Sequence[float], depths: NDArray[np.
         _never_falls(at_rest, depths, f"{name} at rest")
 
 
-def check_model(model: ContactModel, theta: Sequence[float], depths: NDArray[np.float64] = _DEPTHS) -> None:
+def check_model(model: ContactModel, theta: Sequence[float], depths: Floats = _DEPTHS) -> None:
     """A contact model pushes when pressed, and its one formula runs on every kind of number.
 
     Checked at parameters `theta`: one per parameter, within bounds; no force out of contact; force at rest growing with
@@ -133,7 +132,7 @@ def _remembers(model: ContactModel, theta: Sequence[float], name: str) -> None:
     demand(forces[1][-1] >= forces[0][-1], f"{name}: the force is smaller on a faster ramp")
 
 
-def _values(function: Callable[[Any], Any], depths: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+def _values(function: Callable[[Any], Any], depths: Floats, name: str) -> Floats:
     """One depth at a time, so that what raises or is no number is named with its depth."""
     values = []
     for depth in depths.tolist():
@@ -146,13 +145,13 @@ def _values(function: Callable[[Any], Any], depths: NDArray[np.float64], name: s
     return np.array(values)
 
 
-def _never_falls(values: NDArray[np.float64], depths: NDArray[np.float64], name: str) -> None:
+def _never_falls(values: Floats, depths: Floats, name: str) -> None:
     falls = np.flatnonzero(np.diff(values) < -1e-12 * np.abs(values[1:]))
     where = depths[falls[0]] if len(falls) else 0.0
     demand(not len(falls), f"{name} is not monotone: it falls beyond a depth of {where:.3g} m")
 
 
-def _same_everywhere(function: Callable[[Any], Any], depths: NDArray[np.float64], name: str) -> None:
+def _same_everywhere(function: Callable[[Any], Any], depths: Floats, name: str) -> None:
     import casadi
 
     floats = np.array([float(function(float(depth))) for depth in depths])
@@ -170,7 +169,7 @@ def _called(function: Callable[[Any], Any], argument: Any, name: str) -> Any:
         raise AssertionError(f"{name} raises {type(error).__name__}: {error}; {how}") from error
 
 
-def _finite_jacobian(model: ContactModel, theta: Sequence[float], depths: NDArray[np.float64]) -> None:
+def _finite_jacobian(model: ContactModel, theta: Sequence[float], depths: Floats) -> None:
     import casadi
 
     memory = len(model.memory)

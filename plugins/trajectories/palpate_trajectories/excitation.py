@@ -5,9 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from palpate import Depth, Frequency, Length, Setpoint, Speed, Time, Trajectory
+from palpate import Depth, Floats, Frequency, Length, Setpoint, Speed, Time, Trajectory
 from pydantic import Field, model_validator
 
 from palpate_trajectories.motion import PlannedMotion, Wave
@@ -52,7 +50,7 @@ class MultiSine(Trajectory):
         """From rest to rest [s]."""
         return self._motion.duration
 
-    def at(self, time: NDArray[np.float64]) -> Setpoint:
+    def at(self, time: Floats) -> Setpoint:
         """Setpoints (n, 3)."""
         return self._motion.at(time)
 
@@ -94,7 +92,7 @@ class Chirp(Trajectory):
         """From rest to rest [s]."""
         return self._motion.duration
 
-    def at(self, time: NDArray[np.float64]) -> Setpoint:
+    def at(self, time: Floats) -> Setpoint:
         """Setpoints (n, 3)."""
         return self._motion.at(time)
 

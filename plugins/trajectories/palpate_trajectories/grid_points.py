@@ -9,8 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Angle, Length, Setpoint, Speed, Time, Trajectory
+from palpate import Angle, Floats, Length, Setpoint, Speed, Time, Trajectory
 from pydantic import Field, model_validator
 
 from palpate_trajectories.motion import PlannedMotion, line_knots, line_time
@@ -116,7 +115,7 @@ class GridPoints(Trajectory):
         """From rest to rest [s]."""
         return self._motion.duration
 
-    def at(self, time: NDArray[np.float64]) -> Setpoint:
+    def at(self, time: Floats) -> Setpoint:
         """Setpoints (n, 3)."""
         return self._motion.at(time)
 
@@ -143,7 +142,7 @@ def short_way(places: Sequence[Place]) -> list[int]:
     return tour
 
 
-def _exchange(tour: list[int], distance: NDArray[np.float64]) -> bool:
+def _exchange(tour: list[int], distance: Floats) -> bool:
     """Reverse stretches of an open tour in place where that makes it shorter."""
     gained = False
     for i in range(len(tour) - 2):

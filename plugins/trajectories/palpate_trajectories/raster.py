@@ -7,9 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from palpate import Angle, Length, Setpoint, Speed, Time, Trajectory
+from palpate import Angle, Floats, Length, Setpoint, Speed, Time, Trajectory
 from pydantic import Field, model_validator
 
 from palpate_trajectories.motion import PlannedMotion, line_knots, line_time
@@ -99,7 +97,7 @@ class Raster(Trajectory):
         """From rest to rest [s]."""
         return self._motion.duration
 
-    def at(self, time: NDArray[np.float64]) -> Setpoint:
+    def at(self, time: Floats) -> Setpoint:
         """Setpoints (n, 3)."""
         return self._motion.at(time)
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Length, Setpoint, Time, Trajectory
+from palpate import Floats, Length, Setpoint, Time, Trajectory
 from pydantic import Field
 
 
@@ -20,7 +19,7 @@ class Stay(Trajectory):
         """All of it [s]."""
         return self.duration
 
-    def at(self, time: NDArray[np.float64]) -> Setpoint:
+    def at(self, time: Floats) -> Setpoint:
         """Setpoints (n, 3), all the same."""
         t = np.asarray(time, float)
         position = np.zeros((len(t), 3))

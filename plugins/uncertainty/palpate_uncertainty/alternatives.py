@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from palpate import Floats
 
 from palpate_uncertainty.course import Course
 from palpate_uncertainty.memory import relaxed
-from palpate_uncertainty.whitening import Floats
 
 _LAYER = (1.133, 1.283, 0.769, 0.0975)  # Dimitriadis et al. 2002, eq. 13
 _DEEPER = 1e-6  # [m], for slopes
@@ -87,8 +87,11 @@ def refit(course: Course, theta: Floats, surface: float, make: Maker = unchanged
     return Refit(made.reason, numbers[0], numbers[1], full.candidates(*numbers), error)
 
 
-def alternatives(course: Course, base: Refit) -> Iterator[Refit]:
-    """Refits of all that the residual may say is wrong; for a model with memory of its own only timing and drift."""
+def alternatives(course: Course, base: Refit, frequency: float | None = None) -> Iterator[Refit]:
+    """Refits of all that the residual may say is wrong; for a model with memory of its own only timing and drift.
+
+    `frequency` [Hz] is that of a motion that oscillates with one.
+    """
     elastic = [i for i, parameter in enumerate(course.model.parameters) if parameter.role == "elastic"]
     makers: list[Maker] = [_timing, _drift]
     if elastic and not course.model.memory:
@@ -101,7 +104,9 @@ def alternatives(course: Course, base: Refit) -> Iterator[Refit]:
     for make in makers:
         yield refit(course, base.theta, base.surface, make)
     if len(elastic) == 1 and not course.model.memory and all(p.role for p in course.model.parameters):
-        stays, surface, at_first, residual = relaxed(course, base.theta, base.surface, elastic[0])
+        viscous = any(parameter.role == "viscous" for parameter in course.model.parameters)
+        fastest = 1.0 / (2.0 * np.pi * frequency) if frequency is not None and viscous else 0.0
+        stays, surface, at_first, residual = relaxed(course, base.theta, base.surface, elastic[0], fastest)
         yield Refit("memory", stays, surface, np.array([stays, at_first]), residual)
 
 

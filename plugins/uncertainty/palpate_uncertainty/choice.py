@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from palpate import Diagnosed, Flag, TrackEvidence
+from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
 from palpate_uncertainty.lack_of_fit import left_by
 from palpate_uncertainty.settings import ChoiceSettings
-from palpate_uncertainty.whitening import Floats
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import ContactModel, TrackEvidence, contact_force, force_over_time
+from palpate import ContactModel, Floats, TrackEvidence, contact_force, force_over_time
 
-from palpate_uncertainty.whitening import Floats, Runs
+from palpate_uncertainty.whitening import Runs
 
 _SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
 _STEP, _RATE_STEP = 1e-6, 1e-5  # [m], [m/s]; for slopes
@@ -138,7 +138,7 @@ def _quiet(values: Floats, runs: Runs) -> tuple[Floats, float]:
     pieces = np.split(values, np.flatnonzero(np.diff(runs)) + 1)
     smooth, left = values, 0.0
     for width in _WINDOWS:
-        tried = np.concatenate([savgol_filter(p, width, 3) if len(p) >= width else p for p in pieces])
+        tried = np.concatenate([np.asarray(savgol_filter(p, width, 3)) if len(p) >= width else p for p in pieces])
         taken = np.convolve(values - tried, np.ones(width) / width, "valid")  # what is slow in it was signal
         if float(np.mean(taken**2)) > (_BENT**2 + 2.0 / width) * noise**2:
             break

@@ -7,11 +7,10 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from palpate import Diagnosed, Flag, TrackEvidence
+from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
 from palpate_uncertainty.alternatives import Refit, refit
 from palpate_uncertainty.course import Course, make_course, possible, sweeps
-from palpate_uncertainty.whitening import Floats
 
 _ENOUGH = 300  # samples
 _MOST = 3000  # samples that slopes are taken at

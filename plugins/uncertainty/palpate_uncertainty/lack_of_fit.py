@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from palpate import Diagnosed, Flag, TrackEvidence
+from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
 from palpate_uncertainty.alternatives import Refit, alternatives, refit
 from palpate_uncertainty.course import Course, make_course, possible, runs_of, sweeps
 from palpate_uncertainty.whiteness import Tested, examined, oscillation
-from palpate_uncertainty.whitening import ENOUGH, WHITE, Floats, Null, null_of
+from palpate_uncertainty.whitening import ENOUGH, WHITE, Null, null_of
 
 LEVEL = 1e-3  # of the family's p
 _ENOUGH = 300  # samples
@@ -46,6 +46,7 @@ class _Base:
     fit: Refit
     null: Null
     phase: Floats | None  # (n,) [rad] of the fitted samples
+    frequency: float | None  # [Hz] of the oscillation
 
     def test(self, residual: Floats) -> Tested:
         rows, course = self.course.used, self.course
@@ -96,8 +97,8 @@ def _base(track: TrackEvidence, known: dict[Any, _Base]) -> _Base:
         course = make_course(track, used)
         fit = refit(course, track.values, track.surface)
         rhythm = oscillation(course.time[course.used], course.height[course.used])
-        phase = rhythm[1] if rhythm else None
-        known[key] = _Base(course, fit, _null(track, fit.residual, phase), phase)
+        frequency, phase = rhythm or (None, None)
+        known[key] = _Base(course, fit, _null(track, fit.residual, phase), phase, frequency)
     return known[key]
 
 
@@ -165,7 +166,7 @@ def _others(base: _Base, first: Tested) -> list[tuple[Refit, Tested]]:
     """What else the record may be, tested; the model as it is where that is right and the track is far from it."""
     if first.p >= LEVEL:
         return [(base.fit, first)]
-    return [(other, base.test(other.residual)) for other in alternatives(base.course, base.fit)]
+    return [(other, base.test(other.residual)) for other in alternatives(base.course, base.fit, base.frequency)]
 
 
 def _shifts(track: TrackEvidence, others: Sequence[Refit]) -> Floats:
@@ -184,6 +185,9 @@ def _ratio(part: float, whole: float) -> float:
 
 
 def _removes(test: Tested, first: Tested) -> bool:
+    """Whether an alternative takes the pattern away, which more than a p just beyond the level is needed for."""
+    if _ratio(test.misfit, first.misfit) > _NAMED:
+        return first.p >= LEVEL
     return test.p >= LEVEL or test.misfit < max(_LEFT * first.misfit, _FAINT)
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from palpate import Floats
 
 from palpate_uncertainty.course import Course
-from palpate_uncertainty.whitening import Floats
 
 _TIMES = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # [s] of the branches
 _MOST = 3000  # samples that are fitted
@@ -15,8 +15,13 @@ _FARTHEST = 3e-3  # [m] that the surface may move
 _CLOSE = 1e-7  # [m]
 
 
-def relaxed(course: Course, theta: Floats, surface: float, place: int) -> tuple[Floats, float, Floats, Floats]:
+def relaxed(
+    course: Course, theta: Floats, surface: float, place: int, fastest: float = 0.0
+) -> tuple[Floats, float, Floats, Floats]:
     """Least squares of F = E A(d) + eta B(d, d') + sum of E g_i R_i[A], R_i what relaxes in a time, g_i >= 0.
+
+    No R_i relaxes in less than `fastest` [s]: beside an oscillation of angular frequency w, what relaxes within 1/w is
+    a dashpot by another name, and would only take the viscosity's share.
 
     For models whose force is linear in their parameters, of which one, at `place`, is elastic. By variable projection
     over the surface (Golub and Pereyra 1973) and non-negative least squares (Lawson and Hanson 1974). Returns the
@@ -25,11 +30,11 @@ def relaxed(course: Course, theta: Floats, surface: float, place: int) -> tuple[
     """
     from scipy.optimize import minimize_scalar, nnls
 
-    rows = np.flatnonzero(course.used)
+    rows, times = np.flatnonzero(course.used), _times(course, fastest)
     few = rows[:: max(1, -(-len(rows) // _MOST))]
 
     def cost(height: float) -> float:
-        columns = _columns(course, theta, height, place)[few]
+        columns = _columns(course, theta, height, place, times)[few]
         return float(nnls(_scaled(columns)[0], course.force[few])[1])
 
     span = min(_FARTHEST, 0.8 * float(np.min(course.depth(surface)[rows]))) if rows.size else 0.0
@@ -37,30 +42,30 @@ def relaxed(course: Course, theta: Floats, surface: float, place: int) -> tuple[
     found: Any = minimize_scalar(
         cost, bounds=(surface - span, surface + _FARTHEST), method="bounded", options={"xatol": _CLOSE}
     )
-    columns = _columns(course, theta, float(found.x), place)
+    columns = _columns(course, theta, float(found.x), place, times)
     scaled, sizes = _scaled(columns[few])
     weights = nnls(scaled, course.force[few])[0] / sizes
     k = len(theta)
     stays = theta * weights[:k]
-    branches = weights[k : k + len(_times(course))]
+    branches = weights[k : k + len(times)]
     at_first = stays.copy()
     at_first[place] += theta[place] * float(branches.sum())
     return stays, float(found.x), at_first, (course.force - columns @ weights)[course.used]
 
 
-def _times(course: Course) -> list[float]:
-    step = float(np.median(np.diff(course.time)))
-    return [time for time in _TIMES if 3 * step < time < course.span]
+def _times(course: Course, fastest: float) -> list[float]:
+    fastest = max(fastest, 3 * float(np.median(np.diff(course.time))))
+    return [time for time in _TIMES if fastest < time < course.span]
 
 
-def _columns(course: Course, theta: Floats, surface: float, place: int) -> Floats:
+def _columns(course: Course, theta: Floats, surface: float, place: int, times: list[float]) -> Floats:
     """Forces (n, m) [N] of each parameter, of each branch, and of what had not relaxed when the record began."""
     columns = []
     for i in range(len(theta)):
         alone = np.zeros_like(theta)
         alone[i] = theta[i]
         columns.append(course.forces(alone, surface))
-    step, times = float(np.median(np.diff(course.time))), _times(course)
+    step = float(np.median(np.diff(course.time)))
     columns += [_relaxing(columns[place], step / time) for time in times]
     if not course.from_air:
         first = course.runs == course.runs[0]

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from palpate import Diagnosed, Flag, TrackEvidence
-
-from palpate_uncertainty.whitening import Floats
+from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
 _REACH = 5  # samples to either side, of the running median
 _SIGMAS = 8.0

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from palpate import Floats
 
-from palpate_uncertainty.whitening import Floats, Null, Runs
+from palpate_uncertainty.whitening import Null, Runs
 
 LAGS, PHASES, BLOCKS, DEPTHS = 50, 32, 20, 10
 # Lags that say nothing of the model: the tip's inertia is taken off by a slope of the velocity over 11 samples, which

@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from palpate import Floats
 
-Floats = NDArray[np.float64]
 Runs = NDArray[np.int64]  # (n,) number of the stretch without a gap that a sample belongs to
 
 ENOUGH = 200  # samples at standstill

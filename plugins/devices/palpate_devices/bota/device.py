@@ -8,8 +8,7 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Batch, Channel, Device, DeviceError, Force, Link, SharedReadings, Stream, Time
+from palpate import Batch, Channel, Device, DeviceError, Floats, Force, Link, SharedReadings, Stream, Time
 from pydantic import Field, field_validator
 
 from palpate_devices.bota import layout
@@ -135,7 +134,7 @@ class _BotaLink:
                     f"{self._child.name}: {self._child.ring.lost} readings were lost: the host is too slow"
                 )
 
-    def _batches(self, rows: NDArray[np.float64]) -> Iterator[Batch]:
+    def _batches(self, rows: Floats) -> Iterator[Batch]:
         received = integers(rows, ROW.at("host")) + epoch_offset()
         stamps = self._clock.to_host(integers(rows, ROW.at("sensor")) * 1000, received)
         status = integers(rows, ROW.at("status"))

@@ -7,11 +7,9 @@ deviation is that of the residual's own autocorrelation.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate import Floats
 
 from palpate_devices.logs import evidence
-
-Floats = NDArray[np.float64]
 
 _SMOOTH = 5  # samples to either side of what is differentiated
 _LEAST = 200  # samples in air

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import LogError
+from palpate import Floats, LogError
 
 from palpate_devices.logs.definitions import PRIMITIVES, Definitions, Field, short_name
 from palpate_devices.logs.topics import Bytes, Messages, column, gather
@@ -92,7 +92,7 @@ class Excerpt:
             return self.block[:, offset : offset + width]
         return gather(self.messages.buffer, self.messages.starts + offset, width)
 
-    def numbers(self, places: list[tuple[FieldPlace, int | None]]) -> NDArray[np.float64]:
+    def numbers(self, places: list[tuple[FieldPlace, int | None]]) -> Floats:
         """(n, k) one column for each place and index; NaN where a field has no such element."""
         found = [_at(place, index) for place, index in places]
         if (

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import Batch, LogError, Suggestion, Survey, TopicSurvey, printable, to_si
+from palpate import Batch, Floats, LogError, Suggestion, Survey, TopicSurvey, printable, to_si
 
-from palpate_devices.logs.csv_sheet import Floats, Sheet, together
+from palpate_devices.logs.csv_sheet import Sheet, together
 from palpate_devices.logs.field_statistics import Gathered
 from palpate_devices.logs.guess import ROLES, Found, Series
 from palpate_devices.logs.readings import LATEST, SECOND, nanoseconds, si_unit

@@ -12,14 +12,11 @@ from pathlib import Path
 from typing import IO
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import LogError, is_number
+from palpate import Floats, LogError, is_number
 
 from palpate_devices.logs.files import regular
 from palpate_devices.logs.readings import si_unit
 from palpate_devices.logs.unpack import DAMAGED
-
-Floats = NDArray[np.float64]
 
 SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz")
 _SEPARATORS = (",", ";", "\t")

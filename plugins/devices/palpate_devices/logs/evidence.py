@@ -12,9 +12,7 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
+from palpate import Floats
 
 _REACH = 25  # samples to either side over which a derivative is taken: noise averages out, and the mean is exact
 _EVEN = 0.5  # of a rate's own movement that the slope may leave

@@ -8,8 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Channel, LogError, Stream
+from palpate import Channel, Floats, LogError, Stream
 
 from palpate_devices.logs.decoders import decoder_of
 from palpate_devices.logs.mapping import Clock, MappedSignal, Orientation, TimeField
@@ -19,7 +18,6 @@ from palpate_devices.logs.turning import rotated
 
 _SHOWN = 12
 _LOOKED = 50  # messages of a block whose joints and child frames are looked at
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

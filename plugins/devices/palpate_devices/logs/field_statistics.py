@@ -6,9 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import FieldSurvey
-
-Floats = NDArray[np.float64]
+from palpate import FieldSurvey, Floats
 
 _BINS = 64  # means over equal stretches of the record, of which a sparkline is drawn; they double when full
 _MARKS = "▁▂▃▄▅▆▇█"

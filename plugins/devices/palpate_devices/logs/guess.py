@@ -7,12 +7,10 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate import Floats
 
 from palpate_devices.logs import evidence
 from palpate_devices.logs.evidence import Derivative, Law, Sign
-
-Floats = NDArray[np.float64]
 
 ROLES = ("force", "position", "velocity")
 _CERTAIN = 0.98  # share by which a velocity is a witness of which column is the position

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Settings
+from palpate import Floats, Settings
 from pydantic import Field, model_validator
 
 from palpate_devices.logs.readings import Reading, si_unit
@@ -59,7 +58,7 @@ class MappedSignal(Settings):
         return (Reading.parse(self.field, self.index, self.select),)
 
     @property
-    def unit_vector(self) -> NDArray[np.float64] | None:
+    def unit_vector(self) -> Floats | None:
         """The direction with length 1; None where the field is a number."""
         return None if self.direction is None else np.array(self.direction) / np.linalg.norm(self.direction)
 

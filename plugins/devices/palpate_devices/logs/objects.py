@@ -10,8 +10,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import LogError
+from palpate import Floats, LogError
 
 from palpate_devices.logs.readings import SECOND, Reading, TopicTable
 from palpate_devices.logs.topics import Messages, Stamps, Topic
@@ -69,7 +68,7 @@ class ObjectDecoder:
         known: Stamps | None = None
         if None not in stamps:
             known = np.array(stamps, np.int64)
-        table: NDArray[np.float64] = np.array(values, float).reshape(len(values), len(readings))
+        table: Floats = np.array(values, float).reshape(len(values), len(readings))
         return TopicTable(np.array(rows, np.int64), table, known)
 
 

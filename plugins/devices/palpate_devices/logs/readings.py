@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import to_si
+from palpate import Floats, to_si
 
 from palpate_devices.logs.topics import Messages, Stamps
 
@@ -45,7 +44,7 @@ class TopicTable:
     """Readings of a block of messages."""
 
     rows: Stamps  # which messages (n,)
-    values: NDArray[np.float64]  # (n, k) as recorded; NaN where a message lacks a number
+    values: Floats  # (n, k) as recorded; NaN where a message lacks a number
     stamps: Stamps | None  # (n,) [ns] from the messages themselves; None where they carry none
 
 
@@ -69,7 +68,7 @@ class MessageDecoder(Protocol):
         ...
 
 
-def sensible(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def sensible(values: Floats) -> Floats:
     """The values, with NaN for numbers that no instrument gives, and whose square is none any more."""
     size = np.abs(values)
     if not size.size or size.max() < LARGEST:  # NaN compares as False
@@ -78,7 +77,7 @@ def sensible(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.where(size < LARGEST, values, np.nan)
 
 
-def nanoseconds(seconds: NDArray[np.float64]) -> Stamps:
+def nanoseconds(seconds: Floats) -> Stamps:
     """Whole nanoseconds; whole seconds apart, since the product of both would lose a few hundred of them."""
     whole = np.floor(seconds)
     return whole.astype(np.int64) * SECOND + np.rint((seconds - whole) * SECOND).astype(np.int64)

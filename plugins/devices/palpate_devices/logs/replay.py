@@ -7,8 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Batch, LogError
+from palpate import Batch, Floats, LogError
 
 from palpate_devices.logs.decoders import decoder_of
 from palpate_devices.logs.feeds import Feed, mapped_feeds, said_of
@@ -56,7 +55,7 @@ class LogLink:
                 if len(stamps):
                     yield Batch(feed.stream.name, stamps, received, feed.along(values, quaternions))
 
-    def _numbers(self, feed: Feed, messages: Messages) -> tuple[Stamps, Stamps, NDArray[np.float64]]:
+    def _numbers(self, feed: Feed, messages: Messages) -> tuple[Stamps, Stamps, Floats]:
         with said_of(self._log):
             return feed.numbers(messages, self._log)
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate import Floats
 
 from palpate_devices.logs.definitions import short_name
-
-Floats = NDArray[np.float64]
 
 UNITS = {"force": "N", "position": "m", "velocity": "m/s"}
 _TYPED = {

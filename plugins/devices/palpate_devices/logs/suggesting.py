@@ -6,15 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Suggestion
+from palpate import Floats, Suggestion
 
 from palpate_devices.logs import evidence
 from palpate_devices.logs.air import air_delay
 from palpate_devices.logs.guess import ROLES, Found, Pick, Search, Series
 from palpate_devices.logs.readings import LARGEST
-
-Floats = NDArray[np.float64]
 
 _TARE = 0.9  # [s]
 _FREE = 0.05  # of the force's range by which its rest may be away from where it touches nothing

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import LogError, Suggestion, printable
+from palpate import Floats, LogError, Suggestion, printable
 
 from palpate_devices.logs import roles
 from palpate_devices.logs.feeds import stream_names
@@ -25,7 +24,6 @@ _COLUMNS = 40
 _NAMED = 24  # numbers that a message names
 _LEAST = 20  # messages that tell anything
 
-Floats = NDArray[np.float64]
 Looked = Mapping[str, tuple[tuple[str, ...], Floats, Floats]]  # by topic: columns, time [s], values
 
 

@@ -6,15 +6,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import LogError, Survey, TopicSurvey
+from palpate import Floats, LogError, Survey, TopicSurvey
 
 from palpate_devices.logs.decoders import decoder_of
 from palpate_devices.logs.field_statistics import Gathered
 from palpate_devices.logs.readings import SECOND, MessageDecoder, Reading
 from palpate_devices.logs.topics import Container, Messages, Stamps, Topic
-
-Floats = NDArray[np.float64]
 
 _PAUSE = 10.0  # usual intervals that make a gap
 _KEPT = 200_000  # intervals of a topic that are held at once

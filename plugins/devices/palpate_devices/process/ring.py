@@ -8,6 +8,7 @@ import tempfile
 
 import numpy as np
 from numpy.typing import NDArray
+from palpate import Floats
 
 HEAD = 64  # 64-bit words before the rows
 _WRITTEN, _BEAT, _HOST_BEAT = 0, 1, 2
@@ -25,13 +26,13 @@ class Ring:
     def __init__(self, descriptor: int, columns: int, rows: int = ROWS) -> None:
         self._memory = mmap.mmap(descriptor, ring_size(columns, rows))
         self.head: NDArray[np.int64] = np.frombuffer(self._memory, np.int64, HEAD)
-        self._table: NDArray[np.float64] = np.frombuffer(self._memory, np.float64, offset=8 * HEAD)
+        self._table: Floats = np.frombuffer(self._memory, np.float64, offset=8 * HEAD)
         self._table = self._table.reshape(rows, columns)
         self._rows = rows
         self._read = 0
         self.lost = 0
 
-    def write(self, whole: tuple[int, ...], row: NDArray[np.float64] | list[float]) -> None:
+    def write(self, whole: tuple[int, ...], row: Floats | list[float]) -> None:
         """Append a row: whole numbers first, then floats."""
         written = int(self.head[_WRITTEN])
         target = self._table[written % self._rows]
@@ -39,7 +40,7 @@ class Ring:
         target[len(whole) :] = row
         self.head[_WRITTEN] = written + 1
 
-    def read(self) -> NDArray[np.float64]:
+    def read(self) -> Floats:
         """A copy of the rows that have come since the last call (n, columns)."""
         written = int(self.head[_WRITTEN])
         # The writer may be at work on the row after the last: leave it a margin.
@@ -49,7 +50,7 @@ class Ring:
         self._read = written
         return rows
 
-    def early(self) -> NDArray[np.float64]:
+    def early(self) -> Floats:
         """What came before anybody wanted rows, or the latest of it; none of it counts as lost."""
         rows = self.read()
         self.lost = 0
@@ -64,7 +65,7 @@ class Ring:
         return int(self.head[_HOST_BEAT if host else _BEAT])
 
 
-def integers(rows: NDArray[np.float64], column: int) -> NDArray[np.int64]:
+def integers(rows: Floats, column: int) -> NDArray[np.int64]:
     """A column of whole numbers (n,)."""
     return np.ascontiguousarray(rows[:, column]).view(np.int64)
 

@@ -8,8 +8,7 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Batch, Channel, Device, DeviceError, Force, Frequency, Link, SharedReadings, Stream, Time
+from palpate import Batch, Channel, Device, DeviceError, Floats, Force, Frequency, Link, SharedReadings, Stream, Time
 from pydantic import Field
 
 from palpate_devices.process.child import Child
@@ -110,7 +109,7 @@ class _RdtLink:
             if self._child.ring.lost:
                 raise DeviceError(f"{self._child.name}: {self._child.ring.lost} readings were lost: the host is slow")
 
-    def _batches(self, rows: NDArray[np.float64]) -> Iterator[Batch]:
+    def _batches(self, rows: Floats) -> Iterator[Batch]:
         received = integers(rows, ROW.at("host")) + epoch_offset()
         wrench = rows[:, ROW["wrench"]].copy()
         self._readings += len(rows)

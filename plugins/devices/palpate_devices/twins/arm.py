@@ -6,11 +6,9 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate import Floats
 
 from palpate_devices.ur3e.kinematics import UR3E, Model, joints_at, matrix_of, pose_of, rotation_vector, tip
-
-Floats = NDArray[np.float64]
 
 TICK = 0.002  # [s]
 _ACCELERATION = 80.0  # [rad/s^2]; what servoing may ask of a joint

@@ -7,8 +7,7 @@ import math
 import socket
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import DeviceError
+from palpate import DeviceError, Floats
 
 from palpate_devices.rdt.packets import PERIOD, PORT, REPLY, STOP, STREAM, asked
 
@@ -79,7 +78,7 @@ class VirtualBox:
             elif command == PERIOD and count > 0:
                 self.period = count / 1e3
 
-    def instants(self, until: float) -> NDArray[np.float64]:
+    def instants(self, until: float) -> Floats:
         """The times [s] up to `until` at which it reads, since the last call."""
         if self._client is None:
             return np.zeros(0)
@@ -88,7 +87,7 @@ class VirtualBox:
         self._next += self.period * count
         return instants
 
-    def send(self, instants: NDArray[np.float64], wrench: NDArray[np.float64]) -> None:
+    def send(self, instants: Floats, wrench: Floats) -> None:
         """Send the readings (n, 6) taken at instants (n,)."""
         status = _STATUS.get(self.fault or "", 0)
         for counts in np.rint(self.sign * wrench * self._scale).astype(int).tolist():

@@ -13,7 +13,7 @@ import termios
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate import Floats
 
 from palpate_devices.bota.frames import LENGTH, packed
 from palpate_devices.twins.corruption import KINDS, corrupted
@@ -178,7 +178,7 @@ class VirtualSensor:
         self._sinc = int(numbers[0])
         return 0
 
-    def instants(self, until: float) -> NDArray[np.float64]:
+    def instants(self, until: float) -> Floats:
         """The times [s] up to `until` at which it reads, since the last call."""
         if self._mode != "run":
             return np.zeros(0)
@@ -187,7 +187,7 @@ class VirtualSensor:
         self._next += self.period * count
         return instants
 
-    def send(self, instants: NDArray[np.float64], wrench: NDArray[np.float64]) -> None:
+    def send(self, instants: Floats, wrench: Floats) -> None:
         """Write the readings (n, 6) taken at instants (n,)."""
         if self.fault == "silent" or self._mode != "run":
             return

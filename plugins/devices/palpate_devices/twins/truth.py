@@ -6,9 +6,7 @@ from collections import deque
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
+from palpate import Floats
 
 _KEPT = 30_000  # ticks, a minute
 COLUMNS = ("time", "x", "y", "z", "vx", "vy", "vz", "turning", "joint_speed", "force")

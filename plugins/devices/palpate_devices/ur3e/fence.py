@@ -8,14 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate import Floats
 
 from palpate_devices.ur3e.frame import WorkFrame
 from palpate_devices.ur3e.kinematics import JOINTS, Model, rotation_matrix, rotation_vector, tip_and_links
 from palpate_devices.ur3e.layout import SETPOINT
 from palpate_devices.ur3e.servo import PERIOD
-
-Floats = NDArray[np.float64]
 
 _WINDOW = 10  # periods over which speeds are averaged: the command of a PD law carries the noise of what it measures
 _MORE = 1.2  # what a command may do for a moment, in limits

@@ -6,13 +6,10 @@ import math
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Angle, Length, Settings
+from palpate import Angle, Floats, Length, Settings
 from pydantic import Field
 
 from palpate_devices.ur3e.kinematics import rotation_matrix, rotation_vector
-
-Floats = NDArray[np.float64]
 
 _DOWN = np.diag([1.0, -1.0, -1.0])  # the tool looks against the normal
 

@@ -10,8 +10,7 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import ArmLimits, Batch, DeviceError, ForceWatch, Setpoint, Trajectory
+from palpate import ArmLimits, Batch, DeviceError, Floats, ForceWatch, Setpoint, Trajectory
 
 from palpate_devices.process.child import Child
 from palpate_devices.process.clock import ClockMap, epoch_offset
@@ -26,7 +25,6 @@ from palpate_devices.ur3e.servo import PERIOD, Law, way
 if TYPE_CHECKING:
     from palpate_devices.ur3e.device import UR
 
-Floats = NDArray[np.float64]
 
 _POSE, _TWIST = ROW.span("position", "rotation"), ROW.span("velocity", "turning")
 

@@ -7,7 +7,7 @@ import time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate import Floats
 
 from palpate_devices.ur3e.fence import ArmState, tool_turn
 from palpate_devices.ur3e.frame import WorkFrame
@@ -25,8 +25,6 @@ from palpate_devices.ur3e.kinematics import (
 from palpate_devices.ur3e.layout import MOTION, POSE, STATE, TWIST
 from palpate_devices.ur3e.servo import PERIOD
 from palpate_devices.ur3e.states import PLAYING
-
-Floats = NDArray[np.float64]
 
 _VARIABLES = [
     *("timestamp", "actual_q", "actual_qd", "actual_TCP_pose", "actual_TCP_speed", "actual_TCP_force"),

@@ -6,11 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate import Floats
 
 from palpate_devices.ur3e.layout import SETPOINT
-
-Floats = NDArray[np.float64]
 
 PERIOD = 0.002  # [s]
 _SHORTEST = 0.15  # [s] of a way, however short

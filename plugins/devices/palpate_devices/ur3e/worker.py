@@ -12,7 +12,7 @@ import time
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate import Floats
 
 from palpate_devices.process.child import Parent, real_time
 from palpate_devices.process.ring import Ring
@@ -25,8 +25,6 @@ from palpate_devices.ur3e.pace import Pace
 from palpate_devices.ur3e.robot import Robot, by_joints
 from palpate_devices.ur3e.servo import PERIOD, Commander, Law
 from palpate_devices.ur3e.states import NORMAL, STOPPED, complaint
-
-Floats = NDArray[np.float64]
 
 _BLIND = 12_000_000  # [ns] without a new state
 _EXPLAIN = 10  # periods

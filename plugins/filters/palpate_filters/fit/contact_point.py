@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Samples, change_point
+from palpate import Floats, Samples, change_point
 
 from palpate_filters.fit.segments import RecordCourse
-
-Floats = NDArray[np.float64]
 
 METHODS = ("threshold", "deviation-from-baseline", "gradient")
 _SMOOTH = 0.03  # [s] that the force is averaged over for the baseline method

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Estimates, Flag
+from palpate import Estimates, Flag, Floats
 
 from palpate_filters.fit.bootstrap import block_bootstrap
 from palpate_filters.fit.budget import Sensitivities, row, shift_of
@@ -20,8 +20,6 @@ from palpate_filters.fit.summary import fit_report
 from palpate_filters.fit.tracker import Fit
 from palpate_filters.fit.uncertainty import ResidualScatter, mean_uncertainty, scatter
 from palpate_filters.fit.unknowns import EXTRAS
-
-Floats = NDArray[np.float64]
 
 _MISFIT = 2.0  # RMS of the residual against its white noise
 _LONG_CORRELATION = 50.0  # samples

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import ConfigurationError, Samples, is_number, to_si
+from palpate import ConfigurationError, Floats, Samples, is_number, to_si
 
 from palpate_filters.fit.refusal import NotFitted
 
-Floats = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 
 WORDS = ("active", "all", "contact", "load", "unload", "cycle")

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate import Floats
 
 from palpate_filters.fit.loss import LossFunction
 from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.refusal import NotFitted
 from palpate_filters.fit.residual import Residual, reading
 from palpate_filters.fit.unknowns import Unknowns
-
-Floats = NDArray[np.float64]
 
 _LARGEST_IPOPT = 2_000_000  # samples; its graph holds every one of them several times
 

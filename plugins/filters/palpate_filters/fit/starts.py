@@ -6,15 +6,13 @@ from collections.abc import Callable, Sequence
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate import Floats
 
 from palpate_filters.fit.loss import LossFunction
 from palpate_filters.fit.record import FitRecord, make_record
 from palpate_filters.fit.residual import Residual
 from palpate_filters.fit.solvers import Solution, solve_trf
 from palpate_filters.fit.unknowns import EXTRAS, Unknowns
-
-Floats = NDArray[np.float64]
 
 _TIMES = 6  # of each relaxation time, evenly in its logarithm
 _SAMPLES = 1500  # of the record that is searched on

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Estimates, Flag, Problem, Samples
+from palpate import Estimates, Flag, Floats, Problem, Samples
 
 from palpate_filters.fit.budget import BudgetSource
 from palpate_filters.fit.contact_point import (
@@ -33,7 +32,6 @@ from palpate_filters.fit.unknowns import Unknowns
 if TYPE_CHECKING:
     from palpate_filters.fit.estimator import CasadiFit
 
-Floats = NDArray[np.float64]
 
 _AIR_SHARE = 0.1  # of the samples, from which on they tell the bias
 _FEWEST = 5  # samples for each unknown

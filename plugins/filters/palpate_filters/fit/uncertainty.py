@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from palpate import Floats
 
 from palpate_filters.fit.loss import LossFunction
 from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.residual import Residual
-
-Floats = NDArray[np.float64]
 
 _MOST = 200_000  # rows that the correlation sums run over; longer records are added up in pieces before
 _MOST_TAKEN = 0.6  # of the sum of the autocorrelation; more cannot be made good

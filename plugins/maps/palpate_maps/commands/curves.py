@@ -9,13 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from palpate import ConfigurationError, LogError, PalpateError, TrackName
+from palpate import ConfigurationError, Floats, LogError, PalpateError, TrackName
 from palpate.host import Points, console, save_figure
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from palpate_maps.analysis import Lump, Sites
 
 
@@ -25,7 +22,7 @@ class TrackCurve:
 
     parameter: str
     unit: str
-    along: NDArray[np.float64]  # (n,) [m]
+    along: Floats  # (n,) [m]
     sites: Sites
     lumps: tuple[Lump, ...]
 

@@ -8,16 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
-from palpate import ConfigurationError, LogError
+from palpate import ConfigurationError, Floats, LogError
 from palpate.host import RunFolder, TrackOption
 
 from palpate_maps.commands.curves import tell_rejected, unit_of
 from palpate_maps.commands.map import Parameter, Run, length
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from palpate_maps.analysis import Findings
 
 _SAME = 2e-3  # [m]: palpations nearer to each other than that are one place
@@ -153,7 +150,7 @@ def _single_value(run: Path, track: str | None, parameter: str | None) -> float:
     return float(found[wanted]["value"])
 
 
-def by_place(sites: list[Site]) -> NDArray[np.float64]:
+def by_place(sites: list[Site]) -> Floats:
     """One value for each place, the geometric mean of its repeats: repeats at one place are one site."""
     import numpy as np
 

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from palpate import OutputError, Survey, TopicSurvey, printable
-from palpate.host import console, pipeline_of, recording_of, show_installation, suggestion_of
+from palpate.host import console, pipeline_of, recording_of, suggestion_of
 
+from palpate_devices.logs.commands.installation import show_installation
 from palpate_devices.logs.suggestion_picture import draw_suggestion
 
 if TYPE_CHECKING:

@@ -7,8 +7,7 @@ from functools import cached_property
 from typing import Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
-from palpate import Depth, File, Indenter, Length
+from palpate import Depth, File, Floats, Indenter, Length
 from pydantic import Field, model_validator
 
 from palpate_models.indenters.profile.formula import parse_formula
@@ -75,7 +74,7 @@ class Profile(Indenter):
             raise ValueError(f"{source}: too rough a profile: its contact radius is kept to {series.error:.1%} only")
         return series
 
-    def _of_points(self) -> tuple[Callable[[NDArray[np.float64]], NDArray[np.float64]], float]:
+    def _of_points(self) -> tuple[Callable[[Floats], Floats], float]:
         assert self.points is not None
         if self.constants:
             raise ValueError("constants belong to a formula")
@@ -85,7 +84,7 @@ class Profile(Indenter):
             raise ValueError(f"{self.points}: the points end at {radii[-1]:.4g} m, before the radius {edge:.4g} m")
         return reduced_of_curve(curve_through(radii, heights)), edge
 
-    def _of_formula(self) -> tuple[Callable[[NDArray[np.float64]], NDArray[np.float64]], float]:
+    def _of_formula(self) -> tuple[Callable[[Floats], Floats], float]:
         assert self.formula is not None
         if self.radius is None:
             raise ValueError("a formula needs the radius at the edge of the tip")

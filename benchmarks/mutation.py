@@ -1,0 +1,134 @@
+"""Which wrong programs the tests let pass: mutants drawn at random from what numbers and safety depend on.
+
+    pip install cosmic-ray
+    python benchmarks/mutation.py [--count 30] [--seed 1] [--only guard] [-o mutants.jsonl]
+
+Of each area, `--count` mutants are drawn (a comparison, a number, a sign, a condition changed) and the area's tests run
+against each, in a copy of the checkout. A line is written for each mutant as soon as it is judged, and a file that is
+there is gone on with. Survivors are printed as differences: each is a missing test, or a change that changes nothing.
+"""
+
+import argparse
+import json
+import os
+import random
+import shutil
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+from cosmic_ray.ast import ast_nodes, get_ast_from_path
+from cosmic_ray.mutating import mutate_and_test
+from cosmic_ray.plugins import get_operator
+
+ROOT = Path(__file__).parents[1]
+AREAS = {
+    "alignment": ("core/palpate/alignment/*.py", "core/test_alignment.py core/test_touch.py core/test_timing.py "
+                  "core/test_ports.py core/test_data_path.py"),
+    "guard": ("core/palpate/pipeline/guard.py core/palpate/safety.py core/palpate/limiting.py",
+              "core/test_safety.py devices/test_fence.py"),
+    "fence": ("plugins/devices/palpate_devices/ur3e/fence.py", "devices/test_fence.py"),
+    "uncertainty": ("plugins/uncertainty/palpate_uncertainty/*.py plugins/filters/palpate_filters/fit/uncertainty.py "
+                    "plugins/filters/palpate_filters/fit/identifiability.py",
+                    "uncertainty core/test_budget.py filters/test_fit.py"),
+    "kernel": ("plugins/filters/palpate_filters/kernel/*.py", "filters/test_kernel.py filters/test_parity.py"),
+    "readers": ("plugins/devices/palpate_devices/mcap_replay.py plugins/devices/palpate_devices/logs/mcap_[a-q]*.py "
+                "plugins/devices/palpate_devices/logs/mcap_re[a-c]*.py plugins/devices/palpate_devices/logs/mcap_s*.py",
+                "devices/test_mcap.py devices/test_mcap_reader.py devices/test_damage.py devices/test_mcap_index.py"),
+}  # fmt: skip
+OPERATORS = (
+    "NumberReplacer", "AddNot", "ReplaceTrueWithFalse", "ReplaceFalseWithTrue", "ReplaceAndWithOr", "ReplaceOrWithAnd",
+    "ReplaceBreakWithContinue", "ReplaceContinueWithBreak", "ZeroIterationForLoop", "ReplaceUnaryOperator_Delete_USub",
+    "ReplaceUnaryOperator_Delete_Not", "ReplaceBinaryOperator_Add_Sub", "ReplaceBinaryOperator_Sub_Add",
+    "ReplaceBinaryOperator_Mul_Div", "ReplaceBinaryOperator_Div_Mul", "ReplaceComparisonOperator_Lt_GtE",
+    "ReplaceComparisonOperator_Gt_LtE", "ReplaceComparisonOperator_LtE_Lt", "ReplaceComparisonOperator_GtE_Gt",
+    "ReplaceComparisonOperator_Eq_NotEq", "ReplaceComparisonOperator_NotEq_Eq",
+)  # fmt: skip
+
+
+def main() -> None:
+    """Draw, test, and print what survived."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=30, help="mutants of each area")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", choices=AREAS, action="append")
+    parser.add_argument("-o", "--out", type=Path, default=Path("mutants.jsonl"))
+    options = parser.parse_args()
+    known = [json.loads(line) for line in options.out.read_text().splitlines()] if options.out.exists() else []
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "checkout"
+        shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(".git", ".venv", "__pycache__", "runs", ".*_cache"))
+        os.chdir(copy)
+        run = Path("run_tests.py")
+        run.write_text(f"import sys\nsys.path[:0] = {_packages(copy)!r}\nimport pytest\nsys.exit(pytest.main())\n")
+        os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
+        for area in options.only or AREAS:
+            known += _judge(area, options, {_name(one) for one in known})
+    _print(known)
+
+
+def _packages(copy: Path) -> list[str]:
+    return [str(copy / "core"), *(str(path) for path in sorted((copy / "plugins").iterdir()) if path.is_dir())]
+
+
+def _judge(area: str, options: argparse.Namespace, done: set[tuple]) -> list[dict]:
+    patterns, tests = AREAS[area]
+    modules = sorted(path for pattern in patterns.split() for path in Path().glob(pattern))
+    every = [place for module in modules for place in _places(module)]
+    drawn = random.Random(f"{options.seed} {area}").sample(every, min(options.count, len(every)))
+    paths = " ".join(f"tests/{test}" for test in tests.split())
+    command = f'{sys.executable} run_tests.py -q -x -p no:cacheprovider -m "not live" {paths}'
+    judged = []
+    for path, operator, occurrence in drawn:
+        one = {"area": area, "file": path, "operator": operator, "occurrence": occurrence}
+        if _name(one) in done:
+            continue
+        one |= _outcome(path, operator, occurrence, command)
+        judged.append(one)
+        with (ROOT / options.out).open("a") as file:
+            file.write(json.dumps(one) + "\n")
+        print(f"{area:12}{one['outcome']:10}{path}: {operator} {occurrence}", flush=True)
+    return judged
+
+
+def _places(module: Path) -> list[tuple[str, str, int]]:
+    """Where a mutant may be made: not in words, which no test should repeat."""
+    nodes, lines = list(ast_nodes(get_ast_from_path(module))), module.read_text().splitlines()
+    return [
+        (module.as_posix(), f"core/{name}", occurrence)
+        for name in OPERATORS
+        for occurrence, ((line, _), _) in enumerate(
+            place for node in nodes for place in get_operator(f"core/{name}")().mutation_positions(node)
+        )
+        if 'f"' not in lines[line - 1] and "description" not in lines[line - 1]
+    ]
+
+
+def _outcome(path: str, operator: str, occurrence: int, command: str) -> dict:
+    class Mutation:
+        module_path, operator_name, operator_args = Path(path), operator, {}
+
+    Mutation.occurrence = occurrence
+    result = mutate_and_test([Mutation], command, 600)
+    outcome = result.test_outcome.value if result.test_outcome else "no test"
+    return {"outcome": outcome, "difference": result.diff}
+
+
+def _name(one: dict) -> tuple:
+    return one["file"], one["operator"], one["occurrence"]
+
+
+def _print(judged: list[dict]) -> None:
+    for one in judged:
+        if one["outcome"] == "survived":
+            print(f"\n{one['file']}: {one['operator']} {one['occurrence']}\n{one['difference']}")
+    print(f"\n{'area':14}{'mutants':>8}{'killed':>8}{'%':>7}")
+    for area in AREAS:
+        count = Counter(one["outcome"] for one in judged if one["area"] == area)
+        if total := sum(count.values()):
+            print(f"{area:14}{total:8}{count['killed']:8}{100 * count['killed'] / total:7.1f}")
+
+
+if __name__ == "__main__":
+    main()
