@@ -68,7 +68,7 @@ class Found:
             corrected = self.corrected
             known |= {"corrected": corrected.value, "corrected_combined": corrected.combined} if corrected else {}
         along = {key: table for key, table in (("places", self.places), ("last", self.last)) if table}
-        return {key: finite(value) for key, value in known.items()} | finite_tree(along)
+        return {**{key: finite(value) for key, value in known.items()}, **finite_tree(along)}
 
     def effect(self, contribution: float, sensitivity: float | None = None) -> Effect:
         """What a source does to the value by a standard uncertainty [SI]."""
