@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from palpate import OutputError, Survey, TopicSurvey, printable
-from palpate.host import console, pipeline_of, recording_of, suggestion_of
+from palpate.host import JsonOption, console, pipeline_of, print_json, recording_of, suggestion_of
 
 from palpate_devices.logs.commands.installation import show_installation
 from palpate_devices.logs.suggestion_picture import draw_suggestion
@@ -32,19 +32,24 @@ def info(
         Path | None,
         typer.Option(help="Draw what was taken for force and motion, .png or .svg."),
     ] = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Say what a log holds, with --suggest as a pipeline that reads it; without a log, what palpate runs on."""
     if log is None:
-        show_installation()
+        show_installation(as_json)
         return
     if suggest or out is not None or picture is not None:
         given = {"force": force, "position": position, "velocity": velocity, "time": time, "rate": rate}
-        _suggest(log, {role: text for role, text in given.items() if text is not None}, out, picture)
+        _suggest(log, {role: text for role, text in given.items() if text is not None}, out, picture, as_json)
         return
-    console(160).print(survey_view(recording_of(log).survey(log)))
+    survey = recording_of(log).survey(log)
+    if as_json:
+        print_json(survey)
+    else:
+        console(160).print(survey_view(survey))
 
 
-def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path | None) -> None:
+def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path | None, as_json: bool) -> None:
     """Print or write the pipeline, and say on standard error what in it is a guess or must be filled in."""
     suggestion = suggestion_of(log, choices)
     for text in suggestion.blanks:
@@ -53,8 +58,14 @@ def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path
         typer.echo(f"check: {printable(text)}", err=True)
     if picture is not None:
         draw_suggestion(suggestion, printable(log.name), picture)
+    if as_json:
+        table = {
+            key: getattr(suggestion, key) for key in ("device", "alignment", "reasons", "doubts", "blanks", "hints")
+        }
+        print_json({**table, "pipeline": pipeline_of(suggestion, log, out.parent if out else None)})
     if out is None:
-        typer.echo(pipeline_of(suggestion, log), nl=False)
+        if not as_json:
+            typer.echo(pipeline_of(suggestion, log), nl=False)
         return
     text = pipeline_of(suggestion, log, out.parent)
     try:
@@ -64,7 +75,7 @@ def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path
         raise OutputError(f"{out}: is there already, and nothing is ever overwritten") from error
     except OSError as error:
         raise OutputError(f"{out}: cannot write: {error.strerror}") from error
-    typer.echo(f"the pipeline is in {out}; palpate run {out}")
+    typer.echo(f"the pipeline is in {out}; palpate run {out}", err=as_json)
 
 
 def survey_view(survey: Survey) -> RenderableType:
