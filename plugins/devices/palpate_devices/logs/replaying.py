@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from palpate import registry as registries
-from palpate.config import Source
-from palpate.errors import ConfigurationError, LogError
-from palpate.recording import Attached, Recording
-from palpate.result import RunFolder, pipeline_among
-from palpate.suggesting import recording_of
+from palpate import Attached, ConfigurationError, LogError, Recording
+from palpate.host import RunFolder, Source, pipeline_among, registry as registries
+
+from palpate_devices.logs.draft import recording_of
 
 
 @dataclass(frozen=True)
