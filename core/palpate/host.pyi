@@ -32,6 +32,7 @@ from palpate.config import (
     plain_settings as plain_settings,
     ports_of as ports_of,
     resolved_text as resolved_text,
+    taken_values as taken_values,
     wrong_channels as wrong_channels,
 )
 from palpate.config.doubts import UNCHECKED as UNCHECKED
@@ -98,7 +99,14 @@ from palpate.pipeline import (
 )
 from palpate.quantities import measured as measured
 from palpate.registry import FlagEntry as FlagEntry, Registry as Registry, analysis as analysis, suggest as suggest
-from palpate.replaying import Carried as Carried, carried_by as carried_by, replay_source as replay_source
+from palpate.replaying import (
+    Carried as Carried,
+    added_table as added_table,
+    carried_by as carried_by,
+    carried_text as carried_text,
+    replay_source as replay_source,
+    with_other_channels as with_other_channels,
+)
 from palpate.result import (
     Derived as Derived,
     EstimatesTable as EstimatesTable,
