@@ -3,6 +3,27 @@
 Parts need `palpate` only; commands and other tools use `palpate` and this.
 """
 
+# What commands of all families show their findings with, from the families that make it.
+from palpate_basics.options import (
+    JsonOption as JsonOption,
+    Overrides as Overrides,
+    PluginFiles as PluginFiles,
+    Points as Points,
+    TrackOption as TrackOption,
+)
+from palpate_basics.quantities import measured as measured
+from palpate_basics.table import Table as Table, console as console
+from palpate_report.pictures import (
+    FORMATS as FORMATS,
+    WIDTHS as WIDTHS,
+    common_limits as common_limits,
+    figure_of as figure_of,
+    legend_outside as legend_outside,
+    quartiles as quartiles,
+    save_figure as save_figure,
+    style as style,
+)
+
 from palpate import registry as registry
 from palpate.alignment import (
     GRAVITY as GRAVITY,
@@ -48,7 +69,6 @@ from palpate.device import (
 from palpate.extensions import function_of as function_of
 from palpate.flags import SEVERITIES as SEVERITIES, verdict as verdict
 from palpate.hooks import KINDS as KINDS
-from palpate.installation import show_installation as show_installation
 from palpate.jobs import (
     Engine as Engine,
     Job as Job,
@@ -57,28 +77,11 @@ from palpate.jobs import (
     on_all_cores as on_all_cores,
     run_job as run_job,
 )
-from palpate.options import (
-    JsonOption as JsonOption,
-    Overrides as Overrides,
-    PluginFiles as PluginFiles,
-    Points as Points,
-    TrackOption as TrackOption,
-)
 from palpate.parts import (
     nested_settings as nested_settings,
     numbers_of as numbers_of,
     part_kind as part_kind,
     with_number as with_number,
-)
-from palpate.pictures import (
-    FORMATS as FORMATS,
-    WIDTHS as WIDTHS,
-    common_limits as common_limits,
-    figure_of as figure_of,
-    legend_outside as legend_outside,
-    quartiles as quartiles,
-    save_figure as save_figure,
-    style as style,
 )
 from palpate.pipeline import (
     Flow as Flow,
@@ -97,7 +100,6 @@ from palpate.pipeline import (
     start_tracks as start_tracks,
     the_trajectory as the_trajectory,
 )
-from palpate.quantities import measured as measured
 from palpate.registry import FlagEntry as FlagEntry, Registry as Registry, analysis as analysis, suggest as suggest
 from palpate.replaying import (
     Carried as Carried,
@@ -132,6 +134,5 @@ from palpate.safety import (
     demand_safe as demand_safe,
 )
 from palpate.suggesting import pipeline_of as pipeline_of, recording_of as recording_of, suggestion_of as suggestion_of
-from palpate.table import Table as Table, console as console
 from palpate.units import Quantity as Quantity, dimension as dimension, people as people
 from palpate.writing import whole_file as whole_file, write_new as write_new, write_whole as write_whole

@@ -14,11 +14,11 @@ from palpate.host import (
     pipeline_of,
     recording_of,
     replay_source,
-    show_installation,
     suggestion_of,
     with_other_channels,
 )
 
+from palpate_devices.logs.commands.installation import show_installation
 from palpate_devices.logs.suggestion_picture import draw_suggestion
 
 if TYPE_CHECKING:
