@@ -7,18 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from palpate import OutputError, Survey, TopicSurvey, printable
-from palpate.host import (
-    carried_by,
-    carried_text,
-    console,
-    pipeline_of,
-    recording_of,
-    replay_source,
-    suggestion_of,
-    with_other_channels,
-)
+from palpate.host import console
 
 from palpate_devices.logs.commands.installation import show_installation
+from palpate_devices.logs.draft import pipeline_of, recording_of, suggestion_of
+from palpate_devices.logs.replaying import carried_by, carried_text, replay_source, with_other_channels
 from palpate_devices.logs.suggestion_picture import draw_suggestion
 
 if TYPE_CHECKING:

@@ -9,14 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import tomli_w
+from palpate import Attached, ConfigurationError, LogError, Recording, Suggestion, printable
+from palpate.host import RunFolder, Source, pipeline_among, registry as registries, unstated
 
-from palpate import registry as registries
-from palpate.config import Source, unstated
-from palpate.errors import ConfigurationError, LogError
-from palpate.printed import printable
-from palpate.recording import Attached, Recording, Suggestion
-from palpate.result import RunFolder, pipeline_among
-from palpate.suggesting import recording_of
+from palpate_devices.logs.draft import recording_of
 
 _CHOSEN = "chosen"  # the device of channels that were chosen
 

@@ -7,11 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from palpate import registry as registries
-from palpate.errors import LogError, PluginError
-from palpate.printed import printable
-from palpate.recording import Recording, Suggestion
-from palpate.registry import Registry
+from palpate import LogError, PluginError, Recording, Suggestion, printable
+from palpate.host import Registry, registry as registries
 
 _ASSUMED = ("indenter.*", "model.*", "alignment.tip_mass", "alignment.tare", "alignment.*.delay")
 ANALYSIS = "log-analysis"  # the template of tip, model and estimators
