@@ -3,7 +3,7 @@
 Parts need `palpate` only; commands and other tools use `palpate` and this.
 """
 
-# What commands of all families show their findings with, from the families that make it.
+# What several families use, from the one that makes it.
 from palpate_basics.options import (
     JsonOption as JsonOption,
     Overrides as Overrides,
@@ -14,6 +14,18 @@ from palpate_basics.options import (
 from palpate_basics.plain import aside as aside, print_json as print_json
 from palpate_basics.quantities import measured as measured, rounded as rounded
 from palpate_basics.table import Table as Table, console as console
+from palpate_devices.logs.draft import (
+    pipeline_of as pipeline_of,
+    recording_of as recording_of,
+    suggestion_of as suggestion_of,
+)
+from palpate_devices.logs.replaying import (
+    Carried as Carried,
+    added_table as added_table,
+    carried_by as carried_by,
+    replay_source as replay_source,
+    with_other_channels as with_other_channels,
+)
 from palpate_report.pictures import (
     FORMATS as FORMATS,
     WIDTHS as WIDTHS,
@@ -23,6 +35,14 @@ from palpate_report.pictures import (
     quartiles as quartiles,
     save_figure as save_figure,
     style as style,
+)
+from palpate_studies.jobs import (
+    Engine as Engine,
+    Job as Job,
+    built as built,
+    finished as finished,
+    on_all_cores as on_all_cores,
+    run_job as run_job,
 )
 
 from palpate import registry as registry
@@ -54,6 +74,8 @@ from palpate.config import (
     plain_settings as plain_settings,
     ports_of as ports_of,
     resolved_text as resolved_text,
+    taken_values as taken_values,
+    unstated as unstated,
     wrong_channels as wrong_channels,
 )
 from palpate.config.doubts import UNCHECKED as UNCHECKED
@@ -69,14 +91,6 @@ from palpate.device import (
 from palpate.extensions import function_of as function_of
 from palpate.flags import SEVERITIES as SEVERITIES, verdict as verdict
 from palpate.hooks import KINDS as KINDS
-from palpate.jobs import (
-    Engine as Engine,
-    Job as Job,
-    built as built,
-    finished as finished,
-    on_all_cores as on_all_cores,
-    run_job as run_job,
-)
 from palpate.parts import (
     nested_settings as nested_settings,
     numbers_of as numbers_of,
@@ -95,13 +109,11 @@ from palpate.pipeline import (
     interruptible as interruptible,
     payloads as payloads,
     recorded_pipeline as recorded_pipeline,
-    remaining_pipeline as remaining_pipeline,
     run_pipeline as run_pipeline,
     start_tracks as start_tracks,
     the_trajectory as the_trajectory,
 )
 from palpate.registry import FlagEntry as FlagEntry, Registry as Registry, analysis as analysis, suggest as suggest
-from palpate.replaying import Carried as Carried, carried_by as carried_by, replay_source as replay_source
 from palpate.result import (
     Derived as Derived,
     EstimatesTable as EstimatesTable,
@@ -113,6 +125,7 @@ from palpate.result import (
     differences as differences,
     finite_tree as finite_tree,
     make_folder as make_folder,
+    pipeline_among as pipeline_among,
     read_flags as read_flags,
     upgraded as upgraded,
     withdraw_folder as withdraw_folder,
@@ -126,6 +139,5 @@ from palpate.safety import (
     check_own_motion as check_own_motion,
     demand_safe as demand_safe,
 )
-from palpate.suggesting import pipeline_of as pipeline_of, recording_of as recording_of, suggestion_of as suggestion_of
 from palpate.units import Quantity as Quantity, dimension as dimension, people as people
 from palpate.writing import whole_file as whole_file, write_new as write_new, write_whole as write_whole

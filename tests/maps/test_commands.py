@@ -12,7 +12,8 @@ import time
 import numpy as np
 import pytest
 from palpate.config import load_pipeline
-from palpate.pipeline import remaining_pipeline, run_pipeline
+from palpate.pipeline import run_pipeline
+from palpate_basics.remaining import remaining_pipeline
 from palpate_maps.analysis import find_lumps, make_map, read_path, sites_along
 
 SMALL = (
