@@ -3,6 +3,47 @@
 Parts need `palpate` only; commands and other tools use `palpate` and this.
 """
 
+# What several families use, from the one that makes it.
+from palpate_basics.options import (
+    JsonOption as JsonOption,
+    Overrides as Overrides,
+    PluginFiles as PluginFiles,
+    Points as Points,
+    TrackOption as TrackOption,
+)
+from palpate_basics.quantities import measured as measured
+from palpate_basics.table import Table as Table, console as console
+from palpate_devices.logs.draft import (
+    pipeline_of as pipeline_of,
+    recording_of as recording_of,
+    suggestion_of as suggestion_of,
+)
+from palpate_devices.logs.replaying import (
+    Carried as Carried,
+    added_table as added_table,
+    carried_by as carried_by,
+    replay_source as replay_source,
+    with_other_channels as with_other_channels,
+)
+from palpate_report.pictures import (
+    FORMATS as FORMATS,
+    WIDTHS as WIDTHS,
+    common_limits as common_limits,
+    figure_of as figure_of,
+    legend_outside as legend_outside,
+    quartiles as quartiles,
+    save_figure as save_figure,
+    style as style,
+)
+from palpate_studies.jobs import (
+    Engine as Engine,
+    Job as Job,
+    built as built,
+    finished as finished,
+    on_all_cores as on_all_cores,
+    run_job as run_job,
+)
+
 from palpate import registry as registry
 from palpate.alignment import (
     GRAVITY as GRAVITY,
@@ -32,6 +73,8 @@ from palpate.config import (
     plain_settings as plain_settings,
     ports_of as ports_of,
     resolved_text as resolved_text,
+    taken_values as taken_values,
+    unstated as unstated,
     wrong_channels as wrong_channels,
 )
 from palpate.config.doubts import UNCHECKED as UNCHECKED
@@ -47,37 +90,11 @@ from palpate.device import (
 from palpate.extensions import function_of as function_of
 from palpate.flags import SEVERITIES as SEVERITIES, verdict as verdict
 from palpate.hooks import KINDS as KINDS
-from palpate.installation import show_installation as show_installation
-from palpate.jobs import (
-    Engine as Engine,
-    Job as Job,
-    built as built,
-    finished as finished,
-    on_all_cores as on_all_cores,
-    run_job as run_job,
-)
-from palpate.options import (
-    JsonOption as JsonOption,
-    Overrides as Overrides,
-    PluginFiles as PluginFiles,
-    Points as Points,
-    TrackOption as TrackOption,
-)
 from palpate.parts import (
     nested_settings as nested_settings,
     numbers_of as numbers_of,
     part_kind as part_kind,
     with_number as with_number,
-)
-from palpate.pictures import (
-    FORMATS as FORMATS,
-    WIDTHS as WIDTHS,
-    common_limits as common_limits,
-    figure_of as figure_of,
-    legend_outside as legend_outside,
-    quartiles as quartiles,
-    save_figure as save_figure,
-    style as style,
 )
 from palpate.pipeline import (
     Flow as Flow,
@@ -91,14 +108,11 @@ from palpate.pipeline import (
     interruptible as interruptible,
     payloads as payloads,
     recorded_pipeline as recorded_pipeline,
-    remaining_pipeline as remaining_pipeline,
     run_pipeline as run_pipeline,
     start_tracks as start_tracks,
     the_trajectory as the_trajectory,
 )
-from palpate.quantities import measured as measured
 from palpate.registry import FlagEntry as FlagEntry, Registry as Registry, analysis as analysis, suggest as suggest
-from palpate.replaying import Carried as Carried, carried_by as carried_by, replay_source as replay_source
 from palpate.result import (
     Derived as Derived,
     EstimatesTable as EstimatesTable,
@@ -110,6 +124,7 @@ from palpate.result import (
     differences as differences,
     finite_tree as finite_tree,
     make_folder as make_folder,
+    pipeline_among as pipeline_among,
     read_flags as read_flags,
     upgraded as upgraded,
     withdraw_folder as withdraw_folder,
@@ -123,7 +138,5 @@ from palpate.safety import (
     check_own_motion as check_own_motion,
     demand_safe as demand_safe,
 )
-from palpate.suggesting import pipeline_of as pipeline_of, recording_of as recording_of, suggestion_of as suggestion_of
-from palpate.table import Table as Table, console as console
 from palpate.units import Quantity as Quantity, dimension as dimension, people as people
 from palpate.writing import whole_file as whole_file, write_new as write_new, write_whole as write_whole

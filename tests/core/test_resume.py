@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate.config import load_pipeline, resolved_text
-from palpate.host import RunFolder, continued, remaining_pipeline
+from palpate.host import RunFolder, continued
+from palpate_basics.remaining import remaining_pipeline
 
 SMALL = ('trajectory.raster.size=["20 mm", "20 mm"]', "trajectory.raster.settle=1 s")
 

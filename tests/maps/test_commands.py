@@ -12,8 +12,8 @@ import time
 import numpy as np
 import pytest
 from palpate.config import load_pipeline
-from palpate.pipeline import remaining_pipeline, run_pipeline
-from palpate_basics.view import ranges_of
+from palpate.pipeline import run_pipeline
+from palpate_basics.remaining import remaining_pipeline
 from palpate_maps.analysis import find_lumps, make_map, read_path, sites_along
 
 SMALL = (
@@ -278,10 +278,15 @@ def test_what_is_not_there_is_said(palpate, sweep_run, command, arguments, word)
 def test_a_sweep_is_told_by_its_range_and_not_by_its_last_sample(raster_run):
     """Background 112 kPa, and a sphere: the ranges of the table are those of the estimates along the way."""
     path = read_path(raster_run, "dr/smoother")
-    low, high = ranges_of(raster_run)["dr/smoother"]["elasticity"]
+    found = json.loads((raster_run / "result.json").read_text())["tracks"]["dr/smoother"]["parameters"]["elasticity"]
+    low, high = found["places"]["low"], found["places"]["high"]
     assert (low, high) == pytest.approx(tuple(np.quantile(path.value, [0.01, 0.99])), rel=0.02)
     assert low == pytest.approx(112e3, rel=0.03)
     assert high > 120e3
+    assert found["value"] == pytest.approx(float(np.mean(sites_along(path).value)), rel=0.01)
+    assert found["places"]["median"] == pytest.approx(float(np.median(path.value)), rel=0.01)
+    assert found["combined"] >= found["systematic_places"] == found["places"]["spread"] > 3e3
+    assert found["last"]["value"] == pytest.approx(float(path.value[-1]), rel=0.01)
 
 
 def test_a_run_of_a_sweep_prints_ranges(palpate, root, tmp_path):

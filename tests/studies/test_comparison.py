@@ -3,15 +3,15 @@
 import csv
 
 import numpy as np
-from palpate_studies.comparison import _limits
+from palpate.host import common_limits
 
 
 def test_one_curve_far_away_does_not_flatten_the_others():
     near = [np.full(50, 100.0), np.full(50, 104.0), np.full(50, 98.0)]
-    low, high = _limits([*near, np.full(50, 1e8)])
+    low, high = common_limits([*near, np.full(50, 1e8)])
     assert 50 < low < 98
     assert 104 < high < 160
-    assert _limits([]) is None
+    assert common_limits([]) is None
 
 
 def test_tables_by_model_with_the_number_of_usable_tracks_and_a_csv(palpate, point_pipeline, tmp_path):

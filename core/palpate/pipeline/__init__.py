@@ -1,6 +1,6 @@
 """The pipeline at work: devices -> alignment -> tracks -> sinks -> result."""
 
-from palpate.pipeline.continuation import continued, recorded_pipeline, remaining_pipeline
+from palpate.pipeline.continuation import continued, recorded_pipeline
 from palpate.pipeline.device_flags import payloads
 from palpate.pipeline.flow import Flow, each, the_trajectory
 from palpate.pipeline.guard import Guard
@@ -23,7 +23,6 @@ __all__ = [
     "interruptible",
     "payloads",
     "recorded_pipeline",
-    "remaining_pipeline",
     "run_pipeline",
     "start_tracks",
     "the_trajectory",

@@ -14,6 +14,7 @@ from palpate.estimation import Estimates, Problem, Samples, Tracker
 from palpate.extensions import Diagnosis
 from palpate.pipeline.failing import Blame, judged
 from palpate.result import Diagnosable, Judged, TrackRecord, TrackResult, diagnosed, track_result
+from palpate.result.way import SWEEP, along_the_way
 
 _FEW = 10  # tracked samples; before that nothing is said of a track
 
@@ -92,7 +93,8 @@ class Tracks:
         """What all tracks found, with the findings of every diagnosis."""
         settings, average = pipeline.alignment, pipeline.run.average
         found: dict[str, TrackResult] = {r.track.name: r.result(report, settings, average) for r in self.running}
-        return self._diagnosed(found, pipeline, report, pipeline.registry.diagnoses)
+        judged = self._diagnosed(found, pipeline, report, pipeline.registry.diagnoses)
+        return {r.track.name: _of_all_places(r, judged[r.track.name]) for r in self.running}
 
     def results_so_far(self, pipeline: Pipeline, report: AlignmentReport) -> dict[str, TrackResult]:
         """What the online tracks would find if the run ended now, with the findings of quick diagnoses."""
@@ -121,6 +123,14 @@ class Tracks:
                 whole, diagnoses, Judged(pipeline.alignment, report, run.average, run.uncertainties, pipeline.tables)
             ),
         }
+
+
+def _of_all_places(running: RunningTrack, result: TrackResult) -> TrackResult:
+    """The result of a sweep is one of its way; a fit is one of the whole record as it is."""
+    record = running.record
+    if record.swept <= SWEEP or record.report is not None or record.failure is not None:
+        return result
+    return along_the_way(result, running.track.model, record.way)
 
 
 def _others(pipeline: Pipeline, model: str) -> dict[str, tuple[str, ...]]:

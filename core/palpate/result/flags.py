@@ -14,6 +14,7 @@ from palpate.flags import Flag
 from palpate.result.lateness import force_lateness
 from palpate.result.record import Tail, TrackRecord
 from palpate.result.telling import told_at_best
+from palpate.result.way import SWEEP
 
 _STILL_MOVING = 0.02  # of a value: slope times time tracked
 _BY_CHANCE = 3.5  # standard deviations of a slope; of two parameters one is beyond that once in a thousand tracks
@@ -25,7 +26,6 @@ _SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the 
 _LATE = 1e-3  # [s] of the velocity against the position
 _DRIFT = 5e-4  # [s] between the clocks of two streams over a record
 _AIR = 0.2  # of the force that counts as touch: 0.05 N where the sensor has the paper's noise
-SWEEP = 2e-3  # [m] between the places of a track, from which on it is a sweep
 _STUCK = 0.1  # [s] of exactly equal readings
 
 

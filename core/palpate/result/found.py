@@ -35,6 +35,8 @@ class Found:
     per_shear: float | None = None  # [s] shift of timing that would explain the value: eta/G
     unknown: bool = False  # nobody can tell how wrong it is
     bias: Bias | None = None  # known, and with all of its shift in the combined uncertainty
+    places: Mapping[str, float] = field(default_factory=dict)  # of a sweep: how many, and how they differ
+    last: Mapping[str, float] = field(default_factory=dict)  # of a sweep: value and std at its end
 
     @property
     def combined(self) -> float:
@@ -65,7 +67,8 @@ class Found:
             known |= {"bias": self.bias.shift, "bias_std": finite(self.bias.std)}
             corrected = self.corrected
             known |= {"corrected": corrected.value, "corrected_combined": corrected.combined} if corrected else {}
-        return {key: finite(value) for key, value in known.items()}
+        along = {key: table for key, table in (("places", self.places), ("last", self.last)) if table}
+        return {**{key: finite(value) for key, value in known.items()}, **finite_tree(along)}
 
     def effect(self, contribution: float, sensitivity: float | None = None) -> Effect:
         """What a source does to the value by a standard uncertainty [SI]."""

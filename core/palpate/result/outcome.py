@@ -14,9 +14,10 @@ from palpate.contact import ContactModel
 from palpate.fit_report import BudgetRow, FitReport
 from palpate.flags import Flag, Verdict, verdict
 from palpate.registry import Registry
-from palpate.result.flags import SWEEP, alignment_flags, track_flags, validity_flags
+from palpate.result.flags import alignment_flags, track_flags, validity_flags
 from palpate.result.found import Derived, Found, derived_values, finite, finite_tree
 from palpate.result.record import Tail, TrackRecord
+from palpate.result.way import SWEEP
 from palpate.track_name import TrackName
 from palpate.vectors import Floats
 

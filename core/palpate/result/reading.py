@@ -11,7 +11,8 @@ from palpate import registry as registries
 from palpate.errors import LogError
 from palpate.flags import Flag, verdict
 
-SCHEMA = 2  # of result.json; 1 had flags as texts, no verdict and no number of its own
+# Of result.json: 1 had flags as texts, no verdict and no number of its own; to 2 a sweep's values were its last ones.
+SCHEMA = 3
 
 
 def read_result(path: Path) -> dict[str, Any]:

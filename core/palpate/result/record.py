@@ -12,6 +12,7 @@ from palpate.estimation import Estimates, Samples, Status
 from palpate.fit_report import FitReport
 from palpate.flags import Flag
 from palpate.result.kept import Keeper
+from palpate.result.way import Way
 from palpate.vectors import Floats
 
 _ENOUGH = 100  # innovations to tell their autocorrelation
@@ -144,6 +145,7 @@ class TrackRecord:
     failure: Flag | None = None  # why the track ended before the record did
     _lateral: Floats | None = None  # (2, 2) [m] least and largest x and y while tracked
     keeper: Keeper = field(default_factory=Keeper)  # of the whole record, for diagnoses
+    way: Way = field(default_factory=Way)
     _blocks: list[Tail] = field(default_factory=list)
 
     def add(self, samples: Samples, estimates: Estimates, seconds: float) -> None:
@@ -167,8 +169,11 @@ class TrackRecord:
             seen = place if self._lateral is None else np.concatenate([self._lateral, place])
             with np.errstate(invalid="ignore"):
                 self._lateral = np.array([np.fmin.reduce(seen), np.fmax.reduce(seen)])
-        rows &= samples.time >= samples.time[rows][-1] - self.keep  # what is older would be forgotten at once
         found = estimates
+        numbers = np.column_stack([found.values, found.std, found.surface, found.surface_std])
+        known = rows & np.isfinite(found.values).all(axis=1)
+        self.way.add(samples.time[known], samples.lateral[known], numbers[known])
+        rows &= samples.time >= samples.time[rows][-1] - self.keep  # what is older would be forgotten at once
         columns = (found.values, found.std, found.surface, found.surface_std, found.force, found.nis, found.innovation)
         measured = (samples.time, samples.force, samples.position, samples.velocity)
         kept = [column[rows] for column in (*measured, *columns)]

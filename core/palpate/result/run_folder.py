@@ -175,15 +175,10 @@ class RunFolder:
         return found
 
     @property
-    def recorded_time(self) -> float:
-        """Time [s] of the last whole row of the table of estimates; 0 where there is none. Raises LogError."""
-        time, _ = self.places
-        return float(time[-1]) if len(time) else 0.0
-
-    @property
     def places(self) -> tuple[Floats, Floats]:
-        """Times (n,) [s] of the table of estimates, and where the tip was (n, 2) [m]. Raises LogError."""
-        numbers = _read(self.path / ONLINE).numbers
+        """Times (n,) [s] of the table of estimates, if any, and where the tip was (n, 2) [m]; raises LogError."""
+        path = self.path / ONLINE
+        numbers = _read(path).numbers if path.is_file() else np.zeros((0, 3))
         return (numbers[:, 0], numbers[:, 1:3]) if len(numbers) else (np.zeros(0), np.zeros((0, 2)))
 
 

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from palpate.host import RunFolder, remaining_pipeline
+from palpate.host import RunFolder
 
+from palpate_basics.remaining import remaining_pipeline
 from palpate_basics.run import execute
 
 

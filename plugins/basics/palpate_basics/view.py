@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 from palpate import Flag, ReportSection
-from palpate.host import Found, Result, RunFolder, Table as Cells, TrackResult, function_of, measured, people
+from palpate.host import Found, Result, Table as Cells, TrackResult, function_of, measured, people
 
 _ALONG = "ranges along the way of the tip; by place: palpate map {folder}"
-_SWEPT = 2e-3  # [m]; farther apart, estimates are of different places
-_WARM = 1.0  # [s] that a filter is given to find its feet
-_MOST_BYTES = 200_000_000  # of tables; more take too long to be read once more
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -35,9 +30,8 @@ def result_view(result: Result, sections: Mapping[str, ReportSection] | None = N
         table.add_column(f"{name}\n{people(unit)[0]}", justify="right")
     for heading in ("eta/G\nms", "surface\nmm", "residual\nN", "NIS\n"):
         table.add_column(heading, justify="right")
-    ways = ranges_of(result.folder)
     for label, track in result.tracks.items():
-        table.add_row(label, *_cells(track, list(units), ways.get(label, {})))
+        table.add_row(label, *_cells(track, list(units)))
     if result.truth:
         known = [_scaled(result.truth.get(name, math.nan), unit) for name, unit in units.items()]
         surface = _scaled(result.truth.get("surface", math.nan), "m")
@@ -46,7 +40,7 @@ def result_view(result: Result, sections: Mapping[str, ReportSection] | None = N
     lines += list(_track_lines(result))
     flags = [Text(line, style="yellow") for line in lines]
     head = [Text("flags")] if flags else [Text("no flags")]
-    said = [Text(_ALONG.format(folder=result.folder))] if ways else []
+    said = [Text(_ALONG.format(folder=result.folder))] if any(map(_swept, result.tracks.values())) else []
     return Group(
         table,
         *said,
@@ -93,31 +87,16 @@ def _undeclared(flag: Flag) -> bool:
     return flag.code == "timing-undeclared"
 
 
-def _range(track: TrackResult, name: str, ways: Mapping[str, tuple[float, float]]) -> str:
-    if name not in track.parameters or name not in ways:
+def _range(track: TrackResult, name: str) -> str:
+    """Where a parameter goes along the way of the tip."""
+    if name not in track.parameters:
         return ""
-    unit = track.parameters[name].unit
-    return " to ".join(f"{_scaled(value, unit):.4g}" for value in ways[name])
+    found = track.parameters[name]
+    return " to ".join(f"{_scaled(found.places[end], found.unit):.4g}" for end in ("low", "high"))
 
 
-def ranges_of(folder: Path) -> dict[str, dict[str, tuple[float, float]]]:
-    """By track and parameter the range [SI] along the way of the tip; nothing where the tip stayed at one place.
-
-    Of usable estimates a second after the first, the one percent at each end left out.
-    """
-    run = RunFolder(folder)
-    if sum(path.stat().st_size for path in folder.glob("estimates*.csv")) > _MOST_BYTES:
-        return {}
-    found: dict[str, dict[str, tuple[float, float]]] = {}
-    for name, track in run.tracks.items():
-        rows = track.usable & np.isfinite(track.place).any(axis=1)
-        if not rows.any() or float(np.ptp(np.nan_to_num(track.place[rows]), axis=0).max()) < _SWEPT:
-            continue
-        rows &= track.time >= track.time[rows][0] + _WARM
-        known = {key: values[rows & np.isfinite(values)] for key, values in track.values.items()}
-        ends = {key: np.quantile(values, [0.01, 0.99]).tolist() for key, values in known.items() if len(values)}
-        found[name] = {key: (low, high) for key, (low, high) in ends.items()}
-    return found
+def _swept(track: TrackResult) -> bool:
+    return any(found.places for found in track.parameters.values())
 
 
 def _scaled(value: float, unit: str) -> float:
@@ -132,13 +111,13 @@ def _shown(found: Found) -> str:
     return measured(_scaled(found.value, found.unit), _scaled(found.combined, found.unit))
 
 
-def _cells(track: TrackResult, names: list[str], ways: Mapping[str, tuple[float, float]]) -> list[str]:
+def _cells(track: TrackResult, names: list[str]) -> list[str]:
     if not track.usable:
         reason = next((flag.code for flag in track.flags if flag.severity == "invalid"), "invalid")
         return [*([reason.replace("-", " ")] * len(names)), "", "", "", ""]
     cells = [_shown(track.parameters[name]) if name in track.parameters else "" for name in names]
-    if ways:  # the last sample of a sweep says nothing of the others
-        cells = [_range(track, name, ways) for name in names]
+    if _swept(track):  # one value says nothing of all places
+        cells = [_range(track, name) for name in names]
         return [*cells, "", "", f"{track.force_rms:.3f}", f"{track.nis:.2f}"]
     every = [*track.parameters.values(), *(value.found for value in track.derived)]
     delays = [found.per_shear for found in every if found.per_shear is not None]

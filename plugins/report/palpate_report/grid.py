@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,8 +38,16 @@ class Grid:
 
 
 def grid_of(record: Record, curves: Curves, parameter: str) -> Grid:
-    """The map of `palpate map` where there is one, else the latest estimate in each cell that the tip came through."""
-    return _interpolated(record.folder.maps / "map.csv", parameter) or _visited(curves, parameter)
+    """The newest map of `palpate map`, else the latest estimate in each cell that the tip came through."""
+    found = (_interpolated(path, parameter) for path in _newest_first(record.folder.maps))
+    return next((grid for grid in found if grid is not None), None) or _visited(curves, parameter)
+
+
+def _newest_first(folder: Path) -> list[Path]:
+    """The tables of maps, map-10 before map-2 before map."""
+    named = {path: re.fullmatch(r"map(?:-(\d+))?", path.stem) for path in folder.glob("map*.csv")}
+    numbers = {path: int(match[1] or 1) for path, match in named.items() if match}
+    return sorted(numbers, key=numbers.__getitem__, reverse=True)
 
 
 def _interpolated(path: Path, parameter: str) -> Grid | None:
@@ -52,7 +61,7 @@ def _interpolated(path: Path, parameter: str) -> Grid | None:
     x, y = np.unique(table[:, 0]), np.unique(table[:, 1])
     value = np.full((len(y), len(x)), np.nan)
     value[np.searchsorted(y, table[:, 1]), np.searchsorted(x, table[:, 0])] = table[:, 2]
-    return Grid(x, y, value, "The map of palpate map, interpolated between the places; a cross marks a lump")
+    return Grid(x, y, value, f"{path.name} of palpate map, interpolated between the places; a cross marks a lump")
 
 
 def _visited(curves: Curves, parameter: str) -> Grid:

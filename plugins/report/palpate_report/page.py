@@ -6,13 +6,11 @@ from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import version
 from typing import Any
 
-import numpy as np
 from palpate import ADVICE
 from palpate.host import SEVERITIES, WIDTHS, Table, function_of, people, registry
 
 from palpate_report import texts
 from palpate_report.anonymous import Anonymous
-from palpate_report.curves import Curves, swept
 from palpate_report.drawing import PICTURES, Subject, draw, lumps_of
 from palpate_report.reading import Record
 from palpate_report.svg import svg_text
@@ -139,8 +137,8 @@ def _numbers(document: Mapping[str, Any], subject: Subject) -> list[tuple[str, s
     table = document.get("tracks", {}).get(subject.main)
     if table is None or subject.main is None:
         return []
-    if subject.main in subject.record.tracks and swept(subject.curves(subject.main).place):
-        return list(_along_the_way(table, subject.curves(subject.main)))
+    if any("places" in found for found in table["parameters"].values()):
+        return list(_along_the_way(table))
     found = [(name, value, texts.parts_of(value)) for name, value in table["parameters"].items()]
     found += [
         (name, value, value["caveat"]) for name, value in table.get("derived", {}).items() if value["value"] is not None
@@ -149,14 +147,14 @@ def _numbers(document: Mapping[str, Any], subject: Subject) -> list[tuple[str, s
     return [(texts.readable(name), texts.value_of(value), small) for name, value, small in found]
 
 
-def _along_the_way(table: Mapping[str, Any], curves: Curves) -> Iterator[tuple[str, str, str]]:
+def _along_the_way(table: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     for name, value in table["parameters"].items():
-        known = curves.values[name][curves.settled] if name in curves.values else np.zeros(0)
-        if len(known):
-            word, factor = people(value["unit"])
-            low, high = (factor * np.quantile(known, [0.01, 0.99])).tolist()
-            doubt = texts.scaled(value["combined"], value["unit"]) if value.get("combined") else "not known"
-            yield texts.readable(name), f"{low:.4g} to {high:.4g} {word}", f"along the way; u of a place about {doubt}"
+        places = value["places"]
+        word, factor = people(value["unit"])
+        doubt = texts.scaled(value["std"], value["unit"]) if value["std"] is not None else "not known"
+        mean = f"mean of {places['places']} places {texts.scaled(value['value'], value['unit'])}"
+        span = f"{factor * places['low']:.4g} to {factor * places['high']:.4g} {word}"
+        yield texts.readable(name), span, f"along the way; {mean}; u of a place about {doubt}"
 
 
 def _record_flags(document: Mapping[str, Any]) -> list[Any]:

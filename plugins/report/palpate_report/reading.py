@@ -163,6 +163,8 @@ def _found(table: Mapping[str, Any]) -> Found:
         budget,
         table.get("equivalent_delay"),
         "combined" in table and table["combined"] is None,
+        places=table.get("places", {}),
+        last=table.get("last", {}),
     )
 
 

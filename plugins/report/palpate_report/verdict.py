@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -111,7 +112,7 @@ def _apart(record: Record, first: str, second: str) -> list[str]:
     along = len(curves) == 2 and any(swept(curve.place) for curve in curves)
     found = []
     for name in [name for name in one if name in other]:
-        allowed = _APART * max(one[name]["combined"], other[name]["combined"])
+        allowed = _APART * max(_of_a_place(one[name]), _of_a_place(other[name]))
         distance: Any = abs(one[name]["value"] - other[name]["value"])
         if along:
             rows = curves[0].settled
@@ -125,10 +126,16 @@ def _apart(record: Record, first: str, second: str) -> list[str]:
     return found
 
 
+def _of_a_place(found: Mapping[str, Any]) -> float:
+    """Combined uncertainty without how the places of a sweep differ, which is no error; 0 where it is not known."""
+    combined, places = found.get("combined") or 0.0, found.get("systematic_places") or 0.0
+    return math.sqrt(max(combined**2 - places**2, 0.0))
+
+
 def _width(table: Mapping[str, Any]) -> float:
     """Mean relative combined uncertainty of a track's parameters: of equally good tracks the narrowest comes first."""
     shares = [
-        (found.get("combined") or float("inf")) / abs(found["value"]) if found["value"] else float("inf")
+        (_of_a_place(found) or float("inf")) / abs(found["value"]) if found["value"] else float("inf")
         for found in table["parameters"].values()
     ]
     return sum(shares) / len(shares) if shares else float("inf")

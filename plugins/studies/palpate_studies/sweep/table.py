@@ -24,7 +24,11 @@ def rows_of(job: Job, result: dict[str, Any]) -> list[dict[str, Any]]:
         row = {**head, "track": name}
         for parameter, found in {**track["parameters"], "surface": track["surface"]}.items():
             row |= {f"{parameter} [{found['unit']}]": found["value"], f"{parameter}_std": found["std"]}
-            row |= {f"{parameter}_{key}": found[key] for key in ("systematic", "combined") if key in found}
+            row |= {
+                f"{parameter}_{key}": found[key]
+                for key in ("systematic", "systematic_places", "combined")
+                if key in found
+            }
         truth = {f"{parameter}_truth": value for parameter, value in result["truth"].items()}
         rows.append(row | truth | {key: track[key] for key in ("force_rms", "nis", "verdict", "flags")})
     return rows
@@ -37,7 +41,8 @@ def best_rows(rows: Sequence[dict[str, Any]], most: int = 12) -> Table:
         value, combined = (row.get(key) for key in (_value_key(row), _combined_key(row)))
         share = math.inf
         if isinstance(value, float) and isinstance(combined, float) and value:
-            share = abs(combined / value)
+            places = row.get(_combined_key(row).replace("combined", "systematic_places")) or 0.0
+            share = abs(math.sqrt(max(combined**2 - places**2, 0.0)) / value)  # how places differ is no error
         return _VERDICTS.index(row.get("verdict", "invalid")), share
 
     kept = sorted((row for row in rows if "error" not in row), key=cost)[:most]

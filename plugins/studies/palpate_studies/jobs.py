@@ -13,10 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from palpate.config import Pipeline, Source, build_pipeline, resolved_text
-from palpate.errors import OutputError, PalpateError
-from palpate.pipeline import run_pipeline
-from palpate.result import RESULT, RunFolder, differences, is_whole, read_result
+from palpate import OutputError, PalpateError
+from palpate.host import Pipeline, RunFolder, Source, build_pipeline, differences, resolved_text, run_pipeline
 
 _DEATHS = 3  # processes that a job may take with it
 
@@ -72,12 +70,13 @@ def finished(job: Job) -> dict[str, Any] | None:
 
     Raises OutputError where that was with other settings than the job has now.
     """
-    for path in sorted(Path(job.folder).glob(f"{job.number:05d}*/{RESULT}")):
-        if not is_whole(path):
+    for path in sorted(Path(job.folder).glob(f"{job.number:05d}*")):
+        run = RunFolder(path)
+        if not run.finished:
             continue
-        result = read_result(path)
+        result = run.result
         if not any(flag["code"] == "interrupted" for track in result["tracks"].values() for flag in track["flags"]):
-            _demand_same(job, RunFolder(path.parent))
+            _demand_same(job, run)
             return result
     return None
 

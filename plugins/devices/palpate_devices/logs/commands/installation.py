@@ -7,9 +7,7 @@ import os
 import platform
 
 import typer
-
-from palpate import registry as registries
-from palpate.extensions import function_of
+from palpate.host import function_of, registry as registries
 
 _LIBRARIES = ("casadi", "numpy", "scipy", "llvmlite", "filterpy")
 

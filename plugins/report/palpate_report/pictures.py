@@ -8,12 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-
-from palpate.errors import ConfigurationError, OutputError
-from palpate.writing import whole_file
-
-Floats = NDArray[np.float64]
+from palpate import ConfigurationError, Floats, OutputError
+from palpate.host import whole_file
 
 WIDTHS = {"single": 85.0, "middle": 120.0, "double": 175.0}  # [mm] of the columns of journals
 FORMATS = ("png", "svg", "pdf")
