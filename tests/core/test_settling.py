@@ -101,7 +101,9 @@ def weak(swing, noise=0.05):
     stamp = np.rint(TIME * 1e9).astype(np.int64)
     samples = Samples(stamp, TIME, np.diff(TIME, prepend=0.0), force, -depth, -rate, contact, contact)
     table = np.column_stack([np.full(n, 100.0), np.full(n, 0.7)])
-    found = Estimates(TIME, table, 0.05 * table, 0 * TIME, 1e-6 + 0 * TIME, force, contact + 0.0, np.zeros(n, np.uint32))
+    found = Estimates(
+        TIME, table, 0.05 * table, 0 * TIME, 1e-6 + 0 * TIME, force, contact + 0.0, np.zeros(n, np.uint32)
+    )
     made = TrackRecord(3.0)
     made.add(samples, found, 0.0)
     made.nanoseconds, made.samples = 10**10, 5000

@@ -160,7 +160,9 @@ def _explained(track: TrackEvidence, found: Tested, base: _Base) -> Diagnosed:
     }
     if not matters:
         return Diagnosed(table=table)
-    text = _sentence(found, reasons, bool(removing), known, base.null.source, dict(zip(names, effects.tolist(), strict=True)))
+    text = _sentence(
+        found, reasons, bool(removing), known, base.null.source, dict(zip(names, effects.tolist(), strict=True))
+    )
     terms = dict(zip(names, shifts.tolist(), strict=True)) if known else {}
     return Diagnosed((Flag("lack-of-fit", text),), terms, frozenset() if known else frozenset(names), table)
 
