@@ -94,7 +94,7 @@ def test_the_walk_of_an_optimal_estimate_is_not_its_way():
 
 
 def weak(swing, noise=0.05):
-    """Flags of a spring (100 N/m) and a dashpot (0.7 N s/m) whose force swings by so many standard deviations of noise."""
+    """Flags of a spring (100 N/m) and a dashpot (0.7 N s/m) whose force swings by so many times its noise."""
     n, size = len(TIME), swing * noise / 2 / np.hypot(100.0, 0.7 * 12.0)
     depth, rate = 4e-3 + size * np.sin(12.0 * TIME), 12.0 * size * np.cos(12.0 * TIME)
     force, contact = 100.0 * depth + 0.7 * rate, np.ones(n, bool)
