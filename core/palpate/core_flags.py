@@ -141,6 +141,13 @@ _RECORD = {
     "device": _note("A device or log has something to say of itself.", "Read the message."),
 }
 
+_PIPELINE = {
+    "assumed": _doubtful(
+        "The result rests on values that nobody has stated, such as a tip's radius that a suggestion has put in.",
+        "Correct them in the pipeline and take them out of [run] assumed, or state them with --set.",
+    ),
+}
+
 _CALIBRATION = {
     "calibration-old": _doubtful("The calibration is older than allowed, or from the future.", "Calibrate again."),
     "calibration-sensor": _doubtful("The calibration was made with another sensor or arm.", "Calibrate this one."),
@@ -157,4 +164,4 @@ _CALIBRATION = {
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
     """What the core's own flags mean."""
-    return {**_ESTIMATE, **_RECORD, **_CALIBRATION}
+    return {**_ESTIMATE, **_RECORD, **_PIPELINE, **_CALIBRATION}

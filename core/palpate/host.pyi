@@ -18,7 +18,13 @@ from palpate_devices.logs.draft import (
     recording_of as recording_of,
     suggestion_of as suggestion_of,
 )
-from palpate_devices.logs.replaying import Carried as Carried, carried_by as carried_by, replay_source as replay_source
+from palpate_devices.logs.replaying import (
+    Carried as Carried,
+    added_table as added_table,
+    carried_by as carried_by,
+    replay_source as replay_source,
+    with_other_channels as with_other_channels,
+)
 from palpate_report.pictures import (
     FORMATS as FORMATS,
     WIDTHS as WIDTHS,
@@ -67,6 +73,8 @@ from palpate.config import (
     plain_settings as plain_settings,
     ports_of as ports_of,
     resolved_text as resolved_text,
+    taken_values as taken_values,
+    unstated as unstated,
     wrong_channels as wrong_channels,
 )
 from palpate.config.doubts import UNCHECKED as UNCHECKED

@@ -137,3 +137,56 @@ def test_a_foreign_log_carries_no_pipeline(palpate, root):
     done = palpate("replay", root / "tests" / "devices" / "corpus" / "commas.csv")
     assert done.returncode == 2
     assert "carries no pipeline" in done.stderr
+
+
+def flagged(folder):
+    """What the flag `assumed` of every track says; empty where there is none."""
+    (said,) = {
+        " ".join(flag["message"] for flag in track["flags"] if flag["code"] == "assumed")
+        for track in tracks(folder).values()
+    }
+    return said
+
+
+def test_another_channel_leaves_tip_and_mass_those_of_the_run(recorded, palpate, tmp_path):
+    """Only what the choice touches is assumed: the delays of channels that the run did not read."""
+    log = recorded / "log.mcap"
+    done = palpate("compare", log, "--force", "/rig/wrench:wrench.force.z", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert "indenter.tip.radius = 2.5 mm" in done.stderr
+    assert "alignment.force.delay = 0 s" in flagged(tmp_path / "out")
+    assert "radius" not in flagged(tmp_path / "out")
+    value = tracks(tmp_path / "out")["dr/ekf"]["parameters"]["elasticity"]["value"]
+    assert value == pytest.approx(tracks(recorded)["dr/ekf"]["parameters"]["elasticity"]["value"], rel=1e-6)
+
+
+def test_one_more_model_takes_what_the_others_say(recorded, palpate, tmp_path):
+    short = ["--estimators", "ekf", "--models", "kelvin-voigt", "--out"]
+    done = palpate("compare", recorded / "log.mcap", *short, tmp_path / "out", "--set", "indenter.tip.radius=3 mm")
+    assert done.returncode == 0, done.stderr
+    assert "indenter.tip.radius = 3 mm" in done.stderr
+    assert flagged(tmp_path / "out") == ""
+    assert 'type = "kelvin-voigt"\npoisson = 0.5' in (tmp_path / "out" / "pipeline.toml").read_text().replace(
+        'indenter = "tip"\n', ""
+    )
+
+
+def test_a_suggestion_begins_from_what_the_log_carries(recorded, palpate, tmp_path):
+    done = palpate("info", recorded / "log.mcap", "--suggest", "--out", tmp_path / "own.toml")
+    assert done.returncode == 0, done.stderr
+    assert "those of its run" in done.stderr
+    done = palpate("run", tmp_path / "own.toml", "--out", tmp_path / "again")
+    assert done.returncode == 0, done.stderr
+    assert tracks(tmp_path / "again") == tracks(recorded)
+
+
+def test_repeat_takes_logs(recorded, palpate, tmp_path, root):
+    logs = [shutil.copy(recorded / "log.mcap", tmp_path / f"{name}.mcap") for name in ("one", "two")]
+    done = palpate("repeat", *logs, "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "indenter.tip.radius = 2.5 mm" in done.stderr
+    values = json.loads(done.stdout)["groups"]["runs"]["values"]
+    assert values == 2 * [tracks(recorded)["dr/ekf"]["parameters"]["elasticity"]["value"]]
+    done = palpate("repeat", root / "tests" / "devices" / "corpus" / "commas.csv")
+    assert done.returncode == 2
+    assert "carries no pipeline" in done.stderr

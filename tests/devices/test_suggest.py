@@ -1,5 +1,8 @@
 """What `info LOG --suggest` takes for force and motion, which way they count, and what it says that it only guesses."""
 
+import json
+import re
+
 import numpy as np
 import pytest
 from palpate import LogError
@@ -251,6 +254,36 @@ def test_compare_takes_the_roles_as_info_does(palpate, tmp_path):
     assert "b_N" in (tmp_path / "out" / "given.toml").read_text()
     refused = palpate("compare", "out/pipeline.toml", "--force", "b_N")
     assert (refused.returncode, "--force is for logs" in refused.stderr) == (2, True)
+
+
+def test_what_nobody_has_stated_is_flagged_until_somebody_does(palpate, tmp_path):
+    time, height, _, force = press(4.0)
+    written(tmp_path / "log.csv", [time, force, height], ["time_s", "force_N", "z_m"])
+
+    def said(*arguments):
+        done = palpate(*arguments, "--set", 'run.tracks=["*/ekf"]')
+        assert done.returncode == 0, done.stderr
+        folder = max(tmp_path.glob("runs/*"), key=lambda path: path.stat().st_ctime_ns)
+        (track,) = json.loads((folder / "result.json").read_text())["tracks"].values()
+        return " ".join(flag["message"] for flag in track["flags"] if flag["code"] == "assumed"), track["verdict"]
+
+    told, verdict = said("compare", "log.csv")
+    for text in ("indenter.tip.radius = 5 mm", "model.dr.poisson = 0.5", "alignment.tip_mass", "alignment.force.delay"):
+        assert text in told
+    assert verdict != "good"
+    assert palpate("info", "log.csv", "--suggest", "-o", "own.toml").returncode == 0
+    assert said("run", "own.toml") == (told, verdict)
+    stated, _ = said("run", "own.toml", "--set", "indenter.tip.radius=5 mm", "--set", "alignment.tip_mass=0.1 kg")
+    assert "radius" not in stated
+    assert "tip_mass" not in stated
+    assert "indenter.tip.type" in stated
+    other, _ = said("compare", "log.csv", "--models", "kelvin-voigt")
+    assert "model.kelvin-voigt.poisson = 0.5" in other
+    text = (tmp_path / "own.toml").read_text()
+    (tmp_path / "own.toml").write_text(re.sub(r"(?m)^assumed = .*$", 'assumed = ["indenter.tp.radius"]', text))
+    assert said("run", "own.toml")[0] == "nobody has stated indenter.tp.radius = ? (there is no such setting)"
+    (tmp_path / "own.toml").write_text(re.sub(r"(?m)^assumed = .*$", "", text))
+    assert said("run", "own.toml")[0] == ""
 
 
 def test_names_that_command_terminals_are_spelled_out(palpate, tmp_path):

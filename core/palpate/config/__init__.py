@@ -1,5 +1,6 @@
 """Configuration: a TOML file becomes a checked pipeline, or one clear list of what is wrong with it."""
 
+from palpate.config.assumed import taken_values, unstated
 from palpate.config.pipeline_file import (
     Pipeline,
     RunSettings,
@@ -23,5 +24,7 @@ __all__ = [
     "plain_settings",
     "ports_of",
     "resolved_text",
+    "taken_values",
+    "unstated",
     "wrong_channels",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +14,7 @@ from pydantic import Field
 from palpate import registry as registries
 from palpate.alignment import AlignmentSettings, Ports
 from palpate.calibration import CalibrationUse, read_calibration
+from palpate.config.assumed import still_assumed
 from palpate.config.builder import Builder, unknown_tables
 from palpate.config.known import unknown_sources
 from palpate.config.migrations import MIGRATIONS, migrate
@@ -56,6 +57,11 @@ class RunSettings(Settings):
         description="standard uncertainties of what is taken for known, by key of the models and their tips, or "
         '"force_scale", "position_scale": { radius = "20 um", poisson = 0.01, force_scale = 0.005 }; not declared: '
         "a radius to 0.5 %, Poisson's ratio within 0.02 below its value",
+    )
+    assumed: tuple[str, ...] = Field(
+        default=(),
+        description='keys whose values nobody has stated, as patterns: "indenter.*", "alignment.tip_mass"; they are '
+        "flagged until they are taken out of here, or set on the command line",
     )
     report: bool = Field(default=False, description="write a report when the run has ended")
     estimates_interval: Time = Field(
@@ -145,7 +151,7 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
     registry.demand_sound(kinds)
     assert alignment is not None
     assert run is not None
-    return Pipeline(
+    pipeline = Pipeline(
         path=source.path,
         text=source.text,
         run=run,
@@ -165,6 +171,8 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
         stated=stated,
         renamed=renamed,
     )
+    assumed = still_assumed(run.assumed, pipeline, source.overridden)
+    return replace(pipeline, run=run.model_copy(update={"assumed": assumed})) if run.assumed else pipeline
 
 
 def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None, tuple[Flag, ...]]:

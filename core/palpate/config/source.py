@@ -58,6 +58,11 @@ class Source:
         table[keys[-1]] = _toml_value(written.strip())
         self._overridden.add(keys)
 
+    @property
+    def overridden(self) -> list[str]:
+        """Keys that the command line has set."""
+        return sorted(".".join(keys) for keys in self._overridden)
+
     def table(self, location: Location) -> dict[str, Any]:
         """The table at a location."""
         table: dict[str, Any] = self.tables

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate.alignment import Aligner
-from palpate.config import Pipeline, resolved_text
+from palpate.config import Pipeline, resolved_text, taken_values
 from palpate.device import truth_of
 from palpate.errors import DeviceError, StoppedError, UserError
 from palpate.flags import Flag
@@ -164,6 +164,13 @@ def refused_leaves_nothing(folder: Path, begun: Callable[[], bool]) -> Iterator[
         raise
 
 
+def assumed_flags(pipeline: Pipeline) -> Iterator[Flag]:
+    """What the run took for known although nobody has stated it."""
+    known = taken_values(pipeline)
+    if told := [f"{key} = {known.get(key, '? (there is no such setting)')}" for key in pipeline.run.assumed]:
+        yield Flag("assumed", f"nobody has stated {', '.join(told)}")
+
+
 def backlog_flags(estimates: Mapping[str, Any] | None) -> Iterator[Flag]:
     """Whether the estimates of a live run kept up."""
     if estimates is None or estimates["largest_behind"] < _BEHIND:
@@ -206,6 +213,7 @@ def _result(
     flags = pipeline.registry.judged(
         (
             *pipeline.renamed,
+            *assumed_flags(pipeline),
             *(Flag("device", text) for device in pipeline.devices.values() for text in device.warnings),
             *calibration_flags(pipeline, facts.get("live", {}).get("devices")),
             *backlog_flags(facts.get("live", {}).get("estimates")),

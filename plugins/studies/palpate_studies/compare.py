@@ -15,15 +15,17 @@ from palpate.host import (
     Points,
     RunFolder,
     Source,
+    added_table,
     analysis,
     build_pipeline,
     carried_by,
     console,
     pipeline_of,
-    registry as registries,
     replay_source,
     save_figure,
     suggestion_of,
+    taken_values,
+    with_other_channels,
     write_new,
 )
 
@@ -57,6 +59,9 @@ def compare(
     given = {"force": force, "position": position, "velocity": velocity, "time": time, "rate": rate}
     choices = {role: text for role, text in given.items() if text is not None}
     pipeline = _pipeline(_source(log, choices), models, estimators, overrides or [])
+    if log.suffix != ".toml":
+        told = ", ".join(f"{key} = {text}" for key, text in taken_values(pipeline).items())
+        typer.echo(f"taken for known: {told}", err=True)
     names = [track.name for track in pipeline.tracks]
     if reference is not None and reference not in names:
         raise ConfigurationError(f"--reference: there is no track {reference!r} (there are: {', '.join(names)})")
@@ -100,6 +105,9 @@ def _source(log: Path, choices: Mapping[str, str]) -> Source:
         raise ConfigurationError(f"{log}: {'; '.join(suggestion.blanks)}")
     for text in suggestion.doubts:
         typer.echo(f"check: {printable(text)}", err=True)
+    if carried is not None:
+        typer.echo(f"{log}: all but {', '.join(choices)} is that of its run", err=True)
+        return with_other_channels(carried, suggestion, choices)
     return Source(pipeline_of(suggestion, log), Path(f"{log.name}.toml"))
 
 
@@ -107,26 +115,31 @@ def _pipeline(source: Source, models: str | None, estimators: str | None, overri
     for kind, given in (("model", models), ("estimator", estimators)):
         if given is not None:
             source.tables[kind] = {name: _table(kind, name, source.tables) for name in _names(given)}
+            if kind == "model":
+                _forget_models(source.tables)
     for assignment in overrides:
         source.override(assignment)
     return build_pipeline(source)
+
+
+def _forget_models(tables: dict[str, Any]) -> None:
+    """Take out of ``[run] assumed`` what was of models that are not there any more."""
+    run = tables.setdefault("run", {})
+    gone = [key for key in run.get("assumed", ()) if key.startswith("model.") and "*" not in key]
+    gone = [key for key in gone if key.split(".")[1] not in tables["model"]]
+    run["assumed"] = [key for key in run.get("assumed", ()) if key not in gone]
 
 
 def _names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
-def _table(kind: str, name: str, tables: Mapping[str, Any]) -> dict[str, Any]:
+def _table(kind: str, name: str, tables: dict[str, Any]) -> dict[str, Any]:
     """The table of that name, or one of that type with its defaults, on the pipeline's indenter."""
     known = tables.get(kind, {})
     if isinstance(known, dict) and name in known:
         return dict(known[name])
-    entry = registries.load().parts[kind].get(name)
-    table: dict[str, Any] = {"type": name}
-    indenters = tables.get("indenter", {})
-    if entry is not None and "indenter" in entry.part.model_fields and indenters:
-        table["indenter"] = next(iter(indenters))
-    return table
+    return added_table(kind, name, tables)
 
 
 def _differences(result: Result, reference: str) -> RenderableType:

@@ -12,6 +12,7 @@ import typer
 from palpate import ConfigurationError, LogError, UserError, to_si
 from palpate.host import console, finite_tree, measured, people
 
+from palpate_studies.estimated import Estimated
 from palpate_studies.readings import natural, readings
 from palpate_studies.repeat_picture import draw_repeatability
 from palpate_studies.repeatability import against_truth, repeatability
@@ -25,7 +26,8 @@ _CAUTION = (
 
 def repeat(
     sources: Annotated[
-        list[Path] | None, typer.Argument(metavar="RUN...", help="Run folders, or result.json or fit.json files.")
+        list[Path] | None,
+        typer.Argument(metavar="RUN...", help="Run folders, logs of runs, or result.json or fit.json files."),
     ] = None,
     group: Annotated[
         list[str] | None, typer.Option(metavar="NAME=PATTERN", help="A group of runs by a pattern; can be repeated.")
@@ -49,11 +51,12 @@ def repeat(
     unit, skipped, failures = "", 0, dict[str, UserError]()
     rejected: dict[str, str] = {}
     stated: dict[str, list[float]] = {}
+    estimated = Estimated()
     for name, paths in files.items():
         values, stated[name] = [], []
         for path in paths:
             try:
-                of_file = list(readings(path, track, parameter))
+                of_file = list(readings(estimated.run_of(path), track, parameter))
             except UserError as error:
                 failures[str(path)] = error
                 typer.echo(f"{path} is left out: {error}", err=True)

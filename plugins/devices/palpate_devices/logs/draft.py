@@ -10,6 +10,7 @@ from typing import Any
 from palpate import LogError, PluginError, Recording, Suggestion, printable
 from palpate.host import Registry, registry as registries
 
+_ASSUMED = ("indenter.*", "model.*", "alignment.tip_mass", "alignment.tare", "alignment.*.delay")
 ANALYSIS = "log-analysis"  # the template of tip, model and estimators
 
 
@@ -48,7 +49,9 @@ def pipeline_text(suggestion: Suggestion, log: Path, rest: str) -> str:
     words += [f"CHECK {text}" for text in suggestion.doubts]
     words += suggestion.hints
     lines = [f"# {printable(text)}" for text in words]
-    lines += ["", "[run]", f"name = {_toml(log.name)}", "", "[device.log]"]
+    lines += ["", "[run]", f"name = {_toml(log.name)}"]
+    lines += ["# Nobody has stated these: correct them below, and take them out of this list."]
+    lines += [f"assumed = {_toml(list(_ASSUMED))}", "", "[device.log]"]
     tables = {key: value for key, value in suggestion.device.items() if key in ("signals", "columns")}
     for key, value in suggestion.device.items():
         if key not in tables:
@@ -70,6 +73,8 @@ def _toml(value: Any) -> str:
     """A value on one line."""
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{key} = {_toml(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_toml, value))}]"
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, int | float):

@@ -8,10 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from palpate import Attached, ConfigurationError, LogError, Recording
-from palpate.host import RunFolder, Source, pipeline_among, registry as registries
+import tomli_w
+from palpate import Attached, ConfigurationError, LogError, Recording, Suggestion, printable
+from palpate.host import RunFolder, Source, pipeline_among, registry as registries, unstated
 
 from palpate_devices.logs.draft import recording_of
+
+_CHOSEN = "chosen"  # the device of channels that were chosen
 
 
 @dataclass(frozen=True)
@@ -66,12 +69,36 @@ def replay_source(
         run.pop("calibration")  # what it gave is in the resolved settings
     for kind, types in (("model", models), ("estimator", estimators)):
         for name in types:
-            tables.setdefault(kind, {}).setdefault(name, _table(kind, name, tables))
+            tables.setdefault(kind, {}).setdefault(name, added_table(kind, name, tables))
     if tracks:
         run["tracks"] = list(tracks)
     elif "tracks" in run:
         run["tracks"] = [*run["tracks"], *(f"*/{name}" for name in estimators), *(f"{name}/*" for name in models)]
     return source
+
+
+def with_other_channels(carried: Carried, suggestion: Suggestion, choices: Iterable[str]) -> Source:
+    """The pipeline of a recorded run whose roles in `choices` are read where a suggestion reads them.
+
+    What their channels of the run were late by says nothing of these; such delays are noted in ``[run] assumed``.
+    """
+    source = replay_source(carried)
+    tables = source.tables
+    name = next(name for name in (_CHOSEN, *(f"{_CHOSEN}_{k}" for k in range(2, 99))) if name not in tables["device"])
+    tables["device"][name] = {**suggestion.device, "file": str(carried.log.absolute())}
+    run, changed = tables.setdefault("run", {}), [role for role in choices if role in suggestion.alignment]
+    for role in changed:
+        signal = dict(suggestion.alignment[role])
+        signal["channel"] = f"{name}.{signal['channel'].partition('.')[2]}"
+        tables["alignment"][role] = signal
+    run["assumed"] = [*run.get("assumed", ()), *(f"alignment.{role}.delay" for role in changed)]
+    return source
+
+
+def carried_text(source: Source, log: Path) -> str:
+    """The pipeline of a log that begins from what the log carries, as TOML."""
+    head = f"# A pipeline for {printable(log.name)}: that of its run, as the log carries it.\n"
+    return head + tomli_w.dumps(source.tables)
 
 
 def _refuse_other_plugins(tables: dict[str, Any], carried: Carried) -> None:
@@ -88,10 +115,21 @@ def _refuse_other_plugins(tables: dict[str, Any], carried: Carried) -> None:
             )
 
 
-def _table(kind: str, name: str, tables: dict[str, Any]) -> dict[str, Any]:
-    """The table of a part with its defaults, on the pipeline's tip where it wants one."""
+def added_table(kind: str, name: str, tables: dict[str, Any]) -> dict[str, Any]:
+    """The table of one more part: on the pipeline's tip where it wants one, of a model with what all its models say.
+
+    Numbers that none of them says are defaults; they are noted in ``[run] assumed``.
+    """
     part = registries.load().find(kind, name)
     table: dict[str, Any] = {"type": name}
+    if kind == "model":
+        others = [other for other in tables.get(kind, {}).values() if isinstance(other, dict)]
+        for key in unstated(part, {}):
+            said = [other[key] for other in others if key in other]
+            if said and all(one == said[0] for one in said):
+                table[key] = said[0]
+        run = tables.setdefault("run", {})
+        run["assumed"] = [*run.get("assumed", ()), *(f"{kind}.{name}.{key}" for key in unstated(part, table))]
     field = part.model_fields.get("indenter")
     if field is not None and field.is_required():
         known = next((m["indenter"] for m in tables.get("model", {}).values() if "indenter" in m), None)

@@ -26,6 +26,7 @@ from palpate.host import (
     make_folder,
     replay_source,
     run_pipeline,
+    taken_values,
     withdraw_folder,
     write_whole,
 )
@@ -181,6 +182,8 @@ def _carried(log: Path, overrides: list[str]) -> Pipeline:
     pipeline = build_pipeline(source)
     if not any(not track.estimator.online for track in pipeline.tracks):
         pipeline = build_pipeline(_with_fit(carried, overrides))
+    told = ", ".join(f"{key} = {text}" for key, text in taken_values(pipeline).items())
+    typer.echo(f"taken for known: {told}", err=True)
     return pipeline
 
 

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from palpate import OutputError, Survey, TopicSurvey, printable
-from palpate.host import console, pipeline_of, recording_of, suggestion_of
+from palpate.host import console
 
 from palpate_devices.logs.commands.installation import show_installation
+from palpate_devices.logs.draft import pipeline_of, recording_of, suggestion_of
+from palpate_devices.logs.replaying import carried_by, carried_text, replay_source, with_other_channels
 from palpate_devices.logs.suggestion_picture import draw_suggestion
 
 if TYPE_CHECKING:
@@ -46,6 +48,11 @@ def info(
 
 def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path | None) -> None:
     """Print or write the pipeline, and say on standard error what in it is a guess or must be filled in."""
+    carried = carried_by(log)
+    if carried is not None and not choices and picture is None:
+        typer.echo(f"{log}: tip, models, estimators and alignment are those of its run", err=True)
+        _written(carried_text(replay_source(carried), log), out)
+        return
     suggestion = suggestion_of(log, choices)
     for text in suggestion.blanks:
         typer.echo(f"fill in: {printable(text)}", err=True)
@@ -53,10 +60,19 @@ def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path
         typer.echo(f"check: {printable(text)}", err=True)
     if picture is not None:
         draw_suggestion(suggestion, printable(log.name), picture)
+    if carried is not None:
+        chosen = f"all but {', '.join(choices)}" if choices else "all"
+        typer.echo(f"{log}: {chosen} is that of its run", err=True)
+        text = carried_text(with_other_channels(carried, suggestion, choices), log)
+    else:
+        text = pipeline_of(suggestion, log, out.parent if out is not None else None)
+    _written(text, out)
+
+
+def _written(text: str, out: Path | None) -> None:
     if out is None:
-        typer.echo(pipeline_of(suggestion, log), nl=False)
+        typer.echo(text, nl=False)
         return
-    text = pipeline_of(suggestion, log, out.parent)
     try:
         with out.open("x", encoding="utf-8") as file:
             file.write(text)

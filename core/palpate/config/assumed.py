@@ -1,0 +1,55 @@
+"""What a pipeline takes for known of tip, model and alignment, and which of it nobody has stated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING, Any
+
+from palpate.parts import Part, numbers_of
+from palpate.units import people
+
+if TYPE_CHECKING:
+    from palpate.config.pipeline_file import Pipeline
+    from palpate.parts import Settings
+
+
+def taken_values(pipeline: Pipeline) -> dict[str, str]:
+    """What is taken for known, by key, as people read it: the tips, numbers of the models, delays, mass and tare."""
+    found: dict[str, str] = {}
+    for name, tip in pipeline.indenters.items():
+        found[f"indenter.{name}.type"] = pipeline.registry.name_of(type(tip))
+        found |= _numbers(tip, f"indenter.{name}")
+    for name, model in pipeline.models.items():
+        found |= _numbers(model, f"model.{name}", inner=False)
+    kept = ("delay", "uncertainty", "tip_mass", "tare", "series_stiffness")
+    listed = _numbers(pipeline.alignment, "alignment")
+    found |= {key: text for key, text in listed.items() if key.rpartition(".")[2].startswith(kept)}
+    if isinstance(pipeline.alignment.tare, str):
+        found["alignment.tare"] = pipeline.alignment.tare
+    return found
+
+
+def _numbers(settings: Settings, head: str, inner: bool = True) -> dict[str, str]:
+    units = {path: (value, unit) for path, value, unit in numbers_of(settings) if inner or len(path) == 1}
+    return {".".join((head, *path)): _shown(value, unit) for path, (value, unit) in units.items()}
+
+
+def _shown(value: float, unit: str) -> str:
+    word, factor = people(unit)
+    return f"{value * factor:.6g}" + ("" if unit == "1" else f" {word}")
+
+
+def still_assumed(patterns: Iterable[str], pipeline: Pipeline, stated: Iterable[str]) -> tuple[str, ...]:
+    """The keys that patterns name, less those that the command line has stated; what names nothing stays as it is."""
+    known, said = taken_values(pipeline), set(stated)
+    keys: dict[str, None] = {}
+    for pattern in patterns:
+        matching = [key for key in known if fnmatchcase(key, pattern)]
+        keys |= dict.fromkeys(matching or ([] if "*" in pattern else [pattern]))
+    return tuple(key for key in keys if not any(key == one or key.startswith(f"{one}.") for one in said))
+
+
+def unstated(part: type[Part], table: Mapping[str, Any]) -> list[str]:
+    """Numbers of a part that its table leaves to their defaults."""
+    return [name for name, field in part.model_fields.items() if field.annotation is float and name not in table]
