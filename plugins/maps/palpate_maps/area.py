@@ -16,6 +16,7 @@ Box = tuple[float, float, float, float]  # x0, x1, y0, y1 [m]
 _BEYOND = 30e-3  # [m] that a search goes beyond what is known, at the most, where only the rig knows the specimen
 _STEP = 1e-3  # [m] between places that are asked for
 _MOST = 80  # of them along each side
+_FEW = 8  # places that are asked for one by one, where one of them is refused
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ def _refused(pipeline: Pipeline, places: Floats, rows: NDArray[np.intp]) -> Iter
         if len(rows) == 1:
             yield rows
             return
-        for part in np.array_split(rows, 2):
+        for part in np.array_split(rows, 2 if len(rows) > _FEW else len(rows)):
             yield from _refused(pipeline, places, part)
 
 
