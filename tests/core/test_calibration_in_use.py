@@ -4,10 +4,9 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 from palpate import ConfigurationError
-from palpate.calibration import Calibration, read_calibration
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
-from palpate.pipeline.calibration_flags import calibration_flags
+from palpate_calibration.file import Calibration, read_calibration
 from palpate_calibration.quantity import Measured, RepeatValue, calibrated_value
 
 
@@ -50,7 +49,7 @@ def pipeline(point_pipeline, tmp_path):
 
 
 def codes(pipeline):
-    return [flag.code for flag in calibration_flags(pipeline)]
+    return [flag.code for flag in pipeline.calibration.flags(pipeline, {})]
 
 
 def test_a_file_reads_back_as_it_was_written(tmp_path):
@@ -136,7 +135,7 @@ def test_live_devices_are_compared_by_what_they_say(pipeline):
     found = pipeline(devices={"rig": {"type": "ur3e", "identity": "S/N: 1"}})
 
     def codes_with(identity):
-        texts = calibration_flags(found, {"rig": {"identity": identity, "states": 7}})
+        texts = found.calibration.flags(found, {"rig": {"identity": identity, "states": 7}})
         return [flag.code for flag in texts]
 
     assert codes_with("S/N: 1") == []
