@@ -190,7 +190,7 @@ def run(path: Path, suggestion, log: Path) -> str:
 def main() -> None:
     """Print what was said of each recording, and the counts."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=10)
+    parser.add_argument("--count", type=int, default=12)
     parser.add_argument("--runs", type=int, default=1)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--data", type=Path, default=Path(__file__).parents[2] / "shared" / "data")

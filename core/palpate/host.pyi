@@ -11,7 +11,8 @@ from palpate_basics.options import (
     Points as Points,
     TrackOption as TrackOption,
 )
-from palpate_basics.quantities import measured as measured
+from palpate_basics.plain import aside as aside, print_json as print_json
+from palpate_basics.quantities import measured as measured, rounded as rounded
 from palpate_basics.table import Table as Table, console as console
 from palpate_devices.logs.draft import (
     pipeline_of as pipeline_of,

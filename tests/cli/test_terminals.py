@@ -92,3 +92,10 @@ def test_a_table_too_wide_is_printed_row_by_row(capsys, monkeypatch):
 )
 def test_nought_has_no_sign(value, std, text):
     assert measured(value, std) == text
+
+
+@pytest.mark.parametrize(("value", "shown"), [(-0.0, "0"), (0.0, "0"), (-1.5, "-1.5"), (112503.2, "1.125e+05")])
+def test_a_raw_nought_has_no_sign(value, shown):
+    from palpate.host import rounded
+
+    assert rounded(value) == shown

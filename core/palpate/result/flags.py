@@ -13,12 +13,15 @@ from palpate.estimation import Status
 from palpate.flags import Flag
 from palpate.result.lateness import force_lateness
 from palpate.result.record import Tail, TrackRecord
+from palpate.result.telling import told_at_best
 from palpate.result.way import SWEEP
 
 _STILL_MOVING = 0.02  # of a value: slope times time tracked
+_BY_CHANCE = 3.5  # standard deviations of a slope; of two parameters one is beyond that once in a thousand tracks
 _NIS_RANGE = (0.5, 1.6)  # of the mean over the last second; 0.9 to 1.1 would be one by chance alone
 _COLOURED = 0.3  # autocorrelation of innovations; 0.1 comes by chance alone
-_WEAK = 5.0  # the force must swing by more than so many standard deviations of its noise
+_WEAK, _FAINT = 5.0, 2.0  # the force must swing by more than so many standard deviations of its noise
+_TOLD = 0.2  # of a value: a weak force must tell it to so much, by the Cramer-Rao bound; a faint one never does
 _SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the one that the first touch says
 _LATE = 1e-3  # [s] of the velocity against the position
 _DRIFT = 5e-4  # [s] between the clocks of two streams over a record
@@ -119,7 +122,7 @@ def track_flags(
         yield from _innovation_flags(begun, f"after the first {average:g} s")
         yield from _colour_flags(begun)
     if record.report is None:  # a fit says itself what its record does not tell
-        yield from _force_flags(last, report)
+        yield from _force_flags(tail, last, model, report, record)
     yield from _surface_flags(last, model, report)
 
 
@@ -169,10 +172,11 @@ def _convergence_flags(
     if tracked < 2 * average or len(tail.time) < 10:
         yield Flag("not-converged", f"only {tracked:.2g} s were tracked")
         return
-    moving = []
+    moving, chance = [], _BY_CHANCE * tracked * tail.slope_by_chance()
     for column, parameter in enumerate(model.parameters if not swept else ()):
         value, rest = float(last.values[:, column].mean()), float(tail.unsettled(tail.values, tracked)[column])
-        if rest > max(_STILL_MOVING * abs(value), 3.0 * float(last.std[-1, column])):
+        least = max(_STILL_MOVING * abs(value), 3.0 * float(last.std[-1, column]), float(chance[column]))
+        if rest > least:
             moving.append(f"{parameter.name} by {100 * rest / tracked / abs(value):.2f} % a second")
     if moving:
         yield Flag("not-converged", f"still moving after {tracked:.3g} s: {', '.join(moving)}")
@@ -195,10 +199,17 @@ def _colour_flags(tail: Tail) -> Iterator[Flag]:
         yield Flag("coloured-innovations", f"{found}: the model misses something, or the data are filtered")
 
 
-def _force_flags(last: Tail, report: AlignmentReport) -> Iterator[Flag]:
+def _force_flags(
+    tail: Tail, last: Tail, model: ContactModel, report: AlignmentReport, record: TrackRecord
+) -> Iterator[Flag]:
+    """Whether the force swings enough to tell what the track says."""
     noise = report.tare.noise if report.tare and report.tare.noise else last.noise
     swing = float(np.nanmax(last.model_force) - np.nanmin(last.model_force))
-    if swing < _WEAK * noise:
+    if swing >= _WEAK * noise:
+        return
+    values, bounds = np.abs(last.values.mean(axis=0)), told_at_best(tail, model, noise, record.samples)
+    free = [i for i, parameter in enumerate(model.parameters) if parameter.name not in record.held]
+    if swing < _FAINT * noise or not (bounds < _TOLD * values)[free].all():
         yield Flag("not-identifiable", f"the force swings by {swing:.2g} N against a noise of {noise:.2g} N")
 
 

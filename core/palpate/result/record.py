@@ -19,6 +19,7 @@ _ENOUGH = 100  # innovations to tell their autocorrelation
 _PARTS = 12  # of the tail, whose steps show a random walk
 _SIGMAS = 3.0
 _LONG = 20.0  # lengths of the tail, from which on what a filter gains in one is small against its walk
+_FORGETS = 0.96  # of the variance that an estimator stated half a tail ago
 _SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
 
 
@@ -58,6 +59,19 @@ class Tail:
         if tracked < _LONG * float(self.time[-1] - self.time[0]):
             return np.asarray(np.abs(slopes) * tracked)
         return np.asarray(np.where(np.abs(slopes) > _SIGMAS * self._by_chance(values), np.abs(slopes) * tracked, 0.0))
+
+    def slope_by_chance(self) -> Floats:
+        """Standard deviation (k,) [1/s] of the slope that estimates have though nothing is left of their way.
+
+        An optimal estimate of a constant is a random walk whose variance grows by as much as its own std^2 falls. Where
+        that does not fall, the filter forgets, and its walk shows in the steps of the values.
+        """
+        span = float(self.time[-1] - self.time[0])
+        if len(self.time) < 10 or span <= 0:
+            return np.zeros(self.std.shape[1])
+        early, late = (half.mean(axis=0) for half in np.array_split(self.std**2, 2))
+        learnt = np.sqrt(1.2 * 2 * np.maximum(early - late, 0.0)) / span  # halves are half the span apart
+        return np.asarray(np.where(late < _FORGETS * early, learnt, self._by_chance(self.values)))
 
     def _by_chance(self, values: Floats) -> Floats:
         """Standard deviation (k,) of the slope of a random walk with the steps that the values make.

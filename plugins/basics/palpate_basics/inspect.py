@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import tomllib
 import types
 import typing
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from palpate.host import (
     SEVERITIES,
     AlignmentSettings,
     FlagEntry,
+    JsonOption,
     Overrides,
     PluginFiles,
     Quantity,
@@ -24,6 +26,7 @@ from palpate.host import (
     load_pipeline,
     nested_settings,
     part_kind,
+    print_json,
     registry as registries,
     resolved_text,
     start_tracks,
@@ -39,11 +42,18 @@ def check(
     file: Annotated[Path, typer.Argument(help="The pipeline file.")],
     overrides: Overrides = None,
     resolved: Annotated[bool, typer.Option("--resolved", help="Print the pipeline with every default, in SI.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Check a pipeline without running it: every mistake at once, each with its line."""
     pipeline = load_pipeline(file, overrides or [])
-    tracks = ", ".join(running.track.name for running in start_tracks(pipeline))
-    if resolved:
+    names = [running.track.name for running in start_tracks(pipeline)]
+    tracks = ", ".join(names)
+    if as_json:
+        plugins = [{"name": plugin.name, "place": plugin.place} for plugin in pipeline.registry.plugins]
+        notices = [*map(str, pipeline.renamed), *pipeline.registry.notices]
+        found = {"file": file, "devices": list(pipeline.devices), "tracks": names, "plugins": plugins}
+        print_json({**found, "notices": notices, "resolved": tomllib.loads(resolved_text(pipeline))})
+    elif resolved:
         typer.echo(resolved_text(pipeline), nl=False)
     else:
         devices = ", ".join(pipeline.devices)
@@ -56,9 +66,22 @@ def check(
             typer.echo(f"plugin {plugin.name}" + (f" from {plugin.place}" if plugin.place != plugin.name else ""))
 
 
-def list_parts(plugin: PluginFiles = None) -> None:
+def list_parts(plugin: PluginFiles = None, as_json: JsonOption = False) -> None:
     """List every part that a pipeline can name, by kind, with the plugin it comes from."""
     registry = registries.load(plugin or [])
+    if as_json:
+        print_json(
+            {
+                kind: {
+                    name: {"summary": _summary(entry.part), "plugin": entry.plugin.name}
+                    for name, entry in sorted(entries.items())
+                }
+                for kind, entries in registry.parts.items()
+            }
+        )
+        for notice in registry.notices:
+            typer.echo(notice, err=True)
+        return
     width = max(len(name) for entries in registry.parts.values() for name in entries)
     for kind, entries in registry.parts.items():
         typer.echo(f"[{kind}.*]")
@@ -73,16 +96,21 @@ def describe(
         str, typer.Argument(help="Name of a part, as in `palpate list`; or run, alignment; or a flag's code.")
     ],
     plugin: PluginFiles = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Describe a part: what it is, and every key with unit, default and meaning; or a flag: what it means."""
     registry = registries.load(plugin or [])
-    found: list[tuple[str, type[Settings]]] = []
+    found: list[tuple[str, str, type[Settings]]] = []
     for kind, entries in registry.parts.items():
         if part in entries:
-            found.append((f"{part}: a type of [{kind}.*]", entries[part].part))
+            found.append((kind, f"{part}: a type of [{kind}.*]", entries[part].part))
     if part in _TABLES:
-        found.append((f"[{part}]: a table of every pipeline", _TABLES[part]))
-    texts = ["\n".join(_description(title, settings)) for title, settings in found]
+        found.append(("table", f"[{part}]: a table of every pipeline", _TABLES[part]))
+    if as_json and (found or part in registry.flags):
+        flags = [registry.flags[part].meaning] if part in registry.flags else []
+        print_json({"name": part, "parts": [_plain(kind, settings) for kind, _, settings in found], "flags": flags})
+        return
+    texts = ["\n".join(_description(title, settings)) for _, title, settings in found]
     if part in registry.flags:
         texts.append("\n".join(_flag_description(part, registry.flags[part])))
     if not texts:
@@ -138,6 +166,25 @@ def _description(title: str, part: type[Settings]) -> Iterator[str]:
         yield ""
         yield f"Keys of the table {name.lower()}:"
         yield from _keys(settings, "  ")
+
+
+def _plain(kind: str, part: type[Settings]) -> dict[str, Any]:
+    """A part as plain data: what it is, the parameters of a model, its keys and those of tables within."""
+    parameters = [
+        {"name": p.name, "symbol": p.symbol, "unit": p.unit, "meaning": p.meaning}
+        for p in getattr(part, "parameters", ())
+    ]
+    keys = {}
+    for key, field in part.model_fields.items():
+        unit = next((item.unit for item in field.metadata if isinstance(item, Quantity)), None)
+        required, default = field.is_required(), None
+        if not required:
+            default = json.loads(json.dumps(field.get_default(call_default_factory=True), default=str))
+        nested = nested_settings(field.annotation)
+        keys[key] = {"type": _type(field.annotation, field.metadata), "unit": unit, "required": required}
+        keys[key] |= {"default": default, "meaning": field.description}
+        keys[key] |= {"keys": _plain("table", nested)["keys"]} if nested is not None else {}
+    return {"kind": kind, "text": inspect.getdoc(part) or "", "parameters": parameters, "keys": keys}
 
 
 def _keys(settings: type[Settings], indent: str) -> Iterator[str]:

@@ -21,6 +21,15 @@ def measured(value: float, std: float) -> str:
     return f"{unsigned(f'{value:.{digits}f}')} ± {std:.{digits}f}"
 
 
+def rounded(value: float) -> str:
+    """A number to five digits; a nought without a sign.
+
+    >>> rounded(-0.0), rounded(112503.2)
+    ('0', '1.125e+05')
+    """
+    return unsigned(f"{value:.5g}")
+
+
 def unsigned(number: str) -> str:
     """A number's text; a nought without the sign that rounding has left.
 

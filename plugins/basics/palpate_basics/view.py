@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from palpate import Flag, ReportSection
-from palpate.host import Found, Result, Table as Cells, TrackResult, function_of, measured, people
+from palpate.host import Found, Result, Table as Cells, TrackResult, function_of, measured, people, rounded
 
 _ALONG = "ranges along the way of the tip; by place: palpate map {folder}"
 
@@ -104,7 +104,7 @@ def _scaled(value: float, unit: str) -> float:
 
 
 def _plain(value: float) -> str:
-    return f"{value:.5g}" if math.isfinite(value) else ""
+    return rounded(value) if math.isfinite(value) else ""
 
 
 def _shown(found: Found) -> str:

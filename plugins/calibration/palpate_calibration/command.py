@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError, OutputError
-from palpate.host import Overrides, console, measured, write_whole
+from palpate.host import Overrides, console, measured, rounded, write_whole
 
 from palpate_calibration.plan import load_plan
 
@@ -148,7 +148,7 @@ def _table(calibration: Calibration) -> object:
         table.add_column(heading, justify="left" if heading in ("", "unit") else "right")
     for name, value in calibration.values.items():
         unit, scale = _PEOPLE.get(value.unit, (value.unit, 1.0))
-        low, high = (f"{edge * scale:.5g}" for edge in value.interval)
+        low, high = (rounded(edge * scale) for edge in value.interval)
         scatter = "" if value.type_a is None else f"{value.type_a * scale:.2g}"
         table.add_row(
             f"{name}: {_MEANING.get(name, '')}",

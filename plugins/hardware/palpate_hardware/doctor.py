@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 from palpate import UserError
-from palpate.host import Overrides, load_pipeline
+from palpate.host import JsonOption, Overrides, load_pipeline, print_json
 
 from palpate_hardware.examine import examine
 
@@ -18,11 +18,16 @@ def doctor(
     file: Annotated[Path, typer.Argument(help="The pipeline file.")],
     overrides: Overrides = None,
     duration: Annotated[float, typer.Option(help="How long to listen [s].", min=0.2)] = 2.0,
+    as_json: JsonOption = False,
 ) -> None:
     """Connect every device and look: ports, rates, pauses, clocks, noise at rest, the limits. Nothing moves."""
-    bad = 0
+    found = []
     for finding in examine(load_pipeline(file, overrides or []), duration):
-        bad += finding.verdict == "bad"
-        typer.echo(f"{_MARKS[finding.verdict]} {finding.subject}: {finding.text}")
+        found.append(finding)
+        if not as_json:
+            typer.echo(f"{_MARKS[finding.verdict]} {finding.subject}: {finding.text}")
+    bad = sum(finding.verdict == "bad" for finding in found)
+    if as_json:
+        print_json({"findings": found, "bad": bad})
     if bad:
         raise UserError(f"{bad} finding{'s' if bad > 1 else ''} to mend")

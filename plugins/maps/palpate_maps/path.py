@@ -31,6 +31,20 @@ def read_path(folder: Path, track: str | None = None, parameter: str | None = No
     The best is an offline track where there is one, else the first in the table; each part has its own, since one that
     was killed has no offline estimates. Raises LogError for what is missing.
     """
+    parts = _accepted(folder)
+    if track is not None:
+        _demand_known(folder, parts, track)
+    paths = [found for part in parts if (found := _read_part(part, track, parameter)) is not None]
+    if not paths:
+        _demand_estimates(folder, parts)
+        raise LogError(
+            f"{folder}: holds no estimates in contact with a place: set lateral_x or lateral_y in [alignment]"
+        )
+    return _joined(paths)
+
+
+def _accepted(folder: Path) -> list[RunFolder]:
+    """The run and its continuations but for rejected ones; raises LogError where none is left."""
     run = RunFolder(folder)
     run.demand_one_pipeline()
     parts = [part for part in run.parts if "" not in part.rejected]
@@ -38,18 +52,28 @@ def read_path(folder: Path, track: str | None = None, parameter: str | None = No
         raise LogError(
             f"{folder}: was rejected: {run.rejected['']}; `palpate review {folder} --accept {folder.name}` undoes it"
         )
+    return parts
+
+
+def _demand_estimates(folder: Path, parts: list[RunFolder]) -> set[str]:
+    """The names of all tracks of a run's parts; raises LogError where there is none."""
     known = {name for part in parts for name in tracks_of(part.path)}
     if not known:
         raise LogError(f"{folder}: is no run folder: it has no table of estimates")
-    if track is not None and track not in known:
+    return known
+
+
+def _demand_known(folder: Path, parts: list[RunFolder], track: str) -> None:
+    """Raise LogError where no part has the track, or one that palpated lacks it."""
+    known = _demand_estimates(folder, parts)
+    if track not in known:
         raise LogError(f"{folder}: there is no track {track!r} (there are: {', '.join(sorted(known))})")
-    for part in parts if track is not None else ():
-        _demand_track(part, track or "")
-    paths = [found for part in parts if (found := _read_part(part, track, parameter)) is not None]
-    if not paths:
-        raise LogError(
-            f"{folder}: holds no estimates in contact with a place: set lateral_x or lateral_y in [alignment]"
-        )
+    for part in parts:
+        _demand_track(part, track)
+
+
+def _joined(paths: list[Path2D]) -> Path2D:
+    """The paths of a run's parts as one, a second between each and the next."""
     shift = np.cumsum([0.0, *(path.time[-1] + 1.0 for path in paths[:-1])])
     return Path2D(
         paths[0].track,

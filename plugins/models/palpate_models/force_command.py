@@ -22,10 +22,12 @@ from palpate import (
     to_si,
 )
 from palpate.host import (
+    JsonOption,
     PluginFiles,
     Source,
     build_parts,
     figure_of,
+    print_json,
     registry as registries,
     save_figure,
     style,
@@ -68,6 +70,7 @@ def force(
     out: Annotated[Path | None, typer.Option("--out", "-o", help="CSV file; left out: the terminal.")] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write: .png, .svg or .pdf.")] = None,
     plugin: PluginFiles = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Print the force of a model and a tip over a depth ramp or a sine, as CSV and as a picture."""
     chosen = _from_file(file, model, overrides or []) if file else _by_name(model, indenter, overrides or [], plugin)
@@ -83,7 +86,11 @@ def force(
     problem = part.validity(float(np.max(depths)))
     if problem:
         typer.echo(f"palpate force: {problem}", err=True)
-    _write(curve, out)
+    if as_json:
+        units = {"time": "s", "depth": "m", "rate": "m/s", "force": "N"}
+        print_json({"model": name, "units": units, "warning": problem or None, **vars(curve)})
+    if out is not None or not as_json:
+        _write(curve, out)
     if picture is not None:
         _draw(curve, part, name, picture)
 

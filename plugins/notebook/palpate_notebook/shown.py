@@ -7,7 +7,7 @@ from html import escape
 from typing import Any
 
 from palpate import printable
-from palpate.host import people
+from palpate.host import people, rounded
 
 from palpate_notebook.quantity import Quantity
 
@@ -26,7 +26,7 @@ def _cells(document: Document) -> tuple[list[str], list[list[str]]]:
         nis = "" if track["nis"] is None else f"{track['nis']:.2f}"
         rows.append([name, *values, nis, track["verdict"]])
     if truth:
-        known = [f"{truth[name] * people(unit)[1]:.5g}" if name in truth else "" for name, unit in units.items()]
+        known = [rounded(truth[name] * people(unit)[1]) if name in truth else "" for name, unit in units.items()]
         rows.append(["truth", *known, "", ""])
     return headings, rows
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, LogError
-from palpate.host import WIDTHS, differences, figure_of, legend_outside, measured, people, style
+from palpate.host import WIDTHS, differences, figure_of, legend_outside, measured, people, rounded, style
 
 from palpate_report.anonymous import Anonymous
 from palpate_report.page import render
@@ -163,7 +163,7 @@ def _statistics(runs: Sequence[Run], group: str, track: str, parameter: str, uni
     row: dict[str, Any] = {"parameter": parameter, "group": group, "unit": word, "count": len(values), "of": of_group}
     if len(values) < 2:
         return row | {
-            "mean": "–" if not len(values) else f"{factor * values[0]:.5g}",
+            "mean": "–" if not len(values) else rounded(factor * values[0]),
             "std": "–",
             "combined": "–",
             "ratio": "–",

@@ -7,7 +7,7 @@ import io
 from collections import Counter
 from collections.abc import Sequence
 
-from palpate.host import Table, measured
+from palpate.host import Table, measured, rounded
 
 from palpate_reproduction.item import Item
 from palpate_reproduction.running import Row, Status
@@ -31,7 +31,7 @@ def cells(row: Row) -> list[str]:
 
 
 def _number(value: float, std: float | None) -> str:
-    return measured(value, std) if std else f"{value:.5g}"
+    return measured(value, std) if std else rounded(value)
 
 
 def table_of(item: Item, rows: Sequence[Row]) -> Table:

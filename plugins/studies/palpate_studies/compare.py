@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from palpate import ConfigurationError, UserError, printable
 from palpate.host import (
+    JsonOption,
     Overrides,
     Pipeline,
     Points,
@@ -17,10 +18,12 @@ from palpate.host import (
     Source,
     added_table,
     analysis,
+    aside,
     build_pipeline,
     carried_by,
     console,
     pipeline_of,
+    print_json,
     replay_source,
     save_figure,
     suggestion_of,
@@ -49,6 +52,7 @@ def compare(
     position: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the position.")] = None,
     velocity: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the velocity.")] = None,
     points: Points = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Run every model with every estimator on one log, read once; print one table, draw one picture.
 
@@ -66,6 +70,18 @@ def compare(
     if reference is not None and reference not in names:
         raise ConfigurationError(f"--reference: there is no track {reference!r} (there are: {', '.join(names)})")
     result = run_pipeline(pipeline, out)
+    if as_json:
+        print_json({**result.table(), "folder": result.folder})
+    else:
+        _tell(result, reference)
+    result.demand_whole()
+    write_new(result.folder / "compare.csv", comparison.csv_text(result))
+    with aside(as_json):
+        typer.echo(f"picture: {_draw(result, reference)}\nwritten to {result.folder}, all tracks in compare.csv")
+        _along(pipeline, result, points)
+
+
+def _tell(result: Result, reference: str | None) -> None:
     terminal = console()
     for shown in comparison.tables(result):
         terminal.print(shown if isinstance(shown, str) else shown.view(), highlight=False)
@@ -73,10 +89,6 @@ def compare(
         terminal.print(f"every track: {flag}", style="yellow", markup=False, highlight=False)
     if reference is not None:
         terminal.print(_differences(result, reference))
-    result.demand_whole()
-    write_new(result.folder / "compare.csv", comparison.csv_text(result))
-    typer.echo(f"picture: {_draw(result, reference)}\nwritten to {result.folder}, all tracks in compare.csv")
-    _along(pipeline, result, points)
 
 
 def _along(pipeline: Pipeline, result: Result, points: Path | None) -> None:

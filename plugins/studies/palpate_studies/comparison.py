@@ -20,6 +20,7 @@ from palpate.host import (
     legend_outside,
     measured,
     people,
+    rounded,
     style,
 )
 
@@ -59,7 +60,7 @@ def _shown(found: Found | None) -> str:
 
 
 def _true(value: float | None, unit: str) -> str:
-    return "" if value is None else f"{value * people(unit)[1]:.5g}"
+    return "" if value is None else rounded(value * people(unit)[1])
 
 
 def csv_text(result: Result) -> str:

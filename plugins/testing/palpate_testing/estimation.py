@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from itertools import pairwise
 from typing import Any
 
@@ -68,7 +68,7 @@ def check_estimator(estimator: Estimator, model: ContactModel, theta: Sequence[f
         cuts = [0, 1, 2, 199, 200, 201, 777, 1204, len(samples)]
         blocks = [tracker.run(samples[a:b]) for a, b in pairwise(cuts)]
         columns: dict[str, Any] = {n: np.concatenate([getattr(block, n) for block in blocks]) for n in _COLUMNS}
-        joined = Estimates(**columns)
+        joined = replace(blocks[-1], **columns)  # what is said of a block is said by the last
         demand(_same_bits(whole, joined), f"{name} gives other numbers when the samples are cut into blocks")
     samples.force[500:510] = np.nan
     samples.velocity[600:605] = np.nan

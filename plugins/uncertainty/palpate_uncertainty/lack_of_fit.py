@@ -21,6 +21,7 @@ _SMALL = 0.005  # of a parameter; less matters to nobody
 _BY_MOTION = 2.0  # of the mean square of the force that noise of the motion makes
 _LEFT = 0.02  # of the misfit's power; an alternative that leaves less has explained it
 _FAINT = 0.01  # the same, of the variance of the noise
+_SLIGHT = 0.05  # of the variance of the noise; an unexplained pattern below it moves values by its size at most
 _NAMED = 0.2  # the same, for a reason that is worth naming though it does not explain it all
 
 
@@ -141,8 +142,10 @@ def _explained(track: TrackEvidence, found: Tested, base: _Base) -> Diagnosed:
     shifts = _shifts(track, removing or naming or [base.fit])
     if not removing:
         shifts = np.maximum(shifts, _by_size(base, first.misfit))
-    # Without a standstill it may be the channel's noise after all, where no alternative takes anything of it.
-    known = bool(removing) or (base.null.source != "standstill" and not naming)
+    # What no alternative takes anything of may be the channel's noise after all, where there was no standstill; and
+    # where it is slight it does no more than its size can.
+    slight = base.null.source != "standstill" or first.misfit < _SLIGHT
+    known = bool(removing) or (slight and not naming)
     reasons = sorted((other.reason for other in removing or naming if other.reason), key=lambda reason: left[reason])
     effects = shifts / np.maximum(np.abs(track.values), 1e-300)
     matters = bool(np.any((effects > _SMALL) & ~(shifts < 0.5 * track.combined)))
@@ -157,7 +160,9 @@ def _explained(track: TrackEvidence, found: Tested, base: _Base) -> Diagnosed:
     }
     if not matters:
         return Diagnosed(table=table)
-    text = _sentence(found, reasons, bool(removing), known, dict(zip(names, effects.tolist(), strict=True)))
+    text = _sentence(
+        found, reasons, bool(removing), known, base.null.source, dict(zip(names, effects.tolist(), strict=True))
+    )
     terms = dict(zip(names, shifts.tolist(), strict=True)) if known else {}
     return Diagnosed((Flag("lack-of-fit", text),), terms, frozenset() if known else frozenset(names), table)
 
@@ -186,17 +191,21 @@ def _ratio(part: float, whole: float) -> float:
 
 def _removes(test: Tested, first: Tested) -> bool:
     """Whether an alternative takes the pattern away, which more than a p just beyond the level is needed for."""
-    if _ratio(test.misfit, first.misfit) > _NAMED:
+    if test.misfit > _NAMED * first.misfit + test.chance:
         return first.p >= LEVEL
     return test.p >= LEVEL or test.misfit < max(_LEFT * first.misfit, _FAINT)
 
 
-def _sentence(found: Tested, reasons: list[str], explained: bool, known: bool, effects: Mapping[str, float]) -> str:
+def _sentence(
+    found: Tested, reasons: list[str], explained: bool, known: bool, null: str, effects: Mapping[str, float]
+) -> str:
     level = f"p {found.p:.0e}" if found.p > 1e-99 else "p < 1e-99"
     sizes = [f"{name} by {_percent(effect)}" for name, effect in effects.items() if effect > _SMALL]
     off = f"{', '.join(sizes)} may be wrong" if sizes else "what it does to the parameters is small"
     likely = f"; likely {' or '.join(reasons)}" if reasons else ""
-    unknown = "" if explained else "; no alternative explains it, and there is no standstill to know the noise by"
+    unknown = "" if explained else "; no alternative explains it"
+    if not explained and null != "standstill":
+        unknown += ", and there is no standstill to know the noise by"
     if not known:
         unknown = "; no alternative explains all of it, so the uncertainty is not known"
     return f"what the model leaves is not the noise of the channel ({level}){likely}; {off}{unknown}"

@@ -28,6 +28,7 @@ class Tested:
     p: float  # of the family: the smallest after Holm
     tests: Mapping[str, float]  # by name, as they are
     misfit: float = 0.0  # share of the variance that is a pattern: by memory, phase, time or depth, the largest of them
+    chance: float = 0.0  # two standard deviations of the misfit, where there is no pattern
     null: str = "assumed"  # where the noise comes from: "standstill", "residual", or white noise "assumed"
 
 
@@ -44,7 +45,7 @@ def examined(values: Floats, runs: Runs, time: Floats, depth: Floats, phase: Flo
     white, runs, time, depth = white[known], runs[known], time[known], depth[known]
     scale = float(np.median(np.abs(white - np.median(white)))) * 1.4826 if len(white) else 0.0
     if len(white) < 4 * LAGS or scale == 0.0:
-        return Tested(1.0, {}, 0.0, null.source)
+        return Tested(1.0, {}, 0.0, 0.0, null.source)
     white = np.clip(white, -_CLIPPED * scale, _CLIPPED * scale)
     white = white / np.sqrt(np.mean(white**2))
     tests, patterns = {}, {}
@@ -58,7 +59,8 @@ def examined(values: Floats, runs: Runs, time: Floats, depth: Floats, phase: Flo
     for name, (places, count) in bins.items():
         tests[name], patterns[name] = _means(white, places, count, null.excess)
     tests["depth"] = _means(np.sign(white), *bins["depth"], null.excess)[0]
-    return Tested(min(1.0, len(tests) * min(tests.values())), tests, max(patterns.values()), null.source)
+    chance = 2.0 * float(np.sqrt(2.0 * PHASES)) * null.excess / len(white)
+    return Tested(min(1.0, len(tests) * min(tests.values())), tests, max(patterns.values()), chance, null.source)
 
 
 def _memory(white: Floats, runs: Runs, null: Null) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError, Floats, LogError, PalpateError, TrackName
-from palpate.host import Points, console, save_figure
+from palpate.host import JsonOption, Points, console, print_json, save_figure
 
 if TYPE_CHECKING:
     from palpate_maps.analysis import Lump, Sites
@@ -78,6 +78,7 @@ def curves(
     ] = None,
     points: Points = None,
     out: Annotated[Path, typer.Option(help="The picture to draw: .png or .svg.")] = Path("sweep.png"),
+    as_json: JsonOption = False,
 ) -> None:
     """Draw the curves of all tracks of runs along a line with the lumps in each, and print their table."""
     labels = label or [run.name if len(runs) > 1 else "" for run in runs]
@@ -93,11 +94,11 @@ def curves(
     if not found:
         raise LogError(f"{', '.join(str(run) for run in runs)}: no sweep along a line")
     unit = next(iter(found.values())).unit
-    tell_curves(found, points_of(points, out.parent) if points else None, unit, out)
+    tell_curves(found, points_of(points, out.parent) if points else None, unit, out, as_json)
 
 
 def tell_curves(
-    curves: Mapping[str, TrackCurve], points: tuple[Any, Sites] | None, unit: str, picture_file: Path
+    curves: Mapping[str, TrackCurve], points: tuple[Any, Sites] | None, unit: str, picture_file: Path, as_json: bool
 ) -> None:
     """Draw the curves and print their table."""
     from palpate_maps import picture
@@ -105,6 +106,18 @@ def tell_curves(
     parameter = next(iter(curves.values())).parameter
     series = {name: (curve.along, curve.sites) for name, curve in curves.items()}
     save_figure(picture.sweep_picture(series, parameter, unit, None, points), picture_file)
+    if as_json:
+        print_json(
+            {
+                name: {
+                    **{"parameter": curve.parameter, "unit": curve.unit, "along": curve.along},
+                    **{"value": curve.sites.value, "std": curve.sites.value * curve.sites.std, "lumps": curve.lumps},
+                    "against_points": _distance(curve, points) if points is not None else None,
+                }
+                for name, curve in curves.items()
+            }
+        )
+        return
     console().print(_table(curves, points, unit))
     typer.echo(f"picture: {picture_file}")
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 from palpate import ConfigurationError, LogError, PalpateError, Simulated, to_si
-from palpate.host import Points, RunFolder, TrackOption, load_pipeline, save_figure
+from palpate.host import JsonOption, Points, RunFolder, TrackOption, load_pipeline, print_json, save_figure
 
 from palpate_maps.commands.curves import curves_of, points_of, tell_rejected, unit_of
 
@@ -35,6 +35,7 @@ def map_run(
     out: Annotated[Path | None, typer.Option(help="Folder to write to. [default: RUN/maps]")] = None,
     svg: Annotated[bool, typer.Option("--svg", help="SVG pictures instead of PNG.")] = False,
     mcap: Annotated[bool, typer.Option("--mcap", help="Write map.mcap, too: a Grid that robot viewers draw.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Make the map of a run, with its uncertainty: CSV, NPZ and a picture; for a sweep, a curve.
 
@@ -71,7 +72,8 @@ def map_run(
         name = export.free_name(folder, "sweep", table)
         export.replace_file(folder / f"{name}.csv", table)
         save_figure(image, folder / f"{name}.{ending}")
-        typer.echo(f"sweep of {1e3 * (along.max() - along.min()):.4g} mm, {len(sites)} sites, {path.track}")
+        said = f"sweep of {1e3 * (along.max() - along.min()):.4g} mm, {len(sites)} sites, {path.track}"
+        answer: dict[str, Any] = {"kind": "sweep", "length": float(along.max() - along.min())}
     else:
         edge = length(reach, "--reach") if reach is not None else None
         field = maps.make_map(sites, length(cell, "--cell"), method, edge)  # type: ignore[arg-type]
@@ -84,13 +86,20 @@ def map_run(
         if mcap:
             export.replace_file(folder / f"{name}.mcap", map_mcap(field, path.parameter, round(1e9 * sites.time[-1])))
         size = f"{1e3 * (field.x[-1] - field.x[0]):.4g} mm x {1e3 * (field.y[-1] - field.y[0]):.4g} mm"
-        typer.echo(
+        said = (
             f"map of {size}, {100 * field.coverage:.0f} % covered, {len(sites)} sites, {path.track}, "
             f"interpolated over {1e3 * field.length:.3g} mm"
         )
+        ends = {"low": [field.x[0], field.y[0]], "high": [field.x[-1], field.y[-1]]}
+        answer = {"kind": "map", **ends, "coverage": field.coverage, "interpolated_over": field.length}
     if findings is not None and findings.warning:
         typer.echo(f"warning: {findings.warning}", err=True)
-    typer.echo(f"written to {folder / name}.csv and beside it")
+    if as_json:
+        of = {"track": path.track, "parameter": path.parameter, "unit": unit, "sites": len(sites)}
+        lumps = findings.lumps if findings is not None else None
+        print_json({**answer, **of, "lumps": lumps, "files": sorted(folder.glob(f"{name}.*"))})
+        return
+    typer.echo(f"{said}\nwritten to {folder / name}.csv and beside it")
 
 
 def outlines_of(run: Path) -> list[Any]:

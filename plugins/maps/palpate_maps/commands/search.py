@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import TrackOption
+from palpate.host import JsonOption, TrackOption, aside, print_json
 
 from palpate_maps.commands.map import Parameter, Run, length
 
@@ -41,6 +41,7 @@ def search(
         float, typer.Option(help="A lump is certain once points on it have a smaller p-value and leave it in place.")
     ] = 0.001,
     palpation: Annotated[float, typer.Option(help="Seconds of sine at each place.")] = 2.0,
+    as_json: JsonOption = False,
 ) -> None:
     """Propose the next places to palpate after a coarse sweep or raster; with --go, visit them.
 
@@ -56,26 +57,38 @@ def search(
     motion = _press(pipeline, run)
     sites = maps.sites_along(maps.read_path(run, track, parameter))
     allowed = maps.area_of(pipeline, motion, sites.place, box_of(area))
-    spent, lumps = 0.0, list[maps.Watched]()
-    for _ in range(_ROUNDS):
-        done = maps.off_limits(allowed.nodes, lumps, contrast, _APART)
-        places = maps.propose(sites, points, aim, contrast, allowed.nodes, taken=done)  # type: ignore[arg-type]
-        if go and maps.nothing_left(lumps, places):
-            _end(lumps, allowed, f"every lump is certain at {sure:g}, and nothing else is suspicious")
-            return
-        _show(places)
-        if not go or not places:
-            if go:
-                _end(lumps, allowed, "every place that may be visited is known")
-            return
-        if spent >= budget:
-            _end(lumps, allowed, f"{budget:g} s of motion are spent")
-            return
-        spent += visit(run, [place.place for place in places], palpation)
-        sites = maps.sites_along(maps.read_path(run, track, parameter))
-        lumps = maps.watched(maps.find_lumps(sites), lumps, sites, allowed, sure)
-        _report(lumps, spent)
-    _end(lumps, allowed, f"{_ROUNDS} rounds are made")
+    spent, lumps, rounds = 0.0, list[maps.Watched](), list[list[maps.Proposal]]()
+    stopped: str | None = None
+    with aside(as_json):
+        while stopped is None:
+            done = maps.off_limits(allowed.nodes, lumps, contrast, _APART)
+            places = maps.propose(sites, points, aim, contrast, allowed.nodes, taken=done)  # type: ignore[arg-type]
+            if go and maps.nothing_left(lumps, places):
+                stopped = f"every lump is certain at {sure:g}, and nothing else is suspicious"
+                break
+            rounds.append(places)
+            _show(places)
+            if not go:
+                break
+            stopped = _spent(places, spent, budget, len(rounds))
+            if stopped is None:
+                spent += visit(run, [place.place for place in places], palpation)
+                sites = maps.sites_along(maps.read_path(run, track, parameter))
+                lumps = maps.watched(maps.find_lumps(sites), lumps, sites, allowed, sure)
+                _report(lumps, spent)
+        if stopped is not None:
+            _end(lumps, allowed, stopped)
+    if as_json:
+        print_json({"rounds": rounds, "motion": spent, "stopped": stopped, "lumps": lumps})
+
+
+def _spent(places: Sequence[Proposal], spent: float, budget: float, rounds: int) -> str | None:
+    """Why no further place is visited; None where one is."""
+    if not places:
+        return "every place that may be visited is known"
+    if spent >= budget:
+        return f"{budget:g} s of motion are spent"
+    return f"{_ROUNDS} rounds are made" if rounds > _ROUNDS else None
 
 
 def box_of(text: str | None) -> Box | None:

@@ -13,15 +13,18 @@ import typer
 from palpate import OutputError, UserError
 from palpate.host import (
     Job,
+    JsonOption,
     Overrides,
     Points,
     Source,
     analysis,
+    aside,
     built,
     console as terminal,
     finished,
     make_folder,
     on_all_cores,
+    print_json,
     write_new,
 )
 
@@ -41,6 +44,7 @@ def sweep(
         bool, typer.Option("--picture", help="Draw the estimates along the way of all combinations, with their lumps.")
     ] = False,
     points: Points = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Run a pipeline with every combination of the settings in its [sweep] table; write sweep.csv and sweep.json."""
     source = _source(file, overrides or [])
@@ -58,15 +62,18 @@ def sweep(
     if len(found) < len(planned):
         typer.echo(f"stopped after {len(found)} of {len(planned)} combinations; go on with --out {folder}", err=True)
         raise typer.Exit(130)
-    if failed < len(planned):
+    if as_json:
+        print_json({"folder": folder, "combinations": len(planned), "failed": failed, "rows": rows})
+    elif failed < len(planned):
         terminal().print(best_rows(rows).view())
     before = f", {earlier} found in the folder" if earlier else ""
-    typer.echo(f"{len(planned)} combinations, {failed} failed{before}: {folder / 'sweep.csv'}")
+    typer.echo(f"{len(planned)} combinations, {failed} failed{before}: {folder / 'sweep.csv'}", err=as_json)
     if failed == len(planned):
         raise typer.Exit(1)
     if picture or points is not None:
         runs = _runs(planned)
-        analysis("curves")(list(runs.values()), list(runs), points, folder / "sweep.png")
+        with aside(as_json):
+            analysis("curves")(list(runs.values()), list(runs), points, folder / "sweep.png")
 
 
 def _carry_out(planned: Sequence[Job], found: dict[int, dict[str, Any]], jobs: int | None) -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from palpate import OutputError, Survey, TopicSurvey, printable
-from palpate.host import console
+from palpate import OutputError, Suggestion, Survey, TopicSurvey, printable
+from palpate.host import JsonOption, console, print_json
 
 from palpate_devices.logs.commands.installation import show_installation
 from palpate_devices.logs.draft import pipeline_of, recording_of, suggestion_of
@@ -34,24 +34,29 @@ def info(
         Path | None,
         typer.Option(help="Draw what was taken for force and motion, .png or .svg."),
     ] = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Say what a log holds, with --suggest as a pipeline that reads it; without a log, what palpate runs on."""
     if log is None:
-        show_installation()
+        show_installation(as_json)
         return
     if suggest or out is not None or picture is not None:
         given = {"force": force, "position": position, "velocity": velocity, "time": time, "rate": rate}
-        _suggest(log, {role: text for role, text in given.items() if text is not None}, out, picture)
+        _suggest(log, {role: text for role, text in given.items() if text is not None}, out, picture, as_json)
         return
-    console(160).print(survey_view(recording_of(log).survey(log)))
+    survey = recording_of(log).survey(log)
+    if as_json:
+        print_json(survey)
+    else:
+        console(160).print(survey_view(survey))
 
 
-def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path | None) -> None:
+def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path | None, as_json: bool) -> None:
     """Print or write the pipeline, and say on standard error what in it is a guess or must be filled in."""
     carried = carried_by(log)
     if carried is not None and not choices and picture is None:
         typer.echo(f"{log}: tip, models, estimators and alignment are those of its run", err=True)
-        _written(carried_text(replay_source(carried), log), out)
+        _written(carried_text(replay_source(carried), log), out, as_json)
         return
     suggestion = suggestion_of(log, choices)
     for text in suggestion.blanks:
@@ -66,12 +71,16 @@ def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path
         text = carried_text(with_other_channels(carried, suggestion, choices), log)
     else:
         text = pipeline_of(suggestion, log, out.parent if out is not None else None)
-    _written(text, out)
+    _written(text, out, as_json, suggestion)
 
 
-def _written(text: str, out: Path | None) -> None:
+def _written(text: str, out: Path | None, as_json: bool, suggestion: Suggestion | None = None) -> None:
+    if as_json:
+        names = ("device", "alignment", "reasons", "doubts", "blanks", "hints")
+        print_json({"pipeline": text, **{name: getattr(suggestion, name, None) for name in names}})
     if out is None:
-        typer.echo(text, nl=False)
+        if not as_json:
+            typer.echo(text, nl=False)
         return
     try:
         with out.open("x", encoding="utf-8") as file:
@@ -80,7 +89,7 @@ def _written(text: str, out: Path | None) -> None:
         raise OutputError(f"{out}: is there already, and nothing is ever overwritten") from error
     except OSError as error:
         raise OutputError(f"{out}: cannot write: {error.strerror}") from error
-    typer.echo(f"the pipeline is in {out}; palpate run {out}")
+    typer.echo(f"the pipeline is in {out}; palpate run {out}", err=as_json)
 
 
 def survey_view(survey: Survey) -> RenderableType:

@@ -5,28 +5,37 @@ from __future__ import annotations
 import importlib.metadata
 import os
 import platform
+from typing import Any
 
 import typer
-from palpate.host import function_of, registry as registries
+from palpate.host import function_of, print_json, registry as registries
 
 _LIBRARIES = ("casadi", "numpy", "scipy", "llvmlite", "filterpy")
 
 
-def show_installation() -> None:
+def show_installation(as_json: bool = False) -> None:
     """Say which libraries and plugins there are, and what plugins have to say of the installation."""
-    typer.echo(f"palpate {importlib.metadata.version('palpate')}")
-    typer.echo(
-        f"python {platform.python_version()} on {platform.system()} {platform.machine()}, {os.cpu_count()} cores"
-    )
     registry = registries.load()
-    for fact in registry.facts.values():
-        typer.echo(function_of(fact)())
-    for name in _LIBRARIES:
-        typer.echo(f"{name} {_version(name)}")
-    for plugin in registry.plugins:
-        typer.echo(f"plugin {plugin.name}")
-    for name, failure in registry.failures.items():
-        typer.echo(f"plugin {name} could not be loaded: {failure}")
+    found: dict[str, Any] = {
+        "palpate": importlib.metadata.version("palpate"),
+        "python": platform.python_version(),
+        "system": f"{platform.system()} {platform.machine()}",
+        "cores": os.cpu_count(),
+        "facts": [function_of(fact)() for fact in registry.facts.values()],
+        "libraries": {name: _version(name) for name in _LIBRARIES},
+        "plugins": [plugin.name for plugin in registry.plugins],
+        "failures": {name: str(failure) for name, failure in registry.failures.items()},
+    }
+    if as_json:
+        print_json(found)
+        return
+    typer.echo(f"palpate {found['palpate']}")
+    typer.echo(f"python {found['python']} on {found['system']}, {found['cores']} cores")
+    lines = [*found["facts"], *(f"{name} {version}" for name, version in found["libraries"].items())]
+    lines += [f"plugin {name}" for name in found["plugins"]]
+    lines += [f"plugin {name} could not be loaded: {failure}" for name, failure in found["failures"].items()]
+    for line in lines:
+        typer.echo(line)
 
 
 def _version(name: str) -> str:

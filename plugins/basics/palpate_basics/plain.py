@@ -1,0 +1,37 @@
+"""Findings as JSON: one document on standard output, and everything else on standard error."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import typer
+from palpate.host import finite_tree
+
+
+def print_json(findings: Any) -> None:
+    """Print findings as JSON: numbers in SI, null for what is not finite; dataclasses as tables, paths as texts."""
+    typer.echo(json.dumps(finite_tree(plain(findings)), indent=2, allow_nan=False))
+
+
+def plain(value: Any) -> Any:
+    """Findings as tables, lists, texts and numbers."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(inner) for inner in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+@contextlib.contextmanager
+def aside(as_json: bool) -> Iterator[None]:
+    """Within it what is printed goes to standard error, where standard output is for JSON alone."""
+    with contextlib.redirect_stdout(sys.stderr) if as_json else contextlib.nullcontext():
+        yield
