@@ -14,6 +14,11 @@ from palpate_basics.options import (
 from palpate_basics.plain import aside as aside, print_json as print_json
 from palpate_basics.quantities import measured as measured, rounded as rounded
 from palpate_basics.table import Table as Table, console as console
+from palpate_calibration.file import (
+    CalibratedValue as CalibratedValue,
+    Calibration as Calibration,
+    NoiseSpectrum as NoiseSpectrum,
+)
 from palpate_devices.logs.draft import (
     pipeline_of as pipeline_of,
     recording_of as recording_of,
@@ -56,14 +61,9 @@ from palpate.alignment import (
     Series as Series,
     Signal as Signal,
 )
-from palpate.calibration import (
-    CalibratedValue as CalibratedValue,
-    Calibration as Calibration,
-    NoiseSpectrum as NoiseSpectrum,
-    identity_in as identity_in,
-    identity_of as identity_of,
-)
 from palpate.config import (
+    CalibratedNumber as CalibratedNumber,
+    CalibrationUse as CalibrationUse,
     Pipeline as Pipeline,
     RunSettings as RunSettings,
     Source as Source,
