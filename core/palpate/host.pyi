@@ -96,7 +96,6 @@ from palpate.parts import (
     nested_settings as nested_settings,
     numbers_of as numbers_of,
     part_kind as part_kind,
-    with_number as with_number,
 )
 from palpate.pipeline import (
     Flow as Flow,
