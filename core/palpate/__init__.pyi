@@ -65,6 +65,7 @@ from palpate.estimation import (
     track_by_step as track_by_step,
 )
 from palpate.extensions import (
+    CalibrationReader as CalibrationReader,
     Check as Check,
     Command as Command,
     Diagnosis as Diagnosis,

@@ -148,20 +148,8 @@ _PIPELINE = {
     ),
 }
 
-_CALIBRATION = {
-    "calibration-old": _doubtful("The calibration is older than allowed, or from the future.", "Calibrate again."),
-    "calibration-sensor": _doubtful("The calibration was made with another sensor or arm.", "Calibrate this one."),
-    "calibration-tip": _doubtful("The calibration was made with another tip.", "Calibrate with this tip."),
-    "calibration-mass": _doubtful(
-        "The tip's mass in the file contradicts the calibration.", "Correct one of them, or leave tip_mass out."
-    ),
-    "calibration-delay": _doubtful(
-        "The delay in the file contradicts the calibration.", "Correct one of them, or leave the delay out."
-    ),
-}
-
 
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
     """What the core's own flags mean."""
-    return {**_ESTIMATE, **_RECORD, **_PIPELINE, **_CALIBRATION}
+    return {**_ESTIMATE, **_RECORD, **_PIPELINE}

@@ -75,6 +75,13 @@ class Fact:
 
 
 @dataclass(frozen=True)
+class CalibrationReader:
+    """What reads the file of ``[run] calibration``: ``function(path, valid for [s])`` answers what is taken from it."""
+
+    target: str  # "module:function"
+
+
+@dataclass(frozen=True)
 class Display:
     """What shows a run on the terminal: ``function(pipeline)`` answers a context with a writer that has `progress`."""
 
@@ -99,7 +106,10 @@ class Template:
             raise PluginError(f"template {self.path} of {self.package} cannot be read: {error}") from error
 
 
-def function_of(offer: Command | Report | ReportSection | Diagnosis | Check | Display | Fact) -> Callable[..., Any]:
+Offer = Command | Report | ReportSection | Diagnosis | Check | CalibrationReader | Display | Fact
+
+
+def function_of(offer: Offer) -> Callable[..., Any]:
     """The function that an offer names; raises PluginError where it cannot be imported."""
     return imported(offer.target) if isinstance(offer.target, str) else offer.target
 

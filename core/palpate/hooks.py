@@ -24,7 +24,17 @@ if TYPE_CHECKING:
     from palpate.contact import ContactModel, Indenter
     from palpate.device import Device
     from palpate.estimation import Estimator
-    from palpate.extensions import Check, Command, Diagnosis, Display, Fact, Report, ReportSection, Template
+    from palpate.extensions import (
+        CalibrationReader,
+        Check,
+        Command,
+        Diagnosis,
+        Display,
+        Fact,
+        Report,
+        ReportSection,
+        Template,
+    )
     from palpate.flags import FlagMeaning
     from palpate.migration import Migration
     from palpate.parts import Part, Settings
@@ -86,6 +96,11 @@ def palpate_checks() -> Mapping[str, Check]:  # type: ignore[empty-body]
 
 
 @_hook
+def palpate_calibrations() -> Mapping[str, CalibrationReader]:  # type: ignore[empty-body]
+    """What reads calibration files for ``[run] calibration``, by name; of several the first by name is used."""
+
+
+@_hook
 def palpate_facts() -> Mapping[str, Fact]:  # type: ignore[empty-body]
     """Lines for ``palpate info`` without a log, by name."""
 
@@ -142,6 +157,7 @@ _EXTENSIONS = {
     "template": ("palpate_templates", "palpate.extensions:Template"),
     "diagnosis": ("palpate_diagnoses", "palpate.extensions:Diagnosis"),
     "check": ("palpate_checks", "palpate.extensions:Check"),
+    "calibration": ("palpate_calibrations", "palpate.extensions:CalibrationReader"),
     "fact": ("palpate_facts", "palpate.extensions:Fact"),
     "flag": ("palpate_flags", "palpate.flags:FlagMeaning"),
 }

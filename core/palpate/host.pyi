@@ -5,6 +5,7 @@ Parts need `palpate` only; commands and other tools use `palpate` and this.
 
 # What several families use, from the one that makes it.
 from palpate_basics.options import (
+    FormatOption as FormatOption,
     JsonOption as JsonOption,
     Overrides as Overrides,
     PluginFiles as PluginFiles,
@@ -14,6 +15,11 @@ from palpate_basics.options import (
 from palpate_basics.plain import aside as aside, print_json as print_json
 from palpate_basics.quantities import measured as measured, rounded as rounded
 from palpate_basics.table import Table as Table, console as console
+from palpate_calibration.file import (
+    CalibratedValue as CalibratedValue,
+    Calibration as Calibration,
+    NoiseSpectrum as NoiseSpectrum,
+)
 from palpate_devices.logs.draft import (
     pipeline_of as pipeline_of,
     recording_of as recording_of,
@@ -56,14 +62,9 @@ from palpate.alignment import (
     Series as Series,
     Signal as Signal,
 )
-from palpate.calibration import (
-    CalibratedValue as CalibratedValue,
-    Calibration as Calibration,
-    NoiseSpectrum as NoiseSpectrum,
-    identity_in as identity_in,
-    identity_of as identity_of,
-)
 from palpate.config import (
+    CalibratedNumber as CalibratedNumber,
+    CalibrationUse as CalibrationUse,
     Pipeline as Pipeline,
     RunSettings as RunSettings,
     Source as Source,
@@ -95,7 +96,6 @@ from palpate.parts import (
     nested_settings as nested_settings,
     numbers_of as numbers_of,
     part_kind as part_kind,
-    with_number as with_number,
 )
 from palpate.pipeline import (
     Flow as Flow,

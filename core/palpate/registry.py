@@ -17,7 +17,18 @@ import pluggy
 
 from palpate import core_flags, hooks
 from palpate.errors import PluginError
-from palpate.extensions import Check, Command, Diagnosis, Display, Fact, Report, ReportSection, Template, function_of
+from palpate.extensions import (
+    CalibrationReader,
+    Check,
+    Command,
+    Diagnosis,
+    Display,
+    Fact,
+    Report,
+    ReportSection,
+    Template,
+    function_of,
+)
 from palpate.flags import Flag, FlagMeaning
 from palpate.migration import Migration
 
@@ -71,6 +82,7 @@ class Registry:
     flags: Mapping[str, FlagEntry] = field(default_factory=dict)
     diagnoses: Mapping[str, Diagnosis] = field(default_factory=dict)
     checks: Mapping[str, Check] = field(default_factory=dict)
+    calibrations: Mapping[str, CalibrationReader] = field(default_factory=dict)
     facts: Mapping[str, Fact] = field(default_factory=dict)
     migrations: tuple[Migration, ...] = ()
 
@@ -162,6 +174,7 @@ def load(files: Iterable[Path] = ()) -> Registry:
         flags=flags,
         diagnoses=offered["diagnosis"],
         checks=offered["check"],
+        calibrations=offered["calibration"],
         facts=offered["fact"],
         migrations=_collect_migrations(manager, plugins),
     )

@@ -1,13 +1,14 @@
 """A calibration file: written, read, taken by a pipeline, and flagged where it does not fit."""
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import pytest
 from palpate import ConfigurationError
-from palpate.calibration import Calibration, read_calibration
 from palpate.config import load_pipeline
+from palpate.config.calibrated import calibration_of
 from palpate.pipeline import run_pipeline
-from palpate.pipeline.calibration_flags import calibration_flags
+from palpate_calibration.file import Calibration, read_calibration
 from palpate_calibration.quantity import Measured, RepeatValue, calibrated_value
 
 
@@ -50,7 +51,7 @@ def pipeline(point_pipeline, tmp_path):
 
 
 def codes(pipeline):
-    return [flag.code for flag in calibration_flags(pipeline)]
+    return [flag.code for flag in pipeline.calibration.flags(pipeline, {})]
 
 
 def test_a_file_reads_back_as_it_was_written(tmp_path):
@@ -136,7 +137,7 @@ def test_live_devices_are_compared_by_what_they_say(pipeline):
     found = pipeline(devices={"rig": {"type": "ur3e", "identity": "S/N: 1"}})
 
     def codes_with(identity):
-        texts = calibration_flags(found, {"rig": {"identity": identity, "states": 7}})
+        texts = found.calibration.flags(found, {"rig": {"identity": identity, "states": 7}})
         return [flag.code for flag in texts]
 
     assert codes_with("S/N: 1") == []
@@ -176,3 +177,34 @@ def test_the_shares_of_tare_and_mass_are_those_of_a_fit(pipeline, tmp_path):
     shares = {name: p.budget["tare"] / p.value for name, p in parameters.items()}
     assert 0.003 < shares["elasticity"] < 0.12
     assert shares["viscosity"] < shares["elasticity"] * 1.5
+
+
+def test_without_a_plugin_that_reads_it_a_calibration_is_a_mistake(pipeline):
+    found = pipeline()
+    use, mistakes = calibration_of(found.run, found.stated, replace(found.registry, calibrations={}))
+    assert use is None
+    assert "no plugin here reads" in mistakes[0].problem
+    assert calibration_of(None, found.stated, replace(found.registry, calibrations={})) == (None, [])
+
+
+def test_a_plugin_file_reads_calibrations_of_its_own(point_pipeline, tmp_path):
+    """Its hook, named before the shipped one, is asked for whatever file the pipeline names."""
+    (tmp_path / "scales.py").write_text(
+        "from palpate import CalibrationReader, plugin\n"
+        "from palpate_calibration.applying import AppliedCalibration\n"
+        "from palpate_calibration.file import CalibratedValue, Calibration\n"
+        "from datetime import UTC, datetime\n"
+        "def weighed(path, valid_for):\n"
+        "    kg = float(path.read_text())\n"
+        "    mass = CalibratedValue(value=kg, unit='kg', std=1e-3, interval=(kg - 2e-3, kg + 2e-3))\n"
+        "    found = Calibration(created=datetime.now(UTC), values={'mass': mass}, channels={})\n"
+        "    return AppliedCalibration(found, str(path), valid_for)\n"
+        "@plugin\n"
+        "def palpate_calibrations():\n"
+        "    return {'a-balance': CalibrationReader('palpate_file_scales:weighed')}\n"
+    )
+    (tmp_path / "weight.txt").write_text("0.151")
+    text = point_pipeline.read_text().replace('tip_mass = "140 g"', "")
+    point_pipeline.write_text(text)
+    found = load_pipeline(point_pipeline, ['run.plugins=["scales.py"]', 'run.calibration="weight.txt"'])
+    assert found.alignment.tip_mass == 0.151

@@ -4,8 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from palpate.calibration import identity_in
 from palpate.errors import ConfigurationError
+from palpate_calibration.applying import identity_in
 from palpate_calibration.guided import Guide, run_calibration
 from palpate_calibration.plan import load_plan
 

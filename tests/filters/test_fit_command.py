@@ -167,7 +167,7 @@ def test_repeat_over_run_folders(palpate, logs):
         (["fit", "fit.toml", "--set", "estimator.fit.segment=press"], "'press' is none of"),
         (["fit", "fit.toml", "--set", "estimator.fit={type='ekf'}"], "no offline estimator"),
         (["repeat"], "name at least one run folder"),
-        (["repeat", "fit.toml"], "is no result of palpate"),
+        (["repeat", "fit.toml"], "has no table [repeat]"),
         (["repeat", "--group", "soft"], "write NAME=PATTERN"),
         (["repeat", "--group", "soft=nothing*"], "nothing matches"),
     ],

@@ -66,9 +66,17 @@ def test_what_the_first_order_does_not_reach_is_flagged_and_not_corrected(estima
     assert found.biases["viscosity"].std is None
 
 
-def test_filters_without_this_bias_and_sweeps_are_left_alone():
+def test_filters_without_this_bias_are_left_alone():
     assert not noise_bias([evidence(KinematicFilter(), 2.0, duration=3.0)])
-    assert not noise_bias([evidence(ExtendedKalmanFilter(), 2.0, sideways=4e-3, duration=3.0)])
+
+
+def test_a_sweep_has_the_bias_of_a_point():
+    point, sweep = (
+        noise_bias([evidence(ExtendedKalmanFilter(start_from="fit"), 2.0, sideways=way)])["t"].biases["viscosity"]
+        for way in (0.0, 4e-3)
+    )
+    assert sweep.shift == pytest.approx(point.shift, rel=1e-9)
+    assert point.shift > 8.0
 
 
 def test_a_known_bias_is_corrected_beside_the_value_and_all_of_it_is_in_the_uncertainty_of_the_value():

@@ -11,6 +11,7 @@ from palpate_trajectories.from_file import FromFile
 from palpate_trajectories.grid_points import GridPoints, short_way
 from palpate_trajectories.line_sweep import LineSweep
 from palpate_trajectories.load_unload import Compression, LoadUnload
+from palpate_trajectories.moved import Moved
 from palpate_trajectories.point import Point
 from palpate_trajectories.press import Press
 from palpate_trajectories.raster import Raster
@@ -42,6 +43,7 @@ EXAMPLES = {
     ],
     "compression": [Compression(), Compression(hold=2.0, thickness=0.03, strain=0.2, speed=0.001)],
     "multi-sine": [MultiSine(bias=0.004), MultiSine(bias=0.003, amplitudes=(1e-3,), frequencies=(3.0,))],
+    "moved": [Moved(of=Point(bias=0.004), by=(0.01, -0.02))],
     "stay": [Stay(), Stay(height=0.02, place=(0.01, 0.0), duration=2.0)],
     "shake": [Shake(), Shake(frequencies=(2.0, 5.0), amplitude=0.001, duration=3.0)],
     "chirp": [Chirp(bias=0.004), Chirp(bias=0.004, first_frequency=5.0, last_frequency=0.5, surface=TILTED)],

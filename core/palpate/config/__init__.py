@@ -1,6 +1,7 @@
 """Configuration: a TOML file becomes a checked pipeline, or one clear list of what is wrong with it."""
 
 from palpate.config.assumed import taken_values, unstated
+from palpate.config.calibrated import CalibratedNumber, CalibrationUse
 from palpate.config.pipeline_file import (
     Pipeline,
     RunSettings,
@@ -14,6 +15,8 @@ from palpate.config.source import Source
 from palpate.config.wiring import ports_of, wrong_channels
 
 __all__ = [
+    "CalibratedNumber",
+    "CalibrationUse",
     "Pipeline",
     "RunSettings",
     "Source",

@@ -13,9 +13,9 @@ from pydantic import Field
 
 from palpate import registry as registries
 from palpate.alignment import AlignmentSettings, Ports
-from palpate.calibration import CalibrationUse, read_calibration
 from palpate.config.assumed import still_assumed
 from palpate.config.builder import Builder, unknown_tables
+from palpate.config.calibrated import CalibrationUse, calibration_of
 from palpate.config.known import unknown_sources
 from palpate.config.migrations import MIGRATIONS, migrate
 from palpate.config.mistakes import Mistake, raise_mistakes
@@ -24,7 +24,6 @@ from palpate.config.wired_safety import contradictions, wired
 from palpate.config.wiring import ports_of, wrong_channels, wrong_wiring
 from palpate.contact import ContactModel, Indenter
 from palpate.device import Device
-from palpate.errors import PalpateError
 from palpate.estimation import Estimator
 from palpate.flags import Flag
 from palpate.parts import File, Settings
@@ -135,7 +134,7 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
     kinds = {kind: builder.parts(kind) for kind in registry.parts}
     builder.mistakes += _missing(tables, registry, ("device", "model", "estimator") if estimates else ("device",))
     builder.mistakes += _wrong_signals(tables, stated, kinds["device"], safety)
-    use, problems = _calibration(run, stated) if estimates else (None, [])
+    use, problems = calibration_of(run, stated, registry) if estimates else (None, [])
     builder.mistakes += [*problems, *_wrong_uncertainties(run, kinds["model"])]
     alignment = stated
     if use and stated:
@@ -224,23 +223,6 @@ def build_parts(source: Source, kind: str, registry: Registry | None = None) -> 
     raise_mistakes(builder.mistakes, source)
     registry.demand_sound({kind: found})
     return found
-
-
-def _calibration(
-    run: RunSettings | None, alignment: AlignmentSettings | None
-) -> tuple[CalibrationUse | None, list[Mistake]]:
-    if run is None or run.calibration is None:
-        if alignment is not None and alignment.tare == "calibrated":
-            problem = 'is "calibrated", but [run] names no calibration'
-            return None, [Mistake(("alignment", "tare"), problem)]
-        return None, []
-    try:
-        calibration = read_calibration(run.calibration)
-    except PalpateError as error:
-        return None, [Mistake(("run", "calibration"), f"{error}; `palpate calibrate` makes one")]
-    if alignment is not None and alignment.tare == "calibrated" and "offset" not in calibration.values:
-        return None, [Mistake(("alignment", "tare"), 'is "calibrated", but the calibration holds no offset')]
-    return CalibrationUse(calibration, str(run.calibration), run.calibration_valid), []
 
 
 def _missing(tables: Mapping[str, Any], registry: Registry, needed: tuple[str, ...]) -> list[Mistake]:

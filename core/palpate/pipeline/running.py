@@ -17,7 +17,6 @@ from palpate.config import Pipeline, resolved_text, taken_values
 from palpate.device import truth_of
 from palpate.errors import DeviceError, StoppedError, UserError
 from palpate.flags import Flag
-from palpate.pipeline.calibration_flags import calibration_flags
 from palpate.pipeline.data_path import DataPath
 from palpate.pipeline.device_flags import device_flags
 from palpate.pipeline.facts import flat_facts, planned_duration, planned_extent, run_facts
@@ -210,14 +209,15 @@ def _result(
         if touch
         else None,
     }
+    told = facts.get("live", {}).get("devices")  # by connected devices of themselves
     flags = pipeline.registry.judged(
         (
             *pipeline.renamed,
             *assumed_flags(pipeline),
             *(Flag("device", text) for device in pipeline.devices.values() for text in device.warnings),
-            *calibration_flags(pipeline, facts.get("live", {}).get("devices")),
+            *(calibration.flags(pipeline, told or {}) if (calibration := pipeline.calibration) else ()),
             *backlog_flags(facts.get("live", {}).get("estimates")),
-            *device_flags(settings, pipeline.ports, facts.get("live", {}).get("devices")),
+            *device_flags(settings, pipeline.ports, told),
             *record_flags(report, settings, interrupt.reason),
         )
     )

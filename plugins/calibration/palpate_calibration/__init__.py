@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate import Command, plugin
+from palpate import CalibrationReader, Command, plugin
 
 if TYPE_CHECKING:
-    from palpate import Settings
+    from palpate import FlagMeaning, Settings
 
 
 @plugin
@@ -26,3 +26,17 @@ def palpate_tables() -> dict[str, type[Settings]]:
     from palpate_calibration.settings import CalibrationSettings
 
     return {"calibration": CalibrationSettings}
+
+
+@plugin
+def palpate_calibrations() -> dict[str, CalibrationReader]:
+    """What a run takes from a calibration."""
+    return {"calibration": CalibrationReader("palpate_calibration.applying:calibration_in")}
+
+
+@plugin
+def palpate_flags() -> dict[str, FlagMeaning]:
+    """What speaks against a calibration."""
+    from palpate_calibration.flags import CALIBRATION_FLAGS
+
+    return CALIBRATION_FLAGS

@@ -13,8 +13,7 @@ from palpate.host import Overrides, console, measured, rounded, write_whole
 from palpate_calibration.plan import load_plan
 
 if TYPE_CHECKING:
-    from palpate.host import Calibration
-
+    from palpate_calibration.file import Calibration
     from palpate_calibration.protocol import StepFindings
 
 # SI unit -> what people write, and how many of it one SI unit is.

@@ -11,8 +11,10 @@ from functools import partial
 from typing import Any
 
 from palpate import ConfigurationError, LogError
-from palpate.host import Calibration, Reach, identity_of, plain_settings
+from palpate.host import Reach, plain_settings
 
+from palpate_calibration.applying import identity_of
+from palpate_calibration.file import Calibration
 from palpate_calibration.orientations import weighed
 from palpate_calibration.plan import CalibrationPlan
 from palpate_calibration.protocol import StepFindings, calibrate, joined

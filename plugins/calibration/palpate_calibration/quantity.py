@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from palpate.host import CalibratedValue
+
+from palpate_calibration.file import CalibratedValue
 
 _PLENTY = 1e6  # degrees of freedom that count as infinitely many
 

@@ -9,8 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 from palpate import Arm, Batch, ConfigurationError, LogError, Turnable
-from palpate.host import Flow, Reach, ask_devices, demand_safe, each, identity_in, interruptible, the_trajectory
+from palpate.host import Flow, Reach, ask_devices, demand_safe, each, interruptible, the_trajectory
 
+from palpate_calibration.applying import identity_in
 from palpate_calibration.orientations import Pose, WrenchRecorder
 from palpate_calibration.plan import CalibrationPlan
 from palpate_calibration.record import CalibrationRecord, CalibrationRecorder

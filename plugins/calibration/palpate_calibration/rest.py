@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 from palpate import Floats
-from palpate.host import NoiseSpectrum
 
+from palpate_calibration.file import NoiseSpectrum
 from palpate_calibration.quantity import Measured, RepeatValue
 from palpate_calibration.record import CalibrationRecord
 from palpate_calibration.segments import Segment

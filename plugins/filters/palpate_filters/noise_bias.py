@@ -32,7 +32,6 @@ _WARM = 0.25  # of them, which the errors take to become stationary
 _CONSTANT, _FADING = (0.35, 0.25), (0.08, 1.0)
 _TELLING = 0.005  # of the value; less is not worth a word
 _NOTHING = 0.01  # of the combined uncertainty; less is no bias
-_SWEEP = 2e-3  # [m] sideways
 _SHALLOWEST = 1e-5  # [m]
 _FIRST = 1e-3  # [m] and [m/s], what the gains begin from
 
@@ -60,7 +59,7 @@ class _Noise:
 
 
 def noise_bias(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """The predicted bias of every track of a filter on the inertial process at one place; see docs/uncertainty.md."""
+    """The predicted bias of every track of a filter on the inertial process; see docs/uncertainty.md."""
     return {track.name: _said(track, bias) for track in tracks if (bias := _predicted(track)) is not None}
 
 
@@ -72,7 +71,7 @@ def _predicted(track: TrackEvidence) -> Floats | None:
     rows = np.flatnonzero(kept.used & np.isfinite(kept.position) & np.isfinite(kept.velocity))[-_MOST:]
     gaps = np.flatnonzero(np.diff(kept.index[rows]) != 1)
     rows = rows[gaps[-1] + 1 :] if len(gaps) else rows
-    if len(rows) < _ENOUGH or float(np.nanmax([0.0, *np.ptp(kept.lateral[rows], axis=0)])) > _SWEEP:
+    if len(rows) < _ENOUGH:
         return None
     return bias_along(track, rows)
 

@@ -24,8 +24,9 @@ def palpate_commands() -> dict[str, Command]:
 
 @plugin
 def palpate_tables() -> dict[str, type[Settings]]:
-    """Settings of a sweep, and of a design."""
+    """Settings of a sweep, of a design, and of repeats."""
     from palpate_studies.design.settings import DesignSettings
+    from palpate_studies.repeating import RepeatSettings
     from palpate_studies.sweep.settings import SweepSettings
 
-    return {"sweep": SweepSettings, "design": DesignSettings}
+    return {"sweep": SweepSettings, "design": DesignSettings, "repeat": RepeatSettings}

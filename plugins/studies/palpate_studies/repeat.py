@@ -10,12 +10,14 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from palpate import ConfigurationError, LogError, UserError, to_si
-from palpate.host import console, finite_tree, measured, people
+from palpate.host import FormatOption, Overrides, console, finite_tree, measured, people
 
 from palpate_studies.estimated import Estimated
+from palpate_studies.force_error import force_error
 from palpate_studies.readings import natural, readings
 from palpate_studies.repeat_picture import draw_repeatability
 from palpate_studies.repeatability import against_truth, repeatability
+from palpate_studies.repeating import perform
 
 _BAR = 40  # characters of the tallest bar
 _CAUTION = (
@@ -27,7 +29,11 @@ _CAUTION = (
 def repeat(
     sources: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="RUN...", help="Run folders, logs of runs, or result.json or fit.json files."),
+        typer.Argument(
+            metavar="RUN...",
+            help="Run folders, folders of them, logs of runs, result.json or fit.json files; or a pipeline file with a "
+            "[repeat] table, which is run so often.",
+        ),
     ] = None,
     group: Annotated[
         list[str] | None, typer.Option(metavar="NAME=PATTERN", help="A group of runs by a pattern; can be repeated.")
@@ -35,18 +41,25 @@ def repeat(
     track: Annotated[str | None, typer.Option(help="Track, such as dr/fit. [default: the only one]")] = None,
     parameter: Annotated[str, typer.Option(help="Parameter, or surface.")] = "elasticity",
     picture: Annotated[
-        Path | None, typer.Option(help="Draw histogram, autocorrelation and moving average here.")
+        Path | None, typer.Option(help="Draw histogram, autocorrelation, moving average and force error here.")
     ] = None,
     truth: Annotated[
         str | None, typer.Option(help='What it is known to be, such as "282.1 kPa": prints the error of each group.')
     ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the runs of a pipeline file; must be new or empty.")
+    ] = None,
+    overrides: Overrides = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
+    layout: FormatOption = "table",
 ) -> None:
     """Mean, standard uncertainty, autocorrelation, trend and histogram over many runs; tests between groups.
 
     Between two groups Welch's t-test; of three or more Welch's analysis of variance and Games and Howell's test, too.
     """
     files = _groups(sources or [], group or [])
+    files = {name: [run for path in paths for run in _runs(path, overrides, out)] for name, paths in files.items()}
+    tracked: dict[str, list[tuple[Path, str]]] = {name: [] for name in files}
     found: dict[str, list[float]] = {}
     unit, skipped, failures = "", 0, dict[str, UserError]()
     rejected: dict[str, str] = {}
@@ -67,6 +80,7 @@ def repeat(
                     rejected[reading.name] = reading.rejected
                 elif reading.usable and reading.value is not None:
                     values.append(reading.value)
+                    tracked[name] += [(reading.folder, reading.track)] if reading.key == "" else []
                     stated[name].append(reading.std or 0.0)
                 else:
                     skipped += 1
@@ -77,6 +91,8 @@ def repeat(
         found[name] = values
     counted = {"parameter": parameter, "unit": unit, "skipped": skipped, "rejected": rejected}
     document = finite_tree({**counted, **repeatability(found)})
+    for name, runs in tracked.items():
+        document["groups"][name]["force_error"] = finite_tree(force_error(runs))
     if truth is not None:
         known = _truth(truth, unit)
         for name, values in found.items():
@@ -92,6 +108,15 @@ def repeat(
     if failures:
         typer.echo(f"{len(failures)} runs failed: {', '.join(failures)}", err=True)
         raise typer.Exit(1)
+
+
+def _runs(path: Path, overrides: list[str] | None, out: Path | None) -> list[Path]:
+    """The runs of a source: those in a folder of them, or those made of a pipeline file. Raises UserError."""
+    if path.suffix == ".toml" and path.is_file():
+        return perform(path, overrides or [], out)
+    if path.is_dir() and not any((path / name).exists() for name in ("fit.json", "result.json")):
+        return sorted((inner.parent for inner in path.glob("*/result.json")), key=natural) or [path]
+    return [path]
 
 
 def _truth(text: str, unit: str) -> float:
@@ -140,6 +165,13 @@ def _views(document: dict[str, Any]) -> Iterator[Any]:
             ends = found["moving_average"][0] * factor, found["moving_average"][-1] * factor
             over = found["moving_average_window"]
             yield f"{name}: moving average over {over} goes from {ends[0]:.5g} to {ends[1]:.5g} {word}"
+    for name, found in document["groups"].items():
+        if (band := found["force_error"]) is not None:
+            largest = max(band["mean"], key=abs)
+            yield (
+                f"{name}: force less model over {band['count']} runs: {1e3 * band['rms']:.3g} mN RMS, mean at most "
+                f"{1e3 * largest:+.3g} mN"
+            )
     for name, found in document["groups"].items():
         if error := found.get("truth"):
             said = f"{100 * error['error']:+.2f} ± {100 * error['error_std']:.2g} %"

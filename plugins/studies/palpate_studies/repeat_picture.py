@@ -12,10 +12,11 @@ from palpate.host import figure_of, legend_outside, people, save_figure, style
 
 @style()
 def draw_repeatability(document: Mapping[str, Any], path: Path) -> None:
-    """Histogram, autocorrelation and moving average of every group, in one picture; raises UserError."""
+    """Histogram, autocorrelation, moving average and force error of every group, in one picture; raises UserError."""
     word, factor = people(document["unit"])
-    figure, panels = figure_of(3)
-    axes = panels[0]
+    bands = {name: band for name, found in document["groups"].items() if (band := found.get("force_error"))}
+    figure, panels = figure_of(2, 2) if bands else figure_of(3)
+    axes = panels.ravel()
     windows = set()
     for i, (name, found) in enumerate(document["groups"].items()):
         colour = f"C{i}"
@@ -30,8 +31,15 @@ def draw_repeatability(document: Mapping[str, Any], path: Path) -> None:
         average = factor * np.array(found["moving_average"])
         axes[2].plot(np.arange(1, len(values) + 1), values, ".", markersize=3, alpha=0.4, color=colour)
         axes[2].plot(np.arange(len(average)) + (window + 1) / 2, average, label=name, color=colour)
+    axes[0].locator_params(axis="x", nbins=5)
     axes[0].set(xlabel=f"{document['parameter']} [{word}]", ylabel="count")
     axes[1].set(xlabel="lag (dotted: 95 % of none between)", ylabel="autocorrelation")
+    for i, name in enumerate(document["groups"]):
+        if (band := bands.get(name)) is not None:
+            mean, std = np.array(band["mean"]), np.array(band["std"])
+            axes[3].plot(band["time"], mean, linewidth=0.8, color=f"C{i}")
+            axes[3].fill_between(band["time"], mean - std, mean + std, color=f"C{i}", alpha=0.2, linewidth=0)
+            axes[3].set(xlabel="time tracked [s] (band: std between runs)", ylabel="force less model [N]")
     over = ", ".join(map(str, sorted(windows)))
     axes[2].set(xlabel=f"run (line: mean over {over})", ylabel=f"{document['parameter']} [{word}]")
     legend_outside(axes[0])

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from palpate_trajectories.grid_points import GridPoints
     from palpate_trajectories.line_sweep import LineSweep
     from palpate_trajectories.load_unload import Compression, LoadUnload
+    from palpate_trajectories.moved import Moved
     from palpate_trajectories.point import Point
     from palpate_trajectories.raster import Raster
     from palpate_trajectories.shake import Shake
@@ -27,6 +28,7 @@ __getattr__ = lazily(
         "palpate_trajectories.grid_points": "GridPoints",
         "palpate_trajectories.line_sweep": "LineSweep",
         "palpate_trajectories.load_unload": "Compression LoadUnload",
+        "palpate_trajectories.moved": "Moved",
         "palpate_trajectories.point": "Point",
         "palpate_trajectories.raster": "Raster",
         "palpate_trajectories.shake": "Shake",
@@ -41,6 +43,7 @@ __all__ = [
     "GridPoints",
     "LineSweep",
     "LoadUnload",
+    "Moved",
     "MultiSine",
     "Point",
     "Raster",
@@ -57,6 +60,7 @@ def palpate_trajectories() -> dict[str, type[Trajectory]]:
     from palpate_trajectories.grid_points import GridPoints
     from palpate_trajectories.line_sweep import LineSweep
     from palpate_trajectories.load_unload import Compression, LoadUnload
+    from palpate_trajectories.moved import Moved
     from palpate_trajectories.point import Point
     from palpate_trajectories.raster import Raster
     from palpate_trajectories.shake import Shake
@@ -74,6 +78,7 @@ def palpate_trajectories() -> dict[str, type[Trajectory]]:
         "from-file": FromFile,
         "shake": Shake,
         "stay": Stay,
+        "moved": Moved,
     }
 
 

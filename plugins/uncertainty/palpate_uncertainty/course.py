@@ -13,7 +13,7 @@ from palpate_uncertainty.whitening import Runs
 _SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
 _STEP, _RATE_STEP = 1e-6, 1e-5  # [m], [m/s]; for slopes
 _GAP = 2.5  # of the usual interval
-_APART = 1e-3  # [m] sideways, from which on it is a sweep
+APART = 1e-3  # [m] sideways, from which on it is a sweep
 _WINDOWS = (5, 9, 15, 25, 41)  # samples
 _BENT = 0.1  # of the noise that smoothing may take from the signal
 
@@ -92,7 +92,7 @@ def sweeps(track: TrackEvidence) -> bool:
     """Whether the tip went along the surface, so that one value does not hold for the whole record."""
     place = track.kept.lateral[track.kept.used]
     place = place[np.isfinite(place).all(axis=1)]
-    return track.estimator.follows_changes or (len(place) > 0 and bool(np.max(np.ptp(place, axis=0)) > _APART))
+    return track.estimator.follows_changes or (len(place) > 0 and bool(np.max(np.ptp(place, axis=0)) > APART))
 
 
 def possible(track: TrackEvidence) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -10,30 +11,34 @@ import numpy as np
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
 from palpate_uncertainty.alternatives import Refit, refit
-from palpate_uncertainty.course import Course, make_course, possible, sweeps
+from palpate_uncertainty.course import APART, Course, make_course, possible, sweeps
 
 _ENOUGH = 300  # samples
 _MOST = 3000  # samples that slopes are taken at
 _ELSEWHERE = 3.0  # combined uncertainties
 _OVERCONFIDENT = 0.5  # of the bound; a filter that forgets is above it
 _INDISTINCT = 0.998  # correlation beyond which one of two could be 15 times better known if the other were
+_STRETCH = 2.0  # [s] of a sweep
+_LIFTED = 0.1  # [s] between two samples in contact
+_UNEVEN = 0.1  # of a value, between one stretch of the way and all of it
 _STEP = 1e-4  # of a value, for slopes
 
 
 def identifiability(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """Findings on all point palpations that were estimated as they came, or smoothed; a fit judges itself.
+    """Findings on all tracks that were estimated as they came, or smoothed; a fit judges itself.
 
     Least squares from the estimate, over the samples that the estimator used, must lead to a place within its
     uncertainty; and no standard deviation can be below the Cramer-Rao bound sigma^2 (J^T J)^-1 there, J the slopes of
     the force in parameters and surface, sigma the residual's standard deviation. Where either fails, the distance, or
-    the bound, joins the uncertainty.
+    the bound, joins the uncertainty. On a sweep this holds for every stretch of the way, of an estimator that looks for
+    one value.
     """
     found = {}
     for track in tracks:
         enough = np.count_nonzero(track.kept.used) >= _ENOUGH
-        if track.report is None and enough and possible(track) and not sweeps(track):
+        if track.report is None and enough and possible(track) and not track.estimator.follows_changes:
             try:
-                found[track.name] = _judge(track)
+                found[track.name] = _along_the_way(track) if sweeps(track) else _judge(track)
             except ValueError:  # the model has no force at numbers that far off, which other flags say
                 continue
     return found
@@ -72,6 +77,52 @@ def _judge(track: TrackEvidence) -> Diagnosed:
         "without_effect": blind,
     }
     return Diagnosed(tuple(flags), dict(zip(names, terms.tolist(), strict=True)), table=table)
+
+
+def _slid(track: TrackEvidence) -> bool:
+    """Whether the tip went sideways in contact, and not from site to site through the air."""
+    time, place = track.kept.time[track.kept.used], track.kept.lateral[track.kept.used]
+    stays = np.split(place, np.flatnonzero(np.diff(time) > _LIFTED) + 1)
+    return any(bool(np.max(np.ptp(stay, axis=0)) > APART) for stay in stays if len(stay))
+
+
+def _along_the_way(track: TrackEvidence) -> Diagnosed:
+    """Whether the one value of an estimator that does not follow changes holds on every stretch of a sweep."""
+    if not _slid(track):
+        return Diagnosed()
+    course = make_course(track, track.kept.used)
+    rows = np.flatnonzero(course.used)
+    since = course.time[rows] - course.time[rows[0]]
+    places = np.minimum((since / _STRETCH).astype(int), max(int(since[-1] / _STRETCH) - 1, 0))
+    away, bounds = [], []
+    for place in np.unique(places):
+        here = np.zeros(len(course.used), bool)
+        here[rows[places == place]] = True
+        if np.count_nonzero(here) < _ENOUGH:
+            continue
+        local = refit(replace(course, used=here), track.values, track.surface)
+        away.append(local.theta - track.values)
+        bounds.append(_bounds(replace(course, used=here), local)[0])
+    if not away:
+        return Diagnosed()
+    names = [parameter.name for parameter in track.model.parameters]
+    found, unsure = np.array(away), np.hypot(np.array(bounds), track.combined)
+    sure = np.isfinite(track.combined) & (track.std > 0) & (np.abs(found) > _ELSEWHERE * unsure)
+    sure &= np.abs(found) > _UNEVEN * np.abs(track.values)
+    elastic = np.array([parameter.role == "elastic" for parameter in track.model.parameters])
+    wrong = sure.any(axis=0) & elastic
+    low, high = (track.values + end(found, axis=0) for end in (np.min, np.max))
+    table = {name: [float(low[i]), float(high[i])] for i, name in enumerate(names)}
+    if not wrong.any():
+        return Diagnosed(table={"stretches": table})
+    said = [
+        f"{names[i]} of {low[i]:.4g} to {high[i]:.4g} {track.model.parameters[i].unit} where it says "
+        f"{track.values[i]:.4g} of all of them"
+        for i in np.flatnonzero(wrong)
+    ]
+    terms = np.where(wrong, np.sqrt(np.mean(found**2, axis=0)), 0.0)
+    flag = Flag("elsewhere", f"least squares on stretches of the way finds {', '.join(said)}")
+    return Diagnosed((flag,), dict(zip(names, terms.tolist(), strict=True)), table={"stretches": table})
 
 
 def _said(track: TrackEvidence, names: list[str], i: int, value: float) -> str:

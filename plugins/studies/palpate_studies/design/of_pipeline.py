@@ -55,7 +55,7 @@ def _timed(pipeline: Pipeline) -> DesignSettings:
     """The settings; a pipeline with a calibration knows its timing as well as that says."""
     settings = pipeline.tables.get("design", DesignSettings())
     assert isinstance(settings, DesignSettings)
-    values = pipeline.calibration.calibration.values if pipeline.calibration else {}
+    values = pipeline.calibration.values if pipeline.calibration else {}
     if settings.timing_std is None and "delay" in values and values["delay"].std > 0:
         return settings.model_copy(update={"timing_std": values["delay"].std})
     return settings
@@ -101,7 +101,7 @@ def _protocol(settings: DesignSettings, pipeline: Pipeline) -> tuple[float, floa
 
 def sensing_of(settings: DesignSettings, pipeline: Pipeline) -> Sensing:
     """What the pipeline measures with: noise of [design], else of its calibration, else the paper's; rates likewise."""
-    values = pipeline.calibration.calibration.values if pipeline.calibration else {}
+    values = pipeline.calibration.values if pipeline.calibration else {}
 
     def std(name: str) -> float:
         given = getattr(settings, name)

@@ -7,10 +7,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from palpate import ConfigurationError, Settings
 from pydantic import Field, ValidationError
-
-from palpate.errors import ConfigurationError
-from palpate.parts import Settings
 
 _FORMAT = 1
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
-from palpate.alignment import AlignmentSettings, Signal
-from palpate.calibration.file import CalibratedValue, Calibration
-from palpate.device import Device
-from palpate.flags import Flag
-from palpate.parts import Part
+from palpate import Device, Flag
+from palpate.host import AlignmentSettings, Pipeline, Signal, plain_settings
+
+from palpate_calibration.file import CalibratedValue, Calibration, read_calibration
 
 _SIGNIFICANT = 3.0  # standard uncertainties
 _LATE = 1e-4  # [s]; a velocity that is less late than this stays where it is
@@ -34,12 +34,17 @@ def _identifies(key: str) -> bool:
 
 
 @dataclass(frozen=True)
-class CalibrationUse:
+class AppliedCalibration:
     """A calibration that a pipeline names."""
 
     calibration: Calibration
     path: str
     valid_for: float  # [s]
+
+    @property
+    def values(self) -> Mapping[str, CalibratedValue]:
+        """What it knows, by name."""
+        return self.calibration.values
 
     def alignment(self, settings: AlignmentSettings) -> AlignmentSettings:
         """The settings with mass, tare, timing and stiffness of the calibration wherever the file leaves them open.
@@ -48,7 +53,7 @@ class CalibrationUse:
         where its delay is significant: interpolation would change its noise.
         """
         stated, changes = settings.model_fields_set, dict[str, Any]()
-        values = self.calibration.values
+        values = self.values
         if "mass" in values and "tip_mass" not in stated:
             changes |= {"tip_mass": values["mass"].value, "tip_mass_uncertainty": values["mass"].std}
         if "compliance" in values and values["compliance"].value > 0 and "series_stiffness" not in stated:
@@ -72,7 +77,7 @@ class CalibrationUse:
 
     def estimator(self, estimator: Any) -> Any:
         """An estimator with the calibration's noise wherever it has such a setting and the file leaves it open."""
-        values = self.calibration.values
+        values = self.values
         open_noises = [
             name
             for name in _NOISES
@@ -85,30 +90,32 @@ class CalibrationUse:
         signals = [settings.force, settings.position, settings.velocity]
         return any(signal is not None and {"delay", "uncertainty"} & signal.model_fields_set for signal in signals)
 
-    def flags(
-        self,
-        stated: AlignmentSettings,
-        devices: Mapping[str, Mapping[str, str]],
-        tips: Mapping[str, Part],
-        tip_table: Any,
-        now: datetime,
-    ) -> Iterator[Flag]:
-        """What speaks against this calibration; `stated` as the pipeline file has it.
+    def flags(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Iterator[Flag]:
+        """What speaks against this calibration: its age, another sensor or tip, settings that contradict it.
 
-        `devices` is what each of them says of itself.
+        `live` is what connected devices said of themselves, by name.
         """
+        if pipeline.stated is None:
+            return
+        devices = {
+            name: {**device.provenance, **identity_in(live.get(name, {}))} for name, device in pipeline.devices.items()
+        }
+        yield from self._too_old(datetime.now(UTC))
+        yield from self._other_devices(pipeline.stated, devices)
+        yield from self._other_tip([plain_settings(tip, pipeline.registry) for tip in pipeline.indenters.values()])
+        yield from self._conflicts(pipeline.stated)
+
+    def _too_old(self, now: datetime) -> Iterator[Flag]:
         age = self.age(now)
         if age > self.valid_for:
             limit = self.valid_for / 86400
             yield Flag("calibration-old", f"{self.path} is {age / 86400:.1f} days old; {limit:.3g} are allowed")
         if age < -86400:
             yield Flag("calibration-old", f"{self.path} is from the future: a clock is wrong")
-        yield from self._other_devices(stated, devices)
-        if self.calibration.tip is not None and tips:
-            mounted = [tip_table(tip) for tip in tips.values()]
-            if self.calibration.tip not in mounted:
-                yield Flag("calibration-tip", f"{self.path} was made with another tip: {_shown(self.calibration.tip)}")
-        yield from self._conflicts(stated)
+
+    def _other_tip(self, mounted: Sequence[Any]) -> Iterator[Flag]:
+        if self.calibration.tip is not None and mounted and self.calibration.tip not in mounted:
+            yield Flag("calibration-tip", f"{self.path} was made with another tip: {_shown(self.calibration.tip)}")
 
     def _other_devices(self, stated: AlignmentSettings, devices: Mapping[str, Mapping[str, str]]) -> Iterator[Flag]:
         channels = {"force": stated.force, "position": stated.position}
@@ -127,7 +134,7 @@ class CalibrationUse:
 
     def _conflicts(self, stated: AlignmentSettings) -> Iterator[Flag]:
         """Settings of the file that stand, although the calibration says otherwise."""
-        values = self.calibration.values
+        values = self.values
         mass, delay = values.get("mass"), values.get("delay")
         if mass is not None and stated.tip_mass is not None and not _within(mass, stated.tip_mass):
             yield Flag(
@@ -142,6 +149,11 @@ class CalibrationUse:
                     f"[alignment] has the force {declared * 1e3:.3g} ms late; "
                     f"{self.path} says {delay.value * 1e3:.3g} ms",
                 )
+
+
+def calibration_in(path: Path, valid_for: float) -> AppliedCalibration:
+    """The calibration in a file, which is flagged when older than `valid_for` [s]; raises ConfigurationError."""
+    return AppliedCalibration(read_calibration(path), str(path), valid_for)
 
 
 def _late(signal: Signal, delay: CalibratedValue) -> Signal:

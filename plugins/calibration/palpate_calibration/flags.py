@@ -1,0 +1,20 @@
+"""The flags of a calibration in use."""
+
+from palpate import FlagMeaning
+
+
+def _doubtful(meaning: str, remedy: str) -> FlagMeaning:
+    return FlagMeaning("doubtful", meaning, remedy)
+
+
+CALIBRATION_FLAGS = {
+    "calibration-old": _doubtful("The calibration is older than allowed, or from the future.", "Calibrate again."),
+    "calibration-sensor": _doubtful("The calibration was made with another sensor or arm.", "Calibrate this one."),
+    "calibration-tip": _doubtful("The calibration was made with another tip.", "Calibrate with this tip."),
+    "calibration-mass": _doubtful(
+        "The tip's mass in the file contradicts the calibration.", "Correct one of them, or leave tip_mass out."
+    ),
+    "calibration-delay": _doubtful(
+        "The delay in the file contradicts the calibration.", "Correct one of them, or leave the delay out."
+    ),
+}

@@ -1,0 +1,85 @@
+"""One palpation made again and again: the ``[repeat]`` table, and a run folder for each."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import typer
+from palpate import ConfigurationError, Length, Settings, Time, UserError
+from palpate.host import Pipeline, check_motion, load_pipeline, make_folder, run_pipeline
+from pydantic import Field
+
+
+class RepeatSettings(Settings):
+    """The ``[repeat]`` table: `palpate repeat FILE` makes the palpation so many times, each with its run folder."""
+
+    count: int = Field(ge=2, le=10_000, description="how often")
+    wait: Time = Field(
+        default=0.0, ge=0, description="from the end of one to the begin of the next; a fast simulation does not wait"
+    )
+    step: tuple[Length, Length] = Field(default=(0.0, 0.0), description="how far each goes on from the last one [x, y]")
+
+
+def _settings(pipeline: Pipeline) -> RepeatSettings:
+    settings = pipeline.tables.get("repeat")
+    if not isinstance(settings, RepeatSettings):
+        raise ConfigurationError(f"{pipeline.path}: has no table [repeat], such as [repeat] count = 50")
+    return settings
+
+
+def _by_the_clock(pipeline: Pipeline) -> bool:
+    """Whether something moves that takes its time: an arm, or a simulation that keeps the pace of one."""
+    return any(device.live or getattr(device, "pace", "") == "real-time" for device in pipeline.devices.values())
+
+
+def palpations(pipeline: Pipeline) -> Iterator[Pipeline]:
+    """The pipeline of each palpation: its own seed, its own name, and the motion moved on.
+
+    Raises ConfigurationError where there is nothing to repeat, or where one of the motions breaks the limits.
+    """
+    settings = _settings(pipeline)
+    if len(pipeline.trajectories) != 1:
+        raise ConfigurationError(
+            f"{pipeline.path}: [repeat] wants one trajectory, and there are {len(pipeline.trajectories)}"
+        )
+    ((name, motion),) = pipeline.trajectories.items()
+    moved: Any = pipeline.registry.find("trajectory", "moved")
+    for k in range(settings.count):
+        run = pipeline.run.model_copy(
+            update={"seed": pipeline.run.seed + k, "name": f"{pipeline.run.name} ({k + 1} of {settings.count})"}
+        )
+        there = moved(of=motion, by=tuple(k * step for step in settings.step)) if any(settings.step) else motion
+        if pipeline.safety is not None and (problems := check_motion(there, pipeline.safety).problems):
+            raise ConfigurationError(f"{pipeline.path}: palpation {k + 1} of {settings.count}: {'; '.join(problems)}")
+        yield replace(pipeline, run=run, trajectories={name: there})
+
+
+def perform(path: Path, overrides: Sequence[str], out: Path | None) -> list[Path]:
+    """Make every palpation of a pipeline file; their run folders, in one new folder.
+
+    Nothing moves before all of them were checked, and after one that was stopped or failed nothing moves any more: each
+    is a run of its own, with all its limits. Raises UserError.
+    """
+    pipeline = load_pipeline(path, overrides)
+    planned = list(palpations(pipeline))
+    wait = _settings(pipeline).wait if _by_the_clock(pipeline) else 0.0
+    folder = make_folder(f"{pipeline.run.name}-repeated", out, datetime.now(UTC).astimezone())
+    done: list[Path] = []
+    try:
+        for k, one in enumerate(planned, start=1):
+            if done:
+                time.sleep(wait)
+            result = run_pipeline(one, folder / f"{k:0{len(str(len(planned)))}d}")
+            result.demand_whole()
+            done.append(result.folder)
+            typer.echo(f"palpation {k} of {len(planned)}: {result.folder}", err=True)
+    except UserError:
+        typer.echo(f"{len(done)} of {len(planned)} palpations are whole, in {folder}", err=True)
+        raise
+    typer.echo(f"to hand on: palpate report {folder}/*", err=True)
+    return done
