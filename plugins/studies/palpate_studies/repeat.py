@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from palpate import ConfigurationError, LogError, UserError, to_si
-from palpate.host import Overrides, console, finite_tree, measured, people
+from palpate.host import FormatOption, Overrides, console, finite_tree, measured, people
 
 from palpate_studies.estimated import Estimated
 from palpate_studies.force_error import force_error
@@ -92,6 +92,7 @@ def repeat(
     ] = None,
     overrides: Overrides = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
+    layout: FormatOption = "table",
 ) -> None:
     """Mean, standard uncertainty, autocorrelation, trend and histogram over many runs; tests between groups.
 
