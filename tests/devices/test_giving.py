@@ -26,7 +26,7 @@ def test_the_force_is_that_of_the_depth_that_is_left(root):
     left[:, 2] += soft / 2e4
     np.testing.assert_allclose(soft, body.push(time, left, still), atol=1e-4)
     assert (soft <= stiff + 1e-9).all()
-    assert soft[-1] < 0.9 * stiff[-1]
+    assert soft[-1] < 0.95 * stiff[-1]
 
 
 def test_what_is_declared_tells_what_is_missing(root, tmp_path):
@@ -45,6 +45,4 @@ def test_what_remembers_is_refused(root):
         memory = True
 
     with pytest.raises(ConfigurationError, match="remembers"):
-        giving_way(
-            specimen(root).model_construct(model=Remembers()), np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)), 1e4
-        )
+        giving_way(specimen(root, model=Remembers()), np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)), 1e4)

@@ -19,9 +19,7 @@ def giving_way(specimen: Specimen, instants: Floats, position: Floats, velocity:
     1/(1 + K/k), K being the stiffness of the contact. Raises ConfigurationError for a model with memory.
     """
     if specimen.model.memory:
-        raise ConfigurationError(
-            "device sim: series_stiffness: a specimen that remembers is not simulated behind a spring"
-        )
+        raise ConfigurationError("device sim: series_stiffness: a specimen that remembers cannot be behind a spring")
 
     def pushed(back: Floats, share: Floats) -> Floats:
         there, moving = position.copy(), velocity.copy()
