@@ -5,6 +5,7 @@ Parts need `palpate` only; commands and other tools use `palpate` and this.
 
 # What several families use, from the one that makes it.
 from palpate_basics.options import (
+    FormatOption as FormatOption,
     JsonOption as JsonOption,
     Overrides as Overrides,
     PluginFiles as PluginFiles,
@@ -95,7 +96,6 @@ from palpate.parts import (
     nested_settings as nested_settings,
     numbers_of as numbers_of,
     part_kind as part_kind,
-    with_number as with_number,
 )
 from palpate.pipeline import (
     Flow as Flow,

@@ -108,11 +108,3 @@ def numbers_of(part: Settings, above: tuple[str, ...] = ()) -> list[tuple[tuple[
             units = (getattr(item, "unit", None) for item in described.metadata)
             found.append(((*above, name), value, next((unit for unit in units if isinstance(unit, str)), "1")))
     return found
-
-
-def with_number(part: Any, path: tuple[str, ...], change: float) -> Any:
-    """Settings with a number among their keys changed by so much; not validated, for derivatives."""
-    name, *rest = path
-    inner = getattr(part, name)
-    changed = with_number(inner, tuple(rest), change) if rest else inner + change
-    return part.model_copy(update={name: changed})

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from palpate_basics.layout import Layout, choose
+
 Overrides = Annotated[
     list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override a setting; can be repeated.")
 ]
@@ -20,4 +22,8 @@ Points = Annotated[
     ),
 ]
 TrackOption = Annotated[str | None, typer.Option(help="Track, as model/estimator. [default: the best there is]")]
+FormatOption = Annotated[
+    Layout,
+    typer.Option("--format", callback=choose, help="Print the tables as they are, as CSV, or as LaTeX (booktabs)."),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON in place of the table.")]

@@ -13,6 +13,8 @@ from typing import Any
 import typer
 from palpate.host import finite_tree
 
+from palpate_basics.layout import layout
+
 
 def print_json(findings: Any) -> None:
     """Print findings as JSON: numbers in SI, null for what is not finite; dataclasses as tables, paths as texts."""
@@ -32,6 +34,7 @@ def plain(value: Any) -> Any:
 
 @contextlib.contextmanager
 def aside(as_json: bool) -> Iterator[None]:
-    """Within it what is printed goes to standard error, where standard output is for JSON alone."""
-    with contextlib.redirect_stdout(sys.stderr) if as_json else contextlib.nullcontext():
+    """Within it what is printed goes to standard error, where standard output is for JSON, CSV or LaTeX alone."""
+    elsewhere = as_json or layout() != "table"
+    with contextlib.redirect_stdout(sys.stderr) if elsewhere else contextlib.nullcontext():
         yield

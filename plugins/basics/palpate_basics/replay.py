@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import JsonOption, Overrides, build_pipeline, carried_by, replay_source
+from palpate.host import FormatOption, JsonOption, Overrides, build_pipeline, carried_by, replay_source
 
 from palpate_basics.run import execute
 
@@ -28,6 +28,7 @@ def replay(
         Path | None, typer.Option(help="Run folder; must be new or empty. [default: runs/DATE_TIME_NAME]")
     ] = None,
     as_json: JsonOption = False,
+    layout: FormatOption = "table",
 ) -> None:
     """Estimate once more from the log of a run, by the pipeline that the log carries: the same numbers to the bit.
 

@@ -12,8 +12,9 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import Overrides, Pipeline, console, function_of, load_pipeline, run_pipeline
+from palpate.host import FormatOption, Overrides, Pipeline, console, function_of, load_pipeline, run_pipeline
 
+from palpate_basics.layout import layout
 from palpate_basics.rehearsal import rehearse
 from palpate_basics.view import result_view
 
@@ -31,6 +32,7 @@ def run(
     seed: Annotated[int | None, typer.Option(help="Seed of the run; overrides that of the file.", min=0)] = None,
     report: Annotated[bool, typer.Option("--report", help="Write a report into the run folder.")] = False,
     live: Annotated[bool, typer.Option("--live", help='Show it in the browser: --set sink.live.type="live".')] = False,
+    form: FormatOption = "table",
 ) -> None:
     """Run a pipeline; print what was found and where it is written."""
     if file.is_dir() or file.suffix in _LOGS:
@@ -60,7 +62,7 @@ def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False) -> None
     else:
         console().print(result_view(result, pipeline.registry.sections))
     for line in _reported(pipeline, result.folder):
-        typer.echo(line, err=as_json)
+        typer.echo(line, err=as_json or layout() != "table")
     result.demand_whole()
 
 

@@ -6,6 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import typer
+
+from palpate_basics.layout import layout, tables_in, text_of
+
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
@@ -47,10 +51,17 @@ def console(width: int = 120) -> Console:
     from rich.console import Console
 
     class Whole(Console):
-        """Prints tables whole."""
+        """Prints tables whole; in another form what is no table goes to standard error."""
 
         def print(self, *objects: Any, **options: Any) -> None:
             """As rich does, but for tables that do not fit."""
+            if (form := layout()) != "table":
+                for item in objects:
+                    tables = list(tables_in(item))
+                    typer.echo("\n".join(text_of(table, form) for table in tables), nl=False)
+                    if not tables:
+                        Console(stderr=True, markup=False, emoji=False).print(item, **options)
+                return
             super().print(*(_fitting(item, self) for item in objects), **options)
 
     found = Whole(markup=False, emoji=False)

@@ -22,6 +22,7 @@ from palpate import (
     Link,
     Setpoint,
     Speed,
+    Stiffness,
     Stream,
     Time,
     TipMass,
@@ -29,6 +30,7 @@ from palpate import (
 )
 from pydantic import Field
 
+from palpate_devices.giving import giving_way
 from palpate_devices.motion import PositionLoop, TrackedMotion
 from palpate_devices.sensing import sensed_wrench
 from palpate_devices.specimen import Specimen
@@ -67,6 +69,11 @@ class SimulatedRig(Device):
     force_std: Force = Field(default=0.05, ge=0, description="white noise of the sensor")
     bias: Force = Field(default=0.6, description="offset of the sensor")
     drift: ForceDrift = Field(default=1.5 / 3600, description="drift of the sensor's offset")
+    series_stiffness: Stiffness | None = Field(
+        default=None,
+        gt=0,
+        description="stiffness of robot and sensor, which give way before the material; left out: they do not",
+    )
     force_limit: Force = Field(default=500.0, gt=0, description="range of the sensor; readings stop there")
     force_delay: Delay = Field(default=0.0, description="how late the wrench is stamped; an estimator has to be told")
     motion_delay: Delay = Field(
@@ -184,7 +191,10 @@ class _Rig:
     def _contact(self, instants: Floats, motion: TrackedMotion) -> Floats:
         """Contact force (n,) [N] over the whole motion, which a material that remembers has to be asked for."""
         position, velocity, _ = motion.at(instants)
-        return self._settings.specimen.push(instants, position, velocity)
+        settings = self._settings
+        if settings.series_stiffness is not None:
+            return giving_way(settings.specimen, instants, position, velocity, settings.series_stiffness)
+        return settings.specimen.push(instants, position, velocity)
 
     def _wrench(self, instants: Floats, motion: TrackedMotion, contact: Floats) -> Floats:
         """What the sensor reads (n, 6) at true times (n,) [s]."""

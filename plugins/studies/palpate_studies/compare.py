@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from palpate import ConfigurationError, UserError, printable
 from palpate.host import (
+    FormatOption,
     JsonOption,
     Overrides,
     Pipeline,
@@ -53,6 +54,7 @@ def compare(
     velocity: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the velocity.")] = None,
     points: Points = None,
     as_json: JsonOption = False,
+    layout: FormatOption = "table",
 ) -> None:
     """Run every model with every estimator on one log, read once; print one table, draw one picture.
 

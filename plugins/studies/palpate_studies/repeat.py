@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 from palpate import ConfigurationError, LogError, UserError, to_si
-from palpate.host import Overrides, console, finite_tree, measured, people
+from palpate.host import FormatOption, Overrides, console, finite_tree, measured, people
 
 from palpate_studies.estimated import Estimated
 from palpate_studies.force_error import force_error
@@ -24,6 +25,46 @@ _CAUTION = (
     "p is the chance of such a difference between repeats at one site each. Sites of one material differ, too: before "
     "a difference is called a lump, compare it with the spread over a dozen baseline sites."
 )
+
+
+@dataclass
+class _Group:
+    """What the runs of a group say of a parameter."""
+
+    name: str
+    unit: str = ""
+    values: list[float] = field(default_factory=list)
+    stated: list[float] = field(default_factory=list)  # standard uncertainty of each
+    tracked: list[tuple[Path, str]] = field(default_factory=list)
+    skipped: int = 0
+    rejected: dict[str, str] = field(default_factory=dict)  # by run: why
+    failures: dict[str, UserError] = field(default_factory=dict)  # by path
+
+    def read(self, path: Path, estimated: Estimated, track: str | None, parameter: str) -> None:
+        """Take in the readings of a file; one that cannot be read is told and left out."""
+        try:
+            of_file = list(readings(estimated.run_of(path), track, parameter))
+        except UserError as error:
+            self.failures[str(path)] = error
+            typer.echo(f"{path} is left out: {error}", err=True)
+            return
+        for reading in of_file:
+            self.unit = reading.unit
+            if reading.rejected is not None:
+                self.rejected[reading.name] = reading.rejected
+            elif reading.usable and reading.value is not None:
+                self.values.append(reading.value)
+                self.tracked += [(reading.folder, reading.track)] if reading.key == "" else []
+                self.stated.append(reading.std or 0.0)
+            else:
+                self.skipped += 1
+
+    def demand_values(self, parameter: str) -> None:
+        """Raise what the first run failed with, or LogError, where no run has a value."""
+        if not self.values and self.failures:
+            raise next(iter(self.failures.values()))
+        if not self.values:
+            raise LogError(f"group {self.name}: no run has a value of {parameter}")
 
 
 def repeat(
@@ -51,6 +92,7 @@ def repeat(
     ] = None,
     overrides: Overrides = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
+    layout: FormatOption = "table",
 ) -> None:
     """Mean, standard uncertainty, autocorrelation, trend and histogram over many runs; tests between groups.
 
@@ -58,55 +100,41 @@ def repeat(
     """
     files = _groups(sources or [], group or [])
     files = {name: [run for path in paths for run in _runs(path, overrides, out)] for name, paths in files.items()}
-    tracked: dict[str, list[tuple[Path, str]]] = {name: [] for name in files}
-    found: dict[str, list[float]] = {}
-    unit, skipped, failures = "", 0, dict[str, UserError]()
-    rejected: dict[str, str] = {}
-    stated: dict[str, list[float]] = {}
     estimated = Estimated()
+    groups = {name: _Group(name) for name in files}
     for name, paths in files.items():
-        values, stated[name] = [], []
         for path in paths:
-            try:
-                of_file = list(readings(estimated.run_of(path), track, parameter))
-            except UserError as error:
-                failures[str(path)] = error
-                typer.echo(f"{path} is left out: {error}", err=True)
-                continue
-            for reading in of_file:
-                unit = reading.unit
-                if reading.rejected is not None:
-                    rejected[reading.name] = reading.rejected
-                elif reading.usable and reading.value is not None:
-                    values.append(reading.value)
-                    tracked[name] += [(reading.folder, reading.track)] if reading.key == "" else []
-                    stated[name].append(reading.std or 0.0)
-                else:
-                    skipped += 1
-        if not values and failures:
-            raise next(iter(failures.values()))
-        if not values:
-            raise LogError(f"group {name}: no run has a value of {parameter}")
-        found[name] = values
+            groups[name].read(path, estimated, track, parameter)
+        groups[name].demand_values(parameter)
+    unit = list(groups.values())[-1].unit
+    found = {name: found.values for name, found in groups.items()}
+    failures = dict.fromkeys(path for found in groups.values() for path in found.failures)
+    rejected = {run: reason for found in groups.values() for run, reason in found.rejected.items()}
+    skipped = sum(found.skipped for found in groups.values())
     counted = {"parameter": parameter, "unit": unit, "skipped": skipped, "rejected": rejected}
     document = finite_tree({**counted, **repeatability(found)})
-    for name, runs in tracked.items():
-        document["groups"][name]["force_error"] = finite_tree(force_error(runs))
+    for name, of_group in groups.items():
+        document["groups"][name]["force_error"] = finite_tree(force_error(of_group.tracked))
     if truth is not None:
         known = _truth(truth, unit)
         for name, values in found.items():
-            document["groups"][name]["truth"] = against_truth(np.array(values), np.array(stated[name]), known)
+            document["groups"][name]["truth"] = against_truth(np.array(values), np.array(groups[name].stated), known)
     if picture is not None:
         draw_repeatability(document, picture)
-    if as_json:
-        typer.echo(json.dumps(document, indent=2))
-    else:
-        terminal = console()
-        for view in _views(document):
-            terminal.print(view, highlight=False, markup=False)
+    _show(document, as_json)
     if failures:
         typer.echo(f"{len(failures)} runs failed: {', '.join(failures)}", err=True)
         raise typer.Exit(1)
+
+
+def _show(document: dict[str, Any], as_json: bool) -> None:
+    """Print what was found."""
+    if as_json:
+        typer.echo(json.dumps(document, indent=2))
+        return
+    terminal = console()
+    for view in _views(document):
+        terminal.print(view, highlight=False, markup=False)
 
 
 def _runs(path: Path, overrides: list[str] | None, out: Path | None) -> list[Path]:

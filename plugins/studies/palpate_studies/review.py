@@ -12,7 +12,18 @@ from typing import Annotated
 import numpy as np
 import typer
 from palpate import ConfigurationError, UserError
-from palpate.host import RunFolder, Table, TrackOption, console, finite_tree, measured, people, suggest, write_whole
+from palpate.host import (
+    FormatOption,
+    RunFolder,
+    Table,
+    TrackOption,
+    console,
+    finite_tree,
+    measured,
+    people,
+    suggest,
+    write_whole,
+)
 
 from palpate_studies.readings import Reading, natural, readings
 
@@ -76,6 +87,7 @@ def review(
     ] = None,
     reason: Annotated[str | None, typer.Option(help="Why; wanted with --reject.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
+    layout: FormatOption = "table",
 ) -> None:  # fmt: skip
     """List runs or cycles, the worst first, by verdict, residual and distance from the others; mark what to leave out.
 
@@ -93,7 +105,9 @@ def review(
     else:
         console().print(_table(found, parameter).view(), highlight=False)
         out = sum(one.reading.rejected is not None for one in found)
-        typer.echo(f"{sum(one.reading.usable for one in found)} of {len(found)} usable, {out} rejected")
+        console().print(
+            f"{sum(one.reading.usable for one in found)} of {len(found)} usable, {out} rejected", highlight=False
+        )
     if failures:
         raise typer.Exit(1)
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import ContactModel, Floats, Tail, contact_force, force_over_time
-from palpate.host import acceleration, force_slopes, with_number
+from palpate.host import acceleration, force_slopes
 
 _STEP = 1e-4  # of a number, for derivatives by differences
 _SURFACE_STEP = 1e-6  # [m]
@@ -32,7 +32,7 @@ class Along:
     def by_number(self, path: tuple[str, ...], value: float) -> Floats:
         """Derivative (n,) of the force by a number among the model's keys."""
         step = _STEP * (abs(value) or 1.0)
-        up, down = (self._force(with_number(self.model, path, side * step)) for side in (1.0, -1.0))
+        up, down = (self._force(_changed(self.model, path, side * step)) for side in (1.0, -1.0))
         return np.asarray((up - down) / (2 * step))
 
     def _force(self, model: Any) -> Floats:
@@ -97,3 +97,11 @@ def _remembered(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> 
         return None
     jacobian, change = np.column_stack(columns)[rows], np.gradient(whole, time)[rows]
     return Along(model, values, jacobian, whole[rows], change, second[rows], None, None, (time, depth, rate, rows))
+
+
+def _changed(part: Any, path: tuple[str, ...], change: float) -> Any:
+    """Settings with a number among their keys changed by so much; not validated, for derivatives."""
+    name, *rest = path
+    inner = getattr(part, name)
+    changed = _changed(inner, tuple(rest), change) if rest else inner + change
+    return part.model_copy(update={name: changed})

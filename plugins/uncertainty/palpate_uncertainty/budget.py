@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import JsonOption, RunFolder, console, people, suggest
+from palpate.host import FormatOption, JsonOption, RunFolder, console, people, suggest
 
 if TYPE_CHECKING:
     from palpate_uncertainty.monte_carlo import Propagated
@@ -27,6 +27,7 @@ def budget(
         typer.Option(metavar="N", help="Draw every declared input N times and estimate again (GUM Supplement 1)."),
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
+    layout: FormatOption = "table",
 ) -> None:
     """Every source of uncertainty of a run, and what it contributes to each value."""
     tracks: Mapping[str, Any] = RunFolder(run).result["tracks"]

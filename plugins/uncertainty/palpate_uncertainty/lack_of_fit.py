@@ -136,7 +136,7 @@ def _explained(track: TrackEvidence, found: Tested, base: _Base) -> Diagnosed:
     """What the pattern says of the reason, and by how much each parameter may be off for it."""
     first = base.test(base.fit.residual)
     others = _others(base, first)
-    left = {other.reason: _ratio(test.misfit, first.misfit) for other, test in others if other.reason}
+    left = _left(others, first)
     removing = [other for other, test in others if _removes(test, first)]
     naming = [other for other, _ in others if left.get(other.reason, 1.0) < _NAMED]
     shifts = _shifts(track, removing or naming or [base.fit])
@@ -165,6 +165,11 @@ def _explained(track: TrackEvidence, found: Tested, base: _Base) -> Diagnosed:
     )
     terms = dict(zip(names, shifts.tolist(), strict=True)) if known else {}
     return Diagnosed((Flag("lack-of-fit", text),), terms, frozenset() if known else frozenset(names), table)
+
+
+def _left(others: Sequence[tuple[Refit, Tested]], first: Tested) -> dict[str, float]:
+    """What share of the misfit each reason leaves."""
+    return {other.reason: _ratio(test.misfit, first.misfit) for other, test in others if other.reason}
 
 
 def _others(base: _Base, first: Tested) -> list[tuple[Refit, Tested]]:

@@ -13,6 +13,7 @@ import typer
 from palpate import Batch, ConfigurationError, Estimates, Problem, Samples, UserError
 from palpate.host import (
     Carried,
+    FormatOption,
     Overrides,
     Pipeline,
     Result,
@@ -90,6 +91,7 @@ def fit(
     cycles: Annotated[bool, typer.Option("--cycles", help="Fit every cycle of a log by itself.")] = False,
     pictures: Annotated[bool, typer.Option(help="Draw force over time and depth, and residuals.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print fit.json instead of the tables.")] = False,
+    layout: FormatOption = "table",
 ) -> None:
     """Fit every offline track to every log; compare, and evaluate what was found on one log on the others."""
     failures: dict[str, UserError] = {}

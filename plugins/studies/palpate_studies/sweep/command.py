@@ -12,6 +12,7 @@ import tomli_w
 import typer
 from palpate import OutputError, UserError
 from palpate.host import (
+    FormatOption,
     Job,
     JsonOption,
     Overrides,
@@ -45,6 +46,7 @@ def sweep(
     ] = False,
     points: Points = None,
     as_json: JsonOption = False,
+    layout: FormatOption = "table",
 ) -> None:
     """Run a pipeline with every combination of the settings in its [sweep] table; write sweep.csv and sweep.json."""
     source = _source(file, overrides or [])
@@ -67,7 +69,10 @@ def sweep(
     elif failed < len(planned):
         terminal().print(best_rows(rows).view())
     before = f", {earlier} found in the folder" if earlier else ""
-    typer.echo(f"{len(planned)} combinations, {failed} failed{before}: {folder / 'sweep.csv'}", err=as_json)
+    typer.echo(
+        f"{len(planned)} combinations, {failed} failed{before}: {folder / 'sweep.csv'}",
+        err=as_json or layout != "table",
+    )
     if failed == len(planned):
         raise typer.Exit(1)
     if picture or points is not None:
