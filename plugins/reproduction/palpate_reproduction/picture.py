@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from palpate.host import figure_of, save_figure
+from palpate.host import figure_of, save_figure, style
 
 from palpate_reproduction.item import Item
 from palpate_reproduction.running import Row
@@ -19,10 +19,11 @@ _COLOURS = {
 }
 
 
+@style()
 def draw(item: Item, rows: Sequence[Row], path: Path) -> None:
     """Ratios with two standard deviations over the band of what is allowed; raises OutputError."""
     known = [row for row in rows if row.ratio is not None]
-    figure, axes = figure_of(1, 1, width=8.0, height=1.2 + 0.4 * len(known))
+    figure, axes = figure_of(1, 1, width=180.0, height=30.0 + 9.0 * len(known))  # [mm]
     (axis,) = axes.ravel()
     for place, row in enumerate(known):
         published = row.published
