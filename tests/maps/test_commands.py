@@ -333,32 +333,38 @@ def test_a_folder_that_is_no_run_is_refused(palpate, tmp_path):
         assert "no run folder" in done.stderr
 
 
-def searched(palpate, root, folder, sphere, *more):
-    """Two lines over 30 mm x 10 mm beside or around one sphere, and `palpate search --go` from there."""
-    place = f'["{sphere[0]} mm", "{sphere[1]} mm"]'
-    body = f'device.rig.specimen.inclusions=[{{shape="sphere", place={place}, depth="2 mm", radius="5 mm"}}]'
-    lines = [
+@pytest.fixture(scope="module")
+def beside_a_sphere(root, tmp_path_factory):
+    """Two lines over 30 mm x 10 mm, and a sphere whose middle lies 6 mm outside of their box; run once."""
+    folder = tmp_path_factory.mktemp("beside") / "run"
+    settings = [
+        'device.rig.specimen.inclusions=[{shape="sphere", place=["21 mm", "1 mm"], depth="2 mm", radius="5 mm"}]',
         'trajectory.raster.size=["30 mm", "10 mm"]',
         "trajectory.raster.pitch=10 mm",
         "trajectory.raster.settle=1 s",
-    ]
-    rest = ["trajectory.raster.speed=6 mm/s", "estimator.smoother.sweep_speed=6 mm/s", 'run.tracks=["dr/smoother"]']
-    rest += [
+        "trajectory.raster.speed=6 mm/s",
+        "estimator.smoother.sweep_speed=6 mm/s",
+        'run.tracks=["dr/smoother"]',
         "device.rig.sensor_rate=500 Hz",
         "trajectory.raster.press.amplitude=1 mm",
         "trajectory.raster.press.rest=0.5 s",
     ]
-    done = palpate("run", root / "pipelines/raster.toml", *options([body, *lines, *rest]), "--out", folder)
-    assert done.returncode == 0, done.stderr
+    run_pipeline(load_pipeline(root / "pipelines" / "raster.toml", settings), folder)
+    return folder
+
+
+def searched(palpate, lines, folder, *more):
+    """`palpate search --go` from a copy of a run."""
+    shutil.copytree(lines, folder)
     done = palpate("search", folder, "--go", "--palpation", 1, *more)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
-def test_a_search_goes_on_beyond_the_border_of_the_sites(palpate, root, tmp_path):
+def test_a_search_goes_on_beyond_the_border_of_the_sites(palpate, beside_a_sphere, tmp_path):
     """The sphere's middle lies 6 mm outside of the box that the lines cover."""
     pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
-    text = searched(palpate, root, tmp_path / "run", (21.0, 1.0), "--budget", 60)
+    text = searched(palpate, beside_a_sphere, tmp_path / "run", "--budget", 60)
     end = text.partition("stopped: ")[2]
     x, y = re.search(r"the lump at (-?[\d.]+) mm, (-?[\d.]+) mm: p = \S+, certain$", end, re.MULTILINE).groups()
     assert float(x) == pytest.approx(21.0, abs=2.0)
@@ -367,11 +373,11 @@ def test_a_search_goes_on_beyond_the_border_of_the_sites(palpate, root, tmp_path
     assert visited.standing.all()
 
 
-def test_a_search_says_where_it_may_not_go_on(palpate, root, tmp_path):
+def test_a_search_says_where_it_may_not_go_on(palpate, beside_a_sphere, tmp_path):
     """The same sphere, and an area that ends before it: nothing is visited beyond, and that is said."""
     pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
     area = "-15 mm, 16 mm, -8 mm, 8 mm"
-    text = searched(palpate, root, tmp_path / "run", (21.0, 1.0), "--budget", 25, "--area", area)
+    text = searched(palpate, beside_a_sphere, tmp_path / "run", "--budget", 25, "--area", area)
     assert "it reaches the border of --area, so its middle may lie beyond" in text
     places = np.concatenate([sites_along(read_path(part)).place for part in (tmp_path / "run").glob("part-*")])
     assert places[:, 0].max() < 16.1e-3

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ Box = tuple[float, float, float, float]  # x0, x1, y0, y1 [m]
 _BEYOND = 30e-3  # [m] that a search goes beyond what is known, at the most, where only the rig knows the specimen
 _STEP = 1e-3  # [m] between places that are asked for
 _MOST = 80  # of them along each side
+_FEW = 8  # places that are asked for one by one, where one of them is refused
 
 
 @dataclass(frozen=True)
@@ -60,8 +61,9 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
         if limits is not None:
             for axis, values in enumerate((x, y, z)):
                 inside &= (values >= limits.low[axis] - 1e-9) & (values <= limits.high[axis] + 1e-9)
-        for i in np.flatnonzero(inside):
-            inside[i] = _may(pipeline, x[i], y[i], z[i])
+        places = np.column_stack([x, y, z])
+        for rows in _refused(pipeline, places, np.flatnonzero(inside)):
+            inside[rows] = False
         return np.asarray(inside)
 
     nodes = _grid(box)
@@ -71,13 +73,18 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
     return Area(nodes, told_by, allows)
 
 
-def _may(pipeline: Pipeline, x: float, y: float, z: float) -> bool:
-    place = Setpoint(np.array([[x, y, z]]), np.zeros((1, 3)), np.ones(1, bool))
+def _refused(pipeline: Pipeline, places: Floats, rows: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
+    """Of rows of places (n, 3) [m] those that a device refuses; what it takes together is not asked one by one."""
+    if not len(rows):
+        return
     try:
-        ask_devices(pipeline.devices, place)
+        ask_devices(pipeline.devices, Setpoint(places[rows], np.zeros((len(rows), 3)), np.ones(len(rows), bool)))
     except ConfigurationError:
-        return False
-    return True
+        if len(rows) == 1:
+            yield rows
+            return
+        for part in np.array_split(rows, 2 if len(rows) > _FEW else len(rows)):
+            yield from _refused(pipeline, places, part)
 
 
 def _grid(box: Box) -> Floats:

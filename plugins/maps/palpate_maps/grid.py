@@ -150,6 +150,7 @@ def gaussian_process(sites: Sites, nodes: Floats, level: float | None = None) ->
         from sklearn.exceptions import ConvergenceWarning
         from sklearn.gaussian_process import GaussianProcessRegressor as Regressor
         from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
+        from threadpoolctl import threadpool_limits
     except ImportError as error:
         raise ConfigurationError(
             'method "gaussian-process" needs scikit-learn: pip install scikit-learn, or choose "average"'
@@ -161,7 +162,8 @@ def gaussian_process(sites: Sites, nodes: Floats, level: float | None = None) ->
     regressor: Any = Regressor
     rows = _thinned(len(sites), _MOST_FITTED)
     own = np.maximum(sites.std, _LEAST_STD) ** 2
-    with warnings.catch_warnings():
+    # One thread: a few hundred sites are too few for several, which wait for one another on a busy machine.
+    with warnings.catch_warnings(), threadpool_limits(1, user_api="blas"):
         warnings.simplefilter("ignore", ConvergenceWarning)  # a length at its bound is what a level map asks for
         fitted = regressor(kernel, alpha=own[rows]).fit(sites.place[rows], sites.log[rows] - level)
         rows = _thinned(len(sites), _MOST_USED)

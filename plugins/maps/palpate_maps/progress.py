@@ -50,7 +50,7 @@ def _apart(a: Lump, b: Lump) -> float:
 
 def borders(sites: Sites, lump: Lump, area: Area) -> tuple[bool, bool]:
     """Whether a lump's stiffest place lies at the border of what is known: one to cross, one not to cross."""
-    from scipy.spatial import Delaunay
+    from scipy.spatial import ConvexHull
 
     near = np.linalg.norm(sites.place - np.array(lump.place), axis=1) <= max(*lump.extent, 2 * SETTLED)
     rows = np.flatnonzero(near)
@@ -61,7 +61,8 @@ def borders(sites: Sites, lump: Lump, area: Area) -> tuple[bool, bool]:
     ring = peak + _RING * np.column_stack([np.cos(turn), np.sin(turn)])
     unknown = np.ones(len(ring), bool)
     if line_coordinate(sites) is None:  # of a line, both sides are unknown
-        unknown = Delaunay(sites.place, qhull_options="QJ").find_simplex(ring) < 0
+        edges = ConvexHull(sites.place, qhull_options="QJ").equations  # of half-planes; within, all are negative
+        unknown = (ring @ edges[:, :2].T + edges[:, 2] > 0).any(axis=1)
     allowed = area.allows(ring)
     return bool((unknown & allowed).any()), bool((unknown & ~allowed).any())
 
