@@ -7,8 +7,9 @@ import threading
 import numpy as np
 import pytest
 from palpate.config import load_pipeline
-from palpate.host import RunFolder, remaining_pipeline
+from palpate.host import RunFolder
 from palpate.pipeline import run_pipeline
+from palpate_basics.remaining import remaining_pipeline
 from palpate_devices.mcap_replay import McapReplay
 from palpate_devices.ur3e.device import UR
 
