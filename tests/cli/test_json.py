@@ -18,7 +18,7 @@ SHORT = ["trajectory.press.duration=2 s"]
 def folder(root, tmp_path_factory):
     """A pipeline of a point, a run of it with its log, and a run along a line."""
     made = tmp_path_factory.mktemp("json")
-    for name in ("point", "sweep"):
+    for name in ("point", "sweep", "guided"):
         shutil.copy(root / "pipelines" / f"{name}.toml", made)
     run_pipeline(load_pipeline(made / "point.toml", [*SHORT, 'run.tracks=["dr/ekf"]']), made / "run")
     run_pipeline(load_pipeline(made / "sweep.toml", [*LINE, 'run.tracks=["dr/kinematic"]']), made / "line")
@@ -65,6 +65,11 @@ CASES = {
     ),
     "design": (["design", "point.toml"], lambda found: found["dr"]["palpations"]),
     "budget": (["budget", "run"], lambda found: found),
+    "calibrate": (["calibrate", "guided.toml", "--yes"], lambda found: 0.1 < found["values"]["mass"]["value"] < 0.3),
+    "reproduce": (
+        ["reproduce", "correction_factor"],
+        lambda found: found["items"]["correction_factor"][0]["ratio"] == pytest.approx(1, abs=0.05),
+    ),
 }
 
 

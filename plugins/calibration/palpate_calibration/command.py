@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError, OutputError
-from palpate.host import Overrides, console, measured, rounded, write_whole
+from palpate.host import JsonOption, Overrides, aside, console, measured, print_json, rounded, write_whole
 
 from palpate_calibration.plan import load_plan
 
@@ -65,6 +65,7 @@ def calibrate(
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Write over an older calibration file.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: whoever is at the rig has prepared it.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Calibrate mass, force-motion delay, tare and noise from a shake in free air; write them with uncertainties.
 
@@ -97,10 +98,14 @@ def calibrate(
     calibration, session, records = run_calibration(plan, Guide(say, _ask(say, yes), found, keep))
     write_whole(target, calibration.text())
     part.unlink(missing_ok=True)
-    terminal = console()
-    terminal.print(_table(calibration))
-    for line in _lines(calibration, target, file):
-        terminal.print(line, highlight=False, markup=False)
+    with aside(as_json):
+        terminal = console()
+        if not as_json:
+            terminal.print(_table(calibration))
+        for line in _lines(calibration, target, file):
+            terminal.print(line, highlight=False, markup=False)
+    if as_json:
+        print_json({"file": target, **calibration.model_dump(mode="json")})
     if picture is not None and session.shakes:
         from palpate_calibration.picture import draw
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
-from palpate.host import console, make_folder, write_new
+from palpate.host import JsonOption, aside, console, make_folder, print_json, write_new
 
 from palpate_reproduction import recordings as files
 from palpate_reproduction.item import HERE, Item, Recording, demand_known, load_items, load_recordings
@@ -16,6 +16,8 @@ from palpate_reproduction.page import page
 from palpate_reproduction.picture import draw
 from palpate_reproduction.running import Maker, Row
 from palpate_reproduction.tables import csv_text, latex_text, table_of, tally
+
+_SHOWN = {"row", "quantity", "unit", "value", "spread", "tolerance", "source"}  # of what was published
 
 
 def reproduce(
@@ -32,6 +34,7 @@ def reproduce(
         Path, typer.Option(help="Folder of another paper: items/*.toml, pipelines/, recordings.toml.")
     ] = HERE,
     strict: Annotated[bool, typer.Option("--strict", help="End with 1 where a recording is missing, too.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Make the paper's tables and figures anew and hold them against the published numbers, each with its tolerance.
 
@@ -45,23 +48,47 @@ def reproduce(
     found = files.find(data, wanted) if data is not None else {}
     folder = make_folder("reproduce", out, datetime.now(UTC).astimezone())
     maker = Maker(paper, folder / "runs", found, known)
-    terminal, made = console(140), list[tuple[Item, list[Row]]]()
-    for item in items:
-        rows = maker.rows(item)
-        made.append((item, rows))
-        terminal.print(
-            table_of(item, rows).view() if rows else table_of(item, rows).title, highlight=False, markup=False
+    made: list[tuple[Item, list[Row]]] = []
+    with aside(as_json):
+        for item in items:
+            rows = maker.rows(item)
+            made.append((item, rows))
+            _tell(item, rows)
+            _write(folder, item, rows)
+        write_new(folder / "index.html", page(made, known))
+        lacking = {name: recording for name, recording in wanted.items() if name not in found}
+        typer.echo(_summary(made, lacking))
+        typer.echo(f"written to {folder}: index.html, and a CSV, LaTeX and picture of each")
+    if as_json:
+        print_json(
+            {"folder": folder, "lacking": list(lacking), "items": {item.name: _rows(rows) for item, rows in made}}
         )
-        for missing in item.missing:
-            typer.echo(f"not reproduced: {missing.what}: {missing.reason}")
-        _write(folder, item, rows)
-    write_new(folder / "index.html", page(made, known))
-    lacking = {name: recording for name, recording in wanted.items() if name not in found}
-    typer.echo(_summary(made, lacking))
-    typer.echo(f"written to {folder}: index.html, and a CSV, LaTeX and picture of each")
     statuses = [row.status for _, rows in made for row in rows]
     if {"outside", "failed"} & set(statuses) or (strict and "skipped" in statuses):
         raise typer.Exit(1)
+
+
+def _tell(item: Item, rows: Sequence[Row]) -> None:
+    table = table_of(item, rows)
+    console(140).print(table.view() if rows else table.title, highlight=False, markup=False)
+    for missing in item.missing:
+        typer.echo(f"not reproduced: {missing.what}: {missing.reason}")
+
+
+def _rows(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    return [
+        {
+            **row.published.model_dump(mode="json", include=_SHOWN),
+            "status": row.status,
+            "found": row.value,
+            "std": row.std,
+            "ratio": row.ratio,
+            "ratio_std": row.ratio_std,
+            "said": row.said,
+            "flags": row.flags,
+        }
+        for row in rows
+    ]
 
 
 def _write(folder: Path, item: Item, rows: Sequence[Row]) -> None:
