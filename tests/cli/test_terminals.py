@@ -58,7 +58,13 @@ def test_ctrl_c_within_the_first_second_ends_without_a_traceback(point_pipeline,
     script = "import sys\nfrom palpate.cli import main\nprint('ready', flush=True)\nmain(sys.argv[1:])"
     command = [sys.executable, "-c", script, "run", str(point_pipeline), "--out", str(tmp_path / "out")]
     command += ["--set", "device.rig.pace=real-time"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # whoever runs the tests may ignore it
+    )
     try:
         assert process.stdout.readline() == "ready\n"
         time.sleep(wait + 0.002)

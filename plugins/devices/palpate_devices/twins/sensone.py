@@ -125,9 +125,9 @@ class VirtualSensor:
             self._mode = "closed"
         elif self._mode == "closed" and not termios.tcgetattr(self._master)[3] & termios.ICANON:
             self.reboot(now)  # an opened port that still echoes is not ready
-            self._misheard = termios.tcgetattr(self._master)[5] != _BAUD
         if self._mode == "closed":
             return
+        self._misheard = termios.tcgetattr(self._master)[5] != _BAUD  # it may have been closed and opened unseen
         if events & select.POLLIN:
             with contextlib.suppress(OSError):
                 self._take(os.read(self._master, 64), now)
