@@ -17,29 +17,14 @@ from palpate_models.parameters import (
     RELAXATION_TIME,
     RELAXING_ELASTICITY,
 )
-from palpate_models.thickness import Thickness, contact_validity, corrected_contact
+from palpate_models.thickness import contact_validity, corrected_contact
 
 _THICKNESS = 'correction for a layer, as for dimensionality-reduction; left out or "none": a half-space'
 
 
-def _loading(indenter: Indenter, thickness: Thickness | None, poisson: float, depth: Any, rate: Any) -> Any:
-    """Growth of the elastic force per Young's modulus, 2 a(d) d'/(1 - nu^2) [m^2/s]; 0 out of contact."""
-    _, radius = corrected_contact(indenter, thickness, select(depth, 0.0, depth, 1e-3 + 0.0 * depth))
-    return select(depth, 0.0, 2.0 / (1.0 - poisson**2) * radius * rate, 0.0 * depth)
+class _Relaxing(ContactModel):
+    """Tip, Poisson's ratio and layer of a material with one fading force."""
 
-
-class StandardLinearSolid(ContactModel):
-    """A material with a lasting and a fading elasticity (Zener's), pressed by any axisymmetric tip.
-
-    F = 2 E/(1 - nu^2) A(d) + q with the internal state q [N], dq/dt = 2 E_1/(1 - nu^2) a(d) d' - q/tau in contact
-    and -q/tau out of it: the hereditary integral with the relaxation modulus E + E_1 exp(-t/tau). Slow motion feels
-    E and a viscosity of E_1 tau/(2 (1 + nu)), fast motion feels E + E_1.
-    Assumes what `dimensionality-reduction` does, one nu for all times, and contact that follows the depth also while
-    the tip retracts (no negative pressure at the rim; Ting's correction is left out).
-    Source: Lee and Radok 1960; Popov and Hess 2015, chapter on viscoelastic contacts.
-    """
-
-    parameters: ClassVar[tuple[Parameter, ...]] = (LASTING_ELASTICITY, RELAXING_ELASTICITY, RELAXATION_TIME)
     memory: ClassVar[tuple[str, ...]] = ("relaxing_force",)
 
     indenter: Indenter = Field(description="the tip")
@@ -52,6 +37,29 @@ class StandardLinearSolid(ContactModel):
             self.thickness.check(self.indenter, self.poisson)
         return self
 
+    def _loading(self, depth: Any, rate: Any) -> Any:
+        """Growth of the elastic force per Young's modulus, 2 a(d) d'/(1 - nu^2) [m^2/s]; 0 out of contact."""
+        _, radius = corrected_contact(self.indenter, self.thickness, select(depth, 0.0, depth, 1e-3 + 0.0 * depth))
+        return select(depth, 0.0, 2.0 / (1.0 - self.poisson**2) * radius * rate, 0.0 * depth)
+
+    def validity(self, depth: float) -> str:
+        """What does not hold of tip or thickness correction at a depth [m]."""
+        return contact_validity(self.indenter, self.thickness, depth)
+
+
+class StandardLinearSolid(_Relaxing):
+    """A material with a lasting and a fading elasticity (Zener's), pressed by any axisymmetric tip.
+
+    F = 2 E/(1 - nu^2) A(d) + q with the internal state q [N], dq/dt = 2 E_1/(1 - nu^2) a(d) d' - q/tau in contact
+    and -q/tau out of it: the hereditary integral with the relaxation modulus E + E_1 exp(-t/tau). Slow motion feels
+    E and a viscosity of E_1 tau/(2 (1 + nu)), fast motion feels E + E_1.
+    Assumes what `dimensionality-reduction` does, one nu for all times, and contact that follows the depth also while
+    the tip retracts (no negative pressure at the rim; Ting's correction is left out).
+    Source: Lee and Radok 1960; Popov and Hess 2015, chapter on viscoelastic contacts.
+    """
+
+    parameters: ClassVar[tuple[Parameter, ...]] = (LASTING_ELASTICITY, RELAXING_ELASTICITY, RELAXATION_TIME)
+
     def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
         """2 E/(1 - nu^2) A(d) + q [N]; without `memory` that of a material long at rest."""
         area, _ = corrected_contact(self.indenter, self.thickness, depth)
@@ -59,7 +67,7 @@ class StandardLinearSolid(ContactModel):
 
     def memory_rate(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any]) -> tuple[Any, ...]:
         """2 E_1/(1 - nu^2) a(d) d' - q/tau [N/s]."""
-        loading = _loading(self.indenter, self.thickness, self.poisson, depth, rate)
+        loading = self._loading(depth, rate)
         return (theta[1] * loading - memory[0] / theta[2],)
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
@@ -72,12 +80,8 @@ class StandardLinearSolid(ContactModel):
             MaterialValue("viscosity", theta[1] * theta[2] * per_modulus, gradient, slow),
         )
 
-    def validity(self, depth: float) -> str:
-        """What does not hold of tip or thickness correction at a depth [m]."""
-        return contact_validity(self.indenter, self.thickness, depth)
 
-
-class DimensionalityReductionMaxwell(ContactModel):
+class DimensionalityReductionMaxwell(_Relaxing):
     """Spring, damper and one Maxwell arm side by side: the paper's material, and a part of it that fades.
 
     F = 2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' + q with the internal state q [N],
@@ -95,17 +99,6 @@ class DimensionalityReductionMaxwell(ContactModel):
         RELAXING_ELASTICITY,
         RELAXATION_TIME,
     )
-    memory: ClassVar[tuple[str, ...]] = ("relaxing_force",)
-
-    indenter: Indenter = Field(description="the tip")
-    poisson: float = Field(default=0.5, ge=0, le=0.5, description="Poisson's ratio nu; 0.5 for incompressible material")
-    thickness: OptionalThickness = Field(default=None, description=_THICKNESS)
-
-    @model_validator(mode="after")
-    def _known_correction(self) -> Self:
-        if self.thickness is not None:
-            self.thickness.check(self.indenter, self.poisson)
-        return self
 
     def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
         """2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' + q [N]; without `memory` that of a material long at rest."""
@@ -115,7 +108,7 @@ class DimensionalityReductionMaxwell(ContactModel):
 
     def memory_rate(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any]) -> tuple[Any, ...]:
         """2 E_1/(1 - nu^2) a(d) d' - q/tau [N/s]."""
-        loading = _loading(self.indenter, self.thickness, self.poisson, depth, rate)
+        loading = self._loading(depth, rate)
         return (theta[2] * loading - memory[0] / theta[3],)
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
@@ -127,12 +120,8 @@ class DimensionalityReductionMaxwell(ContactModel):
             MaterialValue("instant_elasticity", theta[0] + theta[2], (1.0, 0.0, 1.0, 0.0), fast),
         )
 
-    def validity(self, depth: float) -> str:
-        """What does not hold of tip or thickness correction at a depth [m]."""
-        return contact_validity(self.indenter, self.thickness, depth)
 
-
-class Maxwell(ContactModel):
+class Maxwell(_Relaxing):
     """A material that flows (Maxwell's): elastic at once, viscous in the long run, pressed by any axisymmetric tip.
 
     F = q with the internal state q [N], dq/dt = 2 E/(1 - nu^2) a(d) d' - q/tau in contact and -q/tau out of it, with
@@ -142,17 +131,6 @@ class Maxwell(ContactModel):
     """
 
     parameters: ClassVar[tuple[Parameter, ...]] = (INSTANT_ELASTICITY, FLOW_VISCOSITY)
-    memory: ClassVar[tuple[str, ...]] = ("relaxing_force",)
-
-    indenter: Indenter = Field(description="the tip")
-    poisson: float = Field(default=0.5, ge=0, le=0.5, description="Poisson's ratio nu; 0.5 for incompressible material")
-    thickness: OptionalThickness = Field(default=None, description=_THICKNESS)
-
-    @model_validator(mode="after")
-    def _known_correction(self) -> Self:
-        if self.thickness is not None:
-            self.thickness.check(self.indenter, self.poisson)
-        return self
 
     def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
         """q [N]; without `memory` that of a material long at rest, which is 0."""
@@ -160,14 +138,10 @@ class Maxwell(ContactModel):
 
     def memory_rate(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any]) -> tuple[Any, ...]:
         """2 E/(1 - nu^2) a(d) d' - q/tau [N/s]."""
-        loading = _loading(self.indenter, self.thickness, self.poisson, depth, rate)
+        loading = self._loading(depth, rate)
         forgetting = theta[0] / (2.0 * (1.0 + self.poisson) * theta[1])
         return (theta[0] * loading - forgetting * memory[0],)
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
         """The parameters themselves."""
         return (MaterialValue("elasticity", theta[0], (1.0, 0.0)), MaterialValue("viscosity", theta[1], (0.0, 1.0)))
-
-    def validity(self, depth: float) -> str:
-        """What does not hold of tip or thickness correction at a depth [m]."""
-        return contact_validity(self.indenter, self.thickness, depth)
