@@ -32,6 +32,12 @@ from palpate_devices.logs.replaying import (
     replay_source as replay_source,
     with_other_channels as with_other_channels,
 )
+from palpate_filters.fit.contact_point import (
+    CONTACT_METHODS as CONTACT_METHODS,
+    Approach as Approach,
+    ContactPoint as ContactPoint,
+    contact_point as contact_point,
+)
 from palpate_report.pictures import (
     FORMATS as FORMATS,
     WIDTHS as WIDTHS,

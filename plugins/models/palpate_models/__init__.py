@@ -9,6 +9,7 @@ from palpate import Command, lazily, plugin
 if TYPE_CHECKING:
     from palpate import ContactModel, Indenter
 
+    from palpate_models.adhesion import DerjaguinMullerToporov, JohnsonKendallRoberts
     from palpate_models.compression import Compression
     from palpate_models.dimensionality_reduction import DimensionalityReduction
     from palpate_models.hunt_crossley import FreeHuntCrossley, HuntCrossley
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
         Ellipsoid,
         ExactSphere,
         Flat,
+        NeoHookeanSphere,
         Paraboloid,
         Power,
         Profile,
@@ -31,10 +33,11 @@ if TYPE_CHECKING:
 __getattr__ = lazily(
     __name__,
     {
+        "palpate_models.adhesion": "DerjaguinMullerToporov JohnsonKendallRoberts",
         "palpate_models.compression": "Compression",
         "palpate_models.dimensionality_reduction": "DimensionalityReduction",
         "palpate_models.hunt_crossley": "FreeHuntCrossley HuntCrossley",
-        "palpate_models.indenters": "BluntCone Cone Ellipsoid ExactSphere Flat Paraboloid "
+        "palpate_models.indenters": "BluntCone Cone Ellipsoid ExactSphere Flat NeoHookeanSphere Paraboloid "
         "Power Profile Quartic Sphere TruncatedCone",
         "palpate_models.kelvin_voigt": "KelvinVoigt",
         "palpate_models.relaxation": "DimensionalityReductionMaxwell Maxwell StandardLinearSolid",
@@ -45,6 +48,7 @@ __all__ = [
     "BluntCone",
     "Compression",
     "Cone",
+    "DerjaguinMullerToporov",
     "DimensionalityReduction",
     "DimensionalityReductionMaxwell",
     "Ellipsoid",
@@ -52,8 +56,10 @@ __all__ = [
     "Flat",
     "FreeHuntCrossley",
     "HuntCrossley",
+    "JohnsonKendallRoberts",
     "KelvinVoigt",
     "Maxwell",
+    "NeoHookeanSphere",
     "Paraboloid",
     "Power",
     "Profile",
@@ -73,6 +79,7 @@ def palpate_indenters() -> dict[str, type[Indenter]]:
         Ellipsoid,
         ExactSphere,
         Flat,
+        NeoHookeanSphere,
         Paraboloid,
         Power,
         Profile,
@@ -84,6 +91,7 @@ def palpate_indenters() -> dict[str, type[Indenter]]:
     return {
         "sphere": Sphere,
         "exact-sphere": ExactSphere,
+        "neo-hookean-sphere": NeoHookeanSphere,
         "paraboloid": Paraboloid,
         "ellipsoid": Ellipsoid,
         "flat": Flat,
@@ -99,6 +107,7 @@ def palpate_indenters() -> dict[str, type[Indenter]]:
 @plugin
 def palpate_models() -> dict[str, type[ContactModel]]:
     """Contact models."""
+    from palpate_models.adhesion import DerjaguinMullerToporov, JohnsonKendallRoberts
     from palpate_models.compression import Compression
     from palpate_models.dimensionality_reduction import DimensionalityReduction
     from palpate_models.hunt_crossley import FreeHuntCrossley, HuntCrossley
@@ -114,6 +123,8 @@ def palpate_models() -> dict[str, type[ContactModel]]:
         "hunt-crossley": HuntCrossley,
         "hunt-crossley-free": FreeHuntCrossley,
         "compression": Compression,
+        "dmt": DerjaguinMullerToporov,
+        "jkr": JohnsonKendallRoberts,
     }
 
 
