@@ -209,7 +209,8 @@ def _curves(path: Path) -> list[_Curve]:
 
 
 def _stamps(time: Floats) -> NDArray[np.int64]:
-    return np.rint((time - time[0]) * _SECOND).astype(np.int64)
+    stamps: NDArray[np.int64] = np.rint((time - time[0]) * _SECOND).astype(np.int64)
+    return stamps
 
 
 @dataclass(frozen=True)

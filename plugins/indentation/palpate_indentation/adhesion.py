@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from palpate import ContactModel, Floats
@@ -59,7 +60,7 @@ def theories(retract: Branch, approach: CurveFit, pull: PullOff, radius: float, 
     parts = registries.load().parts["model"]
     for name, factor in THEORIES.items():
         if name in parts:
-            model = parts[name].part(radius=radius, poisson=poisson)
+            model: Any = parts[name].part.model_validate({"radius": radius, "poisson": poisson})
             yield _fitted(name, model, retract, approach, pull, factor * radius)
 
 

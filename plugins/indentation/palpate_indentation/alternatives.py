@@ -40,7 +40,7 @@ def sphere_laws(law: Law, branch: Branch, noise: float, *, tilt: bool, robust: b
         return []
     found, parts = [], registries.load().parts["indenter"]
     for name in (name for name in SPHERES if name in parts):
-        tip = parts[name].part(radius=radius)
+        tip = parts[name].part.model_validate({"radius": radius})
         chosen = type(tip) is type(law.model.indenter)  # type: ignore[attr-defined]
         try:
             fields = {key: getattr(law.model, key) for key in type(law.model).model_fields}

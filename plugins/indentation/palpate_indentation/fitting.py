@@ -93,7 +93,7 @@ def _refined(
 
     def residual(x: Floats) -> Floats:
         matrix, force = _columns(law, branch, surface + x[-1] * reach, tilt)
-        return (force - matrix @ (x[:-1] * scale)) / noise
+        return np.asarray((force - matrix @ (x[:-1] * scale)) / noise)
 
     def frozen(x: Floats) -> Floats:
         return residual(np.append(x, 0.0))
