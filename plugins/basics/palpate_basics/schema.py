@@ -49,7 +49,7 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
 
 
 def result_schema() -> dict[str, Any]:
-    """JSON schema (draft 2020-12) of ``result.json``; what estimators, diagnoses and devices fill as they like is open."""
+    """JSON schema (draft 2020-12) of ``result.json``; open where estimators, diagnoses and devices fill their own."""
     found: dict[str, Any] = json.loads(files(__package__).joinpath("result.schema.json").read_text(encoding="utf-8"))
     return found
 
