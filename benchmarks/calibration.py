@@ -4,7 +4,7 @@ Run it with: python benchmarks/calibration.py [--runs 100] [--seed 0] [--fixed]
 Each run is a whole calibration: standstill, shake (5 Hz, 3 mm, 10 s), standstill, three times, with its
 own noise. By default every run has a rig of its own, drawn at random: delay 0 to 25 ms, mass 50 to 400 g, offset, drift
 and noises; once with and once without a measured velocity. With --fixed: the same rig in all runs, one rig after the
-other. Printed: coverage of the 95 % interval, RMS and largest error, and mean stated standard uncertainty of every value.
+other. Printed: coverage of the 95 % interval, RMS and largest error, and mean stated uncertainty of every value.
 """
 
 from __future__ import annotations
