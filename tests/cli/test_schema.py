@@ -82,7 +82,7 @@ def _track(document):
     "spoil",
     [
         lambda d: d.pop("truth"),
-        lambda d: d.update(schema=2),
+        lambda d: d.update(schema=3),
         lambda d: d["run"].update(log_duration=None),
         lambda d: d["run"]["tare"].pop("noise"),
         lambda d: _track(d).update(verdict="fine"),
