@@ -32,11 +32,12 @@ class Network:
     @property
     def configuration(self) -> str:
         """What Cyclone is to do, as XML."""
-        interface = f"<Interfaces><NetworkInterface name={quoteattr(self.interface)}/></Interfaces>"
+        name = quoteattr(self.interface) if self.interface else ""
+        interface = f"<Interfaces><NetworkInterface name={name}/></Interfaces>" if name else ""
         multicast = (
             "<AllowMulticast>spdp</AllowMulticast>" if not self.peers else "<AllowMulticast>false</AllowMulticast>"
         )
-        general = f"<General>{interface if self.interface else ''}{multicast}</General>"
+        general = f"<General>{interface}{multicast}</General>"
         peers = "".join(f"<Peer address={quoteattr(peer)}/>" for peer in self.peers)
         found = f"<ParticipantIndex>auto</ParticipantIndex><Peers>{peers}</Peers>" if peers else ""
         return f'<CycloneDDS><Domain id="any">{general}<Discovery>{found}</Discovery></Domain></CycloneDDS>'

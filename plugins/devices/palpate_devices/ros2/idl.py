@@ -21,12 +21,12 @@ def message_class(type_name: str, definition: str) -> Any:
     definitions = parse_definitions(type_name, definition)
     struct = _struct(short_name(type_name), definitions, {})
 
-    def deserialize(cls: type, data: bytes) -> Any:
+    def deserialize(cls: Any, data: bytes) -> Any:
         message = cls.__new__(cls)
         message.data = data
         return message
 
-    def deserialize_key(cls: type, data: bytes) -> None:
+    def deserialize_key(cls: Any, data: bytes) -> None:
         return None  # no message of ROS 2 has a key
 
     struct.deserialize, struct.deserialize_key = classmethod(deserialize), classmethod(deserialize_key)
@@ -41,7 +41,7 @@ def _struct(name: str, definitions: Definitions, done: dict[str, Any]) -> Any:
         fields = [(field.name, _annotation(field, definitions, done)) for field in definitions[name]]
         # An empty message has one byte, in ROS 2 as here: a structure of nothing is not allowed.
         fields = fields or [("structure_needs_at_least_one_member", _annotation(Field("", "uint8"), {}, {}))]
-        made = make_dataclass(name.rpartition("/")[2], fields, bases=(IdlStruct,))
+        made: Any = make_dataclass(name.rpartition("/")[2], fields, bases=(IdlStruct,))
         made.__idl_typename__ = dds_type(name)
         made.__idl__.idl_transformed_typename = dds_type(name)
         done[name] = made
@@ -49,8 +49,9 @@ def _struct(name: str, definitions: Definitions, done: dict[str, Any]) -> Any:
 
 
 def _annotation(field: Field, definitions: Definitions, done: dict[str, Any]) -> Any:
-    from cyclonedds.idl import types
+    from cyclonedds.idl import types as idl_types
 
+    types: Any = idl_types
     if field.type in ("string", "wstring"):
         kind: Any = str
     elif field.type in PRIMITIVES:

@@ -67,9 +67,8 @@ def _listen(participant: Participant, ring: Ring, parent: Parent, outlet: Outlet
                 problem = _begin(participant, found, heard, definitions) if _counts(found, wanted) else None
                 number = list(heard).index(found.topic) if found.topic in heard else None
                 parent.tell("publication", number=number, problem=problem, **asdict(found))
-        for message in parent.messages():
-            if message["say"] == "close":
-                return
+        if any(word["say"] == "close" for word in parent.messages()):
+            return
 
 
 def _counts(found: Publication, wanted: list[str] | None) -> bool:
