@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _PANEL, _LINES = 0.25, 5.0  # [s] between two looks
 _BEHIND = 0.5  # [s] from which on it is shown
 _JOIN = 1.0  # [s] for a terminal that takes nothing
-_PHASES = {"rest": "at rest", "motion": "moving", "tripped": "stopped by the guard", "over": "motion is over"}
+_PHASES = {"standstill": "standstill", "motion": "moving", "tripped": "stopped by the guard", "over": "motion is over"}
 
 
 @contextmanager

@@ -157,8 +157,8 @@ def _surface_std(std: float, samples: Samples, surface: float) -> float:
     """The track's own uncertainty, and how far the skin lay from there when the force first told of it.
 
     A track's surface is that of its model, and a material that relaxes moves it by more than the track's uncertainty.
-    The touch itself is known to the depth at which the force is as large as its noise: some 0.4 of the depth at which it
-    is five times as large (of a force that goes with d^1.5). A record without free air tells nothing of it.
+    The touch itself is known to the depth at which the force is as large as its noise: some 0.4 of the depth at which
+    it is five times as large (of a force that goes with d^1.5). A record without free air tells nothing of it.
     """
     std = std if math.isfinite(std) else 0.0
     touched = np.flatnonzero(samples.contact)
@@ -166,8 +166,10 @@ def _surface_std(std: float, samples: Samples, surface: float) -> float:
         return std
     first = int(touched[0])
     air = samples.force[:first][np.isfinite(samples.force[:first])]
-    noise = float(np.std(np.diff(air)) / math.sqrt(2)) if len(air) > 2 else math.inf
-    risen = np.flatnonzero(samples.force[first:] - float(np.median(air)) > 5 * noise) if math.isfinite(noise) else []
+    if len(air) < _AIR // 2:
+        return std
+    noise = float(np.std(np.diff(air)) / math.sqrt(2))
+    risen = np.flatnonzero(samples.force[first:] - float(np.median(air)) > 5 * noise)
     if not len(risen):
         return std
     there = float(np.nanmean(samples.position[first - 1 : first + 1]))
