@@ -72,6 +72,7 @@ def test_a_pull_is_not_cut_off_in_a_simulated_specimen():
 
 def test_large_strain_is_hertz_less_15_per_cent_at_the_radius():
     tip = NeoHookeanSphere(radius=0.02)
+    check_indenter(NeoHookeanSphere(radius=2e-3))
     check_indenter(tip)
     assert tip.profile_area(0.02) / Sphere(radius=0.02).profile_area(0.02) == pytest.approx(0.85)
     assert tip.profile_area(0.02) / ExactSphere(radius=0.02).profile_area(0.02) == pytest.approx(0.95, abs=0.01)

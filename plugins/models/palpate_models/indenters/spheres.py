@@ -57,7 +57,7 @@ class NeoHookeanSphere(Indenter):
     force of an incompressible neo-Hookean half-space under a sphere that slides, shape and large strain together, E
     being its Young's modulus at small strain. The exact sphere at small strain (`exact-sphere`) has 1 - 0.10 d/R, so
     that large strain takes 5 % at d = R. With `thickness` dimitriadis or garcia both corrections are multiplied.
-    Valid to d = R; viscosity follows by the correspondence principle, as with `thickness`.
+    Valid to d = R, beyond which a(d) is held; viscosity follows by the correspondence principle, as with `thickness`.
     Source: Long, Hall, Wu and Hui 2011; Zhang et al. 2014; the finite elements of benchmarks/finite_elements.py.
     """
 
@@ -65,11 +65,19 @@ class NeoHookeanSphere(Indenter):
 
     def contact_radius(self, depth: Any) -> Any:
         """sqrt(R d) (1 - 0.25 d/R) [m]."""
-        return (self.radius * depth) ** 0.5 * (1.0 - 0.25 * depth / self.radius)
+        known = self._known(depth)
+        return self.radius * known**0.5 * (1.0 - 0.25 * known)
 
     def profile_area(self, depth: Any) -> Any:
         """(2/3) sqrt(R) d^1.5 (1 - 0.15 d/R) [m^2]."""
-        return 2.0 / 3.0 * depth * (self.radius * depth) ** 0.5 * (1.0 - 0.15 * depth / self.radius)
+        known = self._known(depth)
+        area = 2.0 / 3.0 * known**1.5 * (1.0 - 0.15 * known) + 0.75 * (depth / self.radius - known)
+        return self.radius**2 * area
+
+    def _known(self, depth: Any) -> Any:
+        """Depth over radius, 1 at most: deeper, the contact radius is held at its last value."""
+        scaled = depth / self.radius
+        return select(scaled, 1.0, 1.0 + 0.0 * scaled, scaled)
 
     def validity(self, depth: float) -> str:
         """Depth beyond which the correction is not fitted."""
