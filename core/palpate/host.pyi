@@ -32,6 +32,7 @@ from palpate_devices.logs.replaying import (
     replay_source as replay_source,
     with_other_channels as with_other_channels,
 )
+from palpate_filters.local_cubic import cubic_weights as cubic_weights, local_cubic as local_cubic
 from palpate_report.pictures import (
     FORMATS as FORMATS,
     WIDTHS as WIDTHS,
