@@ -68,7 +68,9 @@ def first_guess(
     names = [i for i in range(len(unknowns.items)) if i != unknowns.index("surface")]
     starts = np.zeros((math.prod(len(grid) for grid in grids), len(unknowns.items)))
     starts[:, [*names, unknowns.index("surface")]] = list(product(*grids))
-    least = np.zeros(len(starts)) if model.memory or not linear else _least(residual(tuple(linear)), thin, starts, linear)
+    least = (
+        np.zeros(len(starts)) if model.memory or not linear else _least(residual(tuple(linear)), thin, starts, linear)
+    )
     found: list[tuple[float, int, Floats]] = []
     for place in np.argsort(least, kind="stable").tolist():
         if found and least[place] > min(found)[0]:
