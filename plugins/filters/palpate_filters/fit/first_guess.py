@@ -94,7 +94,7 @@ def _least(residual: Residual, record: FitRecord, starts: Floats, linear: Sequen
         products.append(both.T @ both)
     squares = np.array(products)
     scale = np.sqrt(np.maximum(np.diagonal(squares, axis1=1, axis2=2), 1e-300))
-    known = np.isfinite(squares).all(axis=(1, 2))
+    known = np.asarray(np.isfinite(squares).all(axis=(1, 2)))
     unit = np.where(known[:, None, None], squares / (scale[:, :, None] * scale[:, None, :]), np.eye(len(linear) + 1))
     roots, directions = np.linalg.eigh(unit[:, :-1, :-1])
     shares = np.einsum("nij,ni->nj", directions, unit[:, :-1, -1]) ** 2 / np.maximum(roots, _SINGULAR)
