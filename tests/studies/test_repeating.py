@@ -73,7 +73,7 @@ def test_the_error_of_one_run_is_no_band(tmp_path):
 
 def test_what_goes_by_the_clock_waits_between_palpations(repeated, palpate, tmp_path):
     """A fast simulation does not, or the tests above would take their waits of 10 s."""
-    quick = ["duration=0.3 s", "rest=0.3 s", "clearance=1 mm", "speed=50 mm/s"]
+    quick = ["duration=0.3 s", "standstill=0.3 s", "clearance=1 mm", "speed=50 mm/s"]
     quick = [text for setting in quick for text in ("--set", f"trajectory.press.{setting}")]
     quick += ["--set", "alignment.tare_duration=0.2 s", "--set", "repeat.count=2", *SHORT[2:]]
     palpate(

@@ -43,7 +43,7 @@ class RecursiveTracker:
         self._listener = listener
         self._opening = opening or Opening()
         self._kernel = compile_step(recursion.step)
-        self._free_air = FreeAir(self._opening.rest) if self._opening.measure_noise else None
+        self._free_air = FreeAir(self._opening.standstill) if self._opening.measure_noise else None
         self.noise: tuple[float | None, float | None] = (None, None)  # of force [N] and velocity [m/s], where measured
         self._settings: Floats | None = None if self._free_air else recursion.settings(None, None)
         self._carry = Carry(None, np.nan)
