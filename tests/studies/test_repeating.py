@@ -93,7 +93,9 @@ def test_a_simulated_specimen_knows_what_was_done_to_it(repeated, tmp_path):
     np.testing.assert_allclose(counted, [sum(np.exp(-m * age / 100) for m in range(1, k + 1)) for k in range(4)])
     moved = palpations(load_pipeline(repeated, [*soft, 'repeat.step=["50 mm", "0 mm"]']))
     assert all(one.devices["rig"].specimen.palpated < 1e-9 for one in moved)
-    short = replace(still[1], trajectories={"press": still[1].trajectories["press"].model_copy(update={"duration": 2.0})})
+    short = replace(
+        still[1], trajectories={"press": still[1].trajectories["press"].model_copy(update={"duration": 2.0})}
+    )
     run = run_pipeline(short, tmp_path / "second")
     kept = load_pipeline(run.folder / "pipeline.toml").devices["rig"].specimen
     assert kept.palpated == pytest.approx(counted[1])
