@@ -16,8 +16,8 @@ from palpate_devices.relief import WAVES, plane_waves
 class Scatter(Settings):
     """Stiffness that differs from place to place, as tissue's does: log-normal, with a mean of 1.
 
-    The logarithm is a smooth random field of the plane with the covariance s^2 exp(-r^2/(2 length^2)), a sum of 64 plane
-    cosines like that of `relief`. One seed is one specimen.
+    The logarithm is a smooth random field of the plane with the covariance s^2 exp(-r^2/(2 length^2)), a sum of 64
+    plane cosines like that of `relief`. One seed is one specimen.
     """
 
     std: float = Field(gt=0, le=0.5, description="standard deviation of the stiffness, of its mean")
@@ -39,9 +39,9 @@ class Scatter(Settings):
 class Conditioning(Settings):
     """Softening by earlier palpations of the same place, as filled rubber and tissue show, and its recovery.
 
-    After n palpations the stiffness is 1 - softening (1 - exp(-n/palpations)) of that of untouched material. A palpation
-    counts exp(-age/recovery - distance^2/(2 reach^2)): it is forgotten with time, and felt around its place. A phenomenon
-    with numbers of one's own, not a theory of it (Mullins 1969 for rubber, Fung 1993 for tissue).
+    After n palpations the stiffness is 1 - softening (1 - exp(-n/palpations)) of that of untouched material. A
+    palpation counts exp(-age/recovery - distance^2/(2 reach^2)): it is forgotten with time, and felt around its place.
+    A phenomenon with numbers of one's own, not a theory of it (Mullins 1969 for rubber, Fung 1993 for tissue).
     """
 
     softening: float = Field(gt=0, lt=1, description="part of the stiffness that is lost in the end")
