@@ -13,7 +13,7 @@ _SOFT = {"elasticity": 112.5e3, "viscosity": 362.0, **_CYLINDER}
 _HORSESHOE = {"shape": "horseshoe", "bend": 0.008, "radius": 0.004, "angle": 1.5707963267948966, "peak": 0.103}
 _SPHERE = {"shape": "sphere", "radius": 0.005, "peak": 0.324}
 
-# Two slices of chicken breast of 15 mm each, by the paper's filter; the spread over its 10 palpations as that of places.
+# Two slices of chicken breast of 15 mm each, by the paper's filter; the spread of its 10 palpations as that of places.
 _CHICKEN = {"elasticity": 53.7e3, "viscosity": 623.0, "thickness": 0.03, "scatter": {"std": 5.2 / 53.7}}
 _BETWEEN_SLICES = _SPHERE | {"radius": 0.0025, "peak": 102.7 / 53.7 - 1}
 
