@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from typing import Literal
 
@@ -121,6 +121,10 @@ class SimulatedRig(Device):
     def turned(self, down: tuple[float, ...]) -> Device:
         """The rig with its tool turned."""
         return self.model_copy(update={"down": down})
+
+    def conditioned(self, earlier: Iterable[tuple[float, float]]) -> Device:
+        """The rig whose specimen was palpated before, at distances [m] and ages [s]."""
+        return self.model_copy(update={"specimen": self.specimen.conditioned(earlier)})
 
     def refuse(self, setpoint: Setpoint) -> None:
         """Not through the specimen, and not beside it."""
