@@ -1,9 +1,9 @@
 """What a sweep of one filter's settings over one log costs, and what its recursion has of that.
 
 Run it with: python benchmarks/sweep_of_settings.py [SETTINGS] [SECONDS]          (256 settings, a palpation of 10 s)
-A palpation is recorded by the simulated rig, then swept over `force_std` of the paper's filter: by `palpate sweep` with
+A palpation is recorded by the simulated rig, then swept over `force_std` of the paper's filter: by `palpate sweep` on
 all cores, by the clock; and a few of its runs in this process, with the processor's time inside the kernel. What eight
-settings in the lanes of the processor could save at most is 7/8 of that. filterpy's time is that of the recursion alone,
+settings in the lanes of the processor could save at most is 7/8 of that. filterpy's time is of the recursion alone,
 without reading, alignment, uncertainty and tables: that of this many runs one after the other, by a few.
 """
 
@@ -83,7 +83,7 @@ def main() -> None:
     print(f"palpate sweep: {whole:.1f} s by the clock, {1e3 * whole / count:.0f} ms a setting")
     print(f"one run in a warm process: {1e3 * one:.1f} ms of processor, {1e3 * kernel:.2f} ms of it in the kernel")
     print(f"lanes could save at most {100 * kernel * 7 / 8 / one:.2f} % of it")
-    print(f"filterpy's recursion alone: {1e3 * peer:.0f} ms a setting, {peer * count / whole:.1f} times the whole sweep")
+    print(f"filterpy's recursion alone: {1e3 * peer:.0f} ms a setting; all take {peer * count / whole:.1f} sweeps")
 
 
 if __name__ == "__main__":

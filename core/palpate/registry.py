@@ -27,6 +27,7 @@ from palpate.extensions import (
     Fact,
     Report,
     ReportSection,
+    Summary,
     Template,
     function_of,
 )
@@ -82,6 +83,7 @@ class Registry:
     templates: Mapping[str, Template] = field(default_factory=dict)
     flags: Mapping[str, FlagEntry] = field(default_factory=dict)
     diagnoses: Mapping[str, Diagnosis] = field(default_factory=dict)
+    summaries: Mapping[str, Summary] = field(default_factory=dict)
     checks: Mapping[str, Check] = field(default_factory=dict)
     calibrations: Mapping[str, CalibrationReader] = field(default_factory=dict)
     facts: Mapping[str, Fact] = field(default_factory=dict)
@@ -174,6 +176,7 @@ def load(files: Iterable[Path] = ()) -> Registry:
         templates=offered["template"],
         flags=flags,
         diagnoses=offered["diagnosis"],
+        summaries=offered["summary"],
         checks=offered["check"],
         calibrations=offered["calibration"],
         facts=offered["fact"],
