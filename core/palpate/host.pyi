@@ -60,6 +60,7 @@ from palpate_studies.jobs import (
     on_all_cores as on_all_cores,
     run_job as run_job,
 )
+from palpate_uncertainty.sources import sources_of as sources_of
 
 from palpate import registry as registry
 from palpate.alignment import (
