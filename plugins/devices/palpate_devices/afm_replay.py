@@ -19,17 +19,14 @@ from palpate import (
     Frequency,
     Link,
     LogError,
-    Recording,
     Stiffness,
     Stream,
-    Suggestion,
-    Survey,
-    TopicSurvey,
 )
 from pydantic import Field
 
 from palpate_devices.logs.files import regular
 from palpate_devices.logs.replay import file_facts
+from palpate_devices.recording import Recording, Suggestion, Survey, TopicSurvey
 
 SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-force-qi", ".jpk-qi-data", ".jpk-qi-series", ".ibw", ".tab", ".h5")
 _SECOND = 1e9  # [ns]

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         Profile,
         Quartic,
         Sphere,
+        TiltedFlat,
         TruncatedCone,
     )
     from palpate_models.kelvin_voigt import KelvinVoigt
@@ -38,7 +39,7 @@ __getattr__ = lazily(
         "palpate_models.dimensionality_reduction": "DimensionalityReduction",
         "palpate_models.hunt_crossley": "FreeHuntCrossley HuntCrossley",
         "palpate_models.indenters": "BluntCone Cone Ellipsoid ExactSphere Flat NeoHookeanSphere Paraboloid "
-        "Power Profile Quartic Sphere TruncatedCone",
+        "Power Profile Quartic Sphere TiltedFlat TruncatedCone",
         "palpate_models.kelvin_voigt": "KelvinVoigt",
         "palpate_models.relaxation": "DimensionalityReductionMaxwell Maxwell StandardLinearSolid",
     },
@@ -66,6 +67,7 @@ __all__ = [
     "Quartic",
     "Sphere",
     "StandardLinearSolid",
+    "TiltedFlat",
     "TruncatedCone",
 ]
 
@@ -85,6 +87,7 @@ def palpate_indenters() -> dict[str, type[Indenter]]:
         Profile,
         Quartic,
         Sphere,
+        TiltedFlat,
         TruncatedCone,
     )
 
@@ -95,6 +98,7 @@ def palpate_indenters() -> dict[str, type[Indenter]]:
         "paraboloid": Paraboloid,
         "ellipsoid": Ellipsoid,
         "flat": Flat,
+        "tilted-flat": TiltedFlat,
         "cone": Cone,
         "blunt-cone": BluntCone,
         "truncated-cone": TruncatedCone,
