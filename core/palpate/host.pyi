@@ -32,6 +32,7 @@ from palpate_devices.logs.replaying import (
     replay_source as replay_source,
     with_other_channels as with_other_channels,
 )
+from palpate_models.ting import ting_force as ting_force
 from palpate_report.pictures import (
     FORMATS as FORMATS,
     WIDTHS as WIDTHS,
