@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         Profile,
         Quartic,
         Sphere,
+        TiltedFlat,
         TruncatedCone,
     )
     from palpate_models.kelvin_voigt import KelvinVoigt
@@ -40,7 +41,7 @@ __getattr__ = lazily(
         "palpate_models.fractional": "FractionalKelvinVoigt PowerLaw",
         "palpate_models.hunt_crossley": "FreeHuntCrossley HuntCrossley",
         "palpate_models.indenters": "BluntCone Cone Ellipsoid ExactSphere Flat Paraboloid "
-        "Power Profile Quartic Sphere TruncatedCone",
+        "Power Profile Quartic Sphere TiltedFlat TruncatedCone",
         "palpate_models.kelvin_voigt": "KelvinVoigt",
         "palpate_models.poroelastic": "Poroelastic",
         "palpate_models.relaxation": "DimensionalityReductionMaxwell Maxwell StandardLinearSolid",
@@ -73,6 +74,7 @@ __all__ = [
     "Quartic",
     "Sphere",
     "StandardLinearSolid",
+    "TiltedFlat",
     "TruncatedCone",
 ]
 
@@ -91,6 +93,7 @@ def palpate_indenters() -> dict[str, type[Indenter]]:
         Profile,
         Quartic,
         Sphere,
+        TiltedFlat,
         TruncatedCone,
     )
 
@@ -100,6 +103,7 @@ def palpate_indenters() -> dict[str, type[Indenter]]:
         "paraboloid": Paraboloid,
         "ellipsoid": Ellipsoid,
         "flat": Flat,
+        "tilted-flat": TiltedFlat,
         "cone": Cone,
         "blunt-cone": BluntCone,
         "truncated-cone": TruncatedCone,
