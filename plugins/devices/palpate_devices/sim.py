@@ -36,7 +36,7 @@ from palpate_devices.sensing import sensed_wrench
 from palpate_devices.specimen import Specimen
 
 _SECOND = 1_000_000_000  # [ns]
-_BLOCK = 0.05  # [s] of simulated time in one round of batches
+_ROUND = {"real-time": 0.05, "fast": 1.0}  # [s] of simulated time in one round of batches, by pace
 
 
 class SimulatedRig(Device):
@@ -163,7 +163,7 @@ class _Rig:
         self._stopped.set()
 
     def batches(self) -> Iterator[Batch]:
-        """What the streams say while the motion lasts, in rounds of 50 ms."""
+        """What the streams say while the motion lasts, round by round."""
         if self._trajectory is None:
             return
         settings = self._settings
@@ -177,7 +177,8 @@ class _Rig:
         origin = time.time_ns() if settings.pace == "real-time" else 0
         began = time.monotonic()
         done_ticks = done_readings = 0
-        for edge in np.arange(1, int(end / _BLOCK) + 2) * _BLOCK:
+        length = _ROUND[settings.pace]
+        for edge in np.arange(1, int(end / length) + 2) * length:
             if settings.pace == "real-time":
                 self._stopped.wait(max(edge - (time.monotonic() - began), 0.0))
             if self._stopped.is_set():
