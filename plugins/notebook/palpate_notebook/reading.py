@@ -41,8 +41,9 @@ def read(
     log = Path(path)
     choices = {_ROLES.get(role, role): text for role, text in (signals or {}).items()}
     carried = carried_by(log)
+    doubts: tuple[str, ...] = ()
     if carried is not None and not choices:
-        tables, doubts = replay_source(carried).tables, ()
+        tables = replay_source(carried).tables
     else:
         suggestion = suggestion_of(log, choices)
         if suggestion.blanks:
