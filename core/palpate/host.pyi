@@ -4,6 +4,7 @@ Parts need `palpate` only; commands and other tools use `palpate` and this.
 """
 
 # What several families use, from the one that makes it.
+from palpate_basics.continuation import continued as continued, recorded_pipeline as recorded_pipeline
 from palpate_basics.options import (
     FormatOption as FormatOption,
     JsonOption as JsonOption,
@@ -14,6 +15,13 @@ from palpate_basics.options import (
 )
 from palpate_basics.plain import aside as aside, print_json as print_json
 from palpate_basics.quantities import measured as measured, rounded as rounded
+from palpate_basics.reading import read_flags as read_flags, read_result as read_result, upgraded as upgraded
+from palpate_basics.run_folder import (
+    EstimatesTable as EstimatesTable,
+    RunFolder as RunFolder,
+    TrackTable as TrackTable,
+    pipeline_among as pipeline_among,
+)
 from palpate_basics.table import Table as Table, console as console
 from palpate_calibration.file import (
     CalibratedValue as CalibratedValue,
@@ -32,6 +40,14 @@ from palpate_devices.logs.replaying import (
     replay_source as replay_source,
     with_other_channels as with_other_channels,
 )
+from palpate_devices.recording import (
+    Attached as Attached,
+    FieldSurvey as FieldSurvey,
+    Recording as Recording,
+    Suggestion as Suggestion,
+    Survey as Survey,
+    TopicSurvey as TopicSurvey,
+)
 from palpate_filters.local_cubic import cubic_weights as cubic_weights, local_cubic as local_cubic
 from palpate_report.pictures import (
     FORMATS as FORMATS,
@@ -43,6 +59,7 @@ from palpate_report.pictures import (
     save_figure as save_figure,
     style as style,
 )
+from palpate_studies.differing import differences as differences
 from palpate_studies.jobs import (
     Engine as Engine,
     Job as Job,
@@ -106,31 +123,28 @@ from palpate.pipeline import (
     LiveLinks as LiveLinks,
     Result as Result,
     check_way as check_way,
-    continued as continued,
     declared_noise as declared_noise,
     each as each,
     interruptible as interruptible,
     payloads as payloads,
-    recorded_pipeline as recorded_pipeline,
     run_pipeline as run_pipeline,
     start_tracks as start_tracks,
     the_trajectory as the_trajectory,
 )
 from palpate.registry import FlagEntry as FlagEntry, Registry as Registry, analysis as analysis, suggest as suggest
 from palpate.result import (
+    GIVEN as GIVEN,
+    OFFLINE as OFFLINE,
+    ONLINE as ONLINE,
+    PIPELINE as PIPELINE,
+    RESULT as RESULT,
+    SCHEMA as SCHEMA,
     Derived as Derived,
-    EstimatesTable as EstimatesTable,
     Found as Found,
-    RunFolder as RunFolder,
     TrackResult as TrackResult,
-    TrackTable as TrackTable,
     acceleration as acceleration,
-    differences as differences,
     finite_tree as finite_tree,
     make_folder as make_folder,
-    pipeline_among as pipeline_among,
-    read_flags as read_flags,
-    upgraded as upgraded,
     withdraw_folder as withdraw_folder,
 )
 from palpate.safety import (

@@ -13,16 +13,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from palpate import Floats, LogError, Status
+from palpate.host import GIVEN, OFFLINE, ONLINE, PIPELINE, RESULT
 
-from palpate.errors import LogError
-from palpate.estimation import Status
-from palpate.result.differing import differences
-from palpate.result.reading import is_whole, read_result
-from palpate.vectors import Floats
+from palpate_basics.reading import is_whole, read_result
 
-RESULT, PIPELINE, GIVEN, REVIEW = "result.json", "pipeline.toml", "given.toml", "review.json"
+REVIEW = "review.json"
 _OLDER = "resolved.toml"  # the pipeline of an older run, whose pipeline.toml is as given
-ONLINE, OFFLINE = "estimates.csv", "estimates-offline.csv"
 _UNUSABLE = Status.IDLE | Status.WAITING | Status.DIVERGED
 
 
@@ -146,15 +143,6 @@ class RunFolder:
         """This folder and those of its continuations, in their order."""
         later = sorted(self.path.glob("part-*"), key=lambda part: int(part.name.rpartition("-")[2]))
         return [self, *(RunFolder(part) for part in later)]
-
-    def demand_one_pipeline(self) -> None:
-        """Raise LogError where a continuation was not made with the settings of the run, its motion and seed apart."""
-        own = self.pipeline.read_text(encoding="utf-8") if self.began else None
-        for part in self.parts[1:] if own is not None else ():
-            if part.began:
-                text = part.pipeline.read_text(encoding="utf-8")
-                if told := differences(text, own or "", ("trajectory", "run.seed")):
-                    raise LogError(f"{part.path}: is no continuation of {self.path}, nothing is mixed: {told}")
 
     @property
     def next_part(self) -> Path:

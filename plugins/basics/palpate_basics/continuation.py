@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from palpate.config import Pipeline, load_pipeline
-from palpate.result import RunFolder
-from palpate.trajectory import Trajectory
+from palpate import Trajectory
+from palpate.host import Pipeline, load_pipeline
+
+from palpate_basics.run_folder import RunFolder
 
 
 def recorded_pipeline(folder: Path) -> Pipeline:
