@@ -49,6 +49,7 @@ from palpate_devices.recording import (
     TopicSurvey as TopicSurvey,
 )
 from palpate_filters.local_cubic import cubic_weights as cubic_weights, local_cubic as local_cubic
+from palpate_models.ting import ting_force as ting_force
 from palpate_report.pictures import (
     FORMATS as FORMATS,
     WIDTHS as WIDTHS,
