@@ -80,6 +80,7 @@ from palpate_uncertainty.sources import sources_of as sources_of
 from palpate import registry as registry
 from palpate.alignment import (
     GRAVITY as GRAVITY,
+    Aligner as Aligner,
     AlignmentReport as AlignmentReport,
     AlignmentSettings as AlignmentSettings,
     Health as Health,
