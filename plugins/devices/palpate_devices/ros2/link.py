@@ -18,6 +18,7 @@ from palpate_devices.process.clock import epoch_offset
 from palpate_devices.ros2.accounts import Publisher, StampClock, TopicAccount
 from palpate_devices.ros2.frames import Arrived
 from palpate_devices.ros2.heard import block_of
+from palpate_devices.ros2.limits import Limit
 from palpate_devices.ros2.listening import Listener
 from palpate_devices.ros2.worker import LOST
 
@@ -30,7 +31,10 @@ _BEAT = 2.0  # [s]; a process that is silent for longer has died, whatever else 
 class Ros2Link:
     """A domain that is listened to."""
 
-    def __init__(self, source: Listener, feeds: Sequence[Feed], name: str, duration: float | None) -> None:
+    def __init__(
+        self, source: Listener, feeds: Sequence[Feed], name: str, duration: float | None, limits: Sequence[Limit] = ()
+    ) -> None:
+        self._limits, self._alarmed = limits, False
         self._source, self._feeds, self._name, self._duration = source, feeds, name, duration
         self._reader = Reader(feeds, name)
         self._clocks: dict[tuple[int, int], StampClock] = {}  # by feed and writer
@@ -46,7 +50,9 @@ class Ros2Link:
             found = list(self._source.inlet.messages())
             now = time.monotonic()
             if found:
-                yield from self._batches(found)
+                for batch in self._batches(found):
+                    self._watch(batch)
+                    yield batch
                 quiet = now
             elif now - quiet > _MOST_QUIET:
                 yield from self._nothing()
@@ -60,6 +66,13 @@ class Ros2Link:
             if lost := int(self._source.child.ring.head[LOST]):
                 raise DeviceError(f"{self._name}: {lost} messages were lost: the host is too slow")
         yield from self._reader.turned(final=True)
+
+    def _watch(self, batch: Batch) -> None:
+        """Give the alarm, once, where a reading is beyond a limit."""
+        beyond = [limit.check(batch) for limit in self._limits]
+        if any(beyond) and not self._alarmed:
+            self._alarmed = True
+            self._source.child.tell("alarm")
 
     def _nothing(self) -> Iterator[Batch]:
         empty = np.zeros(0, np.int64)
@@ -140,6 +153,7 @@ class Ros2Link:
             "ros2-missing": told(lambda a: a.losses.missing, "{} messages of {topic} are missing by their stamps"),
             "ros2-damaged": told(lambda a: a.counts["damaged"], "{} messages of {topic} were damaged"),
         }
+        texts["ros2-limit"] = "; ".join(str(limit) for limit in self._limits if limit.beyond)
         if texts["ros2-damaged"]:
             texts["ros2-damaged"] += f" ({self._trouble})"
         if restarts := max((clock.restarts for clock in self._clocks.values()), default=0):
