@@ -136,6 +136,11 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "The stamps of a publisher leapt, as when a clock is set; they were mapped anew from there on.",
             "Let the clocks of all computers settle before a record (chrony, PTP).",
         ),
+        "ros2-clocks": FlagMeaning(
+            "invalid",
+            'Topics that are said to have one clock (clocks = "one") are stamped by several that do not agree.',
+            'Synchronise the computers (chrony, PTP), or set clocks = "each".',
+        ),
         "ros2-missing": FlagMeaning(
             "note",
             "Messages are missing between the stamps of those that came.",

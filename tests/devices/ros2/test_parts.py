@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from palpate import Batch, Flag
 from palpate.errors import ConfigurationError
-from palpate_devices.ros2.accounts import Losses, Publisher, StampClock
+from palpate_devices.ros2.accounts import CommonClock, Losses, Publisher, StampClock
 from palpate_devices.ros2.cyclone import Network
 from palpate_devices.ros2.device import Ros2Device
 from palpate_devices.ros2.frames import Arrived, Inlet, Outlet, message_pipe
@@ -79,6 +79,21 @@ def test_a_clock_is_mapped_by_its_fastest_message_and_anew_when_it_leaps():
     ahead = clock.to_host(stamps[-1:] + 3_600_000_000_000, np.array([11_100_000_000]))
     assert clock.restarts == 2
     assert ahead[0] == 11_100_000_000
+
+
+def test_topics_of_one_clock_keep_what_lies_between_them():
+    """One topic is always 3 ms late; mapped by itself it would seem to be on time."""
+    clock, apart = CommonClock(), 5_000_000_000
+    stamps = np.arange(1000) * 2 * MS
+    fast, slow = [], []
+    for k in range(0, 1000, 10):
+        rows = stamps[k : k + 10]
+        fast.append(clock.to_host("/fast", rows, rows + apart + MS // 10))
+        slow.append(clock.to_host("/slow", rows, rows + apart + 3 * MS))
+    assert np.abs(np.concatenate(fast) - np.concatenate(slow))[100:].max() < 1000  # [ns]
+    assert clock.apart == ("/fast", "/slow", pytest.approx(2.9e-3))
+    clock.to_host("/fast", stamps[:1], np.array([apart * 9]))
+    assert clock.restarts == 1
 
 
 def test_a_stall_of_the_network_is_no_leap():

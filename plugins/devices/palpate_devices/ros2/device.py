@@ -17,6 +17,7 @@ from palpate_devices.logs.feeds import Feed, mapped_streams
 from palpate_devices.logs.kinematics import Kinematics
 from palpate_devices.logs.mapping import Clock, MappedSignal, Orientation
 from palpate_devices.logs.replay import described_feeds
+from palpate_devices.ros2.accounts import CommonClock
 from palpate_devices.ros2.cyclone import Network
 from palpate_devices.ros2.heard import Heard
 from palpate_devices.ros2.limits import Bound, Limit
@@ -55,6 +56,11 @@ class Ros2Device(Device):
         default="stamp",
         description='"stamp" (of the header, else arrival), "log" (arrival), "publish" (when its writer wrote it), '
         'or { field = "data", index = 0 }',
+    )
+    clocks: Literal["each", "one"] = Field(
+        default="each",
+        description='"each": the clock of each topic is mapped by itself; "one": all stamps are of one computer, or of '
+        "several that are synchronised, and what lies between topics stays",
     )
     namespace: str = Field(default="", description="of topics that do not begin with a slash")
     types: dict[str, str] = Field(
@@ -161,7 +167,8 @@ class Ros2Device(Device):
         name = f"ros2://{self.domain}"
         with listener(name, self.network, self._topics, self.types, self.alarm) as source:
             feeds = self._found(source, name)
-            yield Ros2Link(source, feeds, name, self.listen, [Limit(bound) for bound in self._bounds])
+            common = CommonClock() if self.clocks == "one" else None
+            yield Ros2Link(source, feeds, name, self.listen, [Limit(bound) for bound in self._bounds], common)
 
     @property
     def network(self) -> Network:

@@ -15,7 +15,7 @@ from palpate_devices.logs.feeds import Feed
 from palpate_devices.logs.replay import Reader
 from palpate_devices.logs.topics import Messages, Stamps
 from palpate_devices.process.clock import epoch_offset
-from palpate_devices.ros2.accounts import Publisher, StampClock, TopicAccount
+from palpate_devices.ros2.accounts import CommonClock, Publisher, StampClock, TopicAccount
 from palpate_devices.ros2.frames import Arrived
 from palpate_devices.ros2.heard import block_of
 from palpate_devices.ros2.limits import Limit
@@ -25,6 +25,7 @@ from palpate_devices.ros2.worker import LOST
 _POLL = 0.004  # [s]
 _MOST_QUIET = 0.01  # [s]; at least so often there is a batch, if an empty one
 _NEWS = 0.1  # [s] between two looks at what the process says
+_ONE_CLOCK = 0.05  # [s] between the topics of one clock, at most
 _BEAT = 2.0  # [s]; a process that is silent for longer has died, whatever else keeps the machine busy
 
 
@@ -32,9 +33,15 @@ class Ros2Link:
     """A domain that is listened to."""
 
     def __init__(
-        self, source: Listener, feeds: Sequence[Feed], name: str, duration: float | None, limits: Sequence[Limit] = ()
+        self,
+        source: Listener,
+        feeds: Sequence[Feed],
+        name: str,
+        duration: float | None,
+        limits: Sequence[Limit] = (),
+        common: CommonClock | None = None,
     ) -> None:
-        self._limits, self._alarmed = limits, False
+        self._limits, self._alarmed, self._common = limits, False, common
         self._source, self._feeds, self._name, self._duration = source, feeds, name, duration
         self._reader = Reader(feeds, name)
         self._clocks: dict[tuple[int, int], StampClock] = {}  # by feed and writer
@@ -119,6 +126,8 @@ class Ros2Link:
         first = next((other for other in self._feeds if other.topic == feed.topic), feed)
         if feed is first:
             account.losses.add(stamps)
+        if self._common is not None:
+            return self._common.to_host(f"{feed.topic} {id(feed)}", stamps, received)
         clock = self._clocks.setdefault((id(feed), writer), StampClock())
         return clock.to_host(stamps, received)
 
@@ -156,7 +165,11 @@ class Ros2Link:
         texts["ros2-limit"] = "; ".join(str(limit) for limit in self._limits if limit.beyond)
         if texts["ros2-damaged"]:
             texts["ros2-damaged"] += f" ({self._trouble})"
-        if restarts := max((clock.restarts for clock in self._clocks.values()), default=0):
+        if self._common is not None and (apart := self._common.apart) is not None and apart[2] > _ONE_CLOCK:
+            ahead, behind = (name.split()[0] for name in apart[:2])
+            texts["ros2-clocks"] = f"{behind} is by {apart[2]:.3g} s later than {ahead}: their clocks are not one"
+        clocks = [*self._clocks.values(), *([self._common] if self._common is not None else [])]
+        if restarts := max((clock.restarts for clock in clocks), default=0):
             texts["ros2-clock"] = f"the clock of a publisher leapt {restarts} times"
         return (Flag(code, text) for code, text in texts.items() if text)
 
