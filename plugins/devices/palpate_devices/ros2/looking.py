@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import parse_qs
 
-from palpate import ConfigurationError, Suggestion, Survey, to_si
+from palpate import ConfigurationError, to_si
 
 from palpate_devices.logs.suggestion import suggestion_for
 from palpate_devices.logs.survey import survey_of
+from palpate_devices.recording import Suggestion, Survey
 from palpate_devices.ros2.cyclone import Network
 from palpate_devices.ros2.heard import Heard
 from palpate_devices.ros2.listening import hear, listener
