@@ -168,8 +168,8 @@ class Ros2Link:
         if self._common is not None and (apart := self._common.apart) is not None and apart[2] > _ONE_CLOCK:
             ahead, behind = (name.split()[0] for name in apart[:2])
             texts["ros2-clocks"] = f"{behind} is by {apart[2]:.3g} s later than {ahead}: their clocks are not one"
-        clocks = [*self._clocks.values(), *([self._common] if self._common is not None else [])]
-        if restarts := max((clock.restarts for clock in clocks), default=0):
+        leaps = [clock.restarts for clock in self._clocks.values()]
+        if restarts := max([*leaps, self._common.restarts if self._common is not None else 0]):
             texts["ros2-clock"] = f"the clock of a publisher leapt {restarts} times"
         return (Flag(code, text) for code, text in texts.items() if text)
 
