@@ -15,7 +15,7 @@ from palpate_filters.kernel.llvm import LANES, CompiledStep
 from palpate_filters.kernel.translation import Untranslatable
 from palpate_filters.kernel.virtual_machine import VirtualMachine
 
-__all__ = ["Kernel", "Step", "compile_step", "kernel_choice", "run_grid"]
+__all__ = ["Kernel", "Step", "compile_step", "kernel_choice", "run_grid", "step_function"]
 
 _VARIABLE = "PALPATE_KERNEL"
 
@@ -59,12 +59,17 @@ def kernel_choice() -> tuple[str, str]:
     return "llvm", f"llvmlite {found} is installed"
 
 
-def compile_step(step: Step) -> Kernel:
-    """The fastest kernel that this machine has, for a step; all of them give the same bits."""
+def step_function(step: Step) -> Any:
+    """The CasADi function that every kernel is made from."""
     import casadi
 
     outputs = [casadi.densify(step.next_state), casadi.densify(step.output)]
-    function = casadi.Function("step", [step.state, step.sample, step.settings], outputs, {"cse": True})
+    return casadi.Function("step", [step.state, step.sample, step.settings], outputs, {"cse": True})
+
+
+def compile_step(step: Step) -> Kernel:
+    """The fastest kernel that this machine has, for a step; all of them give the same bits."""
+    function = step_function(step)
     if kernel_choice()[0] == "llvm":
         try:
             return CompiledStep(function)
