@@ -1,10 +1,10 @@
 """How often the calibration's 95 % intervals hold the truth, and how far off its values are, on the simulated rig.
 
 Run it with: python benchmarks/calibration.py [--runs 100] [--seed 0] [--fixed]
-Each run is a whole calibration: rest, shake (5 Hz, 3 mm, 10 s), rest, three times, with its own noise. By default every
-run has a rig of its own, drawn at random: delay 0 to 25 ms, mass 50 to 400 g, offset, drift and noises; once with and
-once without a measured velocity. With --fixed: the same rig in all runs, one rig after the other. Printed: coverage of
-the 95 % interval, RMS and largest error, and mean stated standard uncertainty, of every value.
+Each run is a whole calibration: standstill, shake (5 Hz, 3 mm, 10 s), standstill, three times, with its
+own noise. By default every run has a rig of its own, drawn at random: delay 0 to 25 ms, mass 50 to 400 g, offset, drift
+and noises; once with and once without a measured velocity. With --fixed: the same rig in all runs, one rig after the
+other. Printed: coverage of the 95 % interval, RMS and largest error, and mean stated uncertainty of every value.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ def record(device: SimulatedRig, shake: Shake, seed: int, channels: AlignmentSet
 
 
 def truths(device: SimulatedRig, shake: Shake) -> dict[str, float]:
-    """What the values should be; the offset is that of the first rest's middle."""
+    """What the values should be; the offset is that of the first standstill's middle."""
     weight = device.tip_mass * GRAVITY
     return {
         "mass": device.tip_mass,
         "delay": device.force_delay - device.motion_delay,
-        "offset": device.bias - weight + device.drift * shake.rest / 2,
+        "offset": device.bias - weight + device.drift * shake.standstill / 2,
         "weight": weight,
-        "bias": device.bias + device.drift * shake.rest / 2,
+        "bias": device.bias + device.drift * shake.standstill / 2,
         "drift": device.drift,
         "force_std": device.force_std,
         "velocity_std": device.velocity_std,
@@ -128,7 +128,7 @@ def main() -> None:
     if given.fixed:
         for settings, motion in RIGS:
             print(f"{settings} {motion}: {given.runs} runs")
-            shake = Shake.model_validate({**motion, "rest": 1.5})
+            shake = Shake.model_validate({**motion, "standstill": 1.5})
             report(judged([rig(**settings)] * given.runs, shake, CHANNELS, given.seed))
         return
     for text, channels in (("with velocity", CHANNELS), ("without velocity", WITHOUT)):

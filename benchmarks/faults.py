@@ -150,8 +150,8 @@ _TRICKS = (  # what, the tip's start [mm, deg], elasticity [Pa], overrides of th
     ("tool off by 8 deg", (0, 0, 4, 8, 0, 0), 112.5e3, ()),
     ("tool off by 90 deg about its axis", (0, 0, 4, 0, 0, 90), 112.5e3, ()),
     ("5 mm deep at the start, 18 N", (0, 0, -5, 0, 0, 0), 366e3, ()),
-    ("the same, a rest of 50 N allowed", (0, 0, -5, 0, 0, 0), 366e3, ("safety.rest_force=50 N",)),
-    ("the same, 60 N allowed", (0, 0, -5, 0, 0, 0), 366e3, ("safety.rest_force=50 N", "safety.force=60 N")),
+    ("the same, 50 N at standstill allowed", (0, 0, -5, 0, 0, 0), 366e3, ("safety.standstill_force=50 N",)),
+    ("the same, 60 N allowed", (0, 0, -5, 0, 0, 0), 366e3, ("safety.standstill_force=50 N", "safety.force=60 N")),
     ("a joint may turn at 2 deg/s", (0, 0, 4, 0, 0, 0), 112.5e3, ("device.arm.joint_speed=2 deg/s",)),
 )
 

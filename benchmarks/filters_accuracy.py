@@ -19,7 +19,7 @@ from palpate_models import DimensionalityReduction, Sphere
 MATERIALS = {"S1 R5": (282.1e3, 860.0, 5e-3), "S2 R5": (112.5e3, 362.0, 5e-3), "S2 R2.5": (112.5e3, 362.0, 2.5e-3)}
 MASS = 0.14  # [kg]
 SURFACE = 0.3e-3  # [m]
-REST = 10.0  # [s] at a point before a sweep begins
+STANDSTILL = 10.0  # [s] at a point before a sweep begins
 
 
 def palpation(elasticity: float, viscosity: float, radius: float, seed: int) -> Samples:
@@ -134,12 +134,12 @@ def felt(along: np.ndarray) -> np.ndarray:
 
 
 def sweep(speed: float, seed: int) -> tuple[Samples, np.ndarray]:
-    """A sweep over two inclusions in a tilted, mildly rough block, and the true E (n,) [Pa]; 10 s at rest first."""
+    """A sweep over two inclusions in a tilted, mildly rough block, and the true E (n,) [Pa]; 10 s still first."""
     random = np.random.default_rng(seed)
     model = DimensionalityReduction(indenter=Sphere(radius=5e-3))
-    n = round((REST + 60e-3 / speed) * 500)
+    n = round((STANDSTILL + 60e-3 / speed) * 500)
     time = np.arange(n) / 500
-    along = np.maximum(time - REST, 0.0) * speed
+    along = np.maximum(time - STANDSTILL, 0.0) * speed
     elasticity = 112e3 * (1 + felt(along))
     phases, waves = random.uniform(0, 2 * np.pi, 6), random.uniform(8e-3, 40e-3, 6)
     rough = sum(2e-5 * np.sin(2 * np.pi * along / w + p) for w, p in zip(waves, phases, strict=True))
@@ -169,7 +169,7 @@ def sweeps(runs: int) -> None:
             errors = []
             for samples, truth in records[speed]:
                 found = estimator.start(problem).run(samples).values[:, 0]
-                moving = samples.time > REST
+                moving = samples.time > STANDSTILL
                 errors.append(np.sqrt(np.nanmean((found - truth)[moving] ** 2)) / 1e3)
             cells.append(f"{np.median(errors):.2f}")
         print(f"| {label} | {' | '.join(cells)} |")

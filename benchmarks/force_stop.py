@@ -42,7 +42,7 @@ def measured(module, folder: Path) -> tuple[float, float, float] | None:
         return None
     batches = module._readings(out / "log.mcap", "sensor", "wrench")
     received = np.concatenate([batch.received for batch in batches]) / 1e9 - (time.time() - time.monotonic())
-    force = np.concatenate([batch.values[:, 2] for batch in batches]) - live["rest"]["force"]
+    force = np.concatenate([batch.values[:, 2] for batch in batches]) - live["standstill"]["force"]
     over = received[np.flatnonzero(np.abs(force) > module.ForceLimit.stop)[0]]
     return stop["monotonic"] - over, state["peak_force"], module.ForceLimit.bound(2.25e6, 0.0165)
 

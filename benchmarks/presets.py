@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 
 import numpy as np
-from filters_accuracy import MATERIALS, REST, palpation, sweep
+from filters_accuracy import MATERIALS, STANDSTILL, palpation, sweep
 from palpate import Problem
 from palpate_filters import palpate_estimators
 from palpate_models import DimensionalityReduction, Sphere
@@ -22,11 +22,11 @@ def along_a_sweep(name: str, preset: str, speed: float, seed: int) -> tuple[floa
     """RMSE [kPa], height of the peak [%] and its lateness [mm] of one run; infinite where it was lost."""
     samples, truth = sweep(speed, seed)
     found = palpate_estimators()[name](preset=preset).start(PROBLEM).run(samples).values[:, 0]
-    moving = samples.time > REST
+    moving = samples.time > STANDSTILL
     error = (found - truth)[moving]
     if not np.isfinite(error).all() or np.abs(error / truth[moving]).max() > 1.0:
         return np.inf, np.inf, np.inf
-    place = (samples.time - REST) * speed
+    place = (samples.time - STANDSTILL) * speed
     near = np.abs(place - 0.02) < 5e-3
     period = np.ones(250) / 250  # of the palpation
     smooth = np.convolve(found, period, "same")

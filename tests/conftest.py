@@ -14,6 +14,8 @@ from palpate.cli import main
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
 
+from tests.results import _results_are_what_the_schema_says  # noqa: F401
+
 ROOT = Path(__file__).parent.parent
 _LIVE = {"bench", "shared_bench", "main_job"}  # fixtures that run a twin in real time
 

@@ -113,7 +113,9 @@ class Problem:
     model: ContactModel
     tip_mass: float | None  # [kg] of all that hangs behind the sensor; None where it is not declared
     timing_uncertainty: float | None = None  # [s] standard uncertainty between force and motion; None: not declared
-    rest: float | None = None  # [s] at the beginning of the record that the tip hangs still in free air; None: unknown
+    standstill: float | None = (
+        None  # [s] at the beginning of the record that the tip hangs still in free air; None: unknown
+    )
     others: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # parameters of the other models, by their name
 
 

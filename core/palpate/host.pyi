@@ -32,6 +32,7 @@ from palpate_devices.logs.replaying import (
     replay_source as replay_source,
     with_other_channels as with_other_channels,
 )
+from palpate_filters.local_cubic import cubic_weights as cubic_weights, local_cubic as local_cubic
 from palpate_report.pictures import (
     FORMATS as FORMATS,
     WIDTHS as WIDTHS,
@@ -50,6 +51,7 @@ from palpate_studies.jobs import (
     on_all_cores as on_all_cores,
     run_job as run_job,
 )
+from palpate_uncertainty.sources import sources_of as sources_of
 
 from palpate import registry as registry
 from palpate.alignment import (

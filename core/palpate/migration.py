@@ -20,7 +20,7 @@ class Migration:
     since: str  # version with the names of today; files that state it, or a later one, are left alone
     table: str  # a kind of part, such as "estimator", or a plain table, such as "run"
     type: str = ""  # of the part; empty for a plain table
-    keys: Mapping[str, str] = field(default_factory=dict)  # key of then -> key of today, dotted into nested tables
+    keys: Mapping[str, str] = field(default_factory=dict)  # key of then -> key of today; dots lead into nested tables
     converted: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict)  # by key of then: its value of today
     becomes: str = ""  # the type's name of today, where it has another
     implied: Mapping[str, Any] = field(default_factory=dict)  # keys that the type of then stood for

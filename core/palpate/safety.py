@@ -129,12 +129,20 @@ class SafetySettings(Settings):
     held_up: Time = Field(
         default=0.5, gt=0, description="this program being held up for longer, by others or by itself, stops the motion"
     )
-    rest: Time = Field(default=1.0, ge=0.2, description="rest in free air before the motion: tare and noise")
-    rest_force: Force = Field(default=5.0, gt=0, description="largest reading at rest, weight and offset together")
-    rest_noise: Force = Field(default=0.6, gt=0, description="largest standard deviation of the force at rest")
-    rest_speed: Speed = Field(default=0.005, gt=0, description="largest standard deviation of the velocity at rest")
-    rest_excess: float = Field(
-        default=3.0, gt=1, description="how many times the noise that a filter was told the noise at rest may be"
+    standstill: Time = Field(
+        default=1.0, ge=0.2, description="standstill in free air before the motion: tare and noise"
+    )
+    standstill_force: Force = Field(
+        default=5.0, gt=0, description="largest reading at standstill, weight and offset together"
+    )
+    standstill_noise: Force = Field(
+        default=0.6, gt=0, description="largest standard deviation of the force at standstill"
+    )
+    standstill_speed: Speed = Field(
+        default=0.005, gt=0, description="largest standard deviation of the velocity at standstill"
+    )
+    standstill_excess: float = Field(
+        default=3.0, gt=1, description="how many times the noise that a filter was told the noise at standstill may be"
     )
 
     @property

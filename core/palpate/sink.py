@@ -78,7 +78,7 @@ class TakesFlags(Protocol):
 class GuardState:
     """What the guard of a live run does."""
 
-    phase: Literal["rest", "motion", "tripped", "over"]
+    phase: Literal["standstill", "motion", "tripped", "over"]
     reason: str | None = None  # why it tripped
     peak_force: float = 0.0  # [N] largest tared reading until now
 

@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-QUICK = ("--set", "calibration.trajectory.duration=4 s", "--set", "calibration.trajectory.rest=1 s")
+QUICK = ("--set", "calibration.trajectory.duration=4 s", "--set", "calibration.trajectory.standstill=1 s")
 
 
 @pytest.fixture
@@ -118,7 +118,7 @@ def test_what_cannot_be_calibrated_is_refused_with_the_reason(palpate, late, tmp
 
 
 def test_a_sensor_that_is_stuck_is_refused(palpate, late):
-    """Without noise and drift it repeats one reading at rest."""
+    """Without noise and drift it repeats one reading at standstill."""
     done = palpate("calibrate", late, *QUICK, "--set", "device.rig.force_std=0 N", "--set", "device.rig.drift=0 N/s")
     assert done.returncode == 2
     assert "the force sensor is stuck: it repeats one reading for" in " ".join(done.stderr.split())

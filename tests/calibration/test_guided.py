@@ -11,7 +11,7 @@ from palpate_calibration.plan import load_plan
 
 QUICK = (
     "calibration.repeats=2",
-    "calibration.rest.trajectory.duration=3 s",
+    "calibration.standstill.trajectory.duration=3 s",
     "calibration.orientations.repeats=1",
     "calibration.orientations.trajectory.duration=1 s",
     "calibration.shake.trajectory.duration=4 s",
@@ -72,7 +72,7 @@ def test_every_step_finds_what_the_rig_hides(palpate, root, tmp_path):
     # A scatter of n readings is known to 1/sqrt(2 n) of itself: a repeat has hundreds to ten thousands.
     assert 0.002 < paper["std"] / paper["value"] < 0.05
     for text in (
-        "step 1 of 6, rest: the tip hangs free",
+        "step 1 of 6, standstill: the tip hangs free",
         "step 2 of 6, orientations",
         "42.3 to 57.7 mm high, at most 244 mm/s of 250, 9.02 m/s^2 of 10",
         "repeat 2 of 2: 10 s of motion",
@@ -89,7 +89,7 @@ def test_what_the_steps_before_a_failure_found_is_kept(palpate, guided, tmp_path
     steps = """
 [calibration]
 repeats = 1
-[calibration.rest]
+[calibration.standstill]
 trajectory = { type = "stay", duration = "4 s" }
 [calibration.shake]
 trajectory = { type = "shake", amplitude = "0.02 mm", frequencies = ["5 Hz"], duration = "2 s" }
@@ -102,22 +102,22 @@ trajectory = { type = "shake", amplitude = "0.02 mm", frequencies = ["5 Hz"], du
 
 
 STAY = 'trajectory = { type = "stay", duration = "3 s" }'
-SHAKE = 'trajectory = { type = "shake", amplitude = "5 mm", duration = "4 s", rest = "1 s" }'
+SHAKE = 'trajectory = { type = "shake", amplitude = "5 mm", duration = "4 s", standstill = "1 s" }'
 
-TOO_FAST = f"[calibration]\ntop_speed = '0.1 m/s'\n[calibration.rest]\n{STAY}\n[calibration.shake]\n{SHAKE}"
+TOO_FAST = f"[calibration]\ntop_speed = '0.1 m/s'\n[calibration.standstill]\n{STAY}\n[calibration.shake]\n{SHAKE}"
 
 
 @pytest.mark.parametrize(
     ("steps", "message"),
     [
-        ("[calibration.rest]", "[calibration.rest] needs a motion, such as"),
-        (f"[calibration.rest]\n{SHAKE}", "no rest of 2 s or more"),
+        ("[calibration.standstill]", "[calibration.standstill] needs a motion, such as"),
+        (f"[calibration.standstill]\n{SHAKE}", "no standstill of 2 s or more"),
         (f"[calibration.shake]\n{STAY}", "no shake of 2 s or more"),
         (f"[calibration.noise]\n{STAY}", "no even to-and-fro motion"),
         (f"[calibration.shakes]\n{STAY}", "unknown key 'shakes'; did you mean 'shake'"),
         (f"[calibration.orientations]\ndown = [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]\n{STAY}", "down"),
         (f"[calibration.orientations]\ndown = [[0.0, 0.0, -2.0], [0.0, 0.0, 1.0], [1.0, 0.0]]\n{STAY}", "no direction"),
-        (f"[calibration.rest]\n{STAY}\ndevice = {{ rig = 'nothing' }}", "there is no [device.nothing]"),
+        (f"[calibration.standstill]\n{STAY}\ndevice = {{ rig = 'nothing' }}", "there is no [device.nothing]"),
         (
             '[calibration.press]\ntrajectory = { type = "point", bias = "4 mm" }',
             "[calibration.press] deepest: the motion reaches -0.005 m, -0.001 is the limit",
@@ -139,7 +139,7 @@ def test_a_limit_broken_in_a_later_step_stops_before_the_first(guided):
 
 
 def test_weight_alone_gives_the_mass(guided):
-    steps = f"[calibration]\nrepeats = 1\n[calibration.rest]\n{STAY}\n[calibration.orientations]\n{STAY}"
+    steps = f"[calibration]\nrepeats = 1\n[calibration.standstill]\n{STAY}\n[calibration.orientations]\n{STAY}"
     values = run_calibration(load_plan(guided(steps)))[1].values
     assert values["mass"].value == values["mass_by_weight"].value
     assert "delay" not in values
@@ -163,18 +163,18 @@ LOG = '[calibration.{step}.device.rig]\ntype = "mcap-replay"\nfile = "{file}"\n'
 
 
 def test_steps_read_logs(palpate, guided, tmp_path):
-    """A rest and a shake, each recorded before."""
+    """A standstill and a shake, each recorded before."""
     plain = guided("")
     still = recorded(palpate, plain, 'type = "stay"\nduration = "4 s"', tmp_path / "still")
     shake = recorded(palpate, plain, 'type = "shake"\namplitude = "5 mm"\nduration = "4 s"', tmp_path / "shake")
-    file = guided(LOG.format(step="rest", file=still) + LOG.format(step="shake", file=shake))
+    file = guided(LOG.format(step="standstill", file=still) + LOG.format(step="shake", file=shake))
     done = palpate("calibrate", file)
     assert done.returncode == 0, done.stderr
     table = tomllib.loads((tmp_path / "guided.calibration.toml").read_text())
     assert table["values"]["delay"]["value"] == pytest.approx(0.0117, abs=3e-4)
     assert table["values"]["offset"]["value"] == pytest.approx(0.8 - 0.163 * 9.80665, abs=0.01)
     assert {len(facts["sha256"]) for facts in table["logs"].values()} == {64}
-    assert set(table["logs"]) == {"rest.rig", "shake.rig"}
+    assert set(table["logs"]) == {"standstill.rig", "shake.rig"}
 
 
 def test_a_log_of_a_palpation_is_refused(palpate, guided, tmp_path):
@@ -187,7 +187,7 @@ def test_a_log_of_a_palpation_is_refused(palpate, guided, tmp_path):
 
 def test_a_log_with_too_few_rests_is_refused(palpate, guided, tmp_path):
     log = recorded(palpate, guided(""), 'type = "shake"\nduration = "3 s"', tmp_path / "shaken")
-    with pytest.raises(LogError, match=r"the log holds 2 rests; \[calibration.orientations\] down names 4"):
+    with pytest.raises(LogError, match=r"the log holds 2 standstills; \[calibration.orientations\] down names 4"):
         run_calibration(load_plan(guided(LOG.format(step="orientations", file=log))))
 
 

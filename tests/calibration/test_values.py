@@ -9,7 +9,7 @@ from palpate.alignment import AlignmentSettings, Health, Ports
 from palpate_calibration.protocol import calibrate
 from palpate_calibration.quantity import Measured, RepeatValue
 from palpate_calibration.record import CalibrationRecord, CalibrationRecorder, Trace
-from palpate_calibration.segments import Segment, resting, shaking
+from palpate_calibration.segments import Segment, shaking, standing_still
 from palpate_calibration.settings import CalibrationSettings
 from palpate_calibration.shake import shake_fit
 from palpate_calibration.statics import series_compliance, tap_delay, weight_fit
@@ -21,7 +21,7 @@ from palpate_trajectories.shake import Shake
 MODEL = DimensionalityReduction(indenter=Sphere(radius=0.005))
 CHANNELS = {"force": "rig.wrench.z", "position": "rig.tip.z", "velocity": "rig.twist.z"}
 WHOLE = Segment(0.1, 10.0)
-SHORT = Shake(amplitude=0.005, duration=4.0, rest=1.0)
+SHORT = Shake(amplitude=0.005, duration=4.0, standstill=1.0)
 
 
 def twin(seed=0, mass=0.14, delay=0.0, sines=((5.0, 0.003),), force_std=0.05, position_std=5e-6, rate=500.0, **more):
@@ -129,7 +129,7 @@ def test_coloured_noise_widens_the_interval():
 def test_the_simulated_rig_is_recovered(truth):
     device = rig(**truth)
     values = calibrated(device).values
-    middle = SHORT.rest / 2 * device.drift
+    middle = SHORT.standstill / 2 * device.drift
     expected = {
         "mass": device.tip_mass,
         "delay": device.force_delay - device.motion_delay,
@@ -172,11 +172,11 @@ def test_several_shakes_in_one_log_are_repeats():
 
 
 def test_rest_and_shake_are_found():
-    record = recorded(rig(), Shake(amplitude=0.005, duration=5.0, rest=1.5))
+    record = recorded(rig(), Shake(amplitude=0.005, duration=5.0, standstill=1.5))
     (shake,) = shaking(record, 0.2)
-    rests = resting(record)
-    assert len(rests) == 2
-    assert 0.0 <= rests[0].begin < rests[0].end <= 1.6
+    still = standing_still(record)
+    assert len(still) == 2
+    assert 0.0 <= still[0].begin < still[0].end <= 1.6
     assert shake.begin > 2.4
     assert shake.end < 8.0
     assert shake.length > 4.0
@@ -195,7 +195,7 @@ def test_a_late_velocity_is_noted(delay, noted):
 
 IN_CONTACT = Point(bias=0.004, frequency=5.0, duration=5.0)
 HIGH_SKIN = {"specimen": {"model": MODEL, "elasticity": 1e5, "viscosity": 300.0, "surface": 0.0034}}
-TOUCHING = Shake(amplitude=0.005, height=0.0055, duration=4.0, rest=1.0)
+TOUCHING = Shake(amplitude=0.005, height=0.0055, duration=4.0, standstill=1.0)
 
 
 @pytest.mark.parametrize(
@@ -205,7 +205,7 @@ TOUCHING = Shake(amplitude=0.005, height=0.0055, duration=4.0, rest=1.0)
         (HIGH_SKIN, TOUCHING, {}, "contact"),
         ({"force_limit": 1.0}, SHORT, {}, "saturated"),
         ({}, SHORT, {"force_limit": 1.2}, "saturated"),
-        ({}, Shake(amplitude=1e-4, frequencies=(2.0,), duration=4.0, rest=1.0), {}, "too small"),
+        ({}, Shake(amplitude=1e-4, frequencies=(2.0,), duration=4.0, standstill=1.0), {}, "too small"),
         ({}, SHORT, {"force": {"channel": "rig.wrench.z", "sign": -1}}, "sign = -1"),
         ({"force_std": 0.0, "drift": 0.0}, SHORT, {}, "stuck"),
     ],

@@ -74,7 +74,7 @@ def test_the_doctor(palpate, live, tmp_path):
         slack = [word for item in patient for word in ("--set", item)]
         done = palpate("doctor", live, *sets, *slack, "--set", "alignment.gap=5 s", "--duration", "0.6")
         assert done.returncode == 0, done.stdout + done.stderr
-        assert "ok   rest: force" in done.stdout
+        assert "ok   standstill: force" in done.stdout
         assert "SCHED_FIFO" in done.stdout or "no real-time scheduling" in done.stdout
         twin.stdin.write("state\n")
         twin.stdin.flush()

@@ -8,8 +8,13 @@ from pathlib import Path
 
 import pytest
 from jsonschema import Draft202012Validator
+from palpate.config import load_pipeline
+from palpate.pipeline import run_pipeline
 from palpate.registry import load
-from palpate_basics.schema import pipeline_schema
+from palpate.result import SCHEMA
+from palpate_basics.schema import pipeline_schema, result_schema
+
+from tests.results import mistakes
 
 ROOT = Path(__file__).parent.parent.parent
 NEEDED = {"device", "alignment", "model", "estimator"}
@@ -33,6 +38,75 @@ def validator():
 @pytest.fixture(scope="module")
 def point():
     return tomllib.loads((ROOT / "pipelines" / "point.toml").read_text())
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    """What a short run has found."""
+    text = (ROOT / "pipelines" / "point.toml").read_text()
+    folder = tmp_path_factory.mktemp("result")
+    (folder / "point.toml").write_text(text)
+    pipeline = load_pipeline(folder / "point.toml", ["trajectory.press.duration=1 s"])
+    return json.loads(json.dumps(run_pipeline(pipeline, folder / "out").table()))
+
+
+def test_the_schema_of_results_is_printed(palpate):
+    schema = json.loads(palpate("schema", "result").stdout)
+    Draft202012Validator.check_schema(schema)
+    assert schema == result_schema()
+    assert schema["properties"]["schema"]["const"] == SCHEMA
+    done = palpate("schema", "results")
+    assert done.returncode == 2
+    assert "'pipeline', 'result'" in done.stderr
+
+
+def test_every_key_of_a_result_is_explained():
+    """But for the objects and rows that stand under a name of their own."""
+
+    def unexplained(schema, path=""):
+        if isinstance(schema, dict):
+            for name, value in (schema.get("properties") or {}).items():
+                if "description" not in value and "$ref" not in value:
+                    yield f"{path}.{name}"
+            for key, value in schema.items():
+                yield from unexplained(value, f"{path}/{key}")
+
+    assert list(unexplained(result_schema())) == []
+
+
+def _track(document):
+    return next(iter(document["tracks"].values()))
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda d: d.pop("truth"),
+        lambda d: d.update(schema=3),
+        lambda d: d["run"].update(log_duration=None),
+        lambda d: d["run"]["tare"].pop("noise"),
+        lambda d: _track(d).update(verdict="fine"),
+        lambda d: _track(d)["flags"].append({"code": "Odd One", "message": "odd", "severity": "note"}),
+        lambda d: _track(d)["flags"].append("odd: a text, as in schema 1"),
+        lambda d: _track(d)["parameters"]["elasticity"].update(value="112 kPa"),
+        lambda d: _track(d)["parameters"]["elasticity"].pop("combined"),
+        lambda d: _track(d)["budget"][0]["effects"].update(elasticity=1.0),
+        lambda d: next(iter(d["streams"].values())).update(samples=-1),
+    ],
+)
+def test_what_is_no_result_is_refused(result, spoil):
+    whole = Draft202012Validator(result_schema())
+    assert whole.is_valid(result)
+    assert mistakes(result) == []
+    spoilt = deepcopy(result)
+    spoil(spoilt)
+    assert not whole.is_valid(spoilt)
+
+
+def test_keys_of_a_later_version_are_let_alone(result):
+    later = {**result, "mood": 3}
+    assert Draft202012Validator(result_schema()).is_valid(later)
+    assert mistakes(later)  # but the tests of this version know all keys that it writes
 
 
 @pytest.mark.parametrize("pipeline", sorted((ROOT / "pipelines").rglob("*.toml")), ids=lambda path: path.stem)

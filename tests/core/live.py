@@ -37,7 +37,7 @@ amplitude = "1 mm"
 frequency = "2 Hz"
 duration = "1 s"
 clearance = "3 mm"
-rest = "0 s"
+standstill = "0 s"
 [sink.kept]
 type = "kept"
 [safety]
@@ -47,7 +47,7 @@ force = "20 N"
 stop_force = "12 N"
 stiffness = "3 N/mm"
 latency = "60 ms"
-rest = "0.2 s"
+standstill = "0.2 s"
 stale = "5 s"
 """
 

@@ -80,7 +80,7 @@ def test_a_sink_ends_a_live_run_through_the_guard(run_live):
     thread.join()
     assert [what for _, what in told] == ["retract"]
     assert "the button on the page" in result.interrupted
-    assert [state.phase for (state,) in LISTENERS[0].of("guard")] == ["rest", "motion", "tripped"]
+    assert [state.phase for (state,) in LISTENERS[0].of("guard")] == ["standstill", "motion", "tripped"]
     assert "the button on the page" in LISTENERS[0].of("guard")[-1][0].reason
     health = LISTENERS[0].of("health")[-1][0]
     assert health["time"] > 0.2

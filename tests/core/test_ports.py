@@ -70,7 +70,7 @@ def test_aligner_recorder_and_guard_read_the_same_column():
     np.testing.assert_array_equal(samples.force, values[:, 1])
     np.testing.assert_array_equal(samples.position, -values[:, 2])
     np.testing.assert_array_equal(recorder.record().force.values, values[:, 1])
-    assert guard.judge_rest().force == pytest.approx(1.5)
+    assert guard.judge_standstill().force == pytest.approx(1.5)
 
 
 @pytest.mark.parametrize(("gap", "gaps"), [(0.02, 1), (0.05, 0)])

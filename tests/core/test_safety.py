@@ -130,13 +130,13 @@ def height(z):
 
 @pytest.fixture
 def guard():
-    """A guard after its rest; this test may be held up for long, where the machine is."""
+    """A guard after its standstill; this test may be held up for long, where the machine is."""
     made = Guard(limits(stale=0.15, held_up=600.0), PORTS)
     made.arm = _Arm()
     rng = np.random.default_rng(0)
     made.check("s", force(*(1.0 + 0.05 * rng.standard_normal(100))))
     made.check("r", height(0.01))
-    found = made.judge_rest()
+    found = made.judge_standstill()
     assert found.force == pytest.approx(1.0, abs=0.02)
     assert found.force_std == pytest.approx(0.05, rel=0.2)
     made.begin({"r": made.arm})
@@ -210,7 +210,7 @@ def test_the_guard_watches_every_force_that_a_stream_declares(units, column, tri
     still = np.full((20, len(units)), 0.5)
     guard.check("s", Batch("daq", stamps, stamps, still))
     guard.check("r", height(0.01))
-    guard.judge_rest()
+    guard.judge_standstill()
     pushed = still.copy()
     pushed[-1, column] = 400.0
     guard.check("s", Batch("daq", stamps, stamps, pushed))
@@ -222,7 +222,7 @@ def test_a_height_that_counts_downwards_keeps_its_depth_limit():
     guard = Guard(limits(), Ports.of(alignment, {"s": (WRENCH,), "r": (TIP,)}))
     guard.check("s", force(*np.linspace(0.9, 1.1, 20)))
     guard.check("r", height(-0.01))
-    guard.judge_rest()
+    guard.judge_standstill()
     guard.check("r", height(-0.02))
     assert guard.reason is None
     guard.check("r", height(0.008))
@@ -318,8 +318,8 @@ def test_a_sensor_that_ends_does_not_end_the_watch_of_the_arm(guard):
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        (np.full(50, 30.0) + np.arange(50) % 2, "rest_force"),
-        (np.arange(50) % 2 * 4.0, "rest_noise"),
+        (np.full(50, 30.0) + np.arange(50) % 2, "standstill_force"),
+        (np.arange(50) % 2 * 4.0, "standstill_noise"),
         (np.zeros(3), "gave nothing usable"),
     ],
 )
@@ -328,7 +328,7 @@ def test_an_implausible_rest_is_refused_with_advice(values, words):
     guard.check("s", force(*values))
     guard.check("r", height(0.01))
     with pytest.raises(DeviceError, match=words):
-        guard.judge_rest()
+        guard.judge_standstill()
 
 
 @pytest.mark.parametrize(
@@ -353,10 +353,10 @@ def test_noise_that_a_filter_does_not_expect_is_refused_with_advice(told, words)
         guard.check("r", Batch("twist", stamps, stamps, (factor * 3e-4 * noise)[:, None]))
         if refused:
             with pytest.raises(DeviceError, match=words) as caught:
-                guard.judge_rest({"ekf": told})
+                guard.judge_standstill({"ekf": told})
             assert 'set noise = "measure"' in str(caught.value)
         else:
-            assert guard.judge_rest({"ekf": told}).velocity_std == pytest.approx(2.94e-4)
+            assert guard.judge_standstill({"ekf": told}).velocity_std == pytest.approx(2.94e-4)
 
 
 def setpoints(position, velocity=None, **more):
@@ -437,7 +437,9 @@ def test_a_preload_that_the_tare_would_hide_is_refused():
         refuse_preload(-17.8, limits(), port)
     # With a known offset the force on the skin is known: an offset is none, and a light touch is seen.
     refuse_preload(-17.8, limits(), port, -17.7)
-    with pytest.raises(DeviceError, match=r"reads 2\.00 N at rest, 1\.40 N from the known offset: the tip touches"):
+    with pytest.raises(
+        DeviceError, match=r"reads 2\.00 N at standstill, 1\.40 N from the known offset: the tip touches"
+    ):
         refuse_preload(2.0, limits(), port, 0.6)
 
 

@@ -107,3 +107,55 @@ def test_check_says_what_was_renamed(palpate, written):
     done = palpate("check", "point.toml")
     assert done.returncode == 0, done.stderr
     assert "renamed: point.toml:" in done.stderr
+
+
+RIG = """
+[safety]
+low = ["-1 m", "-1 m", "-1 m"]
+high = ["1 m", "1 m", "1 m"]
+force = "20 N"
+stop_force = "10 N"
+stiffness = "1 kN/m"
+"""
+
+
+@pytest.mark.parametrize("key", ["", "_force", "_noise", "_speed", "_excess"])
+def test_the_standstill_of_older_rigs(written, key):
+    value = {"": "2 s", "_force": "4 N", "_noise": "0.5 N", "_speed": "2 mm/s", "_excess": "2"}[key]
+    pipeline = load_pipeline(written(f"{RIG}rest{key} = {value if key == '_excess' else repr(value)}\n"))
+    found = getattr(pipeline.safety, f"standstill{key}")
+    assert found == pytest.approx({"": 2.0, "_force": 4.0, "_noise": 0.5, "_speed": 2e-3, "_excess": 2.0}[key])
+    assert f"[safety] rest{key} is called standstill{key} since palpate 0.2" in str(pipeline.renamed[0])
+
+
+def test_the_standstill_of_older_motions(written):
+    path = written()
+    path.write_text(path.read_text().replace("[trajectory.press]", "[trajectory.press]\nrest = '3 s'", 1))
+    pipeline = load_pipeline(path)
+    assert pipeline.trajectories["press"].standstill == pytest.approx(3.0)
+    line = 1 + next(i for i, text in enumerate(path.read_text().splitlines()) if text.startswith("rest = '3 s'"))
+    assert str(pipeline.renamed[0]).startswith(f"renamed: {path}:{line}: [trajectory.press] rest is called standstill")
+
+
+MOVED = """
+[trajectory.lines]
+type = "moved"
+of.type = "line-sweep"
+of.end = ["9 mm", "0 mm"]
+by = ["1 mm", "0 mm"]
+of.press = { bias = "3 mm", rest = "2 s" }
+[calibration.rest]
+trajectory = { type = "shake", amplitude = "5 mm", rest = "1 s" }
+"""
+
+
+def test_older_motions_within_motions_and_steps(written):
+    """Wherever a part stands: in another one, in a table of an analysis; the lines go with them."""
+    path = written(MOVED)
+    with pytest.raises(ConfigurationError) as told:
+        load_pipeline(path, ["calibration.rest.trajectory.amplitude=1 N"])
+    assert "--set calibration.standstill.trajectory.amplitude" in str(told.value)
+    assert "unknown key" not in str(told.value)
+    pipeline = load_pipeline(path)
+    assert pipeline.trajectories["lines"].of.press.standstill == pytest.approx(2.0)
+    assert pipeline.tables["calibration"].standstill.trajectory.standstill == pytest.approx(1.0)

@@ -18,12 +18,12 @@ from palpate_devices.mcap_replay import McapReplay
 
 PIPELINE = Path(__file__).parents[2] / "pipelines" / "point_ur3e.toml"
 _ADDRESSES = itertools.count(2)
-# A short motion with the same limits: rest, approach, a second of sine, retraction.
+# A short motion with the same limits: standstill, approach, a second of sine, retraction.
 SHORT = (
     "device.sensor.settle=0.1 s",
-    "safety.rest=0.2 s",
+    "safety.standstill=0.2 s",
     "alignment.tare_duration=0.15 s",
-    "trajectory.press.rest=0 s",
+    "trajectory.press.standstill=0 s",
     "trajectory.press.clearance=3 mm",
     "trajectory.press.duration=1 s",
     "twin.bench.height=4 mm",
@@ -216,7 +216,7 @@ class ForceLimit:
         table = json.loads((folder / "result.json").read_text())
         wrench = _readings(folder / "log.mcap", "sensor", "wrench")
         stamps = np.concatenate([b.time for b in wrench])
-        force = np.concatenate([b.values[:, 2] for b in wrench]) - table["run"]["live"]["rest"]["force"]
+        force = np.concatenate([b.values[:, 2] for b in wrench]) - table["run"]["live"]["standstill"]["force"]
         over = stamps[np.flatnonzero(np.abs(force) > ForceLimit.stop)[0]]
         tip, twist = (_readings(folder / "log.mcap", "arm", stream) for stream in ("tip", "twist"))
         times = np.concatenate([b.time for b in tip])

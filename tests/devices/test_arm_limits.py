@@ -22,7 +22,7 @@ LIMITS = SafetySettings(
     stop_force=12.0,
     stiffness=3000.0,
 )
-PRESS = Point(bias=0.002, amplitude=0.0005, clearance=0.003, rest=0.0, duration=0.5)
+PRESS = Point(bias=0.002, amplitude=0.0005, clearance=0.003, standstill=0.0, duration=0.5)
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def test_what_the_robot_says_is_doubted(restored, fault, words):
 
     thread = threading.Thread(target=make)
     thread.start()
-    slow = Point(bias=0.006, amplitude=0.0005, clearance=0.003, rest=0.0, duration=2.0, speed=0.01)
+    slow = Point(bias=0.006, amplitude=0.0005, clearance=0.003, standstill=0.0, duration=2.0, speed=0.01)
     why, truth, _ = moved(restored, slow, watchdog="10 Hz")
     thread.join()
     assert re.search(words, why), why
@@ -194,7 +194,7 @@ def test_the_force_stops_it_although_nobody_of_the_host_looks(bench, short, forc
     """The job reads nothing for as long as the motion takes: the servo process reads the sensor by itself."""
     twin = bench(*short, "twin.bench.specimen.elasticity=2.25 MPa", "twin.bench.specimen.viscosity=7240 Pa*s")
     sensor = BotaSensor.model_validate({"port": str(twin.port), "settle": "0.1 s", "silence": "5 s"})
-    deep = Point(bias=0.004, amplitude=0.001, clearance=0.003, rest=0.0, duration=1.0)
+    deep = Point(bias=0.004, amplitude=0.001, clearance=0.003, standstill=0.0, duration=1.0)
     with sensor.connect(0) as force, device(twin).connect(0) as link:
         batches, why = begun(link), []
         rest = np.concatenate([b.values for b, _ in zip(force.batches(), range(60), strict=False)
@@ -265,10 +265,10 @@ def refused(twin, *overrides):
 def test_a_preload_is_refused_whatever_the_tare_hides(bench, short):
     """The tip 5 mm deep at the start, 17 N on the skin: by its size, by its sum, by a retreat; never pressed deeper."""
     twin = bench(*short, "twin.bench.height=-5 mm", "twin.bench.specimen.elasticity=366 kPa")
-    assert "over [safety] rest_force = 5 N" in refused(twin)
+    assert "over [safety] standstill_force = 5 N" in refused(twin)
     before = twin.state()
-    assert "over force = 20 N" in refused(twin, "safety.rest_force=50 N")
-    many = ("safety.rest_force=50 N", "safety.force=60 N")
+    assert "over force = 20 N" in refused(twin, "safety.standstill_force=50 N")
+    many = ("safety.standstill_force=50 N", "safety.force=60 N")
     assert "the tip touches something: sensor.wrench.z fell by" in refused(twin, *many)
     after = twin.state()
     assert after["low"][2] > -0.00502

@@ -20,7 +20,7 @@ HIDDEN = (
 )
 QUICK = (
     "calibration.repeats=1",
-    "calibration.rest.trajectory.duration=2.5 s",
+    "calibration.standstill.trajectory.duration=2.5 s",
     "calibration.orientations.duration=1 s",
     "calibration.shake.trajectory.duration=5 s",
 )

@@ -25,4 +25,4 @@ def test_the_arm_keeps_its_promises(random_faults, bench, short, seed):
     scene, ended, broken = random_faults.run(bench(*short), seed)
     assert broken == [], f"{scene}: {ended}"
     if scene.preload > 1.0:
-        assert "rest_force" in ended or "touches" in ended or "force =" in ended
+        assert "standstill_force" in ended or "touches" in ended or "force =" in ended

@@ -82,7 +82,7 @@ def test_the_sensor_feels_contact_weight_and_inertia():
 
 
 def test_bias_drift_noise_and_range():
-    still = Point(bias=0.001, amplitude=0.0005, clearance=0.05, rest=20.0, duration=0.5, speed=0.05)
+    still = Point(bias=0.001, amplitude=0.0005, clearance=0.05, standstill=20.0, duration=0.5, speed=0.05)
     streams = readings(rig(bias=0.6, drift=0.01, force_std=0.05, force_limit=5.0), still)
     t, wrench = streams["wrench"]
     rest = t < 20.0
@@ -121,7 +121,7 @@ def test_nothing_sticks():
 
 
 def test_real_time_takes_its_time():
-    short = Point(bias=0.002, clearance=0.001, rest=0.1, duration=0.5, speed=0.02)
+    short = Point(bias=0.002, clearance=0.001, standstill=0.1, duration=0.5, speed=0.02)
     before = time.monotonic()
     with rig(pace="real-time").connect(0) as link:
         link.follow(short)

@@ -18,7 +18,7 @@ from palpate_trajectories.point import Point
 
 WORK = {"origin": (-0.3, -0.13, 0.1)}
 TCP = matrix_of([0.0, 0.0, 0.12, 0.0, 0.0, 0.0])
-PRESS = Point(bias=0.002, amplitude=0.0005, clearance=0.003, rest=0.0, duration=0.5)
+PRESS = Point(bias=0.002, amplitude=0.0005, clearance=0.003, standstill=0.0, duration=0.5)
 
 
 def test_the_posture_of_the_paper():
@@ -214,7 +214,7 @@ def test_a_second_master_is_refused(restored):
 
 
 def test_a_motion_out_of_reach_ends_in_words(restored):
-    far = Point(bias=0.001, amplitude=0.0005, clearance=0.6, rest=0.0, duration=0.5, speed=1.0)
+    far = Point(bias=0.001, amplitude=0.0005, clearance=0.6, standstill=0.0, duration=0.5, speed=1.0)
     with pytest.raises(DeviceError, match=r"out of reach|does not follow|refuses|singular"):
         states(device(restored, start_tolerance=1.0, approach_speed=0.25), far)
     restored.wait_at_rest()

@@ -146,20 +146,20 @@ def test_noise_is_measured_in_free_air():
 
 @pytest.mark.parametrize("name", ["ekf", "afukf", "kinematic-ekf"])
 def test_noise_of_the_rest_is_taken_where_there_was_one(name):
-    """What shakes the tip on its way to the material is not the noise of the rest; blocks change nothing."""
+    """What shakes the tip on its way to the material is not the noise of the standstill; blocks change nothing."""
     samples = in_air(record(), 600)
     rng = np.random.default_rng(3)
     shaken = slice(250, 600)
     samples.force[shaken] += 0.5 * rng.standard_normal(350)
     samples.position[:250] = 0.005
-    rest = float(samples.time[250])
+    standstill = float(samples.time[250])
     found = []
     for blocks in ([samples], [samples[i : i + 17] for i in range(0, len(samples), 17)]):
-        tracker = ESTIMATORS[name](noise="measure").start(Problem(MODEL, 0.14, rest=rest))
+        tracker = ESTIMATORS[name](noise="measure").start(Problem(MODEL, 0.14, standstill=standstill))
         details = [block.details for block in map(tracker.run, blocks) if block.details]
         found.append(details[-1]["noise"])
     assert found[0] == found[1]
-    assert found[0]["from"] == "rest"
+    assert found[0]["from"] == "standstill"
     assert found[0]["force"] == pytest.approx(samples.force[:250].std(ddof=1))
     assert found[0]["velocity"] == pytest.approx(samples.velocity[:250].std(ddof=1))
 
@@ -167,7 +167,7 @@ def test_noise_of_the_rest_is_taken_where_there_was_one(name):
 def test_a_rest_that_was_none_is_not_taken_for_one():
     samples = in_air(record(), 600)
     samples.position[:600] += np.linspace(1e-3, 0, 600)
-    tracker = ESTIMATORS["ekf"](noise="measure").start(Problem(MODEL, 0.14, rest=float(samples.time[400])))
+    tracker = ESTIMATORS["ekf"](noise="measure").start(Problem(MODEL, 0.14, standstill=float(samples.time[400])))
     assert tracker.run(samples).details["noise"]["from"] == "free air"
 
 

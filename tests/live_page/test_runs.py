@@ -5,6 +5,7 @@ import queue
 import signal
 import threading
 
+import numpy as np
 import pytest
 from palpate_live import sink, watch
 from websockets.sync.client import connect
@@ -132,31 +133,56 @@ def test_a_simulated_run_with_the_page_finds_the_same(run_point, addresses):
     assert (plain.folder / "estimates.csv").read_bytes() == (shown.folder / "estimates.csv").read_bytes()
 
 
-def test_a_recorded_run_is_watched(run_point, addresses, monkeypatch):
-    folder = run_point("trajectory.press.duration=3 s", name="watched").folder
+@pytest.mark.parametrize("log", [True, False], ids=["by its log", "by its tables"])
+def test_a_recorded_run_is_watched(log, run_point, addresses, monkeypatch):
+    offline = [] if log else ['run.tracks=["dr/ekf", "dr/smoother"]', 'estimator.smoother.type="kinematic-smoother"']
+    folder = run_point("trajectory.press.duration=3 s", *offline, name="watched").folder
+    if not log:
+        (folder / "log.mcap").unlink()
     stop = threading.Event()
     monkeypatch.setattr(watch.Child, "wait", lambda self: stop.wait(60))
 
     def look():
+        if not log:
+            assert "table of estimates" in addresses.get(timeout=60)
         with opened(addresses.get(timeout=60)) as page:
             assert "Ctrl-C" in addresses.get(timeout=60)
             run, (time, columns) = read(page, "run")[0], read(page, "rows")[1]
-            healths = 1
-            while read_any(page)[0]["kind"] != "result":
-                healths += 1
+            found = []
+            while (header := read_any(page)[0])["kind"] != "result":
+                found.append(header)
         stop.set()
-        return run, time, columns, healths
+        return run, time, columns, found
 
     wait = meanwhile(look)
     before = sorted(folder.iterdir())
     watch.watch(folder)
-    run, time, columns, messages = wait()
-    assert messages > 8  # how things stood each second of the record, however fast it was read
+    run, time, columns, told = wait()
+    if log:
+        assert len(told) > 8  # how things stood each second of the record, however fast it was read
+    else:
+        assert {header["kind"] for header in told} == {"health", "found", "flags"}
+        assert [track["name"] for track in run["tracks"]] == ["dr/ekf", "dr/smoother"]
+        assert all(np.isfinite(columns[track["begin"]]).any() for track in run["tracks"])
+    final = next(header for header in told if header["kind"] == "found" and header["final"])
+    value, combined, *_ = final["parameters"]["elasticity"]
+    assert 2e4 < value < 3e5
+    assert combined > 0
     assert run["recorded"]
     assert run["tracks"][0]["name"] == "dr/ekf"
     assert time[-1] == pytest.approx(6.0, abs=0.5)
     assert columns[0].max() > 3.0
     assert sorted(folder.iterdir()) == before  # nothing was written
+
+
+def test_a_run_without_a_log_is_not_estimated_once_more(run_point, palpate, tmp_path):
+    folder = run_point("trajectory.press.duration=1 s", name="bare").folder
+    (folder / "log.mcap").unlink()
+    done = palpate("watch", folder, "--set", "alignment.tip_mass=100 g")
+    assert (done.returncode, "no log to estimate once more" in done.stderr) == (2, True)
+    (folder / "result.json").unlink()
+    done = palpate("watch", folder)
+    assert (done.returncode, "neither a log nor a result" in done.stderr) == (2, True)
 
 
 @pytest.mark.parametrize(

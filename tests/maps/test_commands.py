@@ -347,7 +347,7 @@ def beside_a_sphere(root, tmp_path_factory):
         'run.tracks=["dr/smoother"]',
         "device.rig.sensor_rate=500 Hz",
         "trajectory.raster.press.amplitude=1 mm",
-        "trajectory.raster.press.rest=0.5 s",
+        "trajectory.raster.press.standstill=0.5 s",
     ]
     run_pipeline(load_pipeline(root / "pipelines" / "raster.toml", settings), folder)
     return folder

@@ -19,7 +19,7 @@ def test_the_measured_part_is_a_sine_of_full_amplitude():
     setpoint = shake.at(time)
     measured = setpoint.measuring
     assert np.count_nonzero(measured) * 0.002 == pytest.approx(4.0, abs=0.005)
-    expected = 0.05 + 0.003 * np.sin(2 * np.pi * 5.0 * (time[measured] - shake.rest))
+    expected = 0.05 + 0.003 * np.sin(2 * np.pi * 5.0 * (time[measured] - shake.standstill))
     assert setpoint.position[measured, 2] == pytest.approx(expected, abs=1e-12)
 
 

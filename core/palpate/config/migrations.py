@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 from palpate.config.source import Location, Source
 from palpate.errors import ConfigurationError
@@ -14,7 +15,19 @@ FORMAT = "0.2"  # version of palpate in whose names pipelines are written today
 KEY = "palpate"  # of a pipeline, at the top: the version for which it was written
 
 # Renamed in the core's own tables; what plugins renamed comes by the hook `palpate_migrations`.
-MIGRATIONS: tuple[Migration, ...] = ()
+MIGRATIONS: tuple[Migration, ...] = (
+    Migration(
+        "0.2",
+        "safety",
+        keys={
+            "rest": "standstill",
+            "rest_force": "standstill_force",
+            "rest_noise": "standstill_noise",
+            "rest_speed": "standstill_speed",
+            "rest_excess": "standstill_excess",
+        },
+    ),
+)
 
 
 def migrate(source: Source, migrations: Iterable[Migration]) -> tuple[Flag, ...]:
@@ -50,26 +63,36 @@ def _version(text: str) -> tuple[int, int]:
 
 
 def _tables(source: Source, migration: Migration) -> Iterator[Location]:
-    """Where the tables stand that a migration concerns."""
-    table = source.tables.get(migration.table)
-    if not isinstance(table, dict):
-        return
-    if not migration.type:
+    """Where the tables stand that a migration concerns: a plain one, or all of a type below a key of their kind."""
+    if migration.type:
+        yield from _of_type(source.tables, migration, ())
+    elif isinstance(source.tables.get(migration.table), dict):
         yield (migration.table,)
-        return
-    for name, part in table.items():
-        if isinstance(part, dict) and part.get("type") == migration.type:
-            yield migration.table, name
+
+
+def _of_type(table: dict[str, Any], migration: Migration, location: Location) -> Iterator[Location]:
+    if migration.table in location and table.get("type") == migration.type:
+        yield location
+    for key, inner in table.items():
+        if isinstance(inner, dict):
+            yield from _of_type(inner, migration, (*location, key))
 
 
 def _renamed(source: Source, migration: Migration, location: Location) -> Iterator[Flag]:
     table = source.table(location)
     said = f"since palpate {migration.since}"
     for old, new in migration.keys.items():
-        where = source.where((*location, old))
-        if old in table and old in migration.converted:
-            table[old] = migration.converted[old](table[old])
-        if old in table and source.move((*location, old), (*location, *new.split("."))):
+        *way, last = old.split(".")
+        inner: Any = table
+        for key in way:
+            inner = inner.get(key) if isinstance(inner, dict) else None
+        if not isinstance(inner, dict) or last not in inner:
+            continue
+        here = (*location, *way, last)
+        where = source.where(here)
+        if old in migration.converted:
+            inner[last] = migration.converted[old](inner[last])
+        if source.move(here, (*location, *new.split("."))):
             yield Flag("renamed", f"{where}: [{'.'.join(location)}] {old} is called {new} {said}")
     if migration.becomes:
         table["type"] = migration.becomes

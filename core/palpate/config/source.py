@@ -71,7 +71,7 @@ class Source:
         return table
 
     def move(self, old: Location, new: Location) -> bool:
-        """Give a key another name or place, with its line; False where something stands there already."""
+        """Give a key another name or place, with its lines; False where something stands there already."""
         table = self.table(old[:-1])
         inner = self.tables
         for key in new[:-1]:
@@ -81,10 +81,9 @@ class Source:
         if new[-1] in inner:
             return False
         inner[new[-1]] = table.pop(old[-1])
-        if old in self._lines:
-            self._lines[new] = self._lines.pop(old)
-        if old in self._overridden:
-            self._overridden = self._overridden - {old} | {new}
+        n = len(old)
+        self._lines = {new + at[n:] if at[:n] == old else at: line for at, line in self._lines.items()}
+        self._overridden = {new + at[n:] if at[:n] == old else at for at in self._overridden}
         return True
 
     def where(self, location: Location) -> str:

@@ -6,8 +6,8 @@ from palpate.pipeline.flow import Flow, each, the_trajectory
 from palpate.pipeline.guard import Guard
 from palpate.pipeline.interrupt import interruptible
 from palpate.pipeline.live import LiveLinks
-from palpate.pipeline.rest import declared_noise
 from palpate.pipeline.running import Result, run_pipeline
+from palpate.pipeline.standstill import declared_noise
 from palpate.pipeline.start import check_way
 from palpate.pipeline.tracks import start_tracks
 

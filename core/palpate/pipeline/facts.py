@@ -47,13 +47,13 @@ def flat_facts(facts: dict[str, Any]) -> dict[str, str]:
 
 
 def planned_duration(pipeline: Pipeline) -> float | None:
-    """How long the record will be [s]: that of a log, or of rest and motion; None where nobody knows."""
+    """How long the record will be [s]: that of a log, or of standstill and motion; None where nobody knows."""
     logs = [device.duration for device in pipeline.devices.values() if device.duration is not None]
     if logs or len(pipeline.trajectories) != 1:
         return max(logs, default=None)
     (trajectory,) = pipeline.trajectories.values()
     live = any(device.live for device in pipeline.devices.values())
-    return trajectory.total_duration + (pipeline.safety.rest if live and pipeline.safety else 0.0)
+    return trajectory.total_duration + (pipeline.safety.standstill if live and pipeline.safety else 0.0)
 
 
 def planned_extent(pipeline: Pipeline) -> Extent | None:

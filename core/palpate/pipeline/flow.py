@@ -132,15 +132,17 @@ class Flow:
             raise DeviceError(guard.reason)
 
     def _live(self, live: LiveLinks, guard: Guard, arms: Mapping[str, Arm], trajectory: Trajectory | None) -> None:
-        """Rest, judge the rest, move, until the arms are done or somebody has tripped the guard."""
+        """Stand still, judge the standstill, move, until the arms are done or somebody has tripped the guard."""
         limits = self._pipeline.safety
-        rest = limits.rest if limits else 1.0
-        self._rest(live, guard, rest)
+        standstill = limits.standstill if limits else 1.0
+        self._stand_still(live, guard, standstill)
         if guard.reason is not None or self._interrupt.reason is not None:
             return
-        self.facts["rest"] = guard.judge_rest(self._noise).table()
-        if not self._has_sampled(rest):
-            raise DeviceError(f"within {rest + _PATIENCE:g} s the streams gave no samples of {rest:g} s in common")
+        self.facts["standstill"] = guard.judge_standstill(self._noise).table()
+        if not self._has_sampled(standstill):
+            raise DeviceError(
+                f"within {standstill + _PATIENCE:g} s the streams gave no samples of {standstill:g} s in common"
+            )
         if arms and trajectory is None:
             raise ConfigurationError(f"{self._pipeline.path}: a robot needs one [trajectory.*] table")
         if trajectory is not None and limits is not None and arms:
@@ -151,7 +153,7 @@ class Flow:
             return
         for arm in arms.values():
             assert trajectory is not None
-            self.total = trajectory.total_duration + rest
+            self.total = trajectory.total_duration + standstill
             arm.follow(trajectory)
         try:
             for arrivals in live.to_the_end(_PATIENCE):
@@ -172,7 +174,7 @@ class Flow:
         def stopped() -> bool:
             return guard.reason is not None or self._interrupt.reason is not None
 
-        refuse_preload(self.facts["rest"]["force"], limits, guard.force, known_offset(self._pipeline))
+        refuse_preload(self.facts["standstill"]["force"], limits, guard.force, known_offset(self._pipeline))
         hand_limits(live.links, guard, limits)
         ready(list(arms.values()), trajectory, limits)
         guard.begin(arms)
@@ -181,15 +183,18 @@ class Flow:
             self.facts["felt"] = felt.table()
             ready(list(arms.values()), trajectory, limits)
 
-    def _rest(self, live: LiveLinks, guard: Guard, rest: float) -> None:
-        """Pass on what comes until the samples, and not only the host's clock, say that the rest is over.
+    def _stand_still(self, live: LiveLinks, guard: Guard, standstill: float) -> None:
+        """Pass on what comes until the samples, and not only the host's clock, say that the standstill is over.
 
-        So the rest is the same stretch of the record in a replay, where there is no host's clock.
+        So the standstill is the same stretch of the record in a replay, where there is no host's clock.
         """
         began = time.monotonic()
         # A device may be slow to begin; one that has failed trips the guard.
-        while not (guard.rested and self._has_sampled(rest)) and time.monotonic() - began < rest + _PATIENCE:
-            for arrivals in live.until(max(began + rest, time.monotonic() + 0.02)):
+        while (
+            not (guard.has_stood_still and self._has_sampled(standstill))
+            and time.monotonic() - began < standstill + _PATIENCE
+        ):
+            for arrivals in live.until(max(began + standstill, time.monotonic() + 0.02)):
                 self._pass_on(arrivals)
             if guard.reason is not None or self._interrupt.reason is not None:
                 return

@@ -13,7 +13,7 @@ import numpy as np
 from palpate.alignment import Port, Ports
 from palpate.device import Arm, Batch, Retractable
 from palpate.errors import DeviceError
-from palpate.pipeline.rest import Standstill, refuse_unrest
+from palpate.pipeline.standstill import Standstill, refuse_unsteady
 from palpate.safety import SafetySettings
 from palpate.sink import GuardState
 from palpate.vectors import Floats
@@ -31,7 +31,7 @@ class _Watch:
 
     def __init__(self, port: Port) -> None:
         self.port, self.name = port, port.signal.channel
-        self.rest: list[Floats] = []
+        self.standstill: list[Floats] = []
         self.heard: int | None = None  # [ns] the latest reading, on the clock of the process that receives it
         self._looks: dict[str, int] = {}  # by stream of the device: when that process last looked [ns]
 
@@ -58,8 +58,8 @@ class _Watch:
         self.heard = None
         self._looks.clear()
 
-    def at_rest(self) -> Floats:
-        values = np.concatenate(self.rest) if self.rest else np.zeros(0)
+    def at_standstill(self) -> Floats:
+        values = np.concatenate(self.standstill) if self.standstill else np.zeros(0)
         return values[np.isfinite(values)]
 
 
@@ -98,12 +98,12 @@ class Guard:
         """What it does now."""
         if self.reason is not None:
             return GuardState("tripped", self.reason, self.peak)
-        phase: Literal["rest", "motion", "over"] = "motion" if self._watch.ident is not None else "rest"
+        phase: Literal["standstill", "motion", "over"] = "motion" if self._watch.ident is not None else "standstill"
         return GuardState("over" if self._over.is_set() else phase, None, self.peak)
 
     @property
     def watched(self) -> tuple[tuple[int, ...], tuple[float, ...]]:
-        """Columns of the forces that are watched, and the tare [N] of each; after the rest."""
+        """Columns of the forces that are watched, and the tare [N] of each; after the standstill."""
         assert self._tare is not None
         return tuple(self._components), tuple(self._tare.tolist())
 
@@ -113,9 +113,9 @@ class Guard:
         return self._force.port
 
     @property
-    def rest_force(self) -> Floats:
-        """The force's readings at rest (n,)."""
-        return self._force.at_rest()
+    def standstill_force(self) -> Floats:
+        """The force's readings at standstill (n,)."""
+        return self._force.at_standstill()
 
     def begin(self, arms: Mapping[str, Arm]) -> None:
         """From now on the arms are to be stopped, and silence is a fault."""
@@ -170,7 +170,7 @@ class Guard:
         key = (device, batch.stream)
         for watch in (self._force, self._position, self._velocity):
             if self._tare is None and watch is not None and watch.port.key == key:
-                watch.rest.append(watch.of(batch))
+                watch.standstill.append(watch.of(batch))
         if self._limits is None:
             return
         if self._force.port.key == key:
@@ -220,24 +220,26 @@ class Guard:
             )
 
     @property
-    def rested(self) -> bool:
+    def has_stood_still(self) -> bool:
         """Whether force and position have sent enough to be judged."""
-        return min(len(self._force.at_rest()), len(self._position.at_rest())) >= _ENOUGH
+        return min(len(self._force.at_standstill()), len(self._position.at_standstill())) >= _ENOUGH
 
-    def judge_rest(self, declared: Mapping[str, tuple[float, float]] | None = None) -> Standstill:
-        """Tare and noise from the rest in free air; raises DeviceError with advice where they are not plausible.
+    def judge_standstill(self, declared: Mapping[str, tuple[float, float]] | None = None) -> Standstill:
+        """Tare and noise from the standstill in free air; raises DeviceError with advice where they are not plausible.
 
         `declared`: the noise of force [N] and velocity [m/s] that estimators count on, by their names.
         """
-        force, position = self._force.at_rest(), self._position.at_rest()
-        velocity = self._velocity.at_rest() if self._velocity else np.zeros(0)
+        force, position = self._force.at_standstill(), self._position.at_standstill()
+        velocity = self._velocity.at_standstill() if self._velocity else np.zeros(0)
         if len(force) < _ENOUGH or len(position) < _ENOUGH:
             silent = self._force.name if len(force) < _ENOUGH else self._position.name
-            raise DeviceError(f"{silent} gave nothing usable at rest; is the device on, and are its readings valid?")
+            raise DeviceError(
+                f"{silent} gave nothing usable at standstill; is the device on, and are its readings valid?"
+            )
         speed = float(velocity.std(ddof=1)) if len(velocity) > _ENOUGH else None
         found = Standstill(float(force.mean()), float(force.std(ddof=1)), speed)
         if self._limits is not None and self._resting:
-            refuse_unrest(found, self._limits, self._force.name, declared or {})
+            refuse_unsteady(found, self._limits, self._force.name, declared or {})
             self._tare = np.nanmean(np.concatenate(self._resting), axis=0)
         self._resting = []
         return found

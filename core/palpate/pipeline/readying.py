@@ -27,7 +27,7 @@ _RETREAT, _SPEED = 0.5e-3, 2e-3  # [m], [m/s] of the way that is felt along
 _SETTLE, _LISTEN = 0.1, 0.3  # [s] after the retreat; of force that is compared
 _LATE = 5.0  # [s] without any reading, after which none is waited for; that they come late is no fault of the sensor
 _OFF = 0.5  # [N] from a known offset; drift and weight of another posture are less
-_BLOCKS, _SHORTEST = 40, 8  # of the rest; readings of one
+_BLOCKS, _SHORTEST = 40, 8  # of the standstill; readings of one
 _SIGNIFICANT = 5.0  # standard uncertainties of the difference
 
 Pass = Callable[[Sequence[tuple[str, Batch]]], None]
@@ -54,25 +54,25 @@ def known_offset(rig: Rig) -> float | None:
     return tare
 
 
-def refuse_preload(rest: float, limits: SafetySettings, port: Port, offset: float | None = None) -> None:
+def refuse_preload(standstill: float, limits: SafetySettings, port: Port, offset: float | None = None) -> None:
     """Raise DeviceError where what rests on the sensor and the force that stops the motion pass `force` together.
 
     Where the offset is known, what differs from it is force on the skin.
     """
     force = port.signal.channel
     if offset is None:
-        on_skin, what = abs(rest), "which the tare hides"
+        on_skin, what = abs(standstill), "which the tare hides"
     else:
-        on_skin = abs(port.signal.sign * rest - offset)
+        on_skin = abs(port.signal.sign * standstill - offset)
         what = f"{on_skin:.2f} N from the known offset"
         if on_skin > _OFF:
             raise DeviceError(
-                f"{force} reads {rest:.2f} N at rest, {what}: the tip touches something, or the sensor was started "
-                'anew since; lift the tip, or set [alignment] tare = "free-air"'
+                f"{force} reads {standstill:.2f} N at standstill, {what}: the tip touches something, or the sensor was "
+                'started anew since; lift the tip, or set [alignment] tare = "free-air"'
             )
     if on_skin + limits.stop_force > limits.force:
         raise DeviceError(
-            f"{force} reads {rest:.2f} N at rest, {what}: with [safety] stop_force = "
+            f"{force} reads {standstill:.2f} N at standstill, {what}: with [safety] stop_force = "
             f"{limits.stop_force:g} N the skin could feel {on_skin + limits.stop_force:.1f} N, over force = "
             f"{limits.force:g} N; free the tip, zero the sensor, or lower stop_force"
         )
@@ -112,7 +112,7 @@ def feel(arms: list[Arm], live: LiveLinks, guard: Guard, pass_on: Pass, stopped:
                 latest, heard = int(batch.received[-1]), time.monotonic()
     if stopped():
         return None
-    felt = compared(guard.rest_force, np.concatenate(after) if after else np.zeros(0), port.signal.sign)
+    felt = compared(guard.standstill_force, np.concatenate(after) if after else np.zeros(0), port.signal.sign)
     if felt is None:
         raise DeviceError(f"{name_of_it} gave nothing usable after a retreat of 0.5 mm: is the sensor well?")
     refuse_contact(felt, name_of_it)

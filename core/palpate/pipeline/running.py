@@ -24,7 +24,7 @@ from palpate.pipeline.flow import Arrivals, Flow, Progress, Taken
 from palpate.pipeline.interrupt import Interrupt, interruptible
 from palpate.pipeline.latency import Latency
 from palpate.pipeline.outputs import Outputs
-from palpate.pipeline.rest import declared_noise
+from palpate.pipeline.standstill import declared_noise
 from palpate.pipeline.telling import Telling
 from palpate.pipeline.tracks import Tracks, start_tracks
 from palpate.result import (

@@ -142,12 +142,14 @@ def _others(pipeline: Pipeline, model: str) -> dict[str, tuple[str, ...]]:
 def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
     """Every track with a fresh tracker; raises ConfigurationError where an estimator cannot start."""
     keep = max(3.0 * pipeline.run.average, 1.0)
-    rest = pipeline.safety.rest if pipeline.safety else None
+    standstill = pipeline.safety.standstill if pipeline.safety else None
     running = []
     for track in pipeline.tracks:
         blame = Blame(track, pipeline.registry)
         timing = pipeline.alignment.timing_uncertainty
-        problem = Problem(track.model, pipeline.alignment.tip_mass, timing, rest, _others(pipeline, track.name.model))
+        problem = Problem(
+            track.model, pipeline.alignment.tip_mass, timing, standstill, _others(pipeline, track.name.model)
+        )
         try:
             tracker = track.estimator.start(problem)
         except ConfigurationError as error:

@@ -11,8 +11,9 @@ from palpate import registry as registries
 from palpate.errors import LogError
 from palpate.flags import Flag, verdict
 
-# Of result.json: 1 had flags as texts, no verdict and no number of its own; to 2 a sweep's values were its last ones.
-SCHEMA = 3
+# Of result.json: 1 had flags as texts, no verdict and no number of its own; to 2 a sweep's values were its last ones;
+# to 3 the standstill of a live run was `rest`.
+SCHEMA = 4
 
 
 def read_result(path: Path) -> dict[str, Any]:
@@ -46,6 +47,9 @@ def upgraded(document: Any, path: Path) -> dict[str, Any]:
         for track in document["tracks"].values():
             flags = read_flags(track.get("flags", []))
             track |= {"flags": [flag.table() for flag in flags], "verdict": verdict(flags)}
+    live = document.get("run", {}).get("live", {})
+    if "rest" in live:
+        live["standstill"] = live.pop("rest")
     return {**document, "schema": SCHEMA}
 
 

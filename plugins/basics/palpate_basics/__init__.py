@@ -17,5 +17,7 @@ def palpate_commands() -> dict[str, Command]:
         "describe": Command(
             "palpate_basics.inspect:describe", "Describe a part: formula, source, every key.", "extend"
         ),
-        "schema": Command("palpate_basics.inspect:schema", "Print the JSON schema of pipeline files.", "extend"),
+        "schema": Command(
+            "palpate_basics.inspect:schema", "Print the JSON schema of pipeline files, or of result.json.", "extend"
+        ),
     }

@@ -9,7 +9,7 @@ import types
 import typing
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from palpate import ConfigurationError, OutputError, Part, Settings
@@ -33,7 +33,7 @@ from palpate.host import (
     suggest,
 )
 
-from palpate_basics.schema import pipeline_schema
+from palpate_basics.schema import pipeline_schema, result_schema
 
 _TABLES: dict[str, type[Settings]] = {"run": RunSettings, "alignment": AlignmentSettings}
 
@@ -128,11 +128,16 @@ def _flag_description(code: str, entry: FlagEntry) -> Iterator[str]:
 
 
 def schema(
+    of: Annotated[Literal["pipeline", "result"], typer.Argument(help="Of which file.")] = "pipeline",
     plugin: PluginFiles = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write it to this file.")] = None,
 ) -> None:
-    """Print the JSON schema of pipeline files, for editors that read the line `#:schema FILE` of a TOML file."""
-    text = json.dumps(pipeline_schema(registries.load(plugin or [])), indent=2)
+    """Print the JSON schema of pipeline files, for editors that read the line `#:schema FILE` of a TOML file.
+
+    `palpate schema result` prints that of result.json, for programs that read what a run found.
+    """
+    known = pipeline_schema(registries.load(plugin or [])) if of == "pipeline" else result_schema()
+    text = json.dumps(known, indent=2)
     if output is None:
         typer.echo(text)
         return

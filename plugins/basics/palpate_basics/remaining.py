@@ -52,7 +52,7 @@ def _remaining(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> T
 
 
 def _elapsed(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> float:
-    """How long [s] the motion went on. A live record begins before its motion: with the rest and the way to its start.
+    """How long [s] the motion went on. A live record begins before its motion: with standstill and way to its start.
 
     The delay is that at which the places that were recorded are those of the motion. Nor is it time of the motion when
     the tip no longer follows it: a retraction after the interruption is recorded, too.
@@ -61,13 +61,13 @@ def _elapsed(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> flo
     end = float(time[-1]) if len(time) else 0.0
     if not any(device.live for device in pipeline.devices.values()):
         return end
-    rest = pipeline.safety.rest if pipeline.safety else 0.0
+    standstill = pipeline.safety.standstill if pipeline.safety else 0.0
     known = np.isfinite(place).all(axis=1)
     if not known.any():  # of a motion that was cut nobody knows how far it came
-        return end - rest if end - rest >= trajectory.total_duration else 0.0
+        return end - standstill if end - standstill >= trajectory.total_duration else 0.0
     every = max(int(known.sum()) // _ROWS, 1)
     time, place = time[known], place[known]
-    delay = _delay(time[::every], place[::every], trajectory, rest)
+    delay = _delay(time[::every], place[::every], trajectory, standstill)
     apart = np.linalg.norm(trajectory.at(time - delay).position[:, :2] - place, axis=1)
     followed = time[apart < _FOLLOWED]
     return (float(followed[-1]) if len(followed) else 0.0) - delay

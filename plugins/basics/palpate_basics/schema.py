@@ -1,7 +1,9 @@
-"""The JSON schema of a pipeline file, so that editors complete it."""
+"""JSON schemas: of a pipeline file, so that editors complete it, and of ``result.json``, so that programs read it."""
 
 from __future__ import annotations
 
+import json
+from importlib.resources import files
 from typing import Any
 
 from palpate import Settings
@@ -44,6 +46,12 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
         "additionalProperties": False,
         "$defs": definitions,
     }
+
+
+def result_schema() -> dict[str, Any]:
+    """JSON schema (draft 2020-12) of ``result.json``; open where estimators, diagnoses and devices fill their own."""
+    found: dict[str, Any] = json.loads(files(__package__).joinpath("result.schema.json").read_text(encoding="utf-8"))
+    return found
 
 
 def _table(settings: type[Settings], owner: str, definitions: dict[str, Any]) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate import CalibrationReader, Command, plugin
+from palpate import CalibrationReader, Command, Migration, plugin
 
 if TYPE_CHECKING:
     from palpate import FlagMeaning, Settings
@@ -26,6 +26,12 @@ def palpate_tables() -> dict[str, type[Settings]]:
     from palpate_calibration.settings import CalibrationSettings
 
     return {"calibration": CalibrationSettings}
+
+
+@plugin
+def palpate_migrations() -> tuple[Migration, ...]:
+    """What was called otherwise."""
+    return (Migration("0.2", "calibration", keys={"rest": "standstill"}),)
 
 
 @plugin

@@ -30,13 +30,13 @@ _MEANING = {
     "mass": "mass behind the sensor",
     "delay": "force later than position",
     "velocity_delay": "velocity later than position",
-    "offset": "reading at rest",
+    "offset": "reading at standstill",
     "weight": "mass times gravity",
-    "bias": "reading at rest without the weight",
-    "drift": "of the reading at rest",
+    "bias": "reading at standstill without the weight",
+    "drift": "of the reading at standstill",
     "force_std": "noise of one force reading",
     "position_std": "noise of one position",
-    "velocity_std": "noise of one velocity, at rest",
+    "velocity_std": "noise of one velocity, at standstill",
     "tap_delay": "force later than position, on a plate",
     "compliance": "of robot and sensor, with that of the plate",
     "mass_by_weight": "mass behind the sensor, from its weight",
@@ -69,9 +69,9 @@ def calibrate(
 ) -> None:
     """Calibrate mass, force-motion delay, tare and noise from a shake in free air; write them with uncertainties.
 
-    The tip must hang free. A robot rests, shakes the tip up and down, and rests; three times unless told otherwise. A
-    recorded log of such a motion does as well. [calibration.rest], orientations, shake, noise, tap and press are steps
-    that are done one after the other, each with what it found.
+    The tip must hang free. A robot stands still, shakes the tip up and down, and stands still; three times unless told
+    otherwise. A recorded log of such a motion does as well. [calibration.standstill], orientations, shake, noise, tap
+    and press are steps that are done one after the other, each with what it found.
     """
     from rich.console import Console
 

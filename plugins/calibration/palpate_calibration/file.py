@@ -27,7 +27,7 @@ class CalibratedValue(Settings):
 
 
 class NoiseSpectrum(Settings):
-    """Noise at rest by octaves, in a calibration file."""
+    """Noise at standstill by octaves, in a calibration file."""
 
     unit: str = Field(description="of the densities")
     frequencies: tuple[float, ...] = Field(description="middle of each octave [Hz]")
@@ -45,7 +45,9 @@ class Calibration(Settings):
     devices: dict[str, dict[str, str]] = Field(default={}, description="type, serial number, versions, file and hash")
     tip: dict[str, Any] | None = Field(default=None, description="the indenter that was mounted, where it was named")
     shake: dict[str, Any] = Field(default={}, description="frequencies [Hz], amplitudes [m], residual [N]")
-    spectra: dict[str, NoiseSpectrum] = Field(default={}, description="noise at rest of force, position and velocity")
+    spectra: dict[str, NoiseSpectrum] = Field(
+        default={}, description="noise at standstill of force, position and velocity"
+    )
     logs: dict[str, dict[str, str]] = Field(default={}, description="file and hash of each log, by step and device")
     notes: tuple[str, ...] = Field(default=(), description="what a user should know")
     versions: dict[str, str] = Field(default={}, description="of palpate and its libraries")

@@ -21,8 +21,8 @@ from palpate_calibration.protocol import StepFindings, calibrate, joined
 from palpate_calibration.quantity import calibrated_value
 from palpate_calibration.record import CalibrationRecord
 from palpate_calibration.recording import Seen, moves, one_pose, poses_of_a_log, reach_of, record, with_step, words
-from palpate_calibration.rest import noise_spectrum
 from palpate_calibration.settings import ON_A_PLATE, STEPS, Orientations, StepSettings
+from palpate_calibration.standstill import noise_spectrum
 from palpate_calibration.steps import evaluated
 
 _MORE = 2  # attempts at a step's repeats on a live rig
@@ -84,7 +84,7 @@ def _joined(plan: CalibrationPlan, sessions: Mapping[str, StepFindings]) -> Step
 
 
 def _unguided(plan: CalibrationPlan, guide: Guide, seen: Seen) -> list[CalibrationRecord]:
-    """Rest, shake, rest, as one motion."""
+    """Standstill, shake, standstill, as one motion."""
     if not moves(plan):
         guide.say("reading the log")
         return [record(plan)]

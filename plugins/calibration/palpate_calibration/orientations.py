@@ -1,4 +1,4 @@
-"""Weight and centre of mass of what hangs behind the sensor, from its readings at rest in several orientations."""
+"""Weight and centre of mass of what hangs behind the sensor, read at standstill in several orientations."""
 
 from __future__ import annotations
 
@@ -57,7 +57,9 @@ class WrenchRecorder:
         for begin, end in stretches or [(0.0, float(time[-1]))]:
             rows = (time >= begin + _EDGE) & (time < end - _EDGE)
             if end - begin < _SHORTEST or rows.sum() < 100:
-                raise LogError(f"calibration: a rest of {end - begin:.2f} s is too short to weigh what hangs there")
+                raise LogError(
+                    f"calibration: a standstill of {end - begin:.2f} s is too short to weigh what hangs there"
+                )
             found.append(_pose(values[rows]))
         return found
 

@@ -12,19 +12,19 @@ from palpate.host import GRAVITY
 
 from palpate_calibration.quantity import Measured, scaled, summed
 from palpate_calibration.record import CalibrationRecord
-from palpate_calibration.rest import RestFit, Spectrum, rest_fit, rest_values
-from palpate_calibration.segments import Segment, resting, shaking
+from palpate_calibration.segments import Segment, shaking, standing_still
 from palpate_calibration.settings import CalibrationSettings
 from palpate_calibration.shake import ShakeFit, shake_fit
+from palpate_calibration.standstill import Spectrum, StandstillFit, standstill_fit, standstill_values
 from palpate_calibration.statics import series_compliance, tap_delay
 
 _STUCK = 0.1  # [s] of exactly equal readings
 _MARGIN = 0.06  # [s]; a delay that is searched for must not leave the record
-_SHIFTED = 8.0  # standard uncertainties between the mean forces of shake and rest
+_SHIFTED = 8.0  # standard uncertainties between the mean forces of shake and standstill
 _DIFFERENT = 3.0  # standard uncertainties between two ways to one value
-_NOTED = 1.5  # times the noise at rest
+_NOTED = 1.5  # times the noise at standstill
 _SMALL = 1e-4  # [s] of a velocity, which a run leaves where it is
-_UNEXPLAINED = 3.0  # times the noise at rest, and a tenth of the inertia, may be left over
+_UNEXPLAINED = 3.0  # times the noise at standstill, and a tenth of the inertia, may be left over
 
 
 @dataclass(frozen=True)
@@ -33,14 +33,14 @@ class StepFindings:
 
     values: dict[str, Measured]  # by name, in the order in which people want them
     shakes: tuple[ShakeFit, ...] = ()
-    rests: tuple[RestFit, ...] = ()
+    standstills: tuple[StandstillFit, ...] = ()
     residual: float = 0.0  # [N] the largest of the shakes
     notes: tuple[str, ...] = ()
-    spectra: Mapping[str, Spectrum] = field(default_factory=dict)  # of the noise at rest, by role
+    spectra: Mapping[str, Spectrum] = field(default_factory=dict)  # of the noise at standstill, by role
 
 
 def calibrate(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
-    """Mass, delay, offset, weight, drift and noise, from records that each hold rest and shake in free air.
+    """Mass, delay, offset, weight, drift and noise, from records that each hold standstill and shake in free air.
 
     Raises LogError with the reason where a record cannot be used: saturated, stuck, in contact, too small a motion.
     """
@@ -50,12 +50,12 @@ def calibrate(records: Sequence[CalibrationRecord], settings: CalibrationSetting
 
 
 def shaken(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
-    """Mass and delay from shakes in free air; offset, drift and noise where the records hold rests, too."""
+    """Mass and delay from shakes in free air; offset, drift and noise where the records hold standstills, too."""
     shakes: list[ShakeFit] = []
-    rests: list[RestFit] = []
+    standstills: list[StandstillFit] = []
     for record in records:
         refuse_broken(record)
-        moving, still = shaking(record, settings.settle), resting(record)
+        moving, still = shaking(record, settings.settle), standing_still(record)
         if not moving:
             raise LogError(
                 "calibration: the record holds no shake of 2 s or more: no even to-and-fro motion; the tip moves by "
@@ -64,14 +64,14 @@ def shaken(records: Sequence[CalibrationRecord], settings: CalibrationSettings) 
         fits = [shake_fit(record, segment, settings.frequencies) for segment in moving]
         shakes += fits
         if still:
-            rests.append(rest_fit(record, still))
-            _refuse_shifted(record, fits, moving, rests[-1])
+            standstills.append(standstill_fit(record, still))
+            _refuse_shifted(record, fits, moving, standstills[-1])
     return StepFindings(
-        _values(shakes, rests, settings),
+        _values(shakes, standstills, settings),
         tuple(shakes),
-        tuple(rests),
+        tuple(standstills),
         max(shake.residual for shake in shakes),
-        tuple(_notes(shakes, rests)),
+        tuple(_notes(shakes, standstills)),
     )
 
 
@@ -98,11 +98,11 @@ def pressed(records: Sequence[CalibrationRecord]) -> StepFindings:
 def _on_plate(record: CalibrationRecord) -> tuple[Floats, Floats]:
     """Time and force, less its zero, of a press on a plate."""
     refuse_broken(record)
-    still = resting(record)
+    still = standing_still(record)
     if not still:
-        raise LogError("calibration: the record holds no rest before the tip presses, so the force has no zero")
+        raise LogError("calibration: the record holds no standstill before the tip presses, so the force has no zero")
     force, position = record.force, record.position
-    free = force.values - rest_fit(record, still[:1]).offset.value
+    free = force.values - standstill_fit(record, still[:1]).offset.value
     inside = (force.time > position.time[0] + _MARGIN) & (force.time < position.time[-1] - _MARGIN)
     return force.time[inside], free[inside]
 
@@ -121,7 +121,7 @@ def joined(sessions: Sequence[StepFindings], settings: CalibrationSettings) -> S
     return StepFindings(
         {name: values[name] for name in sorted(values, key=_rank)},
         shakes,
-        tuple(rest for session in sessions for rest in session.rests),
+        tuple(one for session in sessions for one in session.standstills),
         max((session.residual for session in sessions), default=0.0),
         (*dict.fromkeys(_lasting_notes(sessions, values)), *_disagreements(values)),
         {role: spectrum for session in reversed(sessions) for role, spectrum in session.spectra.items()},
@@ -131,7 +131,7 @@ def joined(sessions: Sequence[StepFindings], settings: CalibrationSettings) -> S
 def _lasting_notes(sessions: Sequence[StepFindings], values: Mapping[str, Measured]) -> Iterator[str]:
     """The notes that no other step has made good."""
     for session in sessions:
-        yield from (note for note in session.notes if "offset" not in values or not note.startswith("no-rest"))
+        yield from (note for note in session.notes if "offset" not in values or not note.startswith("no-standstill"))
 
 
 _ORDER = ("mass", "delay", "velocity_delay", "offset", "weight", "bias", "drift", "force_std", "position_std")
@@ -162,26 +162,28 @@ def refuse_broken(record: CalibrationRecord) -> None:
 
 
 def _refuse_shifted(
-    record: CalibrationRecord, shakes: Sequence[ShakeFit], moving: Sequence[Segment], rest: RestFit
+    record: CalibrationRecord, shakes: Sequence[ShakeFit], moving: Sequence[Segment], standstill: StandstillFit
 ) -> None:
-    """Raise LogError where the mean force of a shake is not that of the rest: something pushed meanwhile."""
+    """Raise LogError where the mean force of a shake is not that of the standstill: something pushed meanwhile."""
     for shake, segment in zip(shakes, moving, strict=True):
-        nearest = min(rest.rests, key=lambda r: abs(r.time - segment.begin))
+        nearest = min(standstill.stretches, key=lambda r: abs(r.time - segment.begin))
         noise = nearest.force_std.value
         shift = shake.offset - nearest.offset.value
         if abs(shift) > max(noise, _SHIFTED * nearest.offset.std, 0.05 * shake.swing):
             raise LogError(
-                f"calibration: the mean force while shaken is {shift:+.3g} N off that at rest: the tip is in contact, "
-                "or something hangs on it"
+                f"calibration: the mean force while shaken is {shift:+.3g} N off that at standstill: the tip is in "
+                "contact, or something hangs on it"
             )
         if shake.residual > _UNEXPLAINED * noise + 0.1 * shake.swing:
             raise LogError(
                 f"calibration: mass and delay leave {shake.residual:.3g} N of the force unexplained where the noise at "
-                f"rest is {noise:.3g} N: the tip is in contact, or the motion is no sine"
+                f"standstill is {noise:.3g} N: the tip is in contact, or the motion is no sine"
             )
 
 
-def _values(shakes: Sequence[ShakeFit], rests: Sequence[RestFit], settings: CalibrationSettings) -> dict[str, Measured]:
+def _values(
+    shakes: Sequence[ShakeFit], standstills: Sequence[StandstillFit], settings: CalibrationSettings
+) -> dict[str, Measured]:
     b = settings.type_b
     found = {
         "mass": Measured.of([shake.mass for shake in shakes], "kg", b.mass),
@@ -190,29 +192,31 @@ def _values(shakes: Sequence[ShakeFit], rests: Sequence[RestFit], settings: Cali
     lags = [shake.velocity_delay for shake in shakes if shake.velocity_delay is not None]
     if lags:
         found["velocity_delay"] = Measured.of(lags, "s")
-    if rests:
-        found |= rest_values(rests, b.offset)
+    if standstills:
+        found |= standstill_values(standstills, b.offset)
     paper = [shake.paper_velocity_std for shake in shakes if shake.paper_velocity_std is not None]
     if paper:
         found["paper_velocity_std"] = Measured.of(paper, "m/s")
     return found
 
 
-def _notes(shakes: Sequence[ShakeFit], rests: Sequence[RestFit]) -> list[str]:
+def _notes(shakes: Sequence[ShakeFit], standstills: Sequence[StandstillFit]) -> list[str]:
     notes = []
-    if not rests:
-        notes.append("no-rest: the records hold no rest in free air, so offset, bias, drift and noise are not known")
-    colour = max((item.colour for rest in rests for item in rest.rests), default=1.0)
+    if not standstills:
+        notes.append(
+            "no-standstill: the records hold no standstill in free air, so offset, bias, drift and noise are not known"
+        )
+    colour = max((item.colour for fit in standstills for item in fit.stretches), default=1.0)
     if colour > 2.0:
         notes.append(
             f"coloured-noise: below a tenth of its rate the force noise is {colour:.1f} times that of white noise"
         )
-    noise = max((item.force_std.value for rest in rests for item in rest.rests), default=math.inf)
+    noise = max((item.force_std.value for fit in standstills for item in fit.stretches), default=math.inf)
     left = max(shake.residual for shake in shakes)
     if left > _NOTED * noise:
         notes.append(
-            f"unexplained: mass and delay leave {left:.3g} N of the force, where the noise at rest is {noise:.3g} N: "
-            "something shook along, or the clocks stumbled"
+            f"unexplained: mass and delay leave {left:.3g} N of the force, where the noise at standstill is "
+            f"{noise:.3g} N: something shook along, or the clocks stumbled"
         )
     lags = [shake.velocity_delay for shake in shakes if shake.velocity_delay is not None]
     if lags:

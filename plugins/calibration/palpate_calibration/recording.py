@@ -15,7 +15,7 @@ from palpate_calibration.applying import identity_in
 from palpate_calibration.orientations import Pose, WrenchRecorder
 from palpate_calibration.plan import CalibrationPlan
 from palpate_calibration.record import CalibrationRecord, CalibrationRecorder
-from palpate_calibration.segments import resting
+from palpate_calibration.segments import standing_still
 from palpate_calibration.settings import CalibrationSettings, Orientations, StepSettings
 
 Seen = dict[str, dict[str, str]]  # what live devices say of themselves, by name
@@ -114,7 +114,7 @@ def _listen(plan: CalibrationPlan, recorder: WrenchRecorder, seconds: float) -> 
 
 
 def poses_of_a_log(plan: CalibrationPlan, count: int) -> list[Pose]:
-    """The rests of a log in which the tool was turned from one orientation to the next."""
+    """The standstills of a log in which the tool was turned from one orientation to the next."""
     wrench, recorder = WrenchRecorder(plan.ports), CalibrationRecorder(plan.alignment, plan.ports)
 
     def take(device: str, batch: Batch) -> None:
@@ -123,7 +123,9 @@ def poses_of_a_log(plan: CalibrationPlan, count: int) -> list[Pose]:
 
     _run(plan, 0, take, None)
     whole = recorder.record()
-    rests = resting(whole)
-    if len(rests) != count:
-        raise LogError(f"calibration: the log holds {len(rests)} rests; [calibration.orientations] down names {count}")
-    return wrench.poses([(rest.begin, rest.end) for rest in rests], whole.origin)
+    still = standing_still(whole)
+    if len(still) != count:
+        raise LogError(
+            f"calibration: the log holds {len(still)} standstills; [calibration.orientations] down names {count}"
+        )
+    return wrench.poses([(segment.begin, segment.end) for segment in still], whole.origin)

@@ -1,4 +1,4 @@
-"""Where in a record the tip rests and where it is shaken, from the motion itself."""
+"""Where in a record the tip stands still and where it is shaken, from the motion itself."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from palpate_calibration.record import CalibrationRecord
 
 _WINDOW = 0.1  # [s] over which the motion is judged
 _STILL = 2e-6  # [m]; a standard deviation of the position that nobody would call a motion
-_MOVING = 2e-4  # [m]; no position at rest is as noisy as that
+_MOVING = 2e-4  # [m]; no position at standstill is as noisy as that
 _EVEN = 0.1  # change of the swing over a second that is still even
-_SHORTEST_REST = 0.4  # [s]
+_SHORTEST_STANDSTILL = 0.4  # [s]
 _SHORTEST_SHAKE = 2.0  # [s]
 _EDGE = 0.1  # [s] left out at both ends of every stretch: streams are not yet aligned
 
@@ -33,20 +33,20 @@ class Segment:
         return self.end - self.begin
 
 
-def resting(record: CalibrationRecord) -> list[Segment]:
+def standing_still(record: CalibrationRecord) -> list[Segment]:
     """The stretches in which the position does not change by more than its noise, in order."""
     edges, swing = _swing(record)
     quiet = swing < min(max(3.0 * float(np.quantile(swing, 0.02)), _STILL), 0.1 * float(swing.max()))
-    return _stretches(edges, quiet, record, _SHORTEST_REST)
+    return _stretches(edges, quiet, record, _SHORTEST_STANDSTILL)
 
 
-def long_rest(record: CalibrationRecord) -> Segment | None:
-    """The longest rest of a record that may hold nothing else; None where it moves all the time."""
+def longest_standstill(record: CalibrationRecord) -> Segment | None:
+    """The longest standstill of a record that may hold nothing else; None where it moves all the time."""
     edges, swing = _swing(record)
     noise = float(np.quantile(swing, 0.02))
     if noise > _MOVING:
         return None
-    found = _stretches(edges, swing < max(3.0 * noise, _STILL), record, _SHORTEST_REST)
+    found = _stretches(edges, swing < max(3.0 * noise, _STILL), record, _SHORTEST_STANDSTILL)
     return max(found, key=lambda segment: segment.length, default=None)
 
 

@@ -15,7 +15,7 @@ class TypeB(Settings):
 
     mass: Mass = Field(default=0.0, ge=0, description="of the mass, such as that of the position's scale")
     delay: Time = Field(default=0.0, ge=0, description="of the delay, such as that of two clocks")
-    offset: Force = Field(default=0.0, ge=0, description="of the reading at rest")
+    offset: Force = Field(default=0.0, ge=0, description="of the reading at standstill")
 
 
 class StepSettings(Settings):
@@ -43,7 +43,7 @@ class Orientations(Settings):
     """The step in which the tool is turned: weight and centre of mass of what hangs behind the sensor."""
 
     repeats: int | None = Field(default=None, ge=1, le=100, description="how often all of them; a log: once")
-    trajectory: Trajectory | None = Field(default=None, description="the rest, where a device moves for it")
+    trajectory: Trajectory | None = Field(default=None, description="the motion, where a device moves for it")
     device: dict[str, Device] = Field(default={}, description="devices of this step; left out: those of the file")
     down: tuple[tuple[float, ...], ...] = Field(
         default=_FOUR, min_length=3, description="direction of gravity in the sensor's frame, in each orientation"
@@ -51,7 +51,9 @@ class Orientations(Settings):
     angle_std: Angle = Field(
         default=math.radians(0.5), ge=0, description="standard uncertainty of each direction, about each of two axes"
     )
-    duration: Time = Field(default=3.0, ge=1.0, description="rest in each orientation, where a person turns the tool")
+    duration: Time = Field(
+        default=3.0, ge=1.0, description="standstill in each orientation, where a person turns the tool"
+    )
 
     @model_validator(mode="after")
     def _directions(self) -> Self:
@@ -62,8 +64,8 @@ class Orientations(Settings):
 
 
 STEPS: dict[str, str] = {  # in the order in which they are done
-    "rest": "the tip hangs free and stays where it is: offset, drift and noise",
-    "orientations": "the tool is turned and rests: weight and centre of mass of what hangs behind the sensor",
+    "standstill": "the tip hangs free and stays where it is: offset, drift and noise",
+    "orientations": "the tool is turned and stands still: weight and centre of mass of what hangs behind the sensor",
     "shake": "the tip is shaken in free air: mass, and time between force and motion",
     "noise": "the tip moves to and fro in free air: noise of the velocity while it moves",
     "tap": "the tip taps on a stiff plate: time between force and motion once more",
@@ -73,9 +75,9 @@ ON_A_PLATE = ("tap", "press")
 
 
 class CalibrationSettings(Settings):
-    """How a calibration is done: by the steps that are named, or, where none is, by one motion with rest and shake."""
+    """How a calibration is done: by the steps that are named or, where none is, standstill and shake in one motion."""
 
-    rest: StepSettings | None = Field(default=None, description=STEPS["rest"])
+    standstill: StepSettings | None = Field(default=None, description=STEPS["standstill"])
     orientations: Orientations | None = Field(default=None, description=STEPS["orientations"])
     shake: StepSettings | None = Field(default=None, description=STEPS["shake"])
     noise: StepSettings | None = Field(default=None, description=STEPS["noise"])
@@ -97,7 +99,8 @@ class CalibrationSettings(Settings):
         default=0.2, ge=0, description="how much of each shake's beginning is left to the robot to settle"
     )
     gravity: bool = Field(
-        default=True, description="the force is along gravity, so that the mass has a weight in the reading at rest"
+        default=True,
+        description="the force is along gravity, so that the mass has a weight in the reading at standstill",
     )
     type_b: TypeB = Field(default=TypeB(), description="standard uncertainties that no repeat shows")
     top_speed: Speed = Field(default=0.25, gt=0, description="limit of the motion's speed")

@@ -96,7 +96,7 @@ def _variance_at(time: Floats, residual: Floats, frequency: float, lines: Sequen
 
 
 def mean_with_std(values: Floats) -> tuple[float, float, float]:
-    """Mean of a record at rest, its standard uncertainty, and the degrees of freedom of that.
+    """Mean of a record at standstill, its standard uncertainty, and the degrees of freedom of that.
 
     The uncertainty is that of the lowest frequencies of the spectrum, which is where a mean lives: right for coloured
     noise, too.
@@ -116,10 +116,10 @@ def find_lines(time: Floats, values: Floats, most: int = 6, least: float = 0.08)
     span, count = float(t[-1] - t[0]), len(t)
     even = np.linspace(t[0], t[-1], count)
     lines: list[float] = []
-    rest, first = values - np.polyval(np.polyfit(t, values, 1), t), None
+    scatter, first = values - np.polyval(np.polyfit(t, values, 1), t), None
     for _ in range(most):
         window = np.hanning(count)
-        spectrum = np.abs(np.fft.rfft(np.interp(even, t, rest) * window, 8 * count)) * 2 / window.sum()
+        spectrum = np.abs(np.fft.rfft(np.interp(even, t, scatter) * window, 8 * count)) * 2 / window.sum()
         grid = np.fft.rfftfreq(8 * count, span / (count - 1))
         spectrum[grid * span < 2.0] = 0.0  # a line needs two periods
         peak = int(np.argmax(spectrum))
@@ -128,7 +128,7 @@ def find_lines(time: Floats, values: Floats, most: int = 6, least: float = 0.08)
             break
         lines = _refined(t, values, [*lines, float(grid[peak])])
         columns = _columns(t, lines)
-        rest = values - columns @ _solved(columns, values)
+        scatter = values - columns @ _solved(columns, values)
     return tuple(sorted(lines))
 
 

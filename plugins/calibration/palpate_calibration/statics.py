@@ -30,7 +30,7 @@ class WeightFit:
 
 
 def weight_fit(wrenches: Floats, downs: Floats, stds: tuple[float, float]) -> WeightFit:
-    """Mass, centre of mass and bias from mean wrenches (n, 6) [N, N m] at rest in n >= 3 orientations.
+    """Mass, centre of mass and bias from mean wrenches (n, 6) [N, N m] at standstill in n >= 3 orientations.
 
     `downs` (n, 3) is the direction of gravity in the sensor's frame, of length 1; `stds` the standard uncertainty of a
     mean force and of a mean torque. f = m g down + f0 and t = c x (m g down) + t0, both linear, the first solved
@@ -142,6 +142,6 @@ def series_compliance(force: Floats, position: Floats) -> RepeatValue:
         raise LogError("calibration: the force on the plate changes by less than 0.5 N: no compliance can be seen")
     since = u - u.mean()
     slope = float((since * (z - z.mean())).sum() / (since**2).sum())
-    rest = z - z.mean() - slope * since
+    scatter = z - z.mean() - slope * since
     freedom = float(len(u) - 2)
-    return RepeatValue(-slope, math.sqrt(float((rest**2).sum()) / freedom / float((since**2).sum())), freedom)
+    return RepeatValue(-slope, math.sqrt(float((scatter**2).sum()) / freedom / float((since**2).sum())), freedom)

@@ -11,19 +11,19 @@ from palpate import LogError
 from palpate_calibration.protocol import StepFindings, pressed, refuse_broken, shaken, tapped
 from palpate_calibration.quantity import Measured, RepeatValue
 from palpate_calibration.record import CalibrationRecord
-from palpate_calibration.rest import long_rest_fit, rest_values, spectra
-from palpate_calibration.segments import Segment, long_rest, shaking
+from palpate_calibration.segments import Segment, longest_standstill, shaking
 from palpate_calibration.settings import CalibrationSettings
 from palpate_calibration.shake import against_average
 from palpate_calibration.sines import find_lines, harmonics_of, sine_fit
+from palpate_calibration.standstill import long_standstill_fit, spectra, standstill_values
 
-_ENOUGH = 2.0  # [s] of rest
+_ENOUGH = 2.0  # [s] of standstill
 
 
 def evaluated(step: str, records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
     """What the records of one step say; raises LogError with the reason where they cannot be used."""
-    if step == "rest":
-        return rested(records, settings)
+    if step == "standstill":
+        return still(records, settings)
     if step == "shake":
         return shaken(records, settings)
     if step == "noise":
@@ -31,24 +31,24 @@ def evaluated(step: str, records: Sequence[CalibrationRecord], settings: Calibra
     return tapped(records) if step == "tap" else pressed(records)
 
 
-def rested(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
-    """Offset, drift, noise and its spectrum from long rests in free air."""
+def still(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
+    """Offset, drift, noise and its spectrum from long standstills in free air."""
     segments: list[Segment] = []
     for record in records:
         refuse_broken(record)
-        segment = long_rest(record)
+        segment = longest_standstill(record)
         if segment is None or segment.length < _ENOUGH:
-            raise LogError("calibration: the record holds no rest of 2 s or more: the tip moves, or shakes")
+            raise LogError("calibration: the record holds no standstill of 2 s or more: the tip moves, or shakes")
         segments.append(segment)
-    fits = [long_rest_fit(record, segment) for record, segment in zip(records, segments, strict=True)]
+    fits = [long_standstill_fit(record, segment) for record, segment in zip(records, segments, strict=True)]
     notes = []
-    colour = max(item.colour for fit in fits for item in fit.rests)
+    colour = max(item.colour for fit in fits for item in fit.stretches)
     if colour > 2.0:
         notes.append(
             f"coloured-noise: below a tenth of its rate the force noise is {colour:.1f} times that of white noise"
         )
-    values = rest_values(fits, settings.type_b.offset)
-    return StepFindings(values, rests=tuple(fits), notes=tuple(notes), spectra=spectra(records, segments))
+    values = standstill_values(fits, settings.type_b.offset)
+    return StepFindings(values, standstills=tuple(fits), notes=tuple(notes), spectra=spectra(records, segments))
 
 
 def noisy(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:

@@ -1,4 +1,4 @@
-"""The noise of force and velocity, from the rest before a motion or from the record's free air."""
+"""The noise of force and velocity, from the standstill before a motion or from the record's free air."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ class MeasuredNoise:
 
     force: float  # [N]
     velocity: float  # [m/s]
-    source: Literal["rest", "free air"]
+    source: Literal["standstill", "free air"]
 
 
 class FreeAir:
     """Gathers the samples before the first contact and tells how noisy they are.
 
-    `rest` is how long the tip is known to hang still at the beginning of the record [s]; None where nobody says.
+    `standstill` is how long the tip is known to hang still at the beginning of the record [s]; None where nobody says.
     """
 
-    def __init__(self, rest: float | None = None) -> None:
-        self._rest = rest
+    def __init__(self, standstill: float | None = None) -> None:
+        self._standstill = standstill
         self._air: Floats = np.zeros((2, 0))  # force, velocity
         self._still: Floats = np.zeros((3, 0))  # force, velocity, position
 
@@ -38,25 +38,25 @@ class FreeAir:
         rows = ~samples.contact
         new = np.array([samples.force[rows], samples.velocity[rows], samples.position[rows]])
         self._air = np.concatenate([self._air, new[:2]], axis=1)[:, -_KEPT:]
-        if self._rest is not None:
-            still = new[:, samples.time[rows] < self._rest]
+        if self._standstill is not None:
+            still = new[:, samples.time[rows] < self._standstill]
             self._still = np.concatenate([self._still, still], axis=1)
 
     def noise(self) -> MeasuredNoise:
-        """Standard deviations at rest, else over the free air; raises LogError where there was too little of it."""
-        found = self._at_rest()
+        """Standard deviations at standstill, else over the free air; raises LogError where there was too little."""
+        found = self._at_standstill()
         if found is None:
             found = MeasuredNoise(_from_curvature(self._air[0]), _from_curvature(self._air[1]), "free air")
         if min(found.force, found.velocity) <= 0.0:
             raise LogError('noise = "measure": force or velocity is constant in free air')
         return found
 
-    def _at_rest(self) -> MeasuredNoise | None:
-        """None where there was no rest, or not enough of it."""
+    def _at_standstill(self) -> MeasuredNoise | None:
+        """None where there was no standstill, or not enough of it."""
         force, velocity, position = (values[np.isfinite(values)] for values in self._still)
         if min(len(force), len(velocity), len(position)) < _ENOUGH or np.ptp(position) > _STILL:
             return None
-        return MeasuredNoise(float(force.std(ddof=1)), float(velocity.std(ddof=1)), "rest")
+        return MeasuredNoise(float(force.std(ddof=1)), float(velocity.std(ddof=1)), "standstill")
 
 
 def _from_curvature(values: Floats) -> float:

@@ -71,7 +71,7 @@ class InertialFilter(PaperStart, ABC):
     """Settings that every compiled filter on the inertial process has."""
 
     noise: Literal["given", "measure"] = Field(
-        default="given", description='"measure": take both from the rest before a live motion, else from free air'
+        default="given", description='"measure": take both from the standstill before a live motion, else from free air'
     )
     start_from: Literal["guess", "fit"] = Field(
         default="guess", description='"fit": a variable-projection fit of the first start_duration of contact'
@@ -151,11 +151,13 @@ def inertial_tracker(
     window = settings.start_duration if settings.start_from == "fit" else 0.0
     recursion = Recursion(step, len(problem.model.parameters), numbers, begin, _inputs)
     told = {"relief_sensitivity": _RELIEF} if fading is not None and settings.order else {}
-    return RecursiveTracker(recursion, Opening(window, settings.noise == "measure", problem.rest), details=told)
+    return RecursiveTracker(recursion, Opening(window, settings.noise == "measure", problem.standstill), details=told)
 
 
 def _inputs(samples: Samples, interval: Floats) -> Floats:
-    return np.column_stack([samples.force, -samples.velocity, interval])
+    rows = np.empty((len(interval), 3))
+    rows[:, 0], rows[:, 1], rows[:, 2] = samples.force, -samples.velocity, interval
+    return rows
 
 
 def first_state(

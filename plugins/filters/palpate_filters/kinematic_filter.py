@@ -40,7 +40,7 @@ def known_causes(settings: KinematicSettings) -> dict[str, list[str]]:
 def opening(settings: KinematicSettings, problem: Problem) -> Opening:
     """How the filter gets under way."""
     window = settings.start_duration * (_LONGER if has_bias(settings) else 1.0) if fits(settings) else 0.0
-    return Opening(window, settings.noise == "measure", problem.rest)
+    return Opening(window, settings.noise == "measure", problem.standstill)
 
 
 def kinematic_recursion(settings: KinematicSettings, problem: Problem, *, with_state: bool = False) -> Recursion:
@@ -81,4 +81,6 @@ def noises(settings: KinematicSettings, force_std: float | None, velocity_std: f
 
 
 def _inputs(samples: Samples, interval: Floats) -> Floats:
-    return np.column_stack([samples.force, samples.position, samples.velocity, interval])
+    rows = np.empty((len(interval), 4))
+    rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3] = samples.force, samples.position, samples.velocity, interval
+    return rows

@@ -23,7 +23,7 @@ class KinematicSettings(Estimator, ABC):
     velocity_std: Speed = Field(default=0.67e-3, gt=0, description="standard deviation of the velocity")
     noise: Literal["given", "measure"] = Field(
         default="given",
-        description='"measure": take force and velocity from the rest before a live motion, else from free air',
+        description='"measure": take force and velocity from the standstill before a live motion, else from free air',
     )
     sweep_speed: Speed = Field(default=0.0, ge=0, description="speed along the surface; 0 for a point")
     jerk: float = Field(default=0.5, gt=0, allow_inf_nan=False, description="density of the tip's jerk, in m^2/s^5")

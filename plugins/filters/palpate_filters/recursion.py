@@ -65,7 +65,7 @@ class Opening:
 
     window: float = 0.0  # [s] of samples gathered before the first estimate
     measure_noise: bool = False
-    rest: float | None = None  # [s] at the beginning of the record in which the tip is known to be at rest
+    standstill: float | None = None  # [s] at the beginning of the record in which the tip is known to be at rest
 
 
 @dataclass(frozen=True)

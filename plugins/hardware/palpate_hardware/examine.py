@@ -116,7 +116,7 @@ def _listened(pipeline: Pipeline, links: Mapping[str, Link], duration: float) ->
         for stream in streams[name]:
             yield from _stream(f"{name}.{stream.name}", stream, heard[name, stream.name], pipeline.alignment.gap)
     if len(links) == len(pipeline.devices):
-        yield _rest(guard, declared_noise(pipeline))
+        yield _standstill(guard, declared_noise(pipeline))
     yield from _ways(pipeline, links)
     for name, link in links.items():
         if isinstance(link, Watched):
@@ -152,15 +152,15 @@ def _arrival(name: str, late: Floats) -> Iterator[Finding]:
         yield Finding("note", name, text)
 
 
-def _rest(guard: Guard, declared: Mapping[str, tuple[float, float]]) -> Finding:
+def _standstill(guard: Guard, declared: Mapping[str, tuple[float, float]]) -> Finding:
     try:
-        rest = guard.judge_rest(declared)
+        found = guard.judge_standstill(declared)
     except DeviceError as error:
-        return Finding("bad", "rest", str(error))
-    text = f"force {rest.force:.3f} N, noise {rest.force_std:.4f} N"
-    if rest.velocity_std is not None:
-        text += f"; noise of the velocity {1e3 * rest.velocity_std:.3f} mm/s"
-    return Finding("good", "rest", text)
+        return Finding("bad", "standstill", str(error))
+    text = f"force {found.force:.3f} N, noise {found.force_std:.4f} N"
+    if found.velocity_std is not None:
+        text += f"; noise of the velocity {1e3 * found.velocity_std:.3f} mm/s"
+    return Finding("good", "standstill", text)
 
 
 def _lines(health: Mapping[str, Any]) -> Iterator[str]:

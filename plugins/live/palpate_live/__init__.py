@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 @plugin
 def palpate_sinks() -> dict[str, type[Sink]]:
-    """The page."""
-    from palpate_live.sink import LiveSink
+    """The page, and what Foxglove connects to."""
+    from palpate_live.sink import FoxgloveSink, LiveSink
 
-    return {"live": LiveSink}
+    return {"live": LiveSink, "foxglove": FoxgloveSink}
 
 
 @plugin

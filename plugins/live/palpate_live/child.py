@@ -13,6 +13,7 @@ import tempfile
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 
 from palpate import OutputError, printable
 
@@ -24,19 +25,33 @@ _GOES = 2.0  # [s] in which it has to end
 _COMMAND = 256  # bytes
 
 
+@dataclass(frozen=True)
+class Served:
+    """What the process is."""
+
+    name: str  # in messages
+    module: str  # that is run
+    scheme: str  # of its address
+
+
+_PAGE = Served("live page", "palpate_live.server", "http")
+
+
 class Child:
     """A server of the page in a process of its own; nothing that it does or fails to do holds up who sends."""
 
-    def __init__(self, port: int, stop: Callable[[str], None] | None, patient: bool = False) -> None:
+    def __init__(
+        self, port: int, stop: Callable[[str], None] | None, patient: bool = False, served: Served = _PAGE
+    ) -> None:
         """Listen on 127.0.0.1, start the process; raises OutputError where the port is taken.
 
         `stop` is called from a thread when somebody asks for it on the page; a `patient` sender waits for the process.
         """
         self.sent = self.dropped = 0
         self.lost: str | None = None  # why nothing goes there any more
-        self._stop, self._patient = stop, patient
+        self._stop, self._patient, self.served = stop, patient, served
         self.token = secrets.token_urlsafe(16)
-        with _listening(port) as listener:
+        with _listening(port, served.name) as listener:
             self.port: int = listener.getsockname()[1]
             self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER)
@@ -54,12 +69,12 @@ class Child:
     @property
     def address(self) -> str:
         """Where a browser finds the page; whoever knows it may look, and stop the run."""
-        return f"http://127.0.0.1:{self.port}/{self.token}/"
+        return f"{self.served.scheme}://127.0.0.1:{self.port}/{self.token}/"
 
     def _started(self, listener: socket.socket, theirs: socket.socket) -> subprocess.Popen[bytes]:
         """In a session of its own, so that Ctrl-C reaches the run only; it imports nothing from the current folder."""
         numbers = listener.fileno(), theirs.fileno()
-        command = [sys.executable, "-P", "-m", "palpate_live.server", *map(str, numbers)]
+        command = [sys.executable, "-P", "-m", self.served.module, *map(str, numbers)]
         try:
             process = subprocess.Popen(
                 command,
@@ -70,7 +85,7 @@ class Child:
                 start_new_session=True,
             )
         except OSError as error:
-            raise OutputError(f"live page: its process cannot be started: {error.strerror}") from error
+            raise OutputError(f"{self.served.name}: its process cannot be started: {error.strerror}") from error
         assert process.stdin is not None
         with suppress(OSError), process.stdin as pipe:
             pipe.write(f"{self.token}\n".encode())  # arguments of a process are seen by everybody
@@ -140,15 +155,16 @@ class Child:
             file.seek(0)
             words = file.read().decode(errors="replace").strip().splitlines()
         if code > 0:
-            return f"the live page ended early: {printable(words[-1]) if words else f'exit code {code}'}"
+            return f"the {self.served.name} ended early: {printable(words[-1]) if words else f'exit code {code}'}"
         if self.lost is not None:
-            return "the live page was ended from outside; the run has not waited for it"
+            return f"the {self.served.name} was ended from outside; the run has not waited for it"
         if self.dropped:
-            return f"the live page was too slow: {self.dropped} of {self.sent + self.dropped} messages were not shown"
+            lost = f"{self.dropped} of {self.sent + self.dropped} messages were not shown"
+            return f"the {self.served.name} was too slow: {lost}"
         return None
 
 
-def _listening(port: int) -> socket.socket:
+def _listening(port: int, name: str) -> socket.socket:
     found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
@@ -157,6 +173,6 @@ def _listening(port: int) -> socket.socket:
     except OSError as error:
         found.close()
         raise OutputError(
-            f"live page: port {port} of 127.0.0.1 cannot be used: {error.strerror}; port = 0 takes a free one"
+            f"{name}: port {port} of 127.0.0.1 cannot be used: {error.strerror}; port = 0 takes a free one"
         ) from error
     return found

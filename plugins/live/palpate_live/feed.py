@@ -34,7 +34,7 @@ class Feed:
         self._samples: Samples | None = None
         self._chosen: NDArray[np.intp] = np.zeros(0, np.intp)
         self._blocks: list[tuple[Floats, Table]] = []
-        self._stamp = 0  # [ns] of the latest row
+        self._stamp = 0  # [ns] of the latest row, in the record's clock
         self._last: str | None = None  # track that was told last of the block before
         self._latest: str | None = None
         self._offline: dict[str, Estimates] = {}
@@ -127,7 +127,8 @@ class Feed:
         table = np.concatenate([rows for _, rows in self._blocks]).T
         self._blocks.clear()
         for piece in pieces(len(times), len(table)):
-            self._send(pack_rows({"kind": "rows", "stamp": self._stamp}, times[piece], table[:, piece]))
+            stamp = self._stamp - round(1e9 * (times[-1] - times[piece][-1]))
+            self._send(pack_rows({"kind": "rows", "stamp": stamp}, times[piece], table[:, piece]))
 
     def _afterwards(self, track: str, estimates: Estimates) -> None:
         """Of an offline estimator, which speaks when the record has ended: the same rows, all at once."""

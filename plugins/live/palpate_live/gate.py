@@ -39,6 +39,22 @@ def host_of(request: Request) -> str | None:
     return hosts[0] if len(hosts) == 1 and _HERE.fullmatch(hosts[0]) else None
 
 
+def _stranger(request: Request, token: str) -> str | None:
+    """Why the address is not the one that the run has printed; None where it is."""
+    given = request.path.removeprefix("/").partition("/")[0]
+    if hmac.compare_digest(given.encode(errors="replace"), token.encode()):
+        return None
+    return "the address lacks the token that the run has printed, or has that of another run"
+
+
+def admit_viewer(request: Request, token: str) -> Response | None:
+    """A refusal of who may not look on from a program of their own, at whatever origin; None lets a WebSocket in."""
+    why = _stranger(request, token)
+    if host_of(request) is None:
+        why = "the data are served to localhost and 127.0.0.1 only"
+    return None if why is None else response(403, f"403: {why}\n".encode(), "text/plain")
+
+
 def refusal(request: Request, token: str) -> str | None:
     """Why a request gets nothing; None where it may pass."""
     host = host_of(request)
@@ -47,9 +63,9 @@ def refusal(request: Request, token: str) -> str | None:
     origins = request.headers.get_all("Origin")
     if any(origin != f"http://{host}" for origin in origins) or len(origins) > 1:
         return "another page has no business here"
-    given, _, rest = request.path.removeprefix("/").partition("/")
-    if not hmac.compare_digest(given.encode(errors="replace"), token.encode()):
-        return "the address lacks the token that the run has printed, or has that of another run"
+    if (why := _stranger(request, token)) is not None:
+        return why
+    _, _, rest = request.path.removeprefix("/").partition("/")
     if rest == DATA and not origins:
         return "data are for the page only"
     return None

@@ -7,11 +7,14 @@ import logging
 import os
 import socket
 import sys
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
+from typing import Protocol
 
 from websockets.asyncio.server import ServerConnection, broadcast, serve
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
+from websockets.typing import Subprotocol
 
 from palpate_live.gate import answer
 from palpate_live.history import History
@@ -24,6 +27,45 @@ _DRAIN = 1.0  # [s] for browsers to take what is left when the run has ended
 _STOP = "stop"
 
 
+class Viewers(Protocol):
+    """Those who look on: who may, what they get, and whether the run is over."""
+
+    over: asyncio.Event
+
+    def admit(self, connection: ServerConnection, request: Request) -> Response | None:
+        """A refusal, or a page; None lets a WebSocket in."""
+        ...
+
+    async def serve(self, viewer: ServerConnection) -> None:
+        """One of them, until it goes."""
+        ...
+
+    async def finish(self) -> None:
+        """Let them know that nothing more comes."""
+        ...
+
+
+def listen(run: socket.socket, take: Callable[[bytes], None], over: asyncio.Event) -> None:
+    """Take all that comes from the run; an empty datagram is its end."""
+    run.setblocking(False)
+
+    def read() -> None:
+        while True:
+            try:
+                message = run.recv(2 * LARGEST)
+            except BlockingIOError:
+                return
+            except OSError:
+                message = b""
+            if not message:
+                asyncio.get_running_loop().remove_reader(run)
+                over.set()
+                return
+            take(message)
+
+    asyncio.get_running_loop().add_reader(run, read)
+
+
 class Server:
     """Browsers, what they missed, and the run's end of the socket."""
 
@@ -33,30 +75,17 @@ class Server:
         self._browsers: dict[ServerConnection, int] = {}  # bytes of history that each was given
         self._stale = False  # whether rows have changed that browsers have
         self.over = asyncio.Event()
-        run.setblocking(False)
-        asyncio.get_running_loop().add_reader(run, self._take)
+        listen(run, self._take, self.over)
 
-    def _take(self) -> None:
-        """All that has come; an empty datagram is the run's end."""
-        while True:
-            try:
-                message = self._run.recv(2 * LARGEST)
-            except BlockingIOError:
-                return
-            except OSError:
-                message = b""
-            if not message:
-                asyncio.get_running_loop().remove_reader(self._run)
-                self.over.set()
-                return
-            kind = self._history.add(message)
-            if kind == "later":  # rows that browsers have already now say more: once, when all of it is here
-                self._stale = True
-            elif self._stale:
-                self._stale = False
-                self._all_anew()
-            else:
-                self._hand_out(message)
+    def _take(self, message: bytes) -> None:
+        kind = self._history.add(message)
+        if kind == "later":  # rows that browsers have already now say more: once, when all of it is here
+            self._stale = True
+        elif self._stale:
+            self._stale = False
+            self._all_anew()
+        else:
+            self._hand_out(message)
 
     def _hand_out(self, message: bytes) -> None:
         for browser, given in list(self._browsers.items()):
@@ -101,23 +130,36 @@ class Server:
     async def finish(self) -> None:
         """Let browsers know that nothing more comes, and have it."""
         self._hand_out(pack({"kind": "over"}))
-        closing = [asyncio.ensure_future(browser.close(1001, "the run is over")) for browser in self._browsers]
-        if closing:
-            await asyncio.wait(closing, timeout=_DRAIN)
+        await see_off(self._browsers)
 
 
-async def work(listener: socket.socket, run: socket.socket, token: str) -> None:
-    """Serve until the run ends."""
-    server = Server(run, token)
+async def see_off(viewers: Iterable[ServerConnection]) -> None:
+    """Close connections, with a moment for what is on its way."""
+    closing = [asyncio.ensure_future(viewer.close(1001, "the run is over")) for viewer in viewers]
+    if closing:
+        await asyncio.wait(closing, timeout=_DRAIN)
+
+
+async def work(
+    listener: socket.socket,
+    run: socket.socket,
+    token: str,
+    made: Callable[[socket.socket, str], Viewers] = Server,
+    subprotocols: Sequence[Subprotocol] | None = None,
+    largest: int = 64,
+) -> None:
+    """Serve until the run ends; what viewers say has at most `largest` bytes."""
+    server = made(run, token)
     silent = logging.getLogger("palpate_live")  # strangers' requests are no news, and would fill a file
     silent.disabled = True
     async with serve(
         server.serve,
         sock=listener,
         process_request=server.admit,
+        subprotocols=subprotocols,
         compression=None,
         logger=silent,
-        max_size=64,
+        max_size=largest,
         server_header=None,
         close_timeout=_DRAIN,
     ):
@@ -126,11 +168,11 @@ async def work(listener: socket.socket, run: socket.socket, token: str) -> None:
         await server.finish()
 
 
-def main() -> None:
-    """``python -m palpate_live.server LISTENER SOCKET``, with the token on standard input."""
+def given() -> tuple[socket.socket, socket.socket, str]:
+    """Listener and socket of ``python -m MODULE LISTENER SOCKET``, and the token from standard input."""
     listener, run = (socket.socket(fileno=int(number)) for number in sys.argv[1:3])
-    asyncio.run(work(listener, run, sys.stdin.readline().strip()))
+    return listener, run, sys.stdin.readline().strip()
 
 
 if __name__ == "__main__":
-    main()
+    asyncio.run(work(*given()))

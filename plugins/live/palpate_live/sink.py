@@ -1,4 +1,4 @@
-"""``[sink.live]``: a page in the browser that shows the run while it goes on."""
+"""``[sink.live]`` shows a run on a page in the browser while it goes on, ``[sink.foxglove]`` in Foxglove."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from palpate import FlagMeaning, Run, Sink, Writer
 from palpate.host import registry
 from pydantic import Field
 
-from palpate_live.child import Child
+from palpate_live.child import Child, Served
 from palpate_live.feed import Feed
 
 
@@ -26,19 +26,36 @@ class LiveSink(Sink):
 
     def open(self, run: Run) -> AbstractContextManager[Writer]:
         """Start the page, and say on standard error where it is; raises OutputError where the port is taken."""
-        return self._opened(run)
+        return _opened(Child(self.port, run.stop), run)
 
-    @contextmanager
-    def _opened(self, run: Run) -> Iterator[Writer]:
-        child = Child(self.port, run.stop)
-        try:
-            say(f"live page: {child.address}")
-            feed = Feed(run, child.send, meanings())
-            yield feed
-            feed.flush()
-        finally:
-            if (told := child.close()) is not None:
-                say(f"palpate: {told}")
+
+class FoxgloveSink(Sink):
+    """Shows the run in Foxglove, which connects to the address that is printed: it may look on, and do nothing else.
+
+    Topics and names are those of a log of palpate's, so that one layout shows both. Served on 127.0.0.1 by a process of
+    its own, to whoever has the address: it holds a token. That process never holds up the run.
+    """
+
+    port: int = Field(default=0, ge=0, le=65535, description="of 127.0.0.1 that is served; 0: any free one")
+
+    def open(self, run: Run) -> AbstractContextManager[Writer]:
+        """Start serving, and say on standard error where; raises OutputError where the port is taken."""
+        return _opened(Child(self.port, None, served=_FOXGLOVE), run)
+
+
+_FOXGLOVE = Served("Foxglove server", "palpate_live.foxglove", "ws")
+
+
+@contextmanager
+def _opened(child: Child, run: Run) -> Iterator[Writer]:
+    try:
+        say(f"{child.served.name}: {child.address}")
+        feed = Feed(run, child.send, meanings())
+        yield feed
+        feed.flush()
+    finally:
+        if (told := child.close()) is not None:
+            say(f"palpate: {told}")
 
 
 def say(text: str) -> None:

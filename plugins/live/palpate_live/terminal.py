@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 _PANEL, _LINES = 0.25, 5.0  # [s] between two looks
 _BEHIND = 0.5  # [s] from which on it is shown
 _JOIN = 1.0  # [s] for a terminal that takes nothing
-_PHASES = {"rest": "at rest", "motion": "moving", "tripped": "stopped by the guard", "over": "motion is over"}
+_PHASES = {"standstill": "standstill", "motion": "moving", "tripped": "stopped by the guard", "over": "motion is over"}
 
 
 @contextmanager
@@ -127,7 +128,9 @@ class Watcher:
         return measured(float(value) * factor, float(np.hypot(std, beyond)) * factor)
 
     def _codes(self, track: str | None) -> str:
-        return ", ".join(flag.code for flag in self._flags.get(track, ()))
+        """Each code once, with how often where several streams or devices raise it."""
+        counts = Counter(flag.code for flag in self._flags.get(track, ()))
+        return ", ".join(code if count == 1 else f"{code} x {count}" for code, count in counts.items())
 
     def line(self) -> str:
         """All of it in one line."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +14,7 @@ from palpate.host import Overrides, RunFolder, build_pipeline, carried_by, repla
 from palpate_live.child import Child
 from palpate_live.feed import Feed
 from palpate_live.sink import meanings, say
+from palpate_live.table import recorded, tell
 
 if TYPE_CHECKING:
     from palpate.host import Pipeline
@@ -25,8 +27,15 @@ def watch(
 ) -> None:
     """Show a recorded run on the live page, with a time slider, at any speed; Ctrl-C ends it.
 
-    The run is estimated once more from its log, to the same numbers; nothing is written.
+    The run is estimated once more from its log, to the same numbers; one that has no log is shown from its table of
+    estimates. Nothing is written.
     """
+    if (known := recorded(source)) is not None:
+        if overrides:
+            raise ConfigurationError(f"{source}: has no log to estimate once more from; watch it without --set")
+        say("the run has no log: its table of estimates is shown, with flags and devices as they were at the end")
+        _serve(port, lambda child: tell(known, Feed(known.run, child.send, meanings(), recorded=True)))
+        return
     carried = carried_by(source)
     if carried is None:
         raise ConfigurationError(
@@ -36,10 +45,15 @@ def watch(
     for assignment in overrides or ():
         text.override(assignment)
     pipeline = build_pipeline(text)
+    _serve(port, lambda child: _filled(child, pipeline, source))
+
+
+def _serve(port: int, fill: Callable[[Child], bool]) -> None:
+    """Have a page filled, and keep it until Ctrl-C."""
     child = Child(port, None, patient=True)
     try:
         say(f"live page: {child.address}")
-        if _filled(child, pipeline, source):
+        if fill(child):
             say("all of the record is there; Ctrl-C ends")
             child.wait()
     except KeyboardInterrupt:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate import Command, lazily, plugin
+from palpate import Command, Migration, lazily, plugin
 
 if TYPE_CHECKING:
     from palpate import Trajectory
@@ -80,6 +80,15 @@ def palpate_trajectories() -> dict[str, type[Trajectory]]:
         "stay": Stay,
         "moved": Moved,
     }
+
+
+@plugin
+def palpate_migrations() -> tuple[Migration, ...]:
+    """What was called otherwise."""
+    still = ("point", "load-unload", "compression", "multi-sine", "chirp", "shake")
+    pressed = ("line-sweep", "raster", "grid-points")
+    names = dict.fromkeys(still, ("rest", "standstill")) | dict.fromkeys(pressed, ("press.rest", "press.standstill"))
+    return tuple(Migration("0.2", "trajectory", kind, keys={old: new}) for kind, (old, new) in names.items())
 
 
 @plugin

@@ -27,7 +27,7 @@ class MultiSine(Trajectory):
     frequencies: tuple[Frequency, ...] = Field(default=(0.5, 2.0, 5.0), min_length=1, description="of the sines")
     duration: Time = Field(default=10.0, gt=0, description="length of the measured part")
     clearance: Depth = Field(default=0.005, gt=0, description="height over the nominal surface at both ends")
-    rest: Time = Field(default=1.0, ge=0, description="rest in free air before the approach, for the tare")
+    standstill: Time = Field(default=1.0, ge=0, description="standstill in free air before the approach, for the tare")
     speed: Speed = Field(default=0.01, gt=0, description="mean speed of approach and retraction")
     place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
     surface: Surface = Field(default=Surface(), description="nominal surface")
@@ -67,7 +67,7 @@ class Chirp(Trajectory):
     last_frequency: Frequency = Field(default=5.0, gt=0, description="frequency at the end")
     duration: Time = Field(default=10.0, gt=0, description="length of the measured part")
     clearance: Depth = Field(default=0.005, gt=0, description="height over the nominal surface at both ends")
-    rest: Time = Field(default=1.0, ge=0, description="rest in free air before the approach, for the tare")
+    standstill: Time = Field(default=1.0, ge=0, description="standstill in free air before the approach, for the tare")
     speed: Speed = Field(default=0.01, gt=0, description="mean speed of approach and retraction")
     place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
     surface: Surface = Field(default=Surface(), description="nominal surface")
@@ -108,9 +108,9 @@ def refuse_wave(wave: Oscillation | ChirpPhase, bias: float) -> None:
 def shaken(settings: MultiSine | Chirp, wave: Wave) -> PlannedMotion:
     """Approach, oscillation, retraction."""
     transfer = (settings.clearance + settings.bias) / settings.speed
-    begin = settings.rest + transfer
+    begin = settings.standstill + transfer
     end = begin + settings.duration
-    times = (settings.rest, begin, end, end + transfer)
+    times = (settings.standstill, begin, end, end + transfer)
     depths = (-settings.clearance, settings.bias, settings.bias, -settings.clearance)
     depth = profile([Knot(t, d) for t, d in zip(times, depths, strict=True)])
     swell = profile([Knot(t, s) for t, s in zip(times, (0.0, 1.0, 1.0, 0.0), strict=True)])

@@ -88,7 +88,7 @@ class GridPoints(Trajectory):
         """When each visit is on the skin; every touch begins at a whole number of periods after the first."""
         press, stay = self.press, self.settle + self.duration
         period = 1.0 / press.frequency
-        begin = press.rest + press.transfer
+        begin = press.standstill + press.transfer
         touches = [Touch(begin, begin + stay)]
         visits = self.visits[self.first_point :]
         for a, b in itertools.pairwise(visits):

@@ -15,7 +15,7 @@ from palpate_trajectories.surface import Surface
 
 
 class LineSweep(Trajectory):
-    """A sweep along a line: rest, approach, palpation at the beginning, line at constant speed, retract.
+    """A sweep along a line: standstill, approach, palpation at the beginning, line at constant speed, retract.
 
     While measuring, depth(t) = bias + amplitude sin(2 pi f t) below the nominal surface; the coordinates along it have
     continuous velocity and acceleration (paper, section Online Dynamic Estimation).
@@ -42,7 +42,7 @@ class LineSweep(Trajectory):
 
     @cached_property
     def _motion(self) -> PlannedMotion:
-        begin = self.press.rest + self.press.transfer
+        begin = self.press.standstill + self.press.transfer
         leave = begin + self.settle
         share = [abs(b - a) / self._way for a, b in zip(self.start, self.end, strict=True)]
         x, y = (

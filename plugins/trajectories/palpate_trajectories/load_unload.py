@@ -25,7 +25,9 @@ class LoadUnload(Trajectory):
     cycles: int = Field(default=1, ge=1, le=1000, description="cycles at each speed")
     turn: Time = Field(default=0.1, gt=0, description="duration of each turn, and of starting and stopping")
     clearance: Depth = Field(default=0.005, gt=0, description="height over the nominal surface to which it returns")
-    rest: Time = Field(default=1.0, ge=0, description="rest in free air before the first cycle, for the tare")
+    standstill: Time = Field(
+        default=1.0, ge=0, description="standstill in free air before the first cycle, for the tare"
+    )
     place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
     surface: Surface = Field(default=Surface(), description="nominal surface")
 
@@ -60,7 +62,7 @@ class Compression(Trajectory):
     hold: Time = Field(default=0.0, ge=0, description="rest at the deepest point, for relaxation")
     turn: Time = Field(default=0.1, gt=0, description="duration of each turn, and of starting and stopping")
     clearance: Depth = Field(default=0.001, gt=0, description="height over the nominal surface at both ends")
-    rest: Time = Field(default=1.0, ge=0, description="rest in free air before it, for the tare")
+    standstill: Time = Field(default=1.0, ge=0, description="standstill in free air before it, for the tare")
     place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
     surface: Surface = Field(default=Surface(), description="nominal surface")
 
@@ -95,7 +97,7 @@ def refuse_speeds(speeds: tuple[float, ...], way: float, turn: float) -> None:
 def cycled(settings: LoadUnload | Compression, speeds: list[float], depth: float, hold: float) -> PlannedMotion:
     """Cycles down to a depth, with a hold at the bottom, from and to rest at the clearance."""
     turn, top = settings.turn, -settings.clearance
-    now = settings.rest
+    now = settings.standstill
     knots = [Knot(now, top)]
     for speed in speeds:
         way = speed * turn / 2
@@ -114,4 +116,4 @@ def cycled(settings: LoadUnload | Compression, speeds: list[float], depth: float
         now += turn
         knots.append(Knot(now, top))
     x, y = (resting(value) for value in settings.place)
-    return PlannedMotion(now, x, y, through(knots), ((settings.rest, now),), settings.surface)
+    return PlannedMotion(now, x, y, through(knots), ((settings.standstill, now),), settings.surface)

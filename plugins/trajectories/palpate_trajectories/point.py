@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 
 class Point(Trajectory):
-    """Palpation at a point: rest in free air, approach, settle, sine around a depth, retract.
+    """Palpation at a point: standstill in free air, approach, settle, sine around a depth, retract.
 
     While measuring, z(t) = -bias - amplitude sin(2 pi f t) (paper, section Online Point Estimation). Approach and
     retraction are fifth-order polynomials that meet the sine where it crosses the bias at full speed, so position,
@@ -28,7 +28,7 @@ class Point(Trajectory):
     clearance: Depth = Field(
         default=0.005, gt=0, description="height above the nominal surface at which it starts and ends"
     )
-    rest: Time = Field(default=1.0, ge=0, description="rest in free air before the approach, for the tare")
+    standstill: Time = Field(default=1.0, ge=0, description="standstill in free air before the approach, for the tare")
     speed: Speed = Field(default=0.01, gt=0, description="mean speed of approach and retraction")
 
     @model_validator(mode="after")
@@ -40,7 +40,7 @@ class Point(Trajectory):
     @property
     def total_duration(self) -> float:
         """From rest to rest [s]."""
-        return self.rest + 2 * self._transfer + self._sine_time
+        return self.standstill + 2 * self._transfer + self._sine_time
 
     @property
     def _transfer(self) -> float:
@@ -69,12 +69,12 @@ class Point(Trajectory):
     def at(self, time: Floats) -> Setpoint:
         """Setpoints (n, 3); only z moves."""
         t = np.asarray(time, float)
-        sine_begins = self.rest + self._transfer
+        sine_begins = self.standstill + self._transfer
         sine_ends = sine_begins + self._sine_time
         omega, phase = 2 * np.pi * self.frequency, t - sine_begins
         approach, retraction = self._polynomials
-        pieces = [t < self.rest, t < sine_begins, t < sine_ends, t < sine_ends + self._transfer]
-        inward, outward = t - self.rest, t - sine_ends
+        pieces = [t < self.standstill, t < sine_begins, t < sine_ends, t < sine_ends + self._transfer]
+        inward, outward = t - self.standstill, t - sine_ends
         z = [
             np.full_like(t, self.clearance),
             np.polyval(approach, inward),

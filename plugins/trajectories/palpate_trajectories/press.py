@@ -26,7 +26,9 @@ class Press(Settings):
     amplitude: Depth = Field(default=0.001, gt=0, description="amplitude of the sine")
     frequency: Frequency = Field(default=2.0, gt=0, description="frequency of the sine")
     clearance: Depth = Field(default=0.005, gt=0, description="height over the nominal surface in free air")
-    rest: Time = Field(default=1.0, ge=0, description="rest in free air before the first approach, for the tare")
+    standstill: Time = Field(
+        default=1.0, ge=0, description="standstill in free air before the first approach, for the tare"
+    )
     speed: Speed = Field(default=0.01, gt=0, description="mean speed of approach and retraction")
 
     @model_validator(mode="after")

@@ -60,7 +60,7 @@ class Raster(Trajectory):
     @cached_property
     def _way(self) -> _LinePath:
         """The way over the area, in coordinates along and across the lines."""
-        way = _LinePath(self.press.rest + self.press.transfer + self.settle)
+        way = _LinePath(self.press.standstill + self.press.transfer + self.settle)
         half, lowest = self.size[0] / 2, -self.pitch * (self.lines - 1) / 2
         for line in range(self.first_line, self.lines):
             forwards = line % 2 == 0 or not self.boustrophedon
@@ -78,7 +78,7 @@ class Raster(Trajectory):
 
     @cached_property
     def _motion(self) -> PlannedMotion:
-        way, begin = self._way, self.press.rest + self.press.transfer
+        way, begin = self._way, self.press.standstill + self.press.transfer
         cos, sin = math.cos(self.angle), math.sin(self.angle)
         x = [
             Knot(k.time, self.centre[0] + cos * k.along - sin * k.across, cos * k.pace - sin * k.drift)

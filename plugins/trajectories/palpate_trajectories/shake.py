@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 
 class Shake(Trajectory):
-    """A sine or several at once, along the tip's axis and in free air: rest, shake, rest.
+    """A sine or several at once, along the tip's axis and in free air: standstill, shake, standstill.
 
     z(t) = height + w(t) sum_k A sin(2 pi f_k t + phi_k), w a fifth-order ramp from 0 to 1 and back, so that position,
     velocity and acceleration are continuous; phases phi_k = pi k (k + 1)/n keep the peaks of a multi-sine low
@@ -26,7 +26,9 @@ class Shake(Trajectory):
     duration: Time = Field(default=10.0, gt=0, description="length of the measured part")
     settle: Time = Field(default=0.5, ge=0, description="full amplitude before the measured part, for the robot")
     ramp: Time = Field(default=1.0, gt=0, description="length of the rise to the full amplitude, and of the fall")
-    rest: Time = Field(default=1.5, ge=0, description="rest in free air before and after, for offset and noise")
+    standstill: Time = Field(
+        default=1.5, ge=0, description="standstill in free air before and after, for offset and noise"
+    )
 
     @model_validator(mode="after")
     def _stays_in_air(self) -> Any:
@@ -40,11 +42,11 @@ class Shake(Trajectory):
     @property
     def total_duration(self) -> float:
         """From rest to rest [s]."""
-        return 2 * self.rest + 2 * self.ramp + self.settle + self.duration
+        return 2 * self.standstill + 2 * self.ramp + self.settle + self.duration
 
     def at(self, time: Floats) -> Setpoint:
         """Setpoints (n, 3); only z moves."""
-        t = np.asarray(time, float) - self.rest
+        t = np.asarray(time, float) - self.standstill
         full = self.ramp + self.settle + self.duration
         rise, fall = _smooth(t / self.ramp), _smooth((full + self.ramp - t) / self.ramp)
         window, slope = rise[0] * fall[0], (rise[1] * fall[0] - rise[0] * fall[1]) / self.ramp

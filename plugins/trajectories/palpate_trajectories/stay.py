@@ -1,4 +1,4 @@
-"""A rest in free air, for calibration."""
+"""A standstill in free air, for calibration."""
 
 from __future__ import annotations
 

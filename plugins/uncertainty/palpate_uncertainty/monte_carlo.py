@@ -103,9 +103,9 @@ def cases(run: Path, tracks: Sequence[str]) -> list[Case]:
 def _case(pipeline: Pipeline, name: Any, result: Mapping[str, Any], samples: Samples) -> Case:
     track = next(track for track in pipeline.tracks if track.name == name)
     settings = pipeline.alignment
-    rest = pipeline.safety.rest if pipeline.safety else None
+    standstill = pipeline.safety.standstill if pipeline.safety else None
     timing = [s.uncertainty for s in (settings.force, settings.velocity or settings.position) if s.uncertainty]
-    problem = Problem(track.model, settings.tip_mass, math.hypot(*timing) if timing else None, rest)
+    problem = Problem(track.model, settings.tip_mass, math.hypot(*timing) if timing else None, standstill)
     changes = {key: value for key, value in {"profile": False, "bootstrap": 0}.items() if hasattr(track.estimator, key)}
     names = [parameter.name for parameter in track.model.parameters]
     table = result.get("details", {}).get("covariance")

@@ -70,7 +70,7 @@ def _memory(white: Floats, runs: Runs, null: Null) -> tuple[float, float]:
     the others by 1 + 2 sum r_k^2. A sine of power s in noise of power 1 - s correlates by s cos(w k): over m lags the
     sum is n m s^2/2.
     """
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     n, power = len(white), float((white**2).sum())
     total = near = 0.0
@@ -87,19 +87,19 @@ def _memory(white: Floats, runs: Runs, null: Null) -> tuple[float, float]:
     total /= 1.0 + 2.0 * near
     if len(null.coefficients):
         total /= 1.0 + n / max(null.samples, 1)
-    return float(chi2.sf(total, LAGS)), float(np.sqrt(max(2.0 * (total - LAGS), 0.0) / (n * LAGS)))
+    return float(chdtrc(LAGS, total)), float(np.sqrt(max(2.0 * (total - LAGS), 0.0) / (n * LAGS)))
 
 
 def _means(white: Floats, bins: NDArray[np.int64], count: int, excess: float) -> tuple[float, float]:
     """p of the means over bins, of values of variance 1 and mean 0 under the null, and the power of their pattern."""
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     number = np.bincount(bins, minlength=count)
     sums = np.bincount(bins, weights=white, minlength=count)
     enough = number >= _FEWEST
     freedom = max(int(np.count_nonzero(enough)), 1)
     total = float((sums[enough] ** 2 / number[enough]).sum())
-    return float(chi2.sf(total / excess, freedom)), max(total - excess * freedom, 0.0) / len(white)
+    return float(chdtrc(freedom, total / excess)), max(total - excess * freedom, 0.0) / len(white)
 
 
 def oscillation(time: Floats, position: Floats) -> tuple[float, Floats] | None:

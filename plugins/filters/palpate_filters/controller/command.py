@@ -82,8 +82,8 @@ def _track(pipeline: Pipeline, name: str) -> Track:
 
 def _problem(pipeline: Pipeline, track: Track) -> Problem:
     others = {name: tuple(p.name for p in model.parameters) for name, model in pipeline.models.items()}
-    rest = pipeline.safety.rest if pipeline.safety else None
-    return Problem(track.model, pipeline.alignment.tip_mass, pipeline.alignment.timing_uncertainty, rest, others)
+    still = pipeline.safety.standstill if pipeline.safety else None
+    return Problem(track.model, pipeline.alignment.tip_mass, pipeline.alignment.timing_uncertainty, still, others)
 
 
 def _refuse(pipeline: Pipeline, track: str) -> None:
@@ -104,7 +104,7 @@ def _write(folder: Path, filter: Exported, pipeline: Pipeline, vectors: Vectors,
         f"touch_lag = {c_number(settings.touch_lag)}",
         f"touch_force = {c_number(settings.touch_force or 0.0)}",
         f"weight = {c_number(added(pipeline))}",
-        f"rest = {c_number(-1.0 if filter.rest is None else filter.rest)}",
+        f"standstill = {c_number(-1.0 if filter.standstill is None else filter.standstill)}",
         f"window = {c_number(filter.window)}",
     ]
     names = [parameter.name for parameter in filter.model.parameters]

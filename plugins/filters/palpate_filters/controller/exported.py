@@ -53,7 +53,7 @@ class Exported:
     parameters: str  # the part of the state that holds them
     mass: float  # [kg]
     window: float  # [s]
-    rest: float | None  # [s]
+    standstill: float | None  # [s]
     measures_noise: bool
     fitted: tuple[int, ...]  # parameters that the force is proportional to
     step: tuple[Setting, ...]
@@ -142,7 +142,7 @@ def _kinematic(
         "chart",
         process.mass,
         tracker.opening.window,
-        tracker.opening.rest,
+        tracker.opening.standstill,
         tracker.opening.measure_noise,
         fitted,
         step,
@@ -177,7 +177,7 @@ def _inertial(
         "parameters",
         process.mass,
         tracker.opening.window,
-        tracker.opening.rest,
+        tracker.opening.standstill,
         tracker.opening.measure_noise,
         fitted,
         tuple(_setting(each, text, numbers, rows) for each, text in about.items()),

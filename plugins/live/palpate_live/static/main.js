@@ -6,7 +6,7 @@ import { Record, unpack } from "./record.js";
 
 const $ = (id) => document.getElementById(id);
 const FAST = 50, SLOW = 250, MAP = 1000, RETRY = 1000; // [ms]
-const PHASES = { rest: "at rest: tare and noise are taken", motion: "moving", tripped: "stopped by the guard", over: "the motion is over" };
+const PHASES = { standstill: "standstill: tare and noise are taken", motion: "moving", tripped: "stopped by the guard", over: "the motion is over" };
 
 let record = null, cards = null, fast = [], slow = [], socket = null, over = false, asked = false;
 let shownAt = null, playing = null; // time that is shown of a recorded run; wall time and record time when playing began

@@ -52,7 +52,7 @@ typedef struct {
     double touch_lag;     /* [s] that samples are held back until the first touch, to find where contact began */
     double touch_force;   /* [N] that counts as touch; 0: five standard deviations of the free air */
     double weight;        /* [N] that is added to the tared force */
-    double rest;          /* [s] at the beginning in which the tip is known to be at rest; negative: unknown */
+    double standstill;    /* [s] at the beginning in which the tip is known to hang still; negative: unknown */
     double window;        /* [s] of contact that the filter starts on; 0: it starts at once, from the guess */
     palpate_start_settings start;
     palpate_step_settings step;

@@ -8,7 +8,7 @@ static void listen(palpate_filter *f, const palpate_reading *r)
     f->air_force[f->air_newest] = r->force;
     f->air_velocity[f->air_newest] = r->velocity;
     f->air_count += f->air_count < PALPATE_AIR ? 1 : 0;
-    if (r->time < f->settings.rest) {
+    if (r->time < f->settings.standstill) {
         const double values[2] = {r->force, r->velocity};
         for (int i = 0; i < 2; i++) {
             if (isfinite(values[i])) { /* Welford 1962 */

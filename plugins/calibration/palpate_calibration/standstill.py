@@ -1,4 +1,4 @@
-"""At rest in free air: what the sensor reads, how it drifts, and how noisy everything is."""
+"""Standstill in free air: what the sensor reads, how it drifts, and how noisy everything is."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from palpate_calibration.sines import mean_with_std
 
 @dataclass(frozen=True)
 class StandstillStretch:
-    """One stretch at rest."""
+    """One stretch at standstill."""
 
     time: float  # [s] its middle
     offset: RepeatValue  # [N]
@@ -29,35 +29,35 @@ class StandstillStretch:
 
 
 @dataclass(frozen=True)
-class RestFit:
-    """All stretches at rest of one record."""
+class StandstillFit:
+    """All stretches at standstill of one record."""
 
     offset: RepeatValue  # [N] at the first stretch
     drift: RepeatValue | None  # [N/s]; None where there is but one stretch
-    rests: tuple[StandstillStretch, ...]
+    stretches: tuple[StandstillStretch, ...]
 
 
-def rest_fit(record: CalibrationRecord, segments: Sequence[Segment]) -> RestFit:
-    """Offset, drift and noise of a record's stretches at rest; one at least."""
-    rests = tuple(_rest(record, segment) for segment in segments)
-    return RestFit(rests[0].offset, _drift(rests), rests)
+def standstill_fit(record: CalibrationRecord, segments: Sequence[Segment]) -> StandstillFit:
+    """Offset, drift and noise of a record's stretches at standstill; one at least."""
+    stretches = tuple(_stretch(record, segment) for segment in segments)
+    return StandstillFit(stretches[0].offset, _drift(stretches), stretches)
 
 
-def long_rest_fit(record: CalibrationRecord, segment: Segment) -> RestFit:
-    """Offset, drift and noise of one long rest; the drift is the slope of the means of its quarters."""
+def long_standstill_fit(record: CalibrationRecord, segment: Segment) -> StandstillFit:
+    """Offset, drift and noise of one long standstill; the drift is the slope of the means of its quarters."""
     edges = np.linspace(segment.begin, segment.end, 5)
-    parts = [_rest(record, Segment(float(a), float(b))) for a, b in pairwise(edges)]
-    whole = _rest(record, segment)
-    return RestFit(whole.offset, _drift(parts), (whole,))
+    parts = [_stretch(record, Segment(float(a), float(b))) for a, b in pairwise(edges)]
+    whole = _stretch(record, segment)
+    return StandstillFit(whole.offset, _drift(parts), (whole,))
 
 
-def rest_values(rests: Sequence[RestFit], offset_type_b: float) -> dict[str, Measured]:
-    """Offset, drift and noises from the rests of all repeats."""
-    found = {"offset": Measured.of([rest.offset for rest in rests], "N", offset_type_b)}
-    drifts = [rest.drift for rest in rests if rest.drift is not None]
+def standstill_values(fits: Sequence[StandstillFit], offset_type_b: float) -> dict[str, Measured]:
+    """Offset, drift and noises from the standstills of all repeats."""
+    found = {"offset": Measured.of([fit.offset for fit in fits], "N", offset_type_b)}
+    drifts = [fit.drift for fit in fits if fit.drift is not None]
     if drifts:
         found["drift"] = Measured.of(drifts, "N/s")
-    single = [item for rest in rests for item in rest.rests]
+    single = [item for fit in fits for item in fit.stretches]
     found["force_std"] = Measured.of([item.force_std for item in single], "N")
     found["position_std"] = Measured.of([item.position_std for item in single], "m")
     speeds = [item.velocity_std for item in single if item.velocity_std is not None]
@@ -68,7 +68,7 @@ def rest_values(rests: Sequence[RestFit], offset_type_b: float) -> dict[str, Mea
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Noise at rest by octaves."""
+    """Noise at standstill by octaves."""
 
     unit: str  # of the density, per root hertz
     frequencies: tuple[float, ...]  # [Hz] middle of each octave
@@ -81,7 +81,7 @@ def noise_spectrum(spectrum: Spectrum) -> NoiseSpectrum:
 
 
 def spectra(records: Sequence[CalibrationRecord], segments: Sequence[Segment]) -> dict[str, Spectrum]:
-    """Noise of force, position and velocity at rest, mean power of one stretch of each record.
+    """Noise of force, position and velocity at standstill, mean power of one stretch of each record.
 
     The integral of the squared density over frequency is the variance, so `force_std` and its like are the same
     numbers: the spectrum says whether they are white.
@@ -111,14 +111,14 @@ def _spectrum(rates: Sequence[float], values: Sequence[Floats], unit: str) -> Sp
 
 
 def _periodogram(values: Floats, rate: float) -> Floats:
-    """One-sided power density [unit^2/Hz] of a record at rest, without its straight line."""
+    """One-sided power density [unit^2/Hz] of a record at standstill, without its straight line."""
     line = np.linspace(-1.0, 1.0, len(values))
     level = values - values.mean()
     level = level - line * (line * level).sum() / (line**2).sum()
     return np.asarray(np.abs(np.fft.rfft(level)) ** 2 * 2.0 / (rate * len(values)))
 
 
-def _rest(record: CalibrationRecord, segment: Segment) -> StandstillStretch:
+def _stretch(record: CalibrationRecord, segment: Segment) -> StandstillStretch:
     force = record.force.between(segment.begin, segment.end)[1]
     velocity = None
     if record.velocity is not None:
@@ -137,8 +137,8 @@ def _white_std(values: Floats) -> RepeatValue:
     """Standard deviation of one reading about the stretch's straight line, sigma +- sigma/sqrt(2 (n - 2))."""
     n = len(values)
     t = np.linspace(-1.0, 1.0, n)
-    rest = values - values.mean() - t * (t * values).sum() / (t**2).sum()
-    std = float(np.sqrt((rest**2).sum() / (n - 2)))
+    scatter = values - values.mean() - t * (t * values).sum() / (t**2).sum()
+    std = float(np.sqrt((scatter**2).sum() / (n - 2)))
     return RepeatValue(std, std / np.sqrt(2.0 * (n - 2)), n - 2.0)
 
 
@@ -151,14 +151,14 @@ def _colour(force: Floats) -> float:
     return float(slow.mean() / power.mean()) if power.any() else 1.0
 
 
-def _drift(rests: Sequence[StandstillStretch]) -> RepeatValue | None:
+def _drift(stretches: Sequence[StandstillStretch]) -> RepeatValue | None:
     """Slope of the offsets over time, weighted by their uncertainty."""
-    if len(rests) < 2:
+    if len(stretches) < 2:
         return None
-    t = np.array([rest.time for rest in rests])
-    y = np.array([rest.offset.value for rest in rests])
-    w = np.array([max(rest.offset.std, 1e-12) ** -2 for rest in rests])
+    t = np.array([stretch.time for stretch in stretches])
+    y = np.array([stretch.offset.value for stretch in stretches])
+    w = np.array([max(stretch.offset.std, 1e-12) ** -2 for stretch in stretches])
     since = t - (w * t).sum() / w.sum()
     information = float((w * since**2).sum())
-    freedom = sum(rest.offset.freedom for rest in rests)
+    freedom = sum(stretch.offset.freedom for stretch in stretches)
     return RepeatValue(float((w * since * y).sum() / information), information**-0.5, freedom)

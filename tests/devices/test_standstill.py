@@ -1,4 +1,4 @@
-"""Before a live motion: the rest, the way to the start, what is refused, and that filters use what was measured."""
+"""Before a live motion: the standstill, the way to the start, what is refused, and that filters use the noise."""
 
 import json
 
@@ -11,7 +11,7 @@ NOISY = "twin.bench.force_std=0.2 N"  # four times what the filter is told
 
 def test_noise_that_the_filter_was_not_told(bench, short, tmp_path):
     """Refused before anything moves; measured and used where the filter asks for it, and the same in a replay."""
-    twin = bench(*short, NOISY, "safety.rest=0.6 s")  # 480 readings
+    twin = bench(*short, NOISY, "safety.standstill=0.6 s")  # 480 readings
     before = twin.state()["height"]
     with pytest.raises(DeviceError, match=r"times what the filter was told .*set noise = \"measure\"") as caught:
         twin.run(out="refused")
@@ -22,9 +22,9 @@ def test_noise_that_the_filter_was_not_told(bench, short, tmp_path):
     result = twin.run(*measured)
     again = twin.replay(tmp_path / "out" / "log.mcap", "again", *measured)
     ours, theirs = (json.loads((folder / "result.json").read_text()) for folder in (result.folder, again.folder))
-    noise, rest = ours["tracks"]["dr/ekf"]["details"]["noise"], ours["run"]["live"]["rest"]
-    assert noise["from"] == "rest"
-    assert rest["force_std"] == pytest.approx(0.2, rel=0.15)
+    noise, found = ours["tracks"]["dr/ekf"]["details"]["noise"], ours["run"]["live"]["standstill"]
+    assert noise["from"] == "standstill"
+    assert found["force_std"] == pytest.approx(0.2, rel=0.15)
     # Samples at 500 Hz lie between readings at 800 Hz: two thirds of the variance on average.
     assert noise["force"] == pytest.approx((2 / 3) ** 0.5 * 0.2, rel=0.25)
     assert noise["velocity"] == pytest.approx(0.67e-3, rel=0.25)
@@ -36,7 +36,7 @@ def test_an_offset_that_no_tip_explains(bench, short):
     twin = bench(*short, "twin.bench.bias=25 N")
     before = twin.state()["height"]
     with pytest.raises(
-        DeviceError, match=r"reads 2\d\.\d+ N at rest, over \[safety\] rest_force = 5 N: is the tip free"
+        DeviceError, match=r"reads 2\d\.\d+ N at standstill, over \[safety\] standstill_force = 5 N: is the tip free"
     ):
         twin.run()
     assert twin.state()["height"] == pytest.approx(before, abs=1e-6)

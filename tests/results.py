@@ -1,0 +1,43 @@
+"""Every result.json that a test writes, live or simulated, whole or cut, is held against its JSON schema."""
+
+import json
+from functools import cache
+
+import jsonschema
+import pytest
+from palpate.pipeline import running
+from palpate_basics.schema import result_schema
+
+
+def closed(schema):
+    """The schema without room for keys that it does not name, but for what plugins fill as they like."""
+    if isinstance(schema, dict):
+        found = {key: closed(value) for key, value in schema.items()}
+        if isinstance(found.get("properties"), dict):
+            found.setdefault("additionalProperties", False)
+        return found
+    return [closed(item) for item in schema] if isinstance(schema, list) else schema
+
+
+@cache
+def validator():
+    return jsonschema.Draft202012Validator(closed(result_schema()))
+
+
+def mistakes(document):
+    """What a result's document has that its schema does not allow, or lacks."""
+    return [f"{error.json_path}: {error.message[:200]}" for error in validator().iter_errors(document)]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _results_are_what_the_schema_says():
+    write = running.write_new
+
+    def written(path, text):
+        if path.name == "result.json":
+            assert mistakes(json.loads(text)) == [], path
+        return write(path, text)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(running, "write_new", written)
+        yield
