@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,8 +106,16 @@ def _means(white: Floats, bins: NDArray[np.int64], count: int, excess: float) ->
 def oscillation(time: Floats, position: Floats) -> tuple[float, Floats] | None:
     """Frequency [Hz] and phase (n,) [rad] of a motion that mostly oscillates with one frequency; else None.
 
-    The strongest line of the periodogram, refined by least squares of a sine; it must hold half of the variance.
+    The strongest line of the periodogram, refined by least squares of a sine; it must hold half of the variance. Many
+    runs of one record in one process ask it once.
     """
+    found = _oscillation(np.asarray(time, np.float64).tobytes(), np.asarray(position, np.float64).tobytes())
+    return None if found is None else (found[0], found[1].copy())
+
+
+@lru_cache(maxsize=4)
+def _oscillation(times: bytes, positions: bytes) -> tuple[float, Floats] | None:
+    time, position = (np.frombuffer(part, np.float64) for part in (times, positions))
     if len(time) < 4 * LAGS or not np.isfinite(position).all():
         return None
     span = float(time[-1] - time[0])
