@@ -83,7 +83,8 @@ class Exported:
         import casadi as ca
 
         theta = ca.SX.sym("theta", len(self.model.parameters))
-        chart = KinematicProcess(self.model, self.mass).on_chart(ca.vertsplit(theta), ca.log)
+        parts: Any = ca.vertsplit(theta)
+        chart = KinematicProcess(self.model, self.mass).on_chart(parts, ca.log)
         return ca.Function("chart", [theta], [ca.densify(ca.vertcat(*chart))])
 
 
@@ -98,9 +99,9 @@ def exported(name: str, estimator: Estimator, problem: Problem) -> Exported:
     tracker = estimator.start(problem)
     assert isinstance(tracker, RecursiveTracker)
     fitted = tuple(i for i, parameter in enumerate(problem.model.parameters) if parameter.role is not None)
-    make = _kinematic if isinstance(estimator, KinematicFilter) else _inertial
-    found: Exported = make(estimator, problem, tracker, fitted)
-    return found
+    if isinstance(estimator, KinematicFilter):
+        return _kinematic(estimator, problem, tracker, fitted)
+    return _inertial(estimator, problem, tracker, fitted)
 
 
 def _kinematic(

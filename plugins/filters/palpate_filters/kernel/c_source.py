@@ -37,7 +37,9 @@ def c_function(name: str, function: Any, inputs: tuple[str, ...], outputs: tuple
 
     Raises Untranslatable for an instruction that has no counterpart in C99.
     """
-    names, values, lines = operations(), {}, []
+    names = operations()
+    values: dict[int, str] = {}
+    lines: list[str] = []
     written: dict[tuple[int, int], str] = {}
     used: set[int] = set()
 
