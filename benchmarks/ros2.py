@@ -1,7 +1,7 @@
 """Topics by DDS for a while: lost, late, and what it costs. ``python benchmarks/ros2.py --seconds 60``.
 
 The publisher is a program in C++ with Fast DDS, the library under rmw_fastrtps (apt install g++ libfastrtps-dev): joint
-states at 500 Hz and a wrench at 800 Hz of a UR3e that presses a 5 mm sphere into S2. Every wrench carries its number, so
+states at 500 Hz and a wrench at 800 Hz of a UR3e that presses a 5 mm sphere into S2. Every wrench has its number, so
 that what is lost is known, and its stamp is the time at which it was to be sent, by the clock of the same computer, so
 that lateness holds the publisher's own oversleeping. It ends with exit code 1 where a message is lost.
 """
