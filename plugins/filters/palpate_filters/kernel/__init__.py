@@ -13,7 +13,7 @@ from palpate_filters.kernel.llvm import CompiledStep
 from palpate_filters.kernel.translation import Untranslatable
 from palpate_filters.kernel.virtual_machine import VirtualMachine
 
-__all__ = ["CompiledWhenUsed", "Kernel", "Step", "compile_step", "kernel_choice"]
+__all__ = ["CompiledWhenUsed", "Kernel", "Step", "compile_step", "kernel_choice", "step_function"]
 
 _VARIABLE = "PALPATE_KERNEL"
 
@@ -57,7 +57,8 @@ def kernel_choice() -> tuple[str, str]:
     return "llvm", f"llvmlite {found} is installed"
 
 
-def _function(step: Step) -> Any:
+def step_function(step: Step) -> Any:
+    """The CasADi function that every kernel is made from."""
     import casadi
 
     outputs = [casadi.densify(step.next_state), casadi.densify(step.output)]
@@ -66,7 +67,7 @@ def _function(step: Step) -> Any:
 
 def compile_step(step: Step) -> Kernel:
     """The fastest kernel that this machine has, for a step; all of them give the same bits."""
-    function = _function(step)
+    function = step_function(step)
     if kernel_choice()[0] == "llvm":
         try:
             return CompiledStep(function)
@@ -83,7 +84,7 @@ class CompiledWhenUsed:
 
     def __init__(self, step: Step) -> None:
         self._step, self._samples = step, 0
-        self._kernel: Kernel = VirtualMachine(_function(step))
+        self._kernel: Kernel = VirtualMachine(step_function(step))
 
     @property
     def name(self) -> str:

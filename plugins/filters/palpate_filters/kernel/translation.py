@@ -37,8 +37,8 @@ LIBRARY = {
     "OP_ERF": "erf",
     "OP_COPYSIGN": "copysign",
 }
-_INTRINSICS = {"OP_SQRT": "sqrt", "OP_FABS": "fabs", "OP_FLOOR": "floor", "OP_CEIL": "ceil"}
-_COMPARISONS = {"OP_LT": "<", "OP_LE": "<=", "OP_EQ": "=="}
+INTRINSICS = {"OP_SQRT": "sqrt", "OP_FABS": "fabs", "OP_FLOOR": "floor", "OP_CEIL": "ceil"}
+COMPARISONS = {"OP_LT": "<", "OP_LE": "<=", "OP_EQ": "=="}
 
 
 class Untranslatable(Exception):  # noqa: N818  (a signal to the chooser of kernels)
@@ -53,7 +53,7 @@ class Translation:
 
         self._ir, self._function = ir, function
         self._double = ir.DoubleType()
-        self._names = _operations()
+        self._names = operations()
         self._declared: dict[str, Any] = {}
 
     def module(self) -> Any:
@@ -154,10 +154,10 @@ class Translation:
         }
         if name in simple:
             return simple[name]()
-        if name in _COMPARISONS:
-            return b.select(b.fcmp_ordered(_COMPARISONS[name], *x), one, zero)
-        if name in _INTRINSICS:
-            return b.call(self._intrinsic(_INTRINSICS[name]), x)
+        if name in COMPARISONS:
+            return b.select(b.fcmp_ordered(COMPARISONS[name], *x), one, zero)
+        if name in INTRINSICS:
+            return b.call(self._intrinsic(INTRINSICS[name]), x)
         if name in LIBRARY:
             return self._call(LIBRARY[name], x)
         raise Untranslatable(f"the step uses {name}, which the LLVM kernel does not know")
@@ -192,7 +192,8 @@ class Translation:
 
 
 @cache
-def _operations() -> dict[int, str]:
+def operations() -> dict[int, str]:
+    """Names of CasADi's instructions, by their number."""
     import casadi
 
     return {getattr(casadi, name): name for name in dir(casadi) if name.startswith("OP_")}
