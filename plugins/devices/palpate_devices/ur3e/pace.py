@@ -18,7 +18,7 @@ from palpate_devices.ur3e.servo import PERIOD
 
 _TICK = round(PERIOD * 1e9)  # [ns]
 _STEP = 5_000  # [ns] by which a deadline is moved at most: a quarter of a per cent of the speed
-_WANDER = 1_000  # [ns] in a period that clocks may part
+_WANDER = 300  # [ns] in a period by which clocks may part
 
 
 def next_deadline(deadline: int, now: int) -> tuple[int, int]:
