@@ -14,6 +14,7 @@ SPHERE = {"formula": "R - sqrt(R**2 - r**2)", "constants": {"R": 5e-3}, "radius"
 _TIPS = {
     "sphere": {"radius": 5e-3},
     "exact-sphere": {"radius": 5e-3},
+    "neo-hookean-sphere": {"radius": 5e-3},
     "paraboloid": {"curvature_radius": 5e-3},
     "ellipsoid": {"radius": 4e-3, "height": 7e-3},
     "flat": {"radius": 5e-3},
@@ -33,9 +34,18 @@ _MODELS = {
     "standard-linear-solid": ({"indenter": _SPHERE_TIP}, [1e5, 2e4, 0.1]),
     "dimensionality-reduction-maxwell": ({"indenter": _SPHERE_TIP}, [1e5, 300.0, 2e4, 0.1]),
     "maxwell": ({"indenter": _SPHERE_TIP}, [1e5, 2e4]),
+    "generalised-maxwell-2": ({"indenter": _SPHERE_TIP}, [1e5, 2e4, 0.05, 1e4, 0.5]),
+    "generalised-maxwell-3": ({"indenter": _SPHERE_TIP}, [1e5, 2e4, 0.05, 1e4, 0.5, 5e3, 5.0]),
+    "generalised-maxwell-4": ({"indenter": _SPHERE_TIP}, [1e5, 2e4, 0.05, 1e4, 0.5, 5e3, 5.0, 5e3, 50.0]),
+    "burgers": ({"indenter": _SPHERE_TIP}, [1e5, 2e5, 2e5, 2e3]),
+    "power-law": ({"indenter": _SPHERE_TIP}, [1e5, 0.15]),
+    "fractional-kelvin-voigt": ({"indenter": _SPHERE_TIP}, [1e5, 2e4, 0.3]),
+    "poroelastic": ({"indenter": _SPHERE_TIP}, [1e5, 0.2, 1e-6]),
     "kelvin-voigt": ({"indenter": TIPS["flat"]}, [1000.0, 10.0]),
     "hunt-crossley": ({"indenter": TIPS["sphere"]}, [1.0, 10.0]),
     "hunt-crossley-free": ({"indenter": TIPS["sphere"]}, [1.0, 10.0, 1.5]),
+    "dmt": ({"radius": 5e-3}, [1e5, 0.05]),
+    "jkr": ({"radius": 5e-3}, [1e5, 0.05]),
     "compression": ({"diameter": 51e-3, "height": 22e-3}, [1e5]),
 }
 MODELS: dict[str, tuple[ContactModel, list[float]]] = {

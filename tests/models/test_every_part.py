@@ -103,10 +103,19 @@ def test_material_says_what_it_can():
         "standard-linear-solid": both,
         "dimensionality-reduction-maxwell": both | {"instant_elasticity"},
         "maxwell": both,
+        "generalised-maxwell-2": {"elasticity", "instant_elasticity"},
+        "generalised-maxwell-3": {"elasticity", "instant_elasticity"},
+        "generalised-maxwell-4": {"elasticity", "instant_elasticity"},
+        "burgers": both,
+        "power-law": {"elasticity"},
+        "fractional-kelvin-voigt": {"elasticity"},
+        "poroelastic": {"elasticity", "instant_elasticity"},
         "kelvin-voigt": both,
         "hunt-crossley": {"elasticity"},
         "hunt-crossley-free": {"elasticity"},
         "compression": {"elasticity"},
+        "dmt": {"elasticity"},
+        "jkr": {"elasticity"},
     }
 
 

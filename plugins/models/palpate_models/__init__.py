@@ -9,8 +9,11 @@ from palpate import Command, lazily, plugin
 if TYPE_CHECKING:
     from palpate import ContactModel, Indenter
 
+    from palpate_models.adhesion import DerjaguinMullerToporov, JohnsonKendallRoberts
+    from palpate_models.arms import Burgers, GeneralisedMaxwell2, GeneralisedMaxwell3, GeneralisedMaxwell4
     from palpate_models.compression import Compression
     from palpate_models.dimensionality_reduction import DimensionalityReduction
+    from palpate_models.fractional import FractionalKelvinVoigt, PowerLaw
     from palpate_models.hunt_crossley import FreeHuntCrossley, HuntCrossley
     from palpate_models.indenters import (
         BluntCone,
@@ -18,6 +21,7 @@ if TYPE_CHECKING:
         Ellipsoid,
         ExactSphere,
         Flat,
+        NeoHookeanSphere,
         Paraboloid,
         Power,
         Profile,
@@ -27,36 +31,51 @@ if TYPE_CHECKING:
         TruncatedCone,
     )
     from palpate_models.kelvin_voigt import KelvinVoigt
+    from palpate_models.poroelastic import Poroelastic
     from palpate_models.relaxation import DimensionalityReductionMaxwell, Maxwell, StandardLinearSolid
 
 __getattr__ = lazily(
     __name__,
     {
+        "palpate_models.adhesion": "DerjaguinMullerToporov JohnsonKendallRoberts",
+        "palpate_models.arms": "Burgers GeneralisedMaxwell2 GeneralisedMaxwell3 GeneralisedMaxwell4",
         "palpate_models.compression": "Compression",
         "palpate_models.dimensionality_reduction": "DimensionalityReduction",
+        "palpate_models.fractional": "FractionalKelvinVoigt PowerLaw",
         "palpate_models.hunt_crossley": "FreeHuntCrossley HuntCrossley",
-        "palpate_models.indenters": "BluntCone Cone Ellipsoid ExactSphere Flat Paraboloid "
+        "palpate_models.indenters": "BluntCone Cone Ellipsoid ExactSphere Flat NeoHookeanSphere Paraboloid "
         "Power Profile Quartic Sphere TiltedFlat TruncatedCone",
         "palpate_models.kelvin_voigt": "KelvinVoigt",
+        "palpate_models.poroelastic": "Poroelastic",
         "palpate_models.relaxation": "DimensionalityReductionMaxwell Maxwell StandardLinearSolid",
     },
 )
 
 __all__ = [
     "BluntCone",
+    "Burgers",
     "Compression",
     "Cone",
+    "DerjaguinMullerToporov",
     "DimensionalityReduction",
     "DimensionalityReductionMaxwell",
     "Ellipsoid",
     "ExactSphere",
     "Flat",
+    "FractionalKelvinVoigt",
     "FreeHuntCrossley",
+    "GeneralisedMaxwell2",
+    "GeneralisedMaxwell3",
+    "GeneralisedMaxwell4",
     "HuntCrossley",
+    "JohnsonKendallRoberts",
     "KelvinVoigt",
     "Maxwell",
+    "NeoHookeanSphere",
     "Paraboloid",
+    "Poroelastic",
     "Power",
+    "PowerLaw",
     "Profile",
     "Quartic",
     "Sphere",
@@ -75,6 +94,7 @@ def palpate_indenters() -> dict[str, type[Indenter]]:
         Ellipsoid,
         ExactSphere,
         Flat,
+        NeoHookeanSphere,
         Paraboloid,
         Power,
         Profile,
@@ -87,6 +107,7 @@ def palpate_indenters() -> dict[str, type[Indenter]]:
     return {
         "sphere": Sphere,
         "exact-sphere": ExactSphere,
+        "neo-hookean-sphere": NeoHookeanSphere,
         "paraboloid": Paraboloid,
         "ellipsoid": Ellipsoid,
         "flat": Flat,
@@ -103,10 +124,14 @@ def palpate_indenters() -> dict[str, type[Indenter]]:
 @plugin
 def palpate_models() -> dict[str, type[ContactModel]]:
     """Contact models."""
+    from palpate_models.adhesion import DerjaguinMullerToporov, JohnsonKendallRoberts
+    from palpate_models.arms import Burgers, GeneralisedMaxwell2, GeneralisedMaxwell3, GeneralisedMaxwell4
     from palpate_models.compression import Compression
     from palpate_models.dimensionality_reduction import DimensionalityReduction
+    from palpate_models.fractional import FractionalKelvinVoigt, PowerLaw
     from palpate_models.hunt_crossley import FreeHuntCrossley, HuntCrossley
     from palpate_models.kelvin_voigt import KelvinVoigt
+    from palpate_models.poroelastic import Poroelastic
     from palpate_models.relaxation import DimensionalityReductionMaxwell, Maxwell, StandardLinearSolid
 
     return {
@@ -114,10 +139,19 @@ def palpate_models() -> dict[str, type[ContactModel]]:
         "standard-linear-solid": StandardLinearSolid,
         "dimensionality-reduction-maxwell": DimensionalityReductionMaxwell,
         "maxwell": Maxwell,
+        "generalised-maxwell-2": GeneralisedMaxwell2,
+        "generalised-maxwell-3": GeneralisedMaxwell3,
+        "generalised-maxwell-4": GeneralisedMaxwell4,
+        "burgers": Burgers,
+        "power-law": PowerLaw,
+        "fractional-kelvin-voigt": FractionalKelvinVoigt,
+        "poroelastic": Poroelastic,
         "kelvin-voigt": KelvinVoigt,
         "hunt-crossley": HuntCrossley,
         "hunt-crossley-free": FreeHuntCrossley,
         "compression": Compression,
+        "dmt": DerjaguinMullerToporov,
+        "jkr": JohnsonKendallRoberts,
     }
 
 
