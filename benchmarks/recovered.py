@@ -1,4 +1,4 @@
-"""How often each model with memory finds the truth within its stated 95 %, by fit and by spectrum, on simulated records.
+"""How often each model finds the truth within its stated 95 %, by fit and by spectrum, on simulated records.
 
 A press, a hold and two sines around it, 500 Hz, 0.05 N and 5 um of noise; `ting-fit` on a triangle in and out. Counts
 stand beside the exact binomial range at 99.9 %. ``python benchmarks/recovered.py [--records 200] [NAME...]``

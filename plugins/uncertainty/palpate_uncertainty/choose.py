@@ -269,5 +269,6 @@ def _table(standings: Sequence[Standing]) -> Table:
 def _row(one: Candidate) -> dict[str, Any]:
     return {
         "record": one.record, "model": one.model, "bic": one.bic, "independent": one.share,
-        "held_out": one.blocks.tolist(), "rms": one.rms, "lack_of_fit": one.misfit, "verdict": one.verdict, "elasticity": one.elasticity,
+        "held_out": one.blocks.tolist(), "rms": one.rms, "lack_of_fit": one.misfit, "verdict": one.verdict,
+        "elasticity": one.elasticity,
     }  # fmt: skip
