@@ -134,8 +134,7 @@ def _blocks(pipeline: Pipeline, place: int, samples: Samples) -> Floats:
 
 def _candidate(record: str, model: str, found: TrackResult, blocks: Floats) -> Candidate:
     report, value = found.report, found.parameters.get("elasticity")
-    derived = next((one for one in found.derived if one.name == "elasticity"), None)
-    told = value or derived
+    told = value or next((one.found for one in found.derived if one.name == "elasticity"), None)
     bic, share = np.nan, 1.0
     if report is not None and report.bic is not None:
         bic, share = report.bic, min((report.effective_samples or report.samples) / max(report.samples, 1), 1.0)
