@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import Estimates, Parameter, Run, Samples
+from palpate import Estimates, Floats, Parameter, Run, Samples
 from palpate_live.child import Child
 from palpate_live.feed import Feed
 
@@ -149,9 +149,11 @@ def with_browser(
         time.sleep(seconds / 4)
         elapsed = time.monotonic() - began
         used = (cpu_of(job.server) - before[0], cpu_of(chromium.process.pid) - before[1])
-        late = np.array(first.ask("window.palpate.latency"))[-round(5 * seconds) :]
+        late = np.array(first.ask("window.palpate.latency"))[-round(25 * seconds) :]  # a quarter of it, at 100 Hz
+        came = np.array(first.ask("window.palpate.arrival"))[-round(10 * seconds) :]
         yield f"{pages} open, CPU as share of a core", {"server": used[0] / elapsed, "chromium": used[1] / elapsed}
-        yield f"{pages} open, reading to curve, ms", {"p50": np.median(late), "p90": float(np.quantile(late, 0.9))}
+        yield f"{pages} open, reading to curve, ms", _quantiles(late)
+        yield f"{pages} open, newest reading to browser, ms", _quantiles(came)
         if pages == 1:
             second = chromium.open(job.address)
             second.until("window.palpate && window.palpate.draws > 3", 60)
@@ -163,19 +165,42 @@ def with_browser(
         first.picture(pictures / "live-page.png")
 
 
+def _quantiles(values: Floats) -> dict[str, float]:
+    return {f"p{round(100 * share)}": round(float(np.quantile(values, share)), 1) for share in (0.5, 0.9)}
+
+
+def retracting(log: Path, after: float) -> float:
+    """When [s] the arm rose faster than in all of the motion before `after`, both by the host's clock."""
+    from mcap_ros2.reader import read_ros2_messages
+
+    read = (message.ros_msg for message in read_ros2_messages(log, topics=["/palpate/samples"]))
+    rows = np.array([(found.header.stamp.sec + 1e-9 * found.header.stamp.nanosec, found.velocity) for found in read])
+    rows = rows[np.isfinite(rows[:, 1])]
+    before = rows[:, 0] < after
+    return float(rows[~before & (rows[:, 1] > 1.2 * np.max(rows[before, 1]))][0, 0])
+
+
 def stopped(chromium: Browser, job: Job, twin: Twin) -> dict[str, Any]:
-    """A click in contact: time to the tripped guard as the page and as the run see it, and where the arm ends."""
+    """A click in contact: time to the tripped guard and to the retreat that the log has, and where the arm ends."""
     tab = chromium.open(job.address)
     tab.until("document.getElementById('state')?.textContent === 'moving'", 60)
     while twin.state()["height"] > -0.002:
         time.sleep(0.05)
-    asked = time.monotonic()
-    tab.click("stop")
+    place = tab.place("stop")
+    asked, clock = time.monotonic(), time.time()
+    tab.press(*place)
     answer = tab.until("window.palpate.tripped && window.palpate.tripped - window.palpate.asked", 60)
     table = job.table()
     height = twin.state()["height"]
     tripped = 1e3 * (table["stop"]["monotonic"] - asked)
-    return {"click to tripped, ms": tripped, "shown after, ms": answer, "height at the end, mm": 1e3 * height, **table}
+    retreat = 1e3 * (retracting(job.folder / "log.mcap", clock) - clock)
+    return {
+        "click to tripped, ms": tripped,
+        "to the arm's retreat, ms": retreat,
+        "shown after, ms": answer,
+        "height at the end, mm": 1e3 * height,
+        **table,
+    }
 
 
 def refusals(address: str) -> dict[str, int]:
@@ -202,6 +227,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=20.0, help="of sine in each run")
     parser.add_argument("--silence", type=float, default=0.1, help="limits of silence [s]; 2 where cores are shared")
+    parser.add_argument("--clicks", type=int, default=3, help="runs that are stopped by a click")
     parser.add_argument("--pictures", type=Path)
     given = parser.parse_args()
     shown("sink", sink_cost())
@@ -228,7 +254,8 @@ def main() -> None:
                 time.sleep(4.0)
                 os.kill(job.server, how)
                 shown(f"page with {how.name}", job.table())
-            shown("stopped by a click", stopped(chromium, Job(folder / "click", options, True), twin))
+            for k in range(given.clicks):
+                shown("stopped by a click", stopped(chromium, Job(folder / f"click-{k}", options, True), twin))
         finally:
             for left in _JOBS:
                 left.send_signal(signal.SIGTERM)  # the arm retracts; one that has ended hears nothing
