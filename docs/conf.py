@@ -9,7 +9,8 @@ from make_reference import write_reference
 
 project, author = "palpate", "The palpate project"
 version = release = importlib.metadata.version("palpate")
-extensions = ["myst_nb", "sphinx.ext.autodoc"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "mathml"]
+html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"palpate {version}"
 exclude_patterns = ["_build"]

@@ -186,7 +186,8 @@ def load_commands(files: Iterable[Path] = ()) -> Registry:
     """Only the commands of every installed plugin and of the given files; raises like `load`."""
     manager, failures = _loaded(files)
     plugins = _plugins(manager)
-    return Registry({}, tuple(plugins.values()), failures, commands=_offered(manager, plugins, "palpate_commands", Command))
+    commands = _offered(manager, plugins, "palpate_commands", Command)
+    return Registry({}, tuple(plugins.values()), failures, commands=commands)
 
 
 def offers(hook: str, root: type) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from palpate import ConfigurationError, OutputError
+from palpate import ConfigurationError, OutputError, Template
 from palpate.host import registry, suggest, write_new
 
 from palpate_starting.distribution import KINDS, distribution
