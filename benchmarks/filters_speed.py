@@ -67,7 +67,7 @@ def python_ekf(samples: Any, count: int) -> Callable[[], object]:
     """filterpy's EKF as one writes it by hand: numpy, the Jacobian in closed form."""
     from filterpy.kalman import ExtendedKalmanFilter as Ekf
 
-    start = first_state(ExtendedKalmanFilter(), _process())
+    start = first_state(ExtendedKalmanFilter(), _process(), PROBLEM)
     kappa, lam = 16.0 / 9.0 * np.sqrt(5e-3), 8.0 * np.sqrt(5e-3)
     rate, force, T = -samples.velocity, samples.force, 0.002
     b = np.array([T**2 / (2 * MASS), T / MASS])
@@ -104,7 +104,7 @@ def python_afukf(samples: Any, count: int) -> Callable[[], object]:
     from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter as Ukf
 
     settings = AdaptiveFadingUkf()
-    start = first_state(settings, _process(2))
+    start = first_state(settings, _process(2), PROBLEM)
     kappa, lam = 16.0 / 9.0 * np.sqrt(5e-3), 8.0 * np.sqrt(5e-3)
     rate, force, T = -samples.velocity, samples.force, 0.002
     b = np.array([T**2 / (2 * MASS), T / MASS])

@@ -74,7 +74,8 @@ def solvers(n: int = 20_000) -> None:
     record, unknowns, loss = fit.record, fit.unknowns, LossFunction()
     linear = linear_places(model, unknowns)
     residual, projected = Residual(model, unknowns.free), Residual(model, linear)
-    start = solve_trf(residual, unknowns, record.thinned(1000), first_guess(model, unknowns, record), loss).x
+    guessed = first_guess(model, unknowns, record, lambda places: Residual(model, places))
+    start = solve_trf(residual, unknowns, record.thinned(1000), guessed, loss).x
     columns = np.column_stack([record.height, record.columns[:, 1]]).T
 
     def force(at: Floats, elasticity: float, viscosity: float, surface: float) -> Floats:

@@ -73,6 +73,7 @@ from palpate.extensions import (
     Fact as Fact,
     Report as Report,
     ReportSection as ReportSection,
+    Summary as Summary,
     Template as Template,
     lazily as lazily,
 )
@@ -91,14 +92,6 @@ from palpate.limiting import (
 from palpate.migration import Migration as Migration
 from palpate.parts import File as File, Part as Part, Settings as Settings
 from palpate.printed import printable as printable
-from palpate.recording import (
-    Attached as Attached,
-    FieldSurvey as FieldSurvey,
-    Recording as Recording,
-    Suggestion as Suggestion,
-    Survey as Survey,
-    TopicSurvey as TopicSurvey,
-)
 from palpate.result.evidence import (
     Diagnosed as Diagnosed,
     Ending as Ending,
@@ -108,6 +101,7 @@ from palpate.result.evidence import (
 from palpate.result.found import Bias as Bias
 from palpate.result.kept import Kept as Kept
 from palpate.result.record import Tail as Tail
+from palpate.result.summary import TrackSummary as TrackSummary
 from palpate.sink import (
     GuardState as GuardState,
     Run as Run,

@@ -47,22 +47,6 @@ _ESTIMATE = {
         "The estimate still moves at the end, too little was tracked, or a solver stopped early.",
         "Palpate for longer, or use an estimator that converges faster.",
     ),
-    "inconsistent": _doubtful(
-        "The innovations are larger or smaller than the filter expects: noise or model is wrong.",
-        'Declare the noise as it is (noise = "measure"), or use another model.',
-    ),
-    "coloured-innovations": _doubtful(
-        "Innovations correlate from sample to sample: the model misses something, or the data are filtered.",
-        "Use another model, declare delays, or record less filtered data.",
-    ),
-    "surface-mismatch": _doubtful(
-        "The estimated surface is not where the tip first touched.",
-        "Check model and tip, and whether the first touch was one.",
-    ),
-    "implausible": _doubtful(
-        "A parameter is outside of what is possible.",
-        "Do not use that parameter; declare delays, or use a model without it.",
-    ),
     "depth-not-positive": _doubtful(
         "The estimated depth was not positive although the force says that there is contact.",
         "Check tare and touch threshold, or use a kinematic filter.",
@@ -74,10 +58,6 @@ _ESTIMATE = {
     "resumed": _note(
         "The estimate was carried over a pause in the samples or in the contact.",
         "Nothing, unless gaps are not expected.",
-    ),
-    "beyond-model-range": _doubtful(
-        "Depth or tip is outside of what the model, or its thickness correction, holds for.",
-        "Palpate less deep, or use a model that holds there.",
     ),
     "too-stiff": _doubtful(
         "The contact is too stiff for the filter's time step.",

@@ -58,6 +58,13 @@ class Diagnosis:
 
 
 @dataclass(frozen=True)
+class Summary:
+    """What is gathered of each track while a run goes on: ``function()`` answers a `TrackSummary`."""
+
+    target: str | Callable[..., Any]  # "module:function", imported when a run begins; or the function
+
+
+@dataclass(frozen=True)
 class Check:
     """A check of parts before anything moves: ``function(parts by kind, registry)`` raises PluginError for a wrong one.
 
@@ -106,7 +113,7 @@ class Template:
             raise PluginError(f"template {self.path} of {self.package} cannot be read: {error}") from error
 
 
-Offer = Command | Report | ReportSection | Diagnosis | Check | CalibrationReader | Display | Fact
+Offer = Command | Report | ReportSection | Diagnosis | Summary | Check | CalibrationReader | Display | Fact
 
 
 def function_of(offer: Offer) -> Callable[..., Any]:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         Fact,
         Report,
         ReportSection,
+        Summary,
         Template,
     )
     from palpate.flags import FlagMeaning
@@ -88,6 +89,11 @@ def palpate_diagnoses() -> Mapping[str, Diagnosis]:  # type: ignore[empty-body]
 
     What they answer joins the track's flags and its budget of uncertainty, and ``diagnoses.NAME`` of its result.
     """
+
+
+@_hook
+def palpate_summaries() -> Mapping[str, Summary]:  # type: ignore[empty-body]
+    """What is gathered of every track while it runs, by name, such as values over the places of a sweep."""
 
 
 @_hook
@@ -156,6 +162,7 @@ _EXTENSIONS = {
     "display": ("palpate_displays", "palpate.extensions:Display"),
     "template": ("palpate_templates", "palpate.extensions:Template"),
     "diagnosis": ("palpate_diagnoses", "palpate.extensions:Diagnosis"),
+    "summary": ("palpate_summaries", "palpate.extensions:Summary"),
     "check": ("palpate_checks", "palpate.extensions:Check"),
     "calibration": ("palpate_calibrations", "palpate.extensions:CalibrationReader"),
     "fact": ("palpate_facts", "palpate.extensions:Fact"),

@@ -4,6 +4,7 @@ Parts need `palpate` only; commands and other tools use `palpate` and this.
 """
 
 # What several families use, from the one that makes it.
+from palpate_basics.continuation import continued as continued, recorded_pipeline as recorded_pipeline
 from palpate_basics.options import (
     FormatOption as FormatOption,
     JsonOption as JsonOption,
@@ -32,6 +33,15 @@ from palpate_devices.logs.replaying import (
     replay_source as replay_source,
     with_other_channels as with_other_channels,
 )
+from palpate_devices.recording import (
+    Attached as Attached,
+    FieldSurvey as FieldSurvey,
+    Recording as Recording,
+    Suggestion as Suggestion,
+    Survey as Survey,
+    TopicSurvey as TopicSurvey,
+)
+from palpate_filters.local_cubic import cubic_weights as cubic_weights, local_cubic as local_cubic
 from palpate_report.pictures import (
     FORMATS as FORMATS,
     WIDTHS as WIDTHS,
@@ -42,6 +52,7 @@ from palpate_report.pictures import (
     save_figure as save_figure,
     style as style,
 )
+from palpate_studies.differing import differences as differences
 from palpate_studies.jobs import (
     Engine as Engine,
     Job as Job,
@@ -50,6 +61,7 @@ from palpate_studies.jobs import (
     on_all_cores as on_all_cores,
     run_job as run_job,
 )
+from palpate_uncertainty.sources import sources_of as sources_of
 
 from palpate import registry as registry
 from palpate.alignment import (
@@ -103,12 +115,10 @@ from palpate.pipeline import (
     LiveLinks as LiveLinks,
     Result as Result,
     check_way as check_way,
-    continued as continued,
     declared_noise as declared_noise,
     each as each,
     interruptible as interruptible,
     payloads as payloads,
-    recorded_pipeline as recorded_pipeline,
     run_pipeline as run_pipeline,
     start_tracks as start_tracks,
     the_trajectory as the_trajectory,
@@ -122,7 +132,6 @@ from palpate.result import (
     TrackResult as TrackResult,
     TrackTable as TrackTable,
     acceleration as acceleration,
-    differences as differences,
     finite_tree as finite_tree,
     make_folder as make_folder,
     pipeline_among as pipeline_among,

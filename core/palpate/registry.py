@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
+from functools import cache
 from inspect import isabstract, isfunction
 from pathlib import Path
 from types import ModuleType
@@ -26,6 +27,7 @@ from palpate.extensions import (
     Fact,
     Report,
     ReportSection,
+    Summary,
     Template,
     function_of,
 )
@@ -84,6 +86,7 @@ class Registry:
     templates: Mapping[str, Template] = field(default_factory=dict)
     flags: Mapping[str, FlagEntry] = field(default_factory=dict)
     diagnoses: Mapping[str, Diagnosis] = field(default_factory=dict)
+    summaries: Mapping[str, Summary] = field(default_factory=dict)
     checks: Mapping[str, Check] = field(default_factory=dict)
     calibrations: Mapping[str, CalibrationReader] = field(default_factory=dict)
     facts: Mapping[str, Fact] = field(default_factory=dict)
@@ -175,6 +178,7 @@ def load(files: Iterable[Path] = ()) -> Registry:
         templates=offered["template"],
         flags=flags,
         diagnoses=offered["diagnosis"],
+        summaries=offered["summary"],
         checks=offered["check"],
         calibrations=offered["calibration"],
         facts=offered["fact"],
@@ -231,9 +235,7 @@ def _loaded(files: Iterable[Path]) -> tuple[pluggy.PluginManager, dict[str, str]
     manager.add_hookspecs(hooks)
     manager.register(core_flags, "palpate")
     failures: dict[str, str] = {}
-    for entry in importlib.metadata.entry_points(group=hooks.PROJECT):
-        # pluggy's own loader drops a second distribution's entry of a taken name without a word: load them here.
-        name = f"{entry.dist.name} {entry.dist.version} ({entry.name})" if entry.dist else entry.name
+    for name, entry in _installed(tuple(sys.path)):
         try:
             manager.register(entry.load(), name)
         except Exception as error:  # whatever a stranger's import raises
@@ -241,6 +243,18 @@ def _loaded(files: Iterable[Path]) -> tuple[pluggy.PluginManager, dict[str, str]
     for path in files:
         manager.register(_import_file(path), str(path))
     return manager, failures
+
+
+@cache
+def _installed(_: tuple[str, ...]) -> tuple[tuple[str, importlib.metadata.EntryPoint], ...]:
+    """Every installed plugin with its name; looked up once in a process, which may build a thousand pipelines.
+
+    pluggy's own loader drops a second distribution's entry of a taken name without a word, so it is not asked.
+    """
+    return tuple(
+        (f"{entry.dist.name} {entry.dist.version} ({entry.name})" if entry.dist else entry.name, entry)
+        for entry in importlib.metadata.entry_points(group=hooks.PROJECT)
+    )
 
 
 def _import_file(path: Path) -> ModuleType:

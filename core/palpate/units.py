@@ -61,22 +61,23 @@ _EXAMPLES = {
 }
 
 
-# What people write for each SI unit: a schema can say that one of another dimension is wrong.
+# What people write for each SI unit, and how many SI units one of it is, by pint: these are read without its registry.
+_MILLI, _MICRO, _DEGREE = 1e-3, 1e-6, math.pi / 180
 _WRITTEN = {
-    "m": "m mm cm um µm",
-    "kg": "kg g mg",
-    "s": "s ms us µs min h",
-    "N": "N mN kN",
-    "Pa": "Pa kPa MPa",
-    "Pa*s": "Pa*s kPa*s",
-    "Hz": "Hz kHz",
-    "m/s": "m/s mm/s um/s cm/s",
-    "m/s^2": "m/s^2 mm/s^2",
-    "N*s/m": "N*s/m",
-    "N/m": "N/m N/mm",
-    "N/s": "N/s N/h",
-    "rad": "rad deg",
-    "rad/s": "rad/s deg/s",
+    "m": {"m": 1.0, "mm": _MILLI, "cm": 1e-2, "um": _MICRO, "µm": _MICRO},
+    "kg": {"kg": 1.0, "g": _MILLI, "mg": _MICRO},
+    "s": {"s": 1.0, "ms": _MILLI, "us": _MICRO, "µs": _MICRO, "min": 60.0, "h": 3600.0},
+    "N": {"N": 1.0, "mN": _MILLI, "kN": 1e3},
+    "Pa": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6},
+    "Pa*s": {"Pa*s": 1.0, "kPa*s": 1e3},
+    "Hz": {"Hz": 1.0, "kHz": 1e3},
+    "m/s": {"m/s": 1.0, "mm/s": _MILLI, "um/s": _MICRO, "cm/s": 1e-2},
+    "m/s^2": {"m/s^2": 1.0, "mm/s^2": _MILLI},
+    "N*s/m": {"N*s/m": 1.0},
+    "N/m": {"N/m": 1.0, "N/mm": 1e3},
+    "N/s": {"N/s": 1.0, "N/h": 1 / 3600},
+    "rad": {"rad": 1.0, "deg": _DEGREE},
+    "rad/s": {"rad/s": 1.0, "deg/s": _DEGREE},
 }
 
 
@@ -156,6 +157,8 @@ def _parse(text: str, unit: str) -> float:
     written = _SQUARE_ROOT.sub(r"\1^0.5", written)
     if not _UNIT.fullmatch(written):
         raise ValueError(f"{text!r}: {written!r} is not one unit; {wanted}")
+    if (factor := _WRITTEN.get(unit, {}).get(written)) is not None:
+        return number * factor
     registry = _registry()
     try:
         given = registry.Unit(written)
@@ -186,19 +189,9 @@ _PLAUSIBLE = {
     "rad": (0.0, 6.3),
     "rad/s": (0.0, 6.3),
 }
-# SI unit -> (unit that was perhaps meant, how many SI units one of it is).
-_MEANT = {
-    "m": ("mm", 1e-3),
-    "kg": ("g", 1e-3),
-    "s": ("ms", 1e-3),
-    "N": ("mN", 1e-3),
-    "Pa": ("kPa", 1e3),
-    "m/s": ("mm/s", 1e-3),
-    "m/s^2": ("mm/s^2", 1e-3),
-    "N/m": ("N/mm", 1e3),
-    "rad": ("deg", math.pi / 180),
-    "rad/s": ("deg/s", math.pi / 180),
-}
+# SI unit -> the unit that was perhaps meant.
+_MEANT = {"m": "mm", "kg": "g", "s": "ms", "N": "mN", "Pa": "kPa", "m/s": "mm/s", "m/s^2": "mm/s^2", "N/m": "N/mm"}
+_MEANT |= {"rad": "deg", "rad/s": "deg/s"}
 
 
 class Quantity:
@@ -222,7 +215,8 @@ class Quantity:
         size = abs(number)
         if size == 0 or least <= size <= most or not math.isfinite(size):
             return ""
-        unit, factor = _MEANT.get(self.unit, ("", 0.0))
+        unit = _MEANT.get(self.unit, "")
+        factor = _WRITTEN.get(self.unit, {}).get(unit, 0.0)
         meant = f'; did you mean "{number:g} {unit}"?' if least <= size * factor <= most else ", which is implausible"
         read = f"{number:g} {self.unit}"
         return f'{number:g} without a unit is {read}{meant} (write "{read}" where it is meant)'
@@ -245,7 +239,7 @@ class Quantity:
 def quantity_schema(unit: str) -> JsonSchemaValue:
     """JSON schema of what `to_si` reads: a number, or a text with a unit that is not one of another dimension."""
     number = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*"
-    others = "|".join(re.escape(text) for other in _WRITTEN if other != unit for text in _WRITTEN[other].split())
+    others = "|".join(re.escape(text) for other in _WRITTEN if other != unit for text in _WRITTEN[other])
     text = {
         "pattern": number + ("" if unit == "1" else "[A-Za-zµμΩ°%]"),
         "not": {"pattern": f"{number}({others})\\s*$"},

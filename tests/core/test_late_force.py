@@ -80,7 +80,6 @@ def test_what_diverges_names_it_too():
     from palpate.estimation import Estimates, Samples, Status
     from palpate.result import TrackRecord
     from palpate.result.flags import track_flags
-    from palpate_models import KelvinVoigt
 
     def flags(late):
         measured, n = tail(late), len(TIME)
@@ -94,7 +93,7 @@ def test_what_diverges_names_it_too():
         record = TrackRecord(3.0)
         record.add(samples, Estimates(TIME, table, table, lost, lost, lost, ones * np.nan, status), 0.0)
         report = AlignmentReport({}, None, 0.25, None, 1, None, n, 0, 0, 3.0, None)
-        return {flag.code: flag.message for flag in track_flags(record, KelvinVoigt(), report, 1.0, tip_mass=MASS)}
+        return {flag.code: flag.message for flag in track_flags(record, report, MASS)}
 
     assert flags(0.0) == {"diverged": "the estimates stopped being finite or plausible numbers; none can be used"}
     found = flags(11.7e-3)

@@ -1,5 +1,8 @@
 """People's units at the edge."""
 
+import subprocess
+import sys
+
 import pytest
 from palpate.units import to_si
 
@@ -45,3 +48,19 @@ def test_quantities_become_si(written, unit, expected):
 def test_anything_else_is_refused_in_words(written, unit, complaint):
     with pytest.raises(ValueError, match=complaint):
         to_si(written, unit)
+
+
+def test_what_people_write_is_read_as_pint_reads_it_to_the_bit():
+    import pint
+    from palpate.units import _WRITTEN
+
+    registry = pint.UnitRegistry()
+    for unit, names in _WRITTEN.items():
+        for written in names:
+            expected = registry.Quantity(0.37, registry.Unit(written)).to(unit).magnitude
+            assert to_si(f"0.37 {written}", unit) == expected, written
+
+
+def test_usual_units_are_read_without_pint():
+    program = "import sys; from palpate.units import to_si; to_si('5 mm', 'm'); sys.exit('pint' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program]).returncode == 0

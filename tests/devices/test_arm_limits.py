@@ -190,6 +190,54 @@ def test_what_the_robot_says_is_doubted(restored, fault, words):
     assert truth["fastest_tip"] < 1.2 * LIMITS.speed
 
 
+def test_a_retraction_from_a_controller_that_says_nothing_does_not_leap(restored):
+    """Without states there is nothing that acknowledges commands at once: they must not be collected meanwhile."""
+    import threading
+
+    with device(restored).connect(0) as link:
+        batches = begun(link)
+        link.limit(LIMITS.of_an_arm, print)
+
+        def make():
+            restored.wait(lambda state: state["height"] < 0.0005)
+            restored.fault("freeze")
+            time.sleep(0.05)
+            link.retract()
+
+        restored.fault("mark")
+        thread = threading.Thread(target=make)
+        thread.start()
+        link.follow(Point(bias=0.006, amplitude=0.0005, clearance=0.003, standstill=0.0, duration=2.0, speed=0.01))
+        state = restored.wait(lambda state: state["height"] > 0.003)
+        thread.join()
+        assert state["fastest_tip"] < 1.2 * LIMITS.speed
+        restored.fault("thaw")
+        for _ in batches:
+            pass
+
+
+def test_it_waits_while_the_sensor_says_nothing(bench, short):
+    twin = bench(*short)
+    sensor = BotaSensor.model_validate({"port": str(twin.port), "settle": "0.1 s", "silence": "20 s"})
+    slow = Point(bias=0.004, amplitude=0.001, clearance=0.003, standstill=0.0, duration=1.0, speed=0.01)
+    with sensor.connect(0) as force, device(twin).connect(0) as link:
+        batches = begun(link)
+        link.limit(LIMITS.of_an_arm, print)
+        link.watch_force(ForceWatch(force.shared("wrench"), (0, 1, 2), (0.0, 0.0, 0.0), 12.0, "sensor.wrench.z"))
+        link.follow(slow)
+        twin.wait(lambda state: state["height"] < 0.001)
+        twin.fault("silent")
+        time.sleep(0.2)
+        before = twin.state()["height"]
+        time.sleep(0.5)  # in which it would go 5 mm
+        assert twin.state()["height"] == pytest.approx(before, abs=1e-5)
+        twin.fault("sound")
+        for _ in batches:
+            pass
+        assert "own_stop" not in link.health
+    assert twin.state()["low"][2] == pytest.approx(-0.005, abs=3e-4)
+
+
 def test_the_force_stops_it_although_nobody_of_the_host_looks(bench, short, force_limit):
     """The job reads nothing for as long as the motion takes: the servo process reads the sensor by itself."""
     twin = bench(*short, "twin.bench.specimen.elasticity=2.25 MPa", "twin.bench.specimen.viscosity=7240 Pa*s")

@@ -209,3 +209,55 @@ def test_layers_want_a_tip():
                 "layers": ({"thickness": 0.001, "stiffness_ratio": 2.0},),
             }
         )
+
+
+def felt(body, x=0.0):
+    """Force [N] of a specimen 4 mm deep at a place, or (n,) at places (n,)."""
+    x = np.asarray(x)
+    zero = np.zeros(x.size)
+    force = body.push(zero, np.column_stack([x.ravel(), zero, zero - 0.004]), np.zeros((x.size, 3)))
+    return force if x.ndim else float(force[0])
+
+
+def test_scatter_is_that_of_its_std_and_length():
+    body, plain = specimen(scatter={"std": 0.1, "length": "5 mm"}), felt(specimen())
+    factors = felt(body, np.arange(1000) * 0.1) / plain
+    assert factors.mean() == pytest.approx(1.0, abs=0.01)
+    assert factors.std() == pytest.approx(0.1, rel=0.1)
+    assert felt(body, 0.0002) / plain == pytest.approx(factors[0], abs=0.01)
+    assert felt(specimen(scatter={"std": 0.1, "seed": 1})) != felt(specimen(scatter={"std": 0.1, "seed": 2}))
+
+
+def test_the_palpated_place_softens_and_recovers():
+    body = specimen(conditioning={"softening": 0.1, "palpations": 2.0, "recovery": "60 s", "reach": "3 mm"})
+    fresh = felt(specimen())
+    assert felt(body) == pytest.approx(fresh)
+    at_once, later = ([(0.0, age)] for age in (0.0, 120.0))
+    assert felt(body.conditioned(at_once)) == pytest.approx(fresh * (1 - 0.1 * (1 - np.exp(-0.5))))
+    assert felt(body.conditioned(at_once)) < felt(body.conditioned(later)) < fresh
+    assert felt(body.conditioned([(0.0, 0.0)] * 100)) == pytest.approx(0.9 * fresh, rel=1e-6)
+    assert felt(body.conditioned([(0.05, 0.0)])) == pytest.approx(fresh)  # another place
+
+
+def test_a_specimen_that_remembers_may_scatter_and_soften():
+    from palpate_models import StandardLinearSolid
+
+    plain = {"model": StandardLinearSolid(indenter=Sphere(radius=0.005)), "elasticity": 1e5, "relaxation_time": 0.1}
+    plain |= {"relaxing_elasticity": 2e4}
+    soft = plain | {"conditioning": {"softening": 0.2}, "palpated": 1e3, "scatter": {"std": 0.1}}
+    time = np.arange(500) * 2e-3
+    position, velocity = np.zeros((500, 3)), np.zeros((500, 3))
+    position[:, 2], velocity[:, 2] = -0.002 * time, -0.002
+    one, other = (Specimen.model_validate(table).push(time, position, velocity) for table in (plain, soft))
+    ratio = other[10:] / one[10:]
+    assert np.ptp(ratio) < 1e-12
+    assert ratio[0] / Specimen.model_validate(soft).scatter.at(np.zeros(1), np.zeros(1))[0] == pytest.approx(0.8)
+
+
+def test_the_papers_chicken():
+    body = Specimen.model_validate({"name": "chicken", "model": MODEL})
+    assert body.parameters == {"elasticity": 53.7e3, "viscosity": 623.0}
+    values = felt(body, 0.1 * np.arange(1000))
+    assert values.std() / values.mean() == pytest.approx(5.2 / 53.7, rel=0.1)
+    lump = Specimen.model_validate({"name": "chicken-sphere", "model": MODEL})
+    assert felt(lump) / felt(body) == pytest.approx(102.7 / 53.7, rel=1e-6)

@@ -17,6 +17,7 @@ _TIPS = {
     "paraboloid": {"curvature_radius": 5e-3},
     "ellipsoid": {"radius": 4e-3, "height": 7e-3},
     "flat": {"radius": 5e-3},
+    "tilted-flat": {"radius": 5e-3, "tilt": math.radians(2)},
     "cone": {"angle": ANGLE},
     "blunt-cone": {"angle": ANGLE, "tip_radius": 1e-3},
     "truncated-cone": {"angle": ANGLE, "face_radius": 1e-3},

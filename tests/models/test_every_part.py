@@ -13,7 +13,7 @@ import pytest
 from palpate import Indenter, contact_force
 from palpate.units import to_si
 from palpate_filters.ekf import ExtendedKalmanFilter
-from palpate_models import Cone, DimensionalityReduction, Flat, Paraboloid, Quartic, Sphere
+from palpate_models import Cone, DimensionalityReduction, Flat, Paraboloid, Quartic, Sphere, TiltedFlat
 from palpate_testing import check_estimator, check_indenter, check_model
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -34,6 +34,8 @@ def test_profile_area_is_the_default_integral_of_the_contact_radius(tip):
     # Exact for powers d^(k/4); elsewhere it is a quadrature over the whole depth, which feels where two shapes meet.
     closed, quadrature = tip.profile_area(DEPTHS), Indenter.profile_area(tip, DEPTHS)
     tolerance = 1e-12 if isinstance(tip, Cone | Flat | Paraboloid | Quartic | Sphere) else 2e-3
+    if isinstance(tip, TiltedFlat):
+        tolerance = 1e-2  # two shapes meet with a kink
     np.testing.assert_allclose(quadrature, closed, rtol=tolerance)
 
 

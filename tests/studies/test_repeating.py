@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -81,3 +82,24 @@ def test_what_goes_by_the_clock_waits_between_palpations(repeated, palpate, tmp_
     lasted = json.loads((tmp_path / "out" / "1" / "result.json").read_text())["run"]["log_duration"]
     first, second = ((tmp_path / "out" / str(k) / "pipeline.toml").stat().st_mtime for k in (1, 2))
     assert second - first > lasted + 0.4  # the first block of readings comes a moment before its time
+
+
+def test_a_simulated_specimen_knows_what_was_done_to_it(repeated, tmp_path):
+    """It softens at one place, is fresh at the next, and a run folder holds what it had been through."""
+    soft = ['device.rig.specimen.conditioning={ softening = 0.1, palpations = 1.0, recovery = "100 s" }']
+    still = list(palpations(load_pipeline(repeated, [*soft, 'repeat.step=["0 mm", "0 mm"]'])))
+    counted = [one.devices["rig"].specimen.palpated for one in still]
+    age = still[0].trajectories["press"].total_duration + 10.0
+    np.testing.assert_allclose(counted, [sum(np.exp(-m * age / 100) for m in range(1, k + 1)) for k in range(4)])
+    moved = palpations(load_pipeline(repeated, [*soft, 'repeat.step=["50 mm", "0 mm"]']))
+    assert all(one.devices["rig"].specimen.palpated < 1e-9 for one in moved)
+    short = replace(
+        still[1], trajectories={"press": still[1].trajectories["press"].model_copy(update={"duration": 2.0})}
+    )
+    run = run_pipeline(short, tmp_path / "second")
+    kept = load_pipeline(run.folder / "pipeline.toml").devices["rig"].specimen
+    assert kept.palpated == pytest.approx(counted[1])
+    found = run.tracks["dr/kinematic"].parameters["elasticity"]
+    softened = 112.5e3 * kept.conditioning.factor(counted[1])
+    assert abs(found.value - softened) < 3 * found.combined
+    assert softened < 0.96 * 112.5e3

@@ -8,6 +8,7 @@ from palpate import LogError, OutputError
 from palpate.config import load_pipeline
 from palpate.host import Job, RunFolder, differences, finished, on_all_cores, resolved_text, whole_file
 from palpate_maps.commands.lumps import by_place
+from palpate_maps.path import demand_one_pipeline
 
 SWEEP = '[sweep]\n"run.seed" = [1, 2]\n'
 SHORT = ("--set", "trajectory.press.duration=1 s")
@@ -57,9 +58,9 @@ def test_a_part_of_other_settings_is_no_part(point_pipeline, tmp_path):
         folder.mkdir()
         (folder / "resolved.toml").write_text(resolved_text(pipeline))
     with pytest.raises(LogError, match=r"nothing is mixed: estimator.ekf.force_std is 0.06, was 0.05"):
-        RunFolder(tmp_path / "run").demand_one_pipeline()
+        demand_one_pipeline(RunFolder(tmp_path / "run"))
     (tmp_path / "run" / "part-2" / "resolved.toml").write_text(resolved_text(first).replace("seed = 1", "seed = 9"))
-    RunFolder(tmp_path / "run").demand_one_pipeline()
+    demand_one_pipeline(RunFolder(tmp_path / "run"))
 
 
 def test_differences_are_named_by_their_keys():

@@ -1,6 +1,5 @@
 """The pipeline at work: devices -> alignment -> tracks -> sinks -> result."""
 
-from palpate.pipeline.continuation import continued, recorded_pipeline
 from palpate.pipeline.device_flags import payloads
 from palpate.pipeline.flow import Flow, each, the_trajectory
 from palpate.pipeline.guard import Guard
@@ -17,12 +16,10 @@ __all__ = [
     "LiveLinks",
     "Result",
     "check_way",
-    "continued",
     "declared_noise",
     "each",
     "interruptible",
     "payloads",
-    "recorded_pipeline",
     "run_pipeline",
     "start_tracks",
     "the_trajectory",

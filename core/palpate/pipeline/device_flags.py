@@ -14,9 +14,10 @@ Health = Mapping[str, Mapping[str, Any]]  # by device
 
 
 def device_flags(alignment: AlignmentSettings, ports: Ports, live: Health | None) -> tuple[Flag, ...]:
-    """Flags of a clock that wanders and of a payload that cannot be."""
+    """What devices raise themselves, as `flags` of their health: codes with messages; clocks that wander, payloads."""
     health = live or {}
-    return (*_clocks(ports, health), *(Flag("payload", text) for text in payloads(alignment, health)))
+    told = (Flag(code, text) for facts in health.values() for code, text in facts.get("flags", {}).items())
+    return (*told, *_clocks(ports, health), *(Flag("payload", text) for text in payloads(alignment, health)))
 
 
 def _clocks(ports: Ports, health: Health) -> Iterator[Flag]:

@@ -7,6 +7,7 @@ import importlib.metadata
 import platform
 import socket
 import sys
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -20,8 +21,8 @@ _LOOK = 0.01  # [s] between the places that count for the box of a motion
 
 def run_facts(pipeline: Pipeline) -> dict[str, Any]:
     """Name, pipeline, command, seed, versions, plugins, hashes of the inputs, host."""
-    versions = {"palpate": importlib.metadata.version("palpate"), "python": platform.python_version()}
-    versions |= {name: importlib.metadata.version(name) for name in _LIBRARIES}
+    versions = {"palpate": _version("palpate"), "python": platform.python_version()}
+    versions |= {name: _version(name) for name in _LIBRARIES}
     inputs = {f"{name}.{key}": text for name, d in pipeline.devices.items() for key, text in d.provenance.items()}
     for own in pipeline.run.plugins:
         inputs[f"plugin.{own.name}.sha256"] = hashlib.sha256(own.read_bytes()).hexdigest()
@@ -39,6 +40,9 @@ def run_facts(pipeline: Pipeline) -> dict[str, Any]:
         "inputs": inputs,
         "host": socket.gethostname(),
     }
+
+
+_version = cache(importlib.metadata.version)
 
 
 def flat_facts(facts: dict[str, Any]) -> dict[str, str]:

@@ -11,10 +11,9 @@ from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.config import Pipeline, Track
 from palpate.errors import ConfigurationError, PalpateError, PluginError
 from palpate.estimation import Estimates, Problem, Samples, Tracker
-from palpate.extensions import Diagnosis
+from palpate.extensions import Diagnosis, function_of
 from palpate.pipeline.failing import Blame, judged
 from palpate.result import Diagnosable, Judged, TrackRecord, TrackResult, diagnosed, track_result
-from palpate.result.way import SWEEP, along_the_way
 
 _FEW = 10  # tracked samples; before that nothing is said of a track
 
@@ -94,7 +93,7 @@ class Tracks:
         settings, average = pipeline.alignment, pipeline.run.average
         found: dict[str, TrackResult] = {r.track.name: r.result(report, settings, average) for r in self.running}
         judged = self._diagnosed(found, pipeline, report, pipeline.registry.diagnoses)
-        return {r.track.name: _of_all_places(r, judged[r.track.name]) for r in self.running}
+        return {r.track.name: _summed(r, judged[r.track.name]) for r in self.running}
 
     def results_so_far(self, pipeline: Pipeline, report: AlignmentReport) -> dict[str, TrackResult]:
         """What the online tracks would find if the run ended now, with the findings of quick diagnoses."""
@@ -125,12 +124,11 @@ class Tracks:
         }
 
 
-def _of_all_places(running: RunningTrack, result: TrackResult) -> TrackResult:
-    """The result of a sweep is one of its way; a fit is one of the whole record as it is."""
-    record = running.record
-    if record.swept <= SWEEP or record.report is not None or record.failure is not None:
-        return result
-    return along_the_way(result, running.track.model, record.way)
+def _summed(running: RunningTrack, result: TrackResult) -> TrackResult:
+    """What summaries make of a track's result."""
+    for summary in running.record.summaries if running.record.failure is None else ():
+        result = summary.of(result, running.track.model, running.record.is_sweep)
+    return result
 
 
 def _others(pipeline: Pipeline, model: str) -> dict[str, tuple[str, ...]]:
@@ -159,6 +157,7 @@ def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
         except Exception as error:  # whatever a stranger's code raises
             raise PluginError(f"{pipeline.path}: track {track.name}: {blame.complaint(error)}") from error
         # An offline estimate holds for all of its samples, so all of them are looked at.
-        record = TrackRecord(keep if track.estimator.online else math.inf)
+        summaries = tuple(function_of(summary)() for summary in pipeline.registry.summaries.values())
+        record = TrackRecord(keep if track.estimator.online else math.inf, summaries=summaries)
         running.append(RunningTrack(track, tracker, record, blame))
     return running

@@ -1,7 +1,6 @@
 """Results: what a run found, what may be wrong with it, and where it is written."""
 
 from palpate.result.diagnosing import Diagnosable, Judged, diagnosed
-from palpate.result.differing import differences
 from palpate.result.flags import track_flags
 from palpate.result.folder import EstimatesFile, make_folder, withdraw_folder
 from palpate.result.found import Derived, Found, finite, finite_tree
@@ -37,7 +36,6 @@ __all__ = [
     "TrackTable",
     "acceleration",
     "diagnosed",
-    "differences",
     "finite",
     "finite_tree",
     "is_whole",

@@ -158,7 +158,15 @@ def _ending(track: Diagnosable, of_run: Judged) -> Ending | None:
     if ends is None:
         return None
     included = {*track.record.details.get("included", ()), *(["timing"] if track.record.timing_included else [])}
-    tail, last = ends
     return Ending(
-        tail, last, of_run.settings, of_run.report, of_run.uncertainties, track.record.held, frozenset(included)
+        *ends,
+        of_run.settings,
+        of_run.report,
+        of_run.uncertainties,
+        track.record.held,
+        frozenset(included),
+        of_run.average,
+        track.record.tracked,
+        track.record.samples,
+        track.record.is_sweep,
     )

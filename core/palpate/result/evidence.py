@@ -29,6 +29,10 @@ class Ending:
     uncertainties: Mapping[str, Any]  # standard uncertainties that the pipeline declares, by key of the model
     held: frozenset[str]  # parameters that were held fixed
     included: frozenset[str]  # causes of uncertainty that the estimator's own standard deviation holds already
+    average: float  # [s] that a result is a mean over, where it is one of the end
+    tracked: float  # [s] in all
+    samples: int  # tracked in all
+    is_sweep: bool  # the tip went along the surface
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,9 @@ from palpate.contact import ContactModel
 from palpate.fit_report import BudgetRow, FitReport
 from palpate.flags import Flag, Verdict, verdict
 from palpate.registry import Registry
-from palpate.result.flags import alignment_flags, track_flags, validity_flags
+from palpate.result.flags import alignment_flags, track_flags
 from palpate.result.found import Derived, Found, derived_values, finite, finite_tree
 from palpate.result.record import Tail, TrackRecord
-from palpate.result.way import SWEEP
 from palpate.track_name import TrackName
 from palpate.vectors import Floats
 
@@ -111,10 +110,9 @@ def track_result(
     Estimates of an offline estimator are constant and hold for every sample that it used. Uncertainty is the
     estimator's own and that of settling; diagnoses add what else there is.
     """
-    flags = list(track_flags(record, model, report, average, online, settings.tip_mass or 0.0))
+    flags = track_flags(record, report, settings.tip_mass or 0.0)
     numbers, ends = _no_numbers(model), record.ends(average if online else math.inf)
     if ends is not None:
-        flags += validity_flags(model, ends[1])
         numbers = _numbers(model, record, *ends, settings, online)
     return TrackResult(
         name.model,
@@ -152,7 +150,7 @@ def _numbers(
 ) -> _Numbers:
     values, std = last.values.mean(axis=0).tolist(), last.std[-1].tolist()
     # What is left of the way to rest lies between nothing and this: a rectangular distribution.
-    tracked = record.tracked if online and record.swept <= SWEEP else 0.0
+    tracked = record.tracked if online and not record.is_sweep else 0.0
     settling = (tail.unsettled(tail.values, tracked) / math.sqrt(3)).tolist()
     way = float(tail.unsettled(tail.surface[:, None], tracked)[0]) / math.sqrt(3)
     parameters = {p.name: Found(values[i], std[i], p.unit, settling[i]) for i, p in enumerate(model.parameters)}

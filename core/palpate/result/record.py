@@ -12,14 +12,13 @@ from palpate.estimation import Estimates, Samples, Status
 from palpate.fit_report import FitReport
 from palpate.flags import Flag
 from palpate.result.kept import Keeper
-from palpate.result.way import Way
+from palpate.result.summary import TrackSummary
 from palpate.vectors import Floats
 
-_ENOUGH = 100  # innovations to tell their autocorrelation
 _PARTS = 12  # of the tail, whose steps show a random walk
 _SIGMAS = 3.0
 _LONG = 20.0  # lengths of the tail, from which on what a filter gains in one is small against its walk
-_FORGETS = 0.96  # of the variance that an estimator stated half a tail ago
+SWEEP = 2e-3  # [m] between the places of a track, from which on it is a sweep
 _SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
 
 
@@ -58,22 +57,10 @@ class Tail:
         slopes = (since * (values - values.mean(axis=0))).sum(axis=0) / (since**2).sum()
         if tracked < _LONG * float(self.time[-1] - self.time[0]):
             return np.asarray(np.abs(slopes) * tracked)
-        return np.asarray(np.where(np.abs(slopes) > _SIGMAS * self._by_chance(values), np.abs(slopes) * tracked, 0.0))
+        chance = _SIGMAS * self.slope_of_a_walk(values)
+        return np.asarray(np.where(np.abs(slopes) > chance, np.abs(slopes) * tracked, 0.0))
 
-    def slope_by_chance(self) -> Floats:
-        """Standard deviation (k,) [1/s] of the slope that estimates have though nothing is left of their way.
-
-        An optimal estimate of a constant is a random walk whose variance grows by as much as its own std^2 falls. Where
-        that does not fall, the filter forgets, and its walk shows in the steps of the values.
-        """
-        span = float(self.time[-1] - self.time[0])
-        if len(self.time) < 10 or span <= 0:
-            return np.zeros(self.std.shape[1])
-        early, late = (half.mean(axis=0) for half in np.array_split(self.std**2, 2))
-        learnt = np.sqrt(1.2 * 2 * np.maximum(early - late, 0.0)) / span  # halves are half the span apart
-        return np.asarray(np.where(late < _FORGETS * early, learnt, self._by_chance(self.values)))
-
-    def _by_chance(self, values: Floats) -> Floats:
+    def slope_of_a_walk(self, values: Floats) -> Floats:
         """Standard deviation (k,) of the slope of a random walk with the steps that the values make.
 
         Steps are those between the means of parts of the tail. A walk with variance q per second has, over a stretch of
@@ -88,26 +75,6 @@ class Tail:
         steps = steps - steps.mean(axis=0)  # what is common to all is the slope that is asked about
         square = (steps**2).sum(axis=0) / (len(steps) - 1)
         return np.asarray(np.sqrt(1.2 * 1.5 * square * len(means)) / span)
-
-    @property
-    def noise(self) -> float:
-        """Standard deviation [N] of white noise that would give the third differences of the measured force."""
-        third = np.diff(self.force, 3)
-        third = third[np.isfinite(third)]
-        return float(np.sqrt(np.mean(third**2) / 20.0)) if len(third) else 0.0
-
-    def correlation(self) -> tuple[int, float]:
-        """Lag [samples] and value of the largest autocorrelation of the innovations to lag 10; (0, 0): too few.
-
-        White innovations have none beyond 1/sqrt(n): what one sample could not be told by the one before (Mehra 1970).
-        """
-        known = self.innovation[np.isfinite(self.innovation)]
-        if len(known) < _ENOUGH:
-            return 0, 0.0
-        power = float((known**2).sum())
-        shares = [float((known[lag:] * known[:-lag]).sum()) / power for lag in range(1, 11)] if power > 0 else [0.0]
-        lag = int(np.argmax(np.abs(shares)))
-        return lag + 1, shares[lag]
 
     def force_rms(self, tip_mass: float) -> float:
         """RMS [N] of measured force less inertia of the tip less the model's force; NaN where it cannot be told."""
@@ -145,13 +112,15 @@ class TrackRecord:
     failure: Flag | None = None  # why the track ended before the record did
     _lateral: Floats | None = None  # (2, 2) [m] least and largest x and y while tracked
     keeper: Keeper = field(default_factory=Keeper)  # of the whole record, for diagnoses
-    way: Way = field(default_factory=Way)
+    summaries: tuple[TrackSummary, ...] = ()
     _blocks: list[Tail] = field(default_factory=list)
 
     def add(self, samples: Samples, estimates: Estimates, seconds: float) -> None:
         """Take in a block."""
         self.seconds += seconds
         self.keeper.add(samples, estimates)
+        for summary in self.summaries:
+            summary.add(samples, estimates)
         self.details = estimates.details or self.details
         self.report = estimates.report or self.report
         self.timing_included |= estimates.timing_included
@@ -170,9 +139,6 @@ class TrackRecord:
             with np.errstate(invalid="ignore"):
                 self._lateral = np.array([np.fmin.reduce(seen), np.fmax.reduce(seen)])
         found = estimates
-        numbers = np.column_stack([found.values, found.std, found.surface, found.surface_std])
-        known = rows & np.isfinite(found.values).all(axis=1)
-        self.way.add(samples.time[known], samples.lateral[known], numbers[known])
         rows &= samples.time >= samples.time[rows][-1] - self.keep  # what is older would be forgotten at once
         columns = (found.values, found.std, found.surface, found.surface_std, found.force, found.nis, found.innovation)
         measured = (samples.time, samples.force, samples.position, samples.velocity)
@@ -187,9 +153,9 @@ class TrackRecord:
         return frozenset(name for name, unknown in unknowns.items() if not unknown.free)
 
     @property
-    def swept(self) -> float:
-        """How far apart the places are that the track was at [m]; 0 where nobody says."""
-        return 0.0 if self._lateral is None else float(np.nanmax([0.0, *(self._lateral[1] - self._lateral[0])]))
+    def is_sweep(self) -> bool:
+        """Whether the track was at places further apart than a palpation needs; not where nobody says."""
+        return self._lateral is not None and float(np.nanmax([0.0, *(self._lateral[1] - self._lateral[0])])) > SWEEP
 
     @property
     def tracked(self) -> float:

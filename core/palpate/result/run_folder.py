@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from palpate.errors import LogError
 from palpate.estimation import Status
-from palpate.result.differing import differences
 from palpate.result.reading import is_whole, read_result
 from palpate.vectors import Floats
 
@@ -146,15 +145,6 @@ class RunFolder:
         """This folder and those of its continuations, in their order."""
         later = sorted(self.path.glob("part-*"), key=lambda part: int(part.name.rpartition("-")[2]))
         return [self, *(RunFolder(part) for part in later)]
-
-    def demand_one_pipeline(self) -> None:
-        """Raise LogError where a continuation was not made with the settings of the run, its motion and seed apart."""
-        own = self.pipeline.read_text(encoding="utf-8") if self.began else None
-        for part in self.parts[1:] if own is not None else ():
-            if part.began:
-                text = part.pipeline.read_text(encoding="utf-8")
-                if told := differences(text, own or "", ("trajectory", "run.seed")):
-                    raise LogError(f"{part.path}: is no continuation of {self.path}, nothing is mixed: {told}")
 
     @property
     def next_part(self) -> Path:

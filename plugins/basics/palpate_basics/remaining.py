@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 from palpate import ConfigurationError, Floats, Resumable, Trajectory
-from palpate.host import Pipeline, RunFolder, continued, recorded_pipeline
+from palpate.host import Pipeline, RunFolder
+
+from palpate_basics.continuation import continued, recorded_pipeline
 
 _CAUTION = 0.5  # [s]; what ended this much before the record did is taken for finished
 _STEP = 0.05  # [s] of the search for the motion's begin in a record

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate import Command, Fact, lazily, plugin
+from palpate import Command, Fact, FlagMeaning, lazily, plugin
 
 if TYPE_CHECKING:
     from palpate import Device, Sink, Twin
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from palpate_devices.mcap_replay import McapReplay
     from palpate_devices.mcap_sink import McapSink
     from palpate_devices.rdt.device import RdtSensor
+    from palpate_devices.ros2.device import Ros2Device
     from palpate_devices.rosbag2_replay import Rosbag2Replay
     from palpate_devices.sim import SimulatedRig
     from palpate_devices.twins.bench import VirtualBench
@@ -29,6 +30,7 @@ __getattr__ = lazily(
         "palpate_devices.mcap_replay": "McapReplay",
         "palpate_devices.mcap_sink": "McapSink",
         "palpate_devices.rdt.device": "RdtSensor",
+        "palpate_devices.ros2.device": "Ros2Device",
         "palpate_devices.rosbag2_replay": "Rosbag2Replay",
         "palpate_devices.sim": "SimulatedRig",
         "palpate_devices.twins.bench": "VirtualBench",
@@ -44,6 +46,7 @@ __all__ = [
     "McapReplay",
     "McapSink",
     "RdtSensor",
+    "Ros2Device",
     "Rosbag2Replay",
     "SimulatedRig",
     "VirtualBench",
@@ -57,6 +60,7 @@ def palpate_devices() -> dict[str, type[Device]]:
     from palpate_devices.csv_replay import CsvReplay
     from palpate_devices.mcap_replay import McapReplay
     from palpate_devices.rdt.device import RdtSensor
+    from palpate_devices.ros2.device import Ros2Device
     from palpate_devices.rosbag2_replay import Rosbag2Replay
     from palpate_devices.sim import SimulatedRig
     from palpate_devices.ur3e.device import UR
@@ -66,7 +70,7 @@ def palpate_devices() -> dict[str, type[Device]]:
         "mcap-replay": McapReplay,
         "rosbag2-replay": Rosbag2Replay,
     }
-    return {"sim": SimulatedRig, "ur": UR, "ur3e": UR, "bota": BotaSensor, "rdt": RdtSensor, **logs}
+    return {"sim": SimulatedRig, "ur": UR, "ur3e": UR, "bota": BotaSensor, "rdt": RdtSensor, "ros2": Ros2Device, **logs}
 
 
 @plugin
@@ -101,3 +105,35 @@ def palpate_commands() -> dict[str, Command]:
 def palpate_facts() -> dict[str, Fact]:
     """Whether a robot can be driven from here."""
     return {"robots": Fact("palpate_devices.ur3e.client:robots_here")}
+
+
+@plugin
+def palpate_flags() -> dict[str, FlagMeaning]:
+    """What topics of a ROS 2 system have against them."""
+    return {
+        "ros2-publishers": FlagMeaning(
+            "doubtful",
+            "Two publishers sent on one topic; only the first was read.",
+            "Stop one of them, or give it another topic.",
+        ),
+        "ros2-restarted": FlagMeaning(
+            "doubtful",
+            "A publisher went, and another one took over its topic: its tare and its settings may be others.",
+            "Look at the driver, and record again.",
+        ),
+        "ros2-clock": FlagMeaning(
+            "doubtful",
+            "The stamps of a publisher leapt, as when a clock is set; they were mapped anew from there on.",
+            "Let the clocks of all computers settle before a record (chrony, PTP).",
+        ),
+        "ros2-missing": FlagMeaning(
+            "note",
+            "Messages are missing between the stamps of those that came.",
+            'Use a wire, a larger history, or reliability = "reliable".',
+        ),
+        "ros2-damaged": FlagMeaning(
+            "note",
+            "Messages could not be read, and were left out.",
+            "Look at who publishes them, and whether the type is the one that is given.",
+        ),
+    }

@@ -12,22 +12,7 @@ from pathlib import Path
 from typing import Annotated, Self
 
 import numpy as np
-from palpate import (
-    Batch,
-    Channel,
-    File,
-    Floats,
-    Frequency,
-    Link,
-    LogError,
-    Recording,
-    Settings,
-    Stream,
-    Suggestion,
-    Survey,
-    is_number,
-    to_si,
-)
+from palpate import Batch, Channel, File, Floats, Frequency, Link, LogError, Settings, Stream, is_number, to_si
 from pydantic import Field, model_validator
 
 from palpate_devices.logs.csv_roles import suggest_csv, survey_csv, tables_csv
@@ -35,6 +20,7 @@ from palpate_devices.logs.csv_sheet import SUFFIXES, bounded, number, opened
 from palpate_devices.logs.files import regular
 from palpate_devices.logs.readings import LATEST, nanoseconds, sensible, si_unit
 from palpate_devices.logs.replay import file_facts
+from palpate_devices.recording import Recording, Suggestion, Survey
 
 _SECOND = 1_000_000_000  # [ns]
 _BLOCK = 4096  # rows in one batch

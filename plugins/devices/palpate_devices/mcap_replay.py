@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
-from palpate import Attached, Batch, Channel, File, Link, LogError, Recording, Stream, Suggestion, Survey, Time
+from palpate import Batch, Channel, File, Link, LogError, Stream, Time
 from pydantic import Field, model_validator
 
 from palpate_devices.logs.attachments import attached_to
@@ -25,6 +25,7 @@ from palpate_devices.logs.suggestion import suggestion_for
 from palpate_devices.logs.survey import survey_of
 from palpate_devices.logs.topics import Stamps, Topic
 from palpate_devices.messages import JOINTS, LOG_SCHEMA, UNITS, MessageType, joint_type, known_type
+from palpate_devices.recording import Attached, Recording, Suggestion, Survey
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,15 @@ import numpy as np
 from palpate import Angle, Floats, Length, Settings
 from pydantic import Field
 
-_WAVES = 64
+WAVES = 64
 _STEEPEST = np.deg2rad(30.0)
+
+
+def plane_waves(seed: int, length: float) -> tuple[Floats, Floats]:
+    """Wave numbers (64, 2) [1/m] and phases (64,) of cosines whose sum has the covariance exp(-r^2/(2 length^2))."""
+    dice = np.random.default_rng(seed)
+    numbers = dice.standard_normal((WAVES, 2)) / length
+    return numbers, dice.uniform(0.0, 2 * np.pi, WAVES)
 
 
 class Relief(Settings):
@@ -29,10 +36,8 @@ class Relief(Settings):
     @cached_property
     def _waves(self) -> tuple[Floats, Floats, Floats]:
         """Wave numbers (64, 2) [1/m], phases (64,), and the amplitude of each [m]."""
-        dice = np.random.default_rng(self.seed)
-        numbers = dice.standard_normal((_WAVES, 2)) / self.length
-        amplitude = np.full(_WAVES, self.roughness * np.sqrt(2.0 / _WAVES))
-        return numbers, dice.uniform(0.0, 2 * np.pi, _WAVES), amplitude
+        numbers, phases = plane_waves(self.seed, self.length)
+        return numbers, phases, np.full(WAVES, self.roughness * np.sqrt(2.0 / WAVES))
 
     def at(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
         """Height [m] and its slopes towards x and y, each (n,)."""

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Self
 
-from palpate import Batch, File, Link, LogError, Recording, Stream, Suggestion, Survey, Time
+from palpate import Batch, File, Link, LogError, Stream, Time
 from pydantic import Field, model_validator
 
 from palpate_devices.logs.bag_folder import SUFFIXES, Bag
@@ -20,6 +20,7 @@ from palpate_devices.logs.sqlite_recovery import recover_bag
 from palpate_devices.logs.suggestion import suggestion_for
 from palpate_devices.logs.survey import survey_of
 from palpate_devices.logs.topics import Container, Stamps
+from palpate_devices.recording import Recording, Suggestion, Survey
 
 
 class Rosbag2Replay(Recording):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from typing import Literal
 
@@ -36,7 +36,7 @@ from palpate_devices.sensing import sensed_wrench
 from palpate_devices.specimen import Specimen
 
 _SECOND = 1_000_000_000  # [ns]
-_BLOCK = 0.05  # [s] of simulated time in one round of batches
+_ROUND = {"real-time": 0.05, "fast": 1.0}  # [s] of simulated time in one round of batches, by pace
 
 
 class SimulatedRig(Device):
@@ -122,6 +122,10 @@ class SimulatedRig(Device):
         """The rig with its tool turned."""
         return self.model_copy(update={"down": down})
 
+    def conditioned(self, earlier: Iterable[tuple[float, float]]) -> Device:
+        """The rig whose specimen was palpated before, at distances [m] and ages [s]."""
+        return self.model_copy(update={"specimen": self.specimen.conditioned(earlier)})
+
     def refuse(self, setpoint: Setpoint) -> None:
         """Not through the specimen, and not beside it."""
         self.specimen.refuse(setpoint)
@@ -159,7 +163,7 @@ class _Rig:
         self._stopped.set()
 
     def batches(self) -> Iterator[Batch]:
-        """What the streams say while the motion lasts, in rounds of 50 ms."""
+        """What the streams say while the motion lasts, round by round."""
         if self._trajectory is None:
             return
         settings = self._settings
@@ -173,7 +177,8 @@ class _Rig:
         origin = time.time_ns() if settings.pace == "real-time" else 0
         began = time.monotonic()
         done_ticks = done_readings = 0
-        for edge in np.arange(1, int(end / _BLOCK) + 2) * _BLOCK:
+        length = _ROUND[settings.pace]
+        for edge in np.arange(1, int(end / length) + 2) * length:
             if settings.pace == "real-time":
                 self._stopped.wait(max(edge - (time.monotonic() - began), 0.0))
             if self._stopped.is_set():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from typing import Any, Literal, Self
 
@@ -26,6 +26,7 @@ from palpate_devices.inclusions import Inclusion
 from palpate_devices.layers import Layer, layered_factors
 from palpate_devices.paper_specimens import SPECIMENS
 from palpate_devices.relief import Relief
+from palpate_devices.unlike import Conditioning, Scatter
 
 _SLIP = 1e-4  # [m/s] of sliding over which friction comes up
 
@@ -44,12 +45,14 @@ class Specimen(Settings):
     elastic and viscous parameters larger by 1 + the sum of their contrasts where the tip is, all by the same factor;
     layers on top of the material do so at each depth (see `palpate_devices.layers`); relief makes the surface uneven.
     Left out, the specimen is homogeneous and level. With a `name`, what stands in the table replaces what the paper's
-    specimen of that name has. A rigid base is felt where the model has a `thickness` correction.
+    specimen of that name has. A rigid base is felt where the model has a `thickness` correction, a tip that does not
+    stand square where its indenter is `tilted-flat`, relaxation where the model has a memory. `scatter` and
+    `conditioning` multiply the whole force.
     """
 
     model_config = ConfigDict(json_schema_extra=_shorthand)
 
-    name: Literal["S1", "S2", "S3", "S4", "S5"] | None = Field(
+    name: Literal["S1", "S2", "S3", "S4", "S5", "chicken", "chicken-sphere"] | None = Field(
         default=None, description="the paper's specimen that it is, but for what is said otherwise"
     )
     model: ContactModel = Field(description="contact model of the truth; need not be one that is estimated with")
@@ -69,6 +72,11 @@ class Specimen(Settings):
     )
     friction: float = Field(
         default=0.0, ge=0, le=2, allow_inf_nan=False, description="coefficient of friction of the sliding tip"
+    )
+    scatter: Scatter | None = Field(default=None, description="stiffness that differs from place to place")
+    conditioning: Conditioning | None = Field(default=None, description="softening by palpations of the same place")
+    palpated: float = Field(
+        default=0.0, ge=0, allow_inf_nan=False, description="palpations before this one; [repeat] counts them"
     )
     parameters: dict[str, float] = Field(description="true values by parameter name; may stand in the table itself")
 
@@ -141,6 +149,18 @@ class Specimen(Settings):
         Raises ConfigurationError where a model with memory is asked for what it cannot: inclusions, or forgetting that
         is too fast for the instants.
         """
+        force = self._force(instants, position, velocity)
+        if self.scatter is not None:
+            force = force * self.scatter.at(position[:, 0], position[:, 1])
+        return force if self.conditioning is None else force * self.conditioning.factor(self.palpated)
+
+    def conditioned(self, earlier: Iterable[tuple[float, float]]) -> Self:
+        """The specimen after palpations at distances [m] and ages [s]."""
+        if self.conditioning is None:
+            return self
+        return self.model_copy(update={"palpated": self.palpated + self.conditioning.left_of(earlier)})
+
+    def _force(self, instants: Floats, position: Floats, velocity: Floats) -> Floats:
         depth, rate = self.depth(position, velocity)
         if not self.model.memory:
             theta = self.theta(position[:, 0], position[:, 1])

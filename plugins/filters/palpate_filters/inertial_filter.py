@@ -157,7 +157,9 @@ def inertial_tracker(
 
 
 def _inputs(samples: Samples, interval: Floats) -> Floats:
-    return np.column_stack([samples.force, -samples.velocity, interval])
+    rows = np.empty((len(interval), 3))
+    rows[:, 0], rows[:, 1], rows[:, 2] = samples.force, -samples.velocity, interval
+    return rows
 
 
 def first_state(

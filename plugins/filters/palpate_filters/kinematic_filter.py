@@ -81,4 +81,6 @@ def noises(settings: KinematicSettings, force_std: float | None, velocity_std: f
 
 
 def _inputs(samples: Samples, interval: Floats) -> Floats:
-    return np.column_stack([samples.force, samples.position, samples.velocity, interval])
+    rows = np.empty((len(interval), 4))
+    rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3] = samples.force, samples.position, samples.velocity, interval
+    return rows

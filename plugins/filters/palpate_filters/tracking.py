@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,6 +15,7 @@ from palpate_filters.opening_fit import PAUSE
 from palpate_filters.recursion import MARKS, Carry, Opening, Recursion, Stretch, output_layout, surprises
 
 _ELSEWHERE = 1e-3  # [m] along the surface: a touch there says nothing of the height here
+_FIRST, _DIVERGED = slice(0, 1), int(Status.DIVERGED)
 _ATTEMPTS = 15  # to start on a window, which has grown fourfold by then
 
 
@@ -40,6 +42,7 @@ class RecursiveTracker:
 
         self._recursion = recursion
         self._place = output_layout(recursion.parameters)
+        self._marks = [(self._place.at(name), int(mark)) for name, mark in MARKS.items()]
         self._listener = listener
         self._opening = opening or Opening()
         self._kernel = compile_step(recursion.step)
@@ -55,6 +58,8 @@ class RecursiveTracker:
 
     def run(self, samples: Samples) -> Estimates:
         """Estimates for a block; see `palpate.Tracker`."""
+        if len(samples.time) == 1 and self._goes_on(samples):
+            return self._one(samples)
         estimates = Estimates.idle(samples, self._recursion.parameters)
         for rows in self._stretches(samples):
             self._run_stretch(samples, rows, estimates)
@@ -62,6 +67,38 @@ class RecursiveTracker:
             self._listen(samples, len(samples))
             self._active = bool(samples.active[-1])
         return replace(estimates, details=self._details) if self._details else estimates
+
+    def _goes_on(self, sample: Samples) -> bool:
+        """Whether a block of one sample continues a stretch."""
+        known = self._carry.state is not None and self._settings is not None
+        return bool(known and self._active and sample.active[0] and sample.interval[0] <= PAUSE)
+
+    def _one(self, sample: Samples) -> Estimates:
+        """What `run` says of one sample within a stretch: the same numbers, in plain floats."""
+        assert self._carry.state is not None
+        assert self._settings is not None
+        place, k = self._place, self._recursion.parameters
+        row = self._advance(self._carry.state, sample, sample.interval, self._settings, _FIRST)[0].tolist()
+        status = sum(mark for at, mark in self._marks if row[at] > 0.5)
+        self._diverged |= bool(status & _DIVERGED)
+        nis, innovation = row[place.at("nis")], row[place.at("innovation")]
+        numbers = [
+            *row[place["values"]],
+            *map(_root, row[place["variances"]]),
+            float(sample.position[0]) + row[place.at("depth")],
+            _root(row[place.at("depth_variance")]),
+            row[place.at("force")],
+            math.nan if nis < 0 else nis,
+            math.nan if innovation == 0 else innovation,
+        ]
+        if self._diverged:
+            numbers, status = [math.nan] * len(numbers), status | _DIVERGED
+        found = np.array([numbers])
+        values, std, rest = found[:, :k], found[:, k : 2 * k], found[0, 2 * k :]
+        surface, surface_std, force, nis_, innovation_ = (rest[i : i + 1] for i in range(5))
+        marks = np.array([status], np.uint32)
+        told = self._details
+        return Estimates(sample.time, values, std, surface, surface_std, force, nis_, marks, told, (), innovation_)
 
     def _listen(self, samples: Samples, until: int) -> None:
         """Learn the noise from free air before the first contact."""
@@ -205,6 +242,11 @@ class RecursiveTracker:
             found[broken] = np.nan
             getattr(estimates, name)[rows] = found
         estimates.status[rows] = status
+
+
+def _root(variance: float) -> float:
+    """Standard deviation; 0 where rounding has left less than none, NaN where there is no number."""
+    return 0.0 if variance <= 0 else math.sqrt(variance)
 
 
 def _rows(first: int, count: int) -> slice:

@@ -1,6 +1,6 @@
 """Maps: from estimates along a way to a map with uncertainty, the lumps in it, and where to look next."""
 
-from palpate import Command, plugin
+from palpate import Command, Summary, plugin
 
 
 @plugin
@@ -13,3 +13,9 @@ def palpate_commands() -> dict[str, Command]:
         "compare-sites": Command("palpate_maps.commands.lumps:compare", "Test a suspect site against others."),
         "search": Command("palpate_maps.commands.search:search", "Propose where to palpate next, or go there."),
     }
+
+
+@plugin
+def palpate_summaries() -> dict[str, Summary]:
+    """Values of a sweep are means over its places."""
+    return {"places": Summary("palpate_maps.way:Places")}

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Floats, LogError
-from palpate.host import RunFolder, TrackTable
+from palpate.host import RunFolder, TrackTable, differences
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,23 @@ def read_path(folder: Path, track: str | None = None, parameter: str | None = No
 def _accepted(folder: Path) -> list[RunFolder]:
     """The run and its continuations but for rejected ones; raises LogError where none is left."""
     run = RunFolder(folder)
-    run.demand_one_pipeline()
+    demand_one_pipeline(run)
     parts = [part for part in run.parts if "" not in part.rejected]
     if not parts:
         raise LogError(
             f"{folder}: was rejected: {run.rejected['']}; `palpate review {folder} --accept {folder.name}` undoes it"
         )
     return parts
+
+
+def demand_one_pipeline(run: RunFolder) -> None:
+    """Raise LogError where a continuation was not made with the settings of the run, its motion and seed apart."""
+    own = run.pipeline.read_text(encoding="utf-8") if run.began else None
+    for part in run.parts[1:] if own is not None else ():
+        if part.began:
+            text = part.pipeline.read_text(encoding="utf-8")
+            if told := differences(text, own or "", ("trajectory", "run.seed")):
+                raise LogError(f"{part.path}: is no continuation of {run.path}, nothing is mixed: {told}")
 
 
 def _demand_estimates(folder: Path, parts: list[RunFolder]) -> set[str]:

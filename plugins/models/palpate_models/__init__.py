@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         Profile,
         Quartic,
         Sphere,
+        TiltedFlat,
         TruncatedCone,
     )
     from palpate_models.kelvin_voigt import KelvinVoigt
@@ -35,7 +36,7 @@ __getattr__ = lazily(
         "palpate_models.dimensionality_reduction": "DimensionalityReduction",
         "palpate_models.hunt_crossley": "FreeHuntCrossley HuntCrossley",
         "palpate_models.indenters": "BluntCone Cone Ellipsoid ExactSphere Flat Paraboloid "
-        "Power Profile Quartic Sphere TruncatedCone",
+        "Power Profile Quartic Sphere TiltedFlat TruncatedCone",
         "palpate_models.kelvin_voigt": "KelvinVoigt",
         "palpate_models.relaxation": "DimensionalityReductionMaxwell Maxwell StandardLinearSolid",
     },
@@ -60,6 +61,7 @@ __all__ = [
     "Quartic",
     "Sphere",
     "StandardLinearSolid",
+    "TiltedFlat",
     "TruncatedCone",
 ]
 
@@ -78,6 +80,7 @@ def palpate_indenters() -> dict[str, type[Indenter]]:
         Profile,
         Quartic,
         Sphere,
+        TiltedFlat,
         TruncatedCone,
     )
 
@@ -87,6 +90,7 @@ def palpate_indenters() -> dict[str, type[Indenter]]:
         "paraboloid": Paraboloid,
         "ellipsoid": Ellipsoid,
         "flat": Flat,
+        "tilted-flat": TiltedFlat,
         "cone": Cone,
         "blunt-cone": BluntCone,
         "truncated-cone": TruncatedCone,

@@ -13,6 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 HERE = Path(__file__).parent
 
+FLAG = "flag "
+
 T = TypeVar("T", bound=BaseModel)
 Source = Literal["recording", "simulated", "self-consistency", "arithmetic"]
 
@@ -43,7 +45,7 @@ class Published(_Strict):
     """One number of the paper, and how it is made anew."""
 
     row: str  # what it is of, such as "S2, R 5 mm"
-    quantity: str  # parameter of the model, or: rss, rms, lumps
+    quantity: str  # parameter of the model, or: rss, rms, nis, lumps, or "flag CODE", which is 1 where it is raised
     unit: str = ""  # as published; SI where left out
     value: float
     spread: float | None = None  # standard deviation as published

@@ -15,7 +15,7 @@ from palpate import UserError, to_si
 from palpate.host import Found, Result, RunFolder, Source, TrackResult, analysis, build_pipeline, run_pipeline
 
 from palpate_reproduction.arithmetic import value_of
-from palpate_reproduction.item import Item, Published, Recording
+from palpate_reproduction.item import FLAG, Item, Published, Recording
 
 Status = Literal["reproduced", "checked", "agrees", "outside", "shown", "skipped", "failed"]
 
@@ -84,6 +84,8 @@ class Maker:
             return float(_lumps(result.folder, published.track)), None, flags
         if published.quantity in ("rss", "rms", "nis"):
             return _of_residual(track, published.quantity), None, flags
+        if published.quantity.startswith(FLAG):
+            return float(published.quantity.removeprefix(FLAG) in flags), None, flags
         found = _parameter(track, published.quantity)
         scale = to_si(f"1 {published.unit}", found.unit) if published.unit else 1.0
         usable = track.usable and math.isfinite(found.value)

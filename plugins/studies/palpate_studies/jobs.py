@@ -14,7 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from palpate import OutputError, PalpateError
-from palpate.host import Pipeline, RunFolder, Source, build_pipeline, differences, resolved_text, run_pipeline
+from palpate.host import Pipeline, RunFolder, Source, build_pipeline, resolved_text, run_pipeline
+
+from palpate_studies.differing import differences
 
 _DEATHS = 3  # processes that a job may take with it
 

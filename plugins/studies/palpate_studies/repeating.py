@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import typer
-from palpate import ConfigurationError, Length, Settings, Time, UserError
+from palpate import ConfigurationError, Device, Length, Settings, Time, UserError
 from palpate.host import Pipeline, check_motion, load_pipeline, make_folder, run_pipeline
 from pydantic import Field
 
@@ -23,6 +24,15 @@ class RepeatSettings(Settings):
         default=0.0, ge=0, description="from the end of one to the begin of the next; a fast simulation does not wait"
     )
     step: tuple[Length, Length] = Field(default=(0.0, 0.0), description="how far each goes on from the last one [x, y]")
+
+
+@runtime_checkable
+class Conditioned(Protocol):
+    """A simulated device whose specimen knows what was done to it."""
+
+    def conditioned(self, earlier: Iterable[tuple[float, float]]) -> Device:
+        """This device after palpations at distances [m] and ages [s]."""
+        ...
 
 
 def _settings(pipeline: Pipeline) -> RepeatSettings:
@@ -48,6 +58,7 @@ def palpations(pipeline: Pipeline) -> Iterator[Pipeline]:
             f"{pipeline.path}: [repeat] wants one trajectory, and there are {len(pipeline.trajectories)}"
         )
     ((name, motion),) = pipeline.trajectories.items()
+    way, pause = math.hypot(*settings.step), motion.total_duration + settings.wait
     moved: Any = pipeline.registry.find("trajectory", "moved")
     for k in range(settings.count):
         run = pipeline.run.model_copy(
@@ -56,7 +67,13 @@ def palpations(pipeline: Pipeline) -> Iterator[Pipeline]:
         there = moved(of=motion, by=tuple(k * step for step in settings.step)) if any(settings.step) else motion
         if pipeline.safety is not None and (problems := check_motion(there, pipeline.safety).problems):
             raise ConfigurationError(f"{pipeline.path}: palpation {k + 1} of {settings.count}: {'; '.join(problems)}")
-        yield replace(pipeline, run=run, trajectories={name: there})
+        devices = {
+            key: device.conditioned((m * way, m * pause) for m in range(1, k + 1))
+            if isinstance(device, Conditioned)
+            else device
+            for key, device in pipeline.devices.items()
+        }
+        yield replace(pipeline, run=run, trajectories={name: there}, devices=devices)
 
 
 def perform(path: Path, overrides: Sequence[str], out: Path | None) -> list[Path]:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 def palpate_diagnoses() -> dict[str, Diagnosis]:
     """Judges of every track."""
     return {
+        "plausibility": Diagnosis("palpate_uncertainty.plausibility:plausibility", order=0, quick=True),
         # What others judge by holds its terms.
         "budget": Diagnosis("palpate_uncertainty.terms:budgets", order=10, quick=True),
         "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
@@ -42,7 +43,10 @@ def palpate_commands() -> dict[str, Command]:
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
     """What their flags mean."""
+    from palpate_uncertainty.plausibility import PLAUSIBILITY_FLAGS
+
     return {
+        **PLAUSIBILITY_FLAGS,
         "timing-undeclared": FlagMeaning(
             "doubtful",
             "A parameter depends on the time between force and motion, of which no uncertainty is declared.",

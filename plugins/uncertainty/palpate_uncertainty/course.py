@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from palpate import ContactModel, Floats, TrackEvidence, contact_force, force_over_time
+from palpate.host import cubic_weights, local_cubic
 
 from palpate_uncertainty.whitening import Runs
 
@@ -128,8 +129,6 @@ def _quiet(values: Floats, runs: Runs) -> tuple[Floats, float]:
     residual shows that as a pattern over phase. The window is the longest, of at most 41 samples, that takes less from
     the signal than a tenth of the noise.
     """
-    from scipy.signal import savgol_coeffs, savgol_filter
-
     third = np.diff(values, 3)
     third = third[np.isfinite(third)]
     noise = float(np.sqrt(np.mean(third**2) / 20.0)) if len(third) else 0.0
@@ -138,9 +137,9 @@ def _quiet(values: Floats, runs: Runs) -> tuple[Floats, float]:
     pieces = np.split(values, np.flatnonzero(np.diff(runs)) + 1)
     smooth, left = values, 0.0
     for width in _WINDOWS:
-        tried = np.concatenate([np.asarray(savgol_filter(p, width, 3)) if len(p) >= width else p for p in pieces])
+        tried = np.concatenate([local_cubic(p, width) if len(p) >= width else p for p in pieces])
         taken = np.convolve(values - tried, np.ones(width) / width, "valid")  # what is slow in it was signal
         if float(np.mean(taken**2)) > (_BENT**2 + 2.0 / width) * noise**2:
             break
-        smooth, left = tried, noise * float(np.linalg.norm(savgol_coeffs(width, 3)))
+        smooth, left = tried, noise * float(np.linalg.norm(cubic_weights(width)))
     return np.asarray(smooth), left

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +71,7 @@ def _memory(white: Floats, runs: Runs, null: Null) -> tuple[float, float]:
     the others by 1 + 2 sum r_k^2. A sine of power s in noise of power 1 - s correlates by s cos(w k): over m lags the
     sum is n m s^2/2.
     """
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     n, power = len(white), float((white**2).sum())
     total = near = 0.0
@@ -87,26 +88,34 @@ def _memory(white: Floats, runs: Runs, null: Null) -> tuple[float, float]:
     total /= 1.0 + 2.0 * near
     if len(null.coefficients):
         total /= 1.0 + n / max(null.samples, 1)
-    return float(chi2.sf(total, LAGS)), float(np.sqrt(max(2.0 * (total - LAGS), 0.0) / (n * LAGS)))
+    return float(chdtrc(LAGS, total)), float(np.sqrt(max(2.0 * (total - LAGS), 0.0) / (n * LAGS)))
 
 
 def _means(white: Floats, bins: NDArray[np.int64], count: int, excess: float) -> tuple[float, float]:
     """p of the means over bins, of values of variance 1 and mean 0 under the null, and the power of their pattern."""
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     number = np.bincount(bins, minlength=count)
     sums = np.bincount(bins, weights=white, minlength=count)
     enough = number >= _FEWEST
     freedom = max(int(np.count_nonzero(enough)), 1)
     total = float((sums[enough] ** 2 / number[enough]).sum())
-    return float(chi2.sf(total / excess, freedom)), max(total - excess * freedom, 0.0) / len(white)
+    return float(chdtrc(freedom, total / excess)), max(total - excess * freedom, 0.0) / len(white)
 
 
 def oscillation(time: Floats, position: Floats) -> tuple[float, Floats] | None:
     """Frequency [Hz] and phase (n,) [rad] of a motion that mostly oscillates with one frequency; else None.
 
-    The strongest line of the periodogram, refined by least squares of a sine; it must hold half of the variance.
+    The strongest line of the periodogram, refined by least squares of a sine; it must hold half of the variance. Many
+    runs of one record in one process ask it once.
     """
+    found = _oscillation(np.asarray(time, np.float64).tobytes(), np.asarray(position, np.float64).tobytes())
+    return None if found is None else (found[0], found[1].copy())
+
+
+@lru_cache(maxsize=4)
+def _oscillation(times: bytes, positions: bytes) -> tuple[float, Floats] | None:
+    time, position = (np.frombuffer(part, np.float64) for part in (times, positions))
     if len(time) < 4 * LAGS or not np.isfinite(position).all():
         return None
     span = float(time[-1] - time[0])

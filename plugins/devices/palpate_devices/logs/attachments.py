@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from palpate import Attached, LogError
+from palpate import LogError
+
+from palpate_devices.recording import Attached
 
 _LARGEST = 1 << 22  # [bytes] of one text
 _RECORDS = 10_000  # that are looked at before the first messages

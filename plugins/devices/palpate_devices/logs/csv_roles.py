@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import Batch, Floats, LogError, Suggestion, Survey, TopicSurvey, printable, to_si
+from palpate import Batch, Floats, LogError, printable, to_si
 
 from palpate_devices.logs.csv_sheet import Sheet, together
 from palpate_devices.logs.field_statistics import Gathered
 from palpate_devices.logs.guess import ROLES, Found, Series
 from palpate_devices.logs.readings import LATEST, SECOND, nanoseconds, si_unit
 from palpate_devices.logs.suggesting import assembled, force_unit, length_unit, searched
+from palpate_devices.recording import Suggestion, Survey, TopicSurvey
 
 _ROWS = 400_000  # that are looked into
 _PAUSE = 10.0  # usual intervals that make a gap

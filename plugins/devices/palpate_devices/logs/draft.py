@@ -7,8 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from palpate import LogError, PluginError, Recording, Suggestion, printable
+from palpate import LogError, PluginError, printable
 from palpate.host import Registry, registry as registries
+
+from palpate_devices.recording import Recording, Suggestion
 
 _ASSUMED = ("indenter.*", "model.*", "alignment.tip_mass", "alignment.tare", "alignment.*.delay")
 ANALYSIS = "log-analysis"  # the template of tip, model and estimators

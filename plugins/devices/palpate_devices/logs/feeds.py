@@ -90,6 +90,27 @@ class Feed:
             return sensible(np.column_stack(columns) * self.factors)
 
 
+@dataclass(frozen=True)
+class MappedStream:
+    """A stream, and the signals that are its channels: of one topic, one part of it, and turned by one orientation."""
+
+    stream: Stream
+    signals: tuple[MappedSignal, ...]
+
+
+def mapped_streams(signals: Mapping[str, MappedSignal]) -> list[MappedStream]:
+    """A stream for each topic that signals name, with a channel for each signal; no log is needed for that."""
+    groups: dict[tuple[str, str | None, Orientation | str | None], dict[str, MappedSignal]] = {}
+    for name, signal in signals.items():
+        groups.setdefault((signal.topic, signal.select, signal.orientation), {})[name] = signal
+    names = stream_names([topic if select is None else f"{topic}/{select}" for topic, select, _ in groups])
+    found = []
+    for stream, group in zip(names, groups.values(), strict=True):
+        channels = tuple(Channel(name, si_unit(signal.unit)[0]) for name, signal in group.items())
+        found.append(MappedStream(Stream(stream, channels, None, clock="log"), tuple(group.values())))
+    return found
+
+
 def mapped_feeds(
     container: Container, signals: Mapping[str, MappedSignal], clock: Clock, log: str, turn: Feed | None = None
 ) -> list[Feed]:
@@ -97,20 +118,17 @@ def mapped_feeds(
 
     `turn` gives the quaternions of the kinematics, where there are some.
     """
-    groups: dict[tuple[str, str | None, Orientation | str | None], dict[str, MappedSignal]] = {}
-    for name, signal in signals.items():
-        if signal.topic not in container.topics:
-            raise LogError(f"{log}: topic {signal.topic!r} of {name!r} is not in the log ({_some(container.topics)})")
-        groups.setdefault((signal.topic, signal.select, signal.orientation), {})[name] = signal
-    names = stream_names([topic if select is None else f"{topic}/{select}" for topic, select, _ in groups])
     feeds = []
-    for stream, ((topic, _, orientation), group) in zip(names, groups.items(), strict=True):
+    for signal in (signal for group in mapped_streams(signals) for signal in group.signals):
+        if signal.topic not in container.topics:
+            name = next(name for name, other in signals.items() if other is signal)
+            raise LogError(f"{log}: topic {signal.topic!r} of {name!r} is not in the log ({_some(container.topics)})")
+    for group in mapped_streams(signals):
+        topic, orientation = group.signals[0].topic, group.signals[0].orientation
         decoder = _decoder(container, topic, log)
-        units = [si_unit(signal.unit) for signal in group.values()]
-        channels = tuple(Channel(name, unit) for name, (unit, _) in zip(group, units, strict=True))
-        factors = np.array([factor * s.scale for (_, factor), s in zip(units, group.values(), strict=True)])
-        readings = tuple(reading for signal in group.values() for reading in signal.readings)
-        directions = tuple(signal.unit_vector for signal in group.values())
+        factors = np.array([si_unit(signal.unit)[1] * signal.scale for signal in group.signals])
+        readings = tuple(reading for signal in group.signals for reading in signal.readings)
+        directions = tuple(signal.unit_vector for signal in group.signals)
         turning = (
             _orientation_feed(container, orientation, clock, log) if isinstance(orientation, Orientation) else turn
         )
@@ -118,7 +136,7 @@ def mapped_feeds(
             raise LogError(f'{log}: orientation = "kinematics" needs a table of kinematics')
         feeds.append(
             Feed(
-                Stream(stream, channels, None, clock="log"),
+                group.stream,
                 topic,
                 readings,
                 factors,

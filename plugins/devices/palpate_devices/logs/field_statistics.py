@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import FieldSurvey, Floats
+from palpate import Floats
+
+from palpate_devices.recording import FieldSurvey
 
 _BINS = 64  # means over equal stretches of the record, of which a sparkline is drawn; they double when full
 _MARKS = "▁▂▃▄▅▆▇█"

@@ -72,6 +72,13 @@ class Kinematics(Settings):
         rows = zip(JOINTS, A, D, ALPHA, strict=True)
         return tuple(Joint.model_construct(name=self.prefix + n, a=a, d=d, alpha=w, offset=0.0) for n, a, d, w in rows)
 
+    @property
+    def streams(self) -> tuple[Stream, Stream]:
+        """Of the tip and of its velocity."""
+        frame = "base" if self.work is None else "work"
+        pose, twist = (tuple(Channel(*channel) for channel in channels) for channels in (_POSE, _TWIST))
+        return Stream("tip", pose, None, "pose", "log", frame), Stream("twist", twist, None, "twist", "log", frame)
+
     def pose(self, angles: Floats) -> Floats:
         """Position [m] and quaternion x, y, z, w of the tip (n, 7) at joint angles (n, k) [rad]."""
         pose, _ = self._tips(angles)
@@ -160,17 +167,10 @@ def joint_feeds(container: Container, kinematics: Kinematics, clock: Clock, log:
     names = [joint.name for joint in kinematics.chain]
     angles = tuple(Reading("position", None, name) for name in names)
     speeds = tuple(Reading("velocity", None, name) for name in names)
-    frame = "base" if kinematics.work is None else "work"
-
-    def stream(name: str, channels: Sequence[tuple[str, str]]) -> Stream:
-        layout: Literal["pose", "twist"] = "pose" if name == "tip" else "twist"
-        return Stream(name, tuple(Channel(*channel) for channel in channels), None, layout, "log", frame)
-
+    tips, twists = kinematics.streams
     ones = np.ones(len(_POSE))
-    tip = Feed(stream("tip", _POSE), kinematics.topic, angles, ones, clock, decoder, function=kinematics.pose)
-    twist = Feed(
-        stream("twist", _TWIST), kinematics.topic, angles + speeds, ones, clock, decoder, function=kinematics.twist
-    )
+    tip = Feed(tips, kinematics.topic, angles, ones, clock, decoder, function=kinematics.pose)
+    twist = Feed(twists, kinematics.topic, angles + speeds, ones, clock, decoder, function=kinematics.twist)
     turn = Feed(Stream("", (), None), kinematics.topic, angles, ones, clock, decoder, function=kinematics.quaternions)
     check_fields(container, [tip], log)
     with said_of(log):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,45 +19,61 @@ from palpate_devices.logs.survey import columns_of
 from palpate_devices.logs.topics import Container, Messages, Stamps
 from palpate_devices.logs.turning import Turning
 
+HostTime = Callable[[Feed, Stamps, Stamps], Stamps]
+
+
+class Reader:
+    """Messages on their way to batches: whatever gives them, a log or a network."""
+
+    def __init__(self, feeds: Sequence[Feed], log: str) -> None:
+        self._log = log
+        self._feeds: dict[str, list[Feed]] = {}
+        for feed in feeds:
+            self._feeds.setdefault(feed.topic, []).append(feed)
+        self._turned = [(feed, Turning()) for feed in feeds if feed.orientation is not None]
+        self.topics = self._feeds.keys() | {feed.orientation.topic for feed, _ in self._turned if feed.orientation}
+
+    def read(self, topic: str, messages: Messages, clock: HostTime | None = None) -> Iterator[Batch]:
+        """The batches that a block of one topic's messages makes ready; `clock` maps stamps [ns] by their arrival."""
+        for feed in self._feeds.get(topic, ()):
+            stamps, received, values = self._numbers(feed, messages, clock)
+            if feed.orientation is not None:
+                next(turning for other, turning in self._turned if other is feed).add(stamps, received, values)
+            elif len(stamps):
+                yield Batch(feed.stream.name, stamps, received, values)
+        for feed, turning in self._turned:
+            if feed.orientation is not None and feed.orientation.topic == topic:
+                stamps, _, quaternions = self._numbers(feed.orientation, messages, clock)
+                turning.learn(stamps, quaternions)
+        yield from self.turned()
+
+    def turned(self, final: bool = False) -> Iterator[Batch]:
+        """Vectors whose orientation has come; with `final`, all that wait for one."""
+        for feed, turning in self._turned:
+            for stamps, received, values, quaternions in turning.ready(final):
+                if len(stamps):
+                    yield Batch(feed.stream.name, stamps, received, feed.along(values, quaternions))
+
+    def _numbers(self, feed: Feed, messages: Messages, clock: HostTime | None) -> tuple[Stamps, Stamps, Floats]:
+        with said_of(self._log):
+            stamps, received, values = feed.numbers(messages, self._log)
+        return stamps if clock is None else clock(feed, stamps, received), received, values
+
 
 class LogLink:
     """An open log at work."""
 
     def __init__(self, container: Container, feeds: Sequence[Feed], window: tuple[int | None, int | None], log: str):
-        self._container, self._window, self._log = container, window, log
-        self._feeds: dict[str, list[Feed]] = {}
-        for feed in feeds:
-            self._feeds.setdefault(feed.topic, []).append(feed)
+        self._container, self._feeds, self._window, self._log = container, feeds, window, log
 
     def batches(self) -> Iterator[Batch]:
         """Every block of the log, as a batch of each stream that it feeds."""
-        for feed in (feed for feeds in self._feeds.values() for feed in feeds):
+        for feed in self._feeds:
             feed.left_out.clear()
-        turned = [(feed, Turning()) for feeds in self._feeds.values() for feed in feeds if feed.orientation is not None]
-        topics = self._feeds.keys() | {feed.orientation.topic for feed, _ in turned if feed.orientation is not None}
-        for topic, messages in self._container.blocks(topics, *self._window):
-            for feed in self._feeds.get(topic, ()):
-                stamps, received, values = self._numbers(feed, messages)
-                if feed.orientation is not None:
-                    next(turning for other, turning in turned if other is feed).add(stamps, received, values)
-                elif len(stamps):
-                    yield Batch(feed.stream.name, stamps, received, values)
-            for feed, turning in turned:
-                if feed.orientation is not None and feed.orientation.topic == topic:
-                    stamps, _, quaternions = self._numbers(feed.orientation, messages)
-                    turning.learn(stamps, quaternions)
-            yield from self._turned(turned)
-        yield from self._turned(turned, final=True)
-
-    def _turned(self, turned: Sequence[tuple[Feed, Turning]], final: bool = False) -> Iterator[Batch]:
-        for feed, turning in turned:
-            for stamps, received, values, quaternions in turning.ready(final):
-                if len(stamps):
-                    yield Batch(feed.stream.name, stamps, received, feed.along(values, quaternions))
-
-    def _numbers(self, feed: Feed, messages: Messages) -> tuple[Stamps, Stamps, Floats]:
-        with said_of(self._log):
-            return feed.numbers(messages, self._log)
+        reader = Reader(self._feeds, self._log)
+        for topic, messages in self._container.blocks(reader.topics, *self._window):
+            yield from reader.read(topic, messages)
+        yield from reader.turned(final=True)
 
 
 def described_feeds(

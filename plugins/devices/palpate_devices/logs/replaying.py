@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import tomli_w
-from palpate import Attached, ConfigurationError, LogError, Recording, Suggestion, printable
+from palpate import ConfigurationError, LogError, printable
 from palpate.host import RunFolder, Source, pipeline_among, registry as registries, unstated
 
 from palpate_devices.logs.draft import recording_of
+from palpate_devices.recording import Attached, Recording, Suggestion
 
 _CHOSEN = "chosen"  # the device of channels that were chosen
 

@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from palpate import Floats, Suggestion
+from palpate import Floats
 
 from palpate_devices.logs import evidence
 from palpate_devices.logs.air import air_delay
 from palpate_devices.logs.guess import ROLES, Found, Pick, Search, Series
 from palpate_devices.logs.readings import LARGEST
+from palpate_devices.recording import Suggestion
 
 _TARE = 0.9  # [s]
 _FREE = 0.05  # of the force's range by which its rest may be away from where it touches nothing

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import Floats, LogError, Suggestion, printable
+from palpate import Floats, LogError, printable
 
 from palpate_devices.logs import roles
 from palpate_devices.logs.feeds import stream_names
@@ -17,6 +17,7 @@ from palpate_devices.logs.readings import LARGEST, SECOND, Reading, si_unit
 from palpate_devices.logs.replay import joined, tables_of
 from palpate_devices.logs.suggesting import assembled, force_unit, length_unit, searched
 from palpate_devices.logs.topics import Container
+from palpate_devices.recording import Suggestion
 
 _TAIL = 0.5  # [s]
 _ROWS = 400_000  # of one topic that are looked into

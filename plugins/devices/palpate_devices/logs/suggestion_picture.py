@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from palpate import Suggestion
 from palpate.host import figure_of, save_figure, style
+
+from palpate_devices.recording import Suggestion
 
 _POINTS = 20_000  # of each curve
 

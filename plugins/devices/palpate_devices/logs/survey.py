@@ -6,12 +6,13 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
-from palpate import Floats, LogError, Survey, TopicSurvey
+from palpate import Floats, LogError
 
 from palpate_devices.logs.decoders import decoder_of
 from palpate_devices.logs.field_statistics import Gathered
 from palpate_devices.logs.readings import SECOND, MessageDecoder, Reading
 from palpate_devices.logs.topics import Container, Messages, Stamps, Topic
+from palpate_devices.recording import Survey, TopicSurvey
 
 _PAUSE = 10.0  # usual intervals that make a gap
 _KEPT = 200_000  # intervals of a topic that are held at once

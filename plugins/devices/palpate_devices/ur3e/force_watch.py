@@ -8,21 +8,33 @@ import numpy as np
 
 from palpate_devices.process.ring import Ring
 
+_DEAF = 30_000_000  # [ns] without a reading; a serial line's latency timer of 16 ms is none
+_MISSED = 4  # readings, where they come more slowly than that
+
 
 class ForceEye:
-    """Looks at the readings that have come since the last look."""
+    """Looks at the readings that have come since the last look, and knows for how long there was none."""
 
     def __init__(self, descriptor: int, facts: dict[str, Any]) -> None:
         self._ring = Ring(descriptor, facts["columns"], facts["rows"])
         self._columns = [facts["first"] + channel for channel in facts["channels"]]
         self._tare, self._stop, self._name = np.array(facts["tare"]), facts["stop"], facts["name"]
         self._ring.read()
+        self._began = self._heard = self._count = 0
 
-    def look(self) -> str | None:
-        """Why the arm has to stop; None where it need not."""
+    def deaf(self, now: int) -> bool:
+        """Whether readings stay away, as of the latest look at a time [ns]."""
+        usual = (self._heard - self._began) / max(self._count, 1)
+        return now - self._heard > max(_DEAF, _MISSED * usual)
+
+    def look(self, now: int) -> str | None:
+        """Why the arm has to stop at a time [ns]; None where it need not."""
+        self._began = self._began or now
+        self._heard = self._heard or now
         rows = self._ring.read()
         if not len(rows):
             return None
+        self._heard, self._count = now, self._count + len(rows)
         felt = np.abs(rows[:, self._columns] - self._tare)
         largest = float(felt.max())
         if not largest <= self._stop:

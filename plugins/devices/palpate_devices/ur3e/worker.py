@@ -82,7 +82,7 @@ class _Loop:
         robot, commander = self._robot, self._commander
         if commander is None:
             return
-        self._look_at_force(commander)
+        self._look_at_force(commander, now)
         if commander.mode == "done":
             self._finish()
         self._setpoint = commander.setpoint
@@ -95,9 +95,10 @@ class _Loop:
     def _command(self, commander: Commander, now: int) -> None:
         """The next command, if it keeps the limits; else the way out."""
         robot, seen = self._robot, self._robot.look()
-        # A law that reads a frozen position would drive on and on: without news the arm waits where it is.
-        blind = now - robot.seen > _BLIND and commander.mode in _MOVING
-        if not blind:
+        # A law that reads a frozen position would drive on and on, and a force that nobody tells rises: without news
+        # the arm waits where it is.
+        blind = now - robot.seen > _BLIND or (self._eye is not None and self._eye.deaf(now))
+        if not (blind and commander.mode in _MOVING):
             self._advance(commander, seen)
         if not robot.servo(commander.command, commander.turn):
             for _ in range(_EXPLAIN):  # the state that says why comes on another connection
@@ -125,10 +126,10 @@ class _Loop:
         self._parent.tell("limit", text=verdict.text, at=time.monotonic_ns())
         commander.retract()
 
-    def _look_at_force(self, commander: Commander) -> None:
+    def _look_at_force(self, commander: Commander, now: int) -> None:
         if self._eye is None or commander.mode not in _MOVING:
             return
-        if (text := self._eye.look()) is not None:
+        if (text := self._eye.look(now)) is not None:
             self._parent.tell("limit", text=text, at=time.monotonic_ns())
             commander.retract()
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -12,13 +13,14 @@ from palpate import ContactModel, Floats
 
 from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.refusal import NotFitted
-from palpate_filters.fit.residual import reading
+from palpate_filters.fit.residual import Residual, reading
 from palpate_filters.fit.unknowns import EXTRAS, FitUnknown, Unknowns
 
 _SAMPLES = 500
 _LINEAR_EXTRAS = ("bias", "slope", "tip_mass")
 _INSIDE = np.linspace(0.0, 1.0, 41)[1:]  # heights within the record, as shares of its range from the bottom
 _ABOVE = np.geomspace(0.01, 12.0, 36)  # heights above it
+_SINGULAR, _ROUNDING = 1e-8, 1e-7  # of scaled squares; their sums are exact to some 1e-13 over the first of both
 _GRIDS = {"1": (1.0, 1.5, 2.0, 3.0), "s": (0.03, 0.1, 0.3, 1.0)}  # of what is not linear, by unit
 
 
@@ -50,26 +52,54 @@ def linear_places(model: ContactModel, unknowns: Unknowns) -> list[int]:
     return [place for place in found if unknowns.items[place].free]
 
 
-def first_guess(model: ContactModel, unknowns: Unknowns, record: FitRecord) -> Floats:
-    """Values (P,) of all parameters to start from; raises NotFitted where nothing fits."""
+def first_guess(
+    model: ContactModel, unknowns: Unknowns, record: FitRecord, residual: Callable[[tuple[int, ...]], Residual]
+) -> Floats:
+    """Values (P,) of all parameters to start from; raises NotFitted where nothing fits.
+
+    `residual` gives the residual that is free in some places. What the linear unknowns could leave without their bounds
+    is cheap to tell and never more than what they leave within them: only starts that may be the best are solved.
+    """
     thin = record.thinned(_SAMPLES)
     thin = FitRecord(thin.columns[thin.used], thin.transition)
     linear = linear_places(model, unknowns)
     grids = [_grid(item, place, linear, thin) for place, item in enumerate(unknowns.items)]
-    surfaces = grids.pop(unknowns.index("surface"))
-    best = Guess(np.zeros(len(unknowns.items)), np.inf)
+    grids.append(grids.pop(unknowns.index("surface")))
     names = [i for i in range(len(unknowns.items)) if i != unknowns.index("surface")]
-    for others in product(*grids):
-        x = np.zeros(len(unknowns.items))
-        x[names] = others
-        for surface in surfaces:
-            x[unknowns.index("surface")] = surface
-            guess = solve_linear(model, unknowns, thin, x, linear)
-            if guess.cost < best.cost:
-                best = guess
-    if not np.isfinite(best.cost):
+    starts = np.zeros((math.prod(len(grid) for grid in grids), len(unknowns.items)))
+    starts[:, [*names, unknowns.index("surface")]] = list(product(*grids))
+    least = (
+        np.zeros(len(starts)) if model.memory or not linear else _least(residual(tuple(linear)), thin, starts, linear)
+    )
+    found: list[tuple[float, int, Floats]] = []
+    for place in np.argsort(least, kind="stable").tolist():
+        if found and least[place] > min(found)[0]:
+            break
+        guess = solve_linear(model, unknowns, thin, starts[place], linear)
+        if np.isfinite(guess.cost):
+            found.append((guess.cost, place, guess.x))
+    if not found:
         raise NotFitted("not-fitted", "no start was found at which the model gives a finite force")
-    return best.x
+    return min(found, key=lambda one: one[:2])[2]
+
+
+def _least(residual: Residual, record: FitRecord, starts: Floats, linear: Sequence[int]) -> Floats:
+    """Costs (m,) that no values of the linear unknowns beside given others (m, P) can fall below; 0: nobody knows."""
+    products = []
+    for start in starts:
+        base = start.copy()
+        base[list(linear)] = 0.0
+        error, columns = residual.whole(record, base)
+        both = np.column_stack([columns, error])
+        products.append(both.T @ both)
+    squares = np.array(products)
+    scale = np.sqrt(np.maximum(np.diagonal(squares, axis1=1, axis2=2), 1e-300))
+    known = np.asarray(np.isfinite(squares).all(axis=(1, 2)))
+    unit = np.where(known[:, None, None], squares / (scale[:, :, None] * scale[:, None, :]), np.eye(len(linear) + 1))
+    roots, directions = np.linalg.eigh(unit[:, :-1, :-1])
+    shares = np.einsum("nij,ni->nj", directions, unit[:, :-1, -1]) ** 2 / np.maximum(roots, _SINGULAR)
+    left = np.maximum(1.0 - shares.sum(axis=1) - _ROUNDING, 0.0) * scale[:, -1] ** 2
+    return np.where(known & (roots[:, 0] > _SINGULAR), left, 0.0)
 
 
 def _grid(item: FitUnknown, place: int, linear: Sequence[int], record: FitRecord) -> tuple[float, ...]:

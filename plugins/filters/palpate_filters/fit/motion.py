@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from palpate import Floats, Samples
 
-_ORDER = 3  # of the local polynomial
+from palpate_filters.local_cubic import cubic_weights, local_cubic
+
 _SHORTEST = 5  # samples
 _LONGEST = 0.2  # [s] that the window is widened to by itself
 _NOISE_SHARE = 0.02  # of the RMS rate, below which noise of the rate no longer bends an estimate
@@ -56,10 +57,8 @@ def noise_of(values: Floats) -> float:
 
 def _variances(noise: tuple[float, float], width: int, interval: float) -> tuple[float, float]:
     """Variance of the rate [(m/s)^2] from the slope of the position, and from the smoothed velocity."""
-    from scipy.signal import savgol_coeffs
-
-    slope = noise[0] / interval * np.linalg.norm(savgol_coeffs(width, _ORDER, deriv=1))
-    value = noise[1] * np.linalg.norm(savgol_coeffs(width, _ORDER))
+    slope = noise[0] / interval * np.linalg.norm(cubic_weights(width, 1))
+    value = noise[1] * np.linalg.norm(cubic_weights(width))
     return float(slope) ** 2, float(value) ** 2
 
 
@@ -81,19 +80,13 @@ def _motion(samples: Samples, interval: float, width: int) -> TipTravel:
         if fitting < _SHORTEST:
             slope[rows] = smooth[rows] = np.nan_to_num(samples.velocity[rows])
             continue
-        step = _smoothed(samples.time[rows], fitting, 1)
-        slope[rows] = _smoothed(samples.position[rows], fitting, 1) / step
+        step = local_cubic(samples.time[rows], fitting, 1)
+        slope[rows] = local_cubic(samples.position[rows], fitting, 1) / step
         velocity = samples.velocity[rows]
-        smooth[rows] = _smoothed(np.where(np.isfinite(velocity), velocity, slope[rows]), fitting, 0)
-        acceleration[rows] = _smoothed((1 - share) * slope[rows] + share * smooth[rows], fitting, 1) / step
+        smooth[rows] = local_cubic(np.where(np.isfinite(velocity), velocity, slope[rows]), fitting, 0)
+        acceleration[rows] = local_cubic((1 - share) * slope[rows] + share * smooth[rows], fitting, 1) / step
     rate = (1 - share) * slope + share * smooth
     return TipTravel(-rate, -acceleration, width * interval)
-
-
-def _smoothed(values: Floats, width: int, derivative: int) -> Floats:
-    from scipy.signal import savgol_filter
-
-    return np.asarray(savgol_filter(values, width, _ORDER, deriv=derivative))
 
 
 def _stretches(intervals: Floats, usual: float) -> Iterator[slice]:

@@ -85,7 +85,7 @@ def _reconstruction(fit: Fit) -> tuple[Floats, Floats]:
 
 
 def _judge(fit: Fit) -> _Judged:
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
     found = scatter(fit.residual, fit.record, fit.solution.least, fit.loss)
     free = list(fit.residual.free)
@@ -100,7 +100,7 @@ def _judge(fit: Fit) -> _Judged:
     if "delay" not in names:
         jacobian = np.column_stack([jacobian, sensitivities.column(fit.unknowns.index("delay"), _PROBE)])
     apart = identifiability(jacobian, names if "delay" in names else [*names, "delay"], len(free))
-    quantile = float(t.ppf(0.5 + fit.settings.confidence / 2, max(found.effective_samples - len(free), 1.0)))
+    quantile = float(stdtrit(max(found.effective_samples - len(free), 1.0), 0.5 + fit.settings.confidence / 2))
     return _Judged(fit, found, random, systematic, held, table, apart, quantile)
 
 

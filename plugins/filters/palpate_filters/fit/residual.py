@@ -11,9 +11,10 @@ from palpate import ContactModel, Floats
 from palpate_filters.fit.loss import LossFunction
 from palpate_filters.fit.record import COLUMNS, FitRecord
 from palpate_filters.fit.unknowns import EXTRAS
+from palpate_filters.kernel import CompiledWhenUsed, Step
 
 _BLOCK = 1024  # samples in one call
-_BLOCKS_IN_A_FACTOR = 8
+_FACTORED = 8192  # samples in one QR factorisation
 
 
 def touching(depth: Any, rate: Any, transition: Any) -> tuple[Any, Any]:
@@ -50,16 +51,16 @@ class Residual:
         self.model = model
         self.free = tuple(free)
         self.parameters = len(model.parameters) + len(EXTRAS)
-        self._evaluate = _Remembering(self) if model.memory else _Mapped(self)
+        self._evaluate = _Evaluation(self)
 
-    def blocks(self, record: FitRecord, x: Floats) -> Iterator[tuple[slice, Floats]]:
-        """Rows and, for each of them, residual and Jacobian side by side (n, 1 + p); overwritten by the next block."""
-        return self._evaluate.blocks(record, np.concatenate([x, [record.transition]]))
+    def blocks(self, record: FitRecord, x: Floats, length: int = _BLOCK) -> Iterator[tuple[slice, Floats]]:
+        """Rows, `length` at most, and, for each of them, residual and Jacobian side by side (n, 1 + p)."""
+        return self._evaluate.blocks(record, np.concatenate([x, [record.transition]]), length)
 
     def whole(self, record: FitRecord, x: Floats) -> tuple[Floats, Floats]:
         """Residual (n,) and Jacobian (n, p)."""
         both = np.empty((len(record), 1 + len(self.free)))
-        for rows, values in self.blocks(record, x):
+        for rows, values in self.blocks(record, x, _FACTORED):
             both[rows] = values
         return both[:, 0], both[:, 1:]
 
@@ -69,27 +70,16 @@ class Residual:
         Its first p columns stand for the Jacobian and its last for the residual: same cost, same gradient, same J^T J.
         """
         width = 1 + len(self.free)
-        waiting: list[Floats] = [np.zeros((0, width))]
-        for _, values in self.blocks(record, x):
+        found: Floats = np.zeros((0, width))
+        for _, values in self.blocks(record, x, _FACTORED):
             scaled = loss.scaled(values)
-            waiting.append(np.concatenate([scaled[:, 1:], scaled[:, :1]], axis=1))
-            if len(waiting) > _BLOCKS_IN_A_FACTOR:
-                waiting = [_triangular(np.concatenate(waiting))]
-        found = _triangular(np.concatenate(waiting))
+            joined = np.empty((len(found) + len(scaled), width))
+            joined[: len(found)] = found
+            joined[len(found) :, :-1], joined[len(found) :, -1] = scaled[:, 1:], scaled[:, 0]
+            found = np.asarray(np.linalg.qr(joined, mode="r"))
         padded = np.zeros((width, width))
         padded[: len(found)] = found
         return padded
-
-
-def _triangular(matrix: Floats) -> Floats:
-    """R of the QR factors."""
-    return np.asarray(np.linalg.qr(matrix, mode="r"))
-
-
-def _symbols(residual: Residual) -> tuple[Any, Any, Any]:
-    import casadi as ca
-
-    return ca.SX.sym("w", COLUMNS), ca.SX.sym("x", residual.parameters), ca.SX.sym("eps")
 
 
 def _outputs(residual: Residual, row: Any, x: Any, transition: Any, memory: Any = ()) -> Any:
@@ -99,91 +89,55 @@ def _outputs(residual: Residual, row: Any, x: Any, transition: Any, memory: Any 
     return row[5] * (expected - row[3])
 
 
-class _Mapped:
-    """Models without memory: each sample by itself."""
+class _Evaluation:
+    """Residual and slopes sample by sample, as one step of a kernel.
 
-    def __init__(self, residual: Residual) -> None:
-        import casadi as ca
-
-        row, x, transition = _symbols(residual)
-        error = _outputs(residual, row, x, transition)
-        slopes = [ca.jacobian(error, x[i]) for i in residual.free]
-        inputs = [row, ca.vertcat(x, transition)]
-        one = ca.Function("residual", inputs, [ca.densify(ca.vertcat(error, *slopes))], {"cse": True})
-        self._rows = np.zeros((_BLOCK, COLUMNS))
-        self._x = np.zeros(residual.parameters + 1)
-        self._values = np.zeros((_BLOCK, 1 + len(residual.free)))
-        self._mapped: Any = one.map("residuals", "serial", _BLOCK, [1], [])
-        self._buffer: Any
-        self._buffer, self._trigger = self._mapped.buffer()
-        self._buffer.set_arg(0, memoryview(self._rows.data))
-        self._buffer.set_arg(1, memoryview(self._x.data))
-        self._buffer.set_res(0, memoryview(self._values.data))
-
-    def blocks(self, record: FitRecord, x: Floats) -> Iterator[tuple[slice, Floats]]:
-        """See `Residual.blocks`."""
-        self._x[:] = x
-        for start in range(0, len(record), _BLOCK):
-            rows = slice(start, min(start + _BLOCK, len(record)))
-            count = rows.stop - start
-            self._rows[:count] = record.columns[rows]
-            self._rows[count:] = self._rows[0]
-            self._trigger()
-            yield rows, self._values[:count]
-
-
-class _Remembering:
-    """Models with internal states: carried from sample to sample, with their derivatives by the parameters.
-
-    The states follow their rate equation by Runge-Kutta 4 over each interval, depth and rate linear within it.
+    A model with internal states carries them from sample to sample, with their derivatives by the parameters; they
+    follow their rate equation by Runge-Kutta 4 over each interval, depth and rate linear within it.
     """
 
     def __init__(self, residual: Residual) -> None:
         import casadi as ca
 
-        model = residual.model
-        row, x, transition = _symbols(residual)
-        count, free = len(model.memory), len(residual.free)
-        memory, slopes = ca.SX.sym("m", count), ca.SX.sym("S", count, free)
-        after = _advanced(model, row, x, transition, memory)
-        forward = ca.horzcat(*[ca.jacobian(after, x[i]) for i in residual.free]) if free else ca.SX.zeros(count, 0)
-        slopes_after = ca.jacobian(after, memory) @ slopes + forward
-        error = _outputs(residual, row, x, transition, ca.vertsplit(memory))
-        by_memory = ca.jacobian(error, memory)
-        total = [ca.jacobian(error, x[i]) + by_memory @ slopes[:, j] for j, i in enumerate(residual.free)]
-        values = ca.vertcat(error, *total)
-        # The reading is taken from the state after this sample's interval.
-        values = ca.substitute([values], [memory, slopes], [after, slopes_after])[0]
-        state = ca.vertcat(memory, ca.vec(slopes))
-        following = ca.vertcat(after, ca.vec(slopes_after))
-        inputs = [state, row, ca.vertcat(x, transition)]
-        one = ca.Function("residual", inputs, [ca.densify(following), ca.densify(values)], {"cse": True})
-        self._chain: Any = one.mapaccum("residuals", _BLOCK, [0], [0])
-        self._width = 1 + free
-        self._state = np.zeros(count * (1 + free))
-        self._rows = np.zeros((_BLOCK, COLUMNS))
-        self._x = np.zeros((_BLOCK, residual.parameters + 1))
-        self._states = np.zeros((_BLOCK, len(self._state)))
-        self._values = np.zeros((_BLOCK, self._width))
-        self._buffer: Any
-        self._buffer, self._trigger = self._chain.buffer()
-        for i, array in enumerate((self._state, self._rows, self._x)):
-            self._buffer.set_arg(i, memoryview(array.data))
-        for i, array in enumerate((self._states, self._values)):
-            self._buffer.set_res(i, memoryview(array.data))
+        row, x, transition = ca.SX.sym("w", COLUMNS), ca.SX.sym("x", residual.parameters), ca.SX.sym("eps")
+        build = _remembering if residual.model.memory else _forgetting
+        state, following, values = build(residual, row, x, transition)
+        self._states = int(state.numel())
+        self._kernel = CompiledWhenUsed(Step(state, row, ca.vertcat(x, transition), following, values))
 
-    def blocks(self, record: FitRecord, x: Floats) -> Iterator[tuple[slice, Floats]]:
+    def blocks(self, record: FitRecord, x: Floats, length: int) -> Iterator[tuple[slice, Floats]]:
         """See `Residual.blocks`."""
-        self._x[:] = x
-        self._state[:] = 0.0
-        for start in range(0, len(record), _BLOCK):
-            rows = slice(start, min(start + _BLOCK, len(record)))
-            count = rows.stop - start
-            self._rows[:count] = record.columns[rows]
-            self._rows[count:] = self._rows[0]
-            self._trigger()
-            self._state[:] = self._states[count - 1]
-            yield rows, self._values[:count]
+        state = np.zeros(self._states)
+        for start in range(0, len(record), length):
+            rows = slice(start, min(start + length, len(record)))
+            state, values = self._kernel.run(state, record.columns[rows], x)
+            yield rows, values
+
+
+def _forgetting(residual: Residual, row: Any, x: Any, transition: Any) -> tuple[Any, Any, Any]:
+    """State (none), the one after it, residual and slopes: of a model without memory."""
+    import casadi as ca
+
+    error, none = _outputs(residual, row, x, transition), ca.SX.sym("none")
+    return none, none, ca.vertcat(error, *[ca.jacobian(error, x[i]) for i in residual.free])
+
+
+def _remembering(residual: Residual, row: Any, x: Any, transition: Any) -> tuple[Any, Any, Any]:
+    """State, the one after it, residual and slopes: of a model with memory."""
+    import casadi as ca
+
+    model = residual.model
+    count, free = len(model.memory), len(residual.free)
+    memory, slopes = ca.SX.sym("m", count), ca.SX.sym("S", count, free)
+    after = _advanced(model, row, x, transition, memory)
+    forward = ca.horzcat(*[ca.jacobian(after, x[i]) for i in residual.free]) if free else ca.SX.zeros(count, 0)
+    slopes_after = ca.jacobian(after, memory) @ slopes + forward
+    error = _outputs(residual, row, x, transition, ca.vertsplit(memory))
+    by_memory = ca.jacobian(error, memory)
+    total = [ca.jacobian(error, x[i]) + by_memory @ slopes[:, j] for j, i in enumerate(residual.free)]
+    # The reading is taken from the state after this sample's interval.
+    values = ca.substitute([ca.vertcat(error, *total)], [memory, slopes], [after, slopes_after])[0]
+    return ca.vertcat(memory, ca.vec(slopes)), ca.vertcat(after, ca.vec(slopes_after)), values
 
 
 def _advanced(model: ContactModel, row: Any, x: Any, transition: Any, memory: Any) -> Any:

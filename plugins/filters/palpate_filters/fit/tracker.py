@@ -112,7 +112,7 @@ class FitTracker:
         linear = tuple(linear_places(model, unknowns))
         loss = LossFunction(settings.loss, settings.loss_scale)
         residual = self._residual(tuple(unknowns.free))
-        x = first_guess(model, unknowns, record)
+        x = first_guess(model, unknowns, record, self._residual)
         if len(record) > 2 * _THIN and not model.memory:
             x = solve_trf(residual, unknowns, record.thinned(_THIN), x, loss).x
         solver, solution = self._solve(unknowns, record, residual, x, linear, loss)

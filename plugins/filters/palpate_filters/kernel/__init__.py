@@ -15,7 +15,7 @@ from palpate_filters.kernel.llvm import LANES, CompiledStep
 from palpate_filters.kernel.translation import Untranslatable
 from palpate_filters.kernel.virtual_machine import VirtualMachine
 
-__all__ = ["Kernel", "Step", "compile_step", "kernel_choice", "run_grid"]
+__all__ = ["CompiledWhenUsed", "Kernel", "Step", "compile_step", "kernel_choice", "run_grid"]
 
 _VARIABLE = "PALPATE_KERNEL"
 
@@ -59,12 +59,16 @@ def kernel_choice() -> tuple[str, str]:
     return "llvm", f"llvmlite {found} is installed"
 
 
-def compile_step(step: Step) -> Kernel:
-    """The fastest kernel that this machine has, for a step; all of them give the same bits."""
+def _function(step: Step) -> Any:
     import casadi
 
     outputs = [casadi.densify(step.next_state), casadi.densify(step.output)]
-    function = casadi.Function("step", [step.state, step.sample, step.settings], outputs, {"cse": True})
+    return casadi.Function("step", [step.state, step.sample, step.settings], outputs, {"cse": True})
+
+
+def compile_step(step: Step) -> Kernel:
+    """The fastest kernel that this machine has, for a step; all of them give the same bits."""
+    function = _function(step)
     if kernel_choice()[0] == "llvm":
         try:
             return CompiledStep(function)
@@ -72,6 +76,28 @@ def compile_step(step: Step) -> Kernel:
             if os.environ.get(_VARIABLE) == "llvm":
                 raise
     return VirtualMachine(function)
+
+
+class CompiledWhenUsed:
+    """A kernel that is compiled once it has run over so many samples that this pays; the same bits before and after."""
+
+    _PAYS = 50_000  # samples, which the virtual machine takes as long over as LLVM over compiling
+
+    def __init__(self, step: Step) -> None:
+        self._step, self._samples = step, 0
+        self._kernel: Kernel = VirtualMachine(_function(step))
+
+    @property
+    def name(self) -> str:
+        """Of the kernel that is used now."""
+        return self._kernel.name
+
+    def run(self, state: Floats, samples: Floats, settings: Floats) -> tuple[Floats, Floats]:
+        """See `Kernel.run`."""
+        before, self._samples = self._samples, self._samples + len(samples)
+        if before < self._PAYS <= self._samples:
+            self._kernel = compile_step(self._step)
+        return self._kernel.run(state, samples, settings)
 
 
 def told_kernel() -> str:

@@ -7,11 +7,15 @@ import ctypes.util
 import threading
 from collections.abc import Callable
 from functools import cache
+from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from palpate import Floats
 
+from palpate_filters.kernel import translation
+from palpate_filters.kernel.kept import kept
 from palpate_filters.kernel.translation import LIBRARY, Translation
 
 LANES = 8
@@ -63,25 +67,40 @@ class CompiledStep:
 @cache
 def _compiled(text: str, lanes: int) -> tuple[Callable[..., None], Callable[[int], None]]:
     """Machine code of a serialised step, over a block and of one sample; one for each step and width in a process."""
-    import casadi
+    import llvmlite
     import llvmlite.binding as binding
 
-    function = casadi.Function.deserialize(text)
-    source = Translation(function, lanes).module()
     machine = _machine()
+    versions = llvmlite.__version__, str(binding.llvm_version_info), _translator()
+    processor = binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten(), machine.triple
+    code = kept((text, str(lanes), *versions, *processor), lambda: _translated(text, lanes, machine))
     engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
-    module = binding.parse_assembly(str(source))
-    module.verify()
-    tuning = binding.create_pipeline_tuning_options(speed_level=2)
-    builder = binding.create_pass_builder(machine, tuning)
-    builder.getModulePassManager().run(module, builder)
-    engine.add_module(module)
+    engine.add_object_file(binding.ObjectFileRef.from_data(code))
     engine.finalize_object()
     pointer = ctypes.c_void_p
     block = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64, *([pointer] * 4))
     single = ctypes.PYFUNCTYPE(None, pointer)  # over before another thread could make use of the interpreter
     _ENGINES.append(engine)  # the code lives as long as its engine
     return block(engine.get_function_address("run")), single(engine.get_function_address("single"))
+
+
+def _translated(text: str, lanes: int, machine: Any) -> bytes:
+    """Machine code of a serialised step, as an object file."""
+    import casadi
+    import llvmlite.binding as binding
+
+    module = binding.parse_assembly(str(Translation(casadi.Function.deserialize(text), lanes).module()))
+    module.verify()
+    tuning = binding.create_pipeline_tuning_options(speed_level=2)
+    builder = binding.create_pass_builder(machine, tuning)
+    builder.getModulePassManager().run(module, builder)
+    return bytes(machine.emit_object(module))
+
+
+@cache
+def _translator() -> str:
+    """What stands for the way from a step to its code."""
+    return sha256(b"".join(Path(file).read_bytes() for file in (__file__, translation.__file__))).hexdigest()
 
 
 def _machine() -> Any:

@@ -4,6 +4,7 @@ from palpate_models.indenters.cones import BluntCone, Cone, TruncatedCone
 from palpate_models.indenters.powers import Flat, Paraboloid, Power, Quartic, Sphere
 from palpate_models.indenters.profile import Profile
 from palpate_models.indenters.spheres import Ellipsoid, ExactSphere
+from palpate_models.indenters.tilted import TiltedFlat
 
 __all__ = [
     "BluntCone",
@@ -16,5 +17,6 @@ __all__ = [
     "Profile",
     "Quartic",
     "Sphere",
+    "TiltedFlat",
     "TruncatedCone",
 ]

@@ -6,13 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from palpate import OutputError, Suggestion, Survey, TopicSurvey, printable
+from palpate import OutputError, printable
 from palpate.host import JsonOption, console, print_json
 
 from palpate_devices.logs.commands.installation import show_installation
 from palpate_devices.logs.draft import pipeline_of, recording_of, suggestion_of
 from palpate_devices.logs.replaying import carried_by, carried_text, replay_source, with_other_channels
 from palpate_devices.logs.suggestion_picture import draw_suggestion
+from palpate_devices.recording import Suggestion, Survey, TopicSurvey
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

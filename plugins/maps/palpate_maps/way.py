@@ -5,19 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from palpate import BudgetRow, ContactModel, Estimates, Floats, Samples, Status
+from palpate.host import Derived, Found, TrackResult
 
-from palpate.fit_report import BudgetRow
-from palpate.result.found import Derived, Found
-from palpate.vectors import Floats
-
-if TYPE_CHECKING:
-    from palpate.contact import ContactModel
-    from palpate.result.outcome import TrackResult
-
-SWEEP = 2e-3  # [m] between the places of a track, from which on it is a sweep
 _PLACE = 1e-3  # [m]
 _WARM = 1.0  # [s] that a filter is given to find its feet
 _ENDS = (0.01, 0.99)  # quantiles, between which a range goes
@@ -55,6 +48,23 @@ class Way:
         every = [self._places[place] for place in sorted(self._places)]
         warm = [numbers for time, numbers in every if time >= self._begin + _WARM]
         return np.array(warm or [numbers for _, numbers in every])
+
+
+class Places:
+    """The summary of a track that is a sweep; a fit is one of the whole record as it is."""
+
+    def __init__(self) -> None:
+        self._way = Way()
+
+    def add(self, samples: Samples, estimates: Estimates) -> None:
+        """See `palpate.TrackSummary`."""
+        known = ((estimates.status & Status.IDLE) == 0) & np.isfinite(estimates.values).all(axis=1)
+        columns = (estimates.values, estimates.std, estimates.surface, estimates.surface_std)
+        self._way.add(samples.time[known], samples.lateral[known], np.column_stack(columns)[known])
+
+    def of(self, result: TrackResult, model: ContactModel, is_sweep: bool) -> TrackResult:
+        """See `palpate.TrackSummary`."""
+        return along_the_way(result, model, self._way) if is_sweep and result.report is None else result
 
 
 def along_the_way(result: TrackResult, model: ContactModel, way: Way) -> TrackResult:

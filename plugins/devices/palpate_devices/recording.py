@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from palpate.device import Batch, Device
-from palpate.errors import LogError
+from palpate import Batch, Device, LogError
 
 
 @dataclass(frozen=True)

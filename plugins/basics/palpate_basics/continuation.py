@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from palpate.config import Pipeline, load_pipeline
-from palpate.result import RunFolder
-from palpate.trajectory import Trajectory
+from palpate import Trajectory
+from palpate.host import Pipeline, RunFolder, load_pipeline
 
 
 def recorded_pipeline(folder: Path) -> Pipeline:

@@ -1,13 +1,15 @@
 """What a track says of its way to rest: nothing of a random walk, nothing on a sweep, all of a slow approach."""
 
 import numpy as np
-from palpate.alignment import AlignmentReport
+from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.alignment.tare import Tare
 from palpate.estimation import Estimates, Samples
 from palpate.result import TrackRecord
-from palpate.result.flags import alignment_flags, track_flags
+from palpate.result.evidence import Ending
+from palpate.result.flags import alignment_flags
 from palpate.result.record import Tail
 from palpate_models import KelvinVoigt
+from palpate_uncertainty.plausibility import ending_flags
 
 TIME = np.arange(0.0, 3.0, 0.002)
 
@@ -50,7 +52,10 @@ def record(values, lateral=None, scale=1.0, std=None, swing=2.0):
 
 def codes(made, touch_force=0.25, tare=None):
     report = AlignmentReport({}, tare, touch_force, None, 1, None, 1500, 0, 0, 3.0, None)
-    return {flag.code for flag in track_flags(made, KelvinVoigt(), report, 1.0)}
+    settings = AlignmentSettings.model_validate({"force": "a.f", "position": "a.z"})
+    whole = 1.0, made.tracked, made.samples, made.is_sweep
+    end = Ending(*made.ends(1.0), settings, report, {}, made.held, frozenset(), *whole)
+    return {flag.code for flag in ending_flags(end, KelvinVoigt(), online=True, fitted=False)}
 
 
 def test_a_sweep_over_a_lump_is_not_unconverged():
@@ -66,8 +71,6 @@ def test_data_in_nanonewtons_are_judged_by_their_own_noise():
 def test_an_offset_in_air_is_judged_by_the_force_that_counts_as_touch():
     def untared(air, touch):
         report = AlignmentReport({}, Tare(0.0, 0.001, touch / 5), touch, None, 1, air, 1500, 0, 0, 3.0, None)
-        from palpate.alignment import AlignmentSettings
-
         settings = AlignmentSettings.model_validate({"force": "a.f", "position": "a.z"})
         return "untared" in {flag.code for flag in alignment_flags(report, settings)}
 

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from palpate.result.way import Way
+from palpate_maps.way import Way
 
 
 def way(time, place, values, cuts=()):

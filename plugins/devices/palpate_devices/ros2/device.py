@@ -1,0 +1,159 @@
+"""Topics of a ROS 2 system as a device."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
+from functools import cached_property
+from typing import Literal, Self
+
+from palpate import Device, Link, LogError, Stream, Time
+from pydantic import Field, field_validator, model_validator
+
+from palpate_devices.logs.definitions import parse_definitions
+from palpate_devices.logs.feeds import Feed, mapped_streams
+from palpate_devices.logs.kinematics import Kinematics
+from palpate_devices.logs.mapping import Clock, MappedSignal, Orientation
+from palpate_devices.logs.replay import described_feeds
+from palpate_devices.ros2.cyclone import Network
+from palpate_devices.ros2.heard import Heard
+from palpate_devices.ros2.link import Ros2Link
+from palpate_devices.ros2.listening import Listener, hear, listener, refuse_missing
+from palpate_devices.ros2.names import resolved
+
+_NAMES = 1.0  # [s] that joints and frames may take to be named after the first message
+
+
+class Ros2Device(Device):
+    """Topics of a running ROS 2 system, by DDS and without a ROS installation; needs ``palpate[ros2]``.
+
+    `signals` and `kinematics` say which numbers of which topics are the channels, with the keys of mcap-replay: a
+    pipeline for a bag becomes live when the type of its device does. Stamps are mapped to the host's clock by the
+    lower envelope of the arrivals, for each publisher by itself. It only reads: palpate moves no robot over ROS, and
+    no motion is stopped by it.
+    """
+
+    domain: int = Field(default=0, ge=0, le=232, description="the DDS domain, as in ROS_DOMAIN_ID")
+    signals: dict[str, MappedSignal] = Field(
+        default={},
+        description='channels by name: { force = { topic = "/wrench", field = "wrench.force.z", unit = "N" } }',
+    )
+    kinematics: Kinematics | None = Field(
+        default=None, description="the robot whose joints give the streams tip and twist, such as ros.tip.z"
+    )
+    time: Clock = Field(
+        default="stamp",
+        description='"stamp" (of the header, else arrival), "log" (arrival), "publish" (when its writer wrote it), '
+        'or { field = "data", index = 0 }',
+    )
+    namespace: str = Field(default="", description="of topics that do not begin with a slash")
+    types: dict[str, str] = Field(
+        default={}, description='definitions of types of your own: { "my_msgs/msg/Load" = "float64 newtons" }'
+    )
+    reliability: Literal["best-effort", "reliable"] = Field(
+        default="best-effort",
+        description='"reliable" asks for what was lost once more, and matches reliable writers only',
+    )
+    history: int = Field(default=1000, ge=1, le=100_000, description="messages of a topic that may wait in DDS")
+    interface: str | None = Field(default=None, min_length=1, description='network interface, such as "eth0" or "lo"')
+    peers: tuple[str, ...] = Field(
+        default=(), description="addresses of the other computers, where the network has no multicast"
+    )
+    patience: Time = Field(default=3.0, gt=0, description="how long topics may take to be found")
+    listen: Time | None = Field(default=None, gt=0, description="how long to listen; left out: until Ctrl-C")
+
+    @field_validator("types")
+    @classmethod
+    def _readable(cls, value: dict[str, str]) -> dict[str, str]:
+        for name, text in value.items():
+            if name.count("/") != 2:
+                raise ValueError(f'{name!r} is no type: give it as "package/msg/Name"')
+            try:
+                parse_definitions(name, text)
+            except LogError as error:
+                raise ValueError(str(error)) from error
+        return value
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        if not self.signals and self.kinematics is None:
+            raise ValueError("give signals: which numbers of which topics are the channels")
+        names = [stream.name for stream in self.streams]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise ValueError(
+                f"two streams would be {twice!r}; the kinematics make tip and twist: name others in topics"
+            )
+        return self
+
+    @property
+    def live(self) -> bool:
+        """It sends as time goes by."""
+        return True
+
+    @property
+    def streams(self) -> tuple[Stream, ...]:
+        """A stream for each mapped topic, and those of the tip."""
+        mapped = [group.stream for group in mapped_streams(self._signals)]
+        tip = self.kinematics.streams if self.kinematics is not None else ()
+        return tuple(replace(stream, clock="host") for stream in (*mapped, *tip))
+
+    @property
+    def provenance(self) -> Mapping[str, str]:
+        """The domain."""
+        return {"domain": str(self.domain), "middleware": "cyclonedds"}
+
+    def connect(self, seed: int) -> AbstractContextManager[Link]:
+        """The topics, once all of them are found and as they are described."""
+        return self._connected()
+
+    @contextmanager
+    def _connected(self) -> Iterator[Link]:
+        name = f"ros2://{self.domain}"
+        with listener(name, self.network, self._topics, self.types) as source:
+            feeds = self._found(source, name)
+            yield Ros2Link(source, feeds, name, self.listen)
+
+    @property
+    def network(self) -> Network:
+        """How to reach the others."""
+        return Network(self.domain, self.interface, self.peers, self.reliability == "reliable", self.history)
+
+    @cached_property
+    def _signals(self) -> dict[str, MappedSignal]:
+        """The signals with whole topics."""
+        found = {}
+        for name, signal in self.signals.items():
+            changes: dict[str, object] = {"topic": resolved(signal.topic, self.namespace)}
+            if isinstance(signal.orientation, Orientation):
+                topic = resolved(signal.orientation.topic, self.namespace)
+                changes["orientation"] = signal.orientation.model_copy(update={"topic": topic})
+            found[name] = signal.model_copy(update=changes)
+        return found
+
+    @cached_property
+    def _kinematics(self) -> Kinematics | None:
+        robot = self.kinematics
+        return robot and robot.model_copy(update={"topic": resolved(robot.topic, self.namespace)})
+
+    @cached_property
+    def _topics(self) -> list[str]:
+        signals = self._signals.values()
+        turning = [s.orientation.topic for s in signals if isinstance(s.orientation, Orientation)]
+        tip = [self._kinematics.topic] if self._kinematics is not None else []
+        return list(dict.fromkeys([*(signal.topic for signal in signals), *turning, *tip]))
+
+    def _found(self, source: Listener, name: str) -> list[Feed]:
+        """The feeds of topics that are there; raises DeviceError or LogError where they are not as described."""
+        wanted = set(self._topics)
+        heard = hear(source, self.types, self.patience, lambda heard: wanted <= heard.filled)
+        refuse_missing(source, heard, self._topics, name, self.patience)
+        try:
+            feeds = self._described(heard, name)
+        except LogError:  # joints and frames may come in other messages than the first
+            more = hear(source, self.types, _NAMES, lambda heard: False)
+            feeds = self._described(more if wanted <= more.filled else heard, name)
+        return [replace(feed, stream=replace(feed.stream, clock="host")) for feed in feeds]
+
+    def _described(self, heard: Heard, name: str) -> list[Feed]:
+        return described_feeds(heard, self._signals, self._kinematics, self.time, name)

@@ -1,0 +1,153 @@
+"""Topics at work: messages to batches, by whom and by which clock."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+from palpate import Batch, DeviceError, Flag, LogError
+
+from palpate_devices.logs.feeds import Feed
+from palpate_devices.logs.replay import Reader
+from palpate_devices.logs.topics import Messages, Stamps
+from palpate_devices.process.clock import epoch_offset
+from palpate_devices.ros2.accounts import Publisher, StampClock, TopicAccount
+from palpate_devices.ros2.frames import Arrived
+from palpate_devices.ros2.heard import block_of
+from palpate_devices.ros2.listening import Listener
+from palpate_devices.ros2.worker import LOST
+
+_POLL = 0.004  # [s]
+_MOST_QUIET = 0.01  # [s]; at least so often there is a batch, if an empty one
+_NEWS = 0.1  # [s] between two looks at what the process says
+_BEAT = 2.0  # [s]; a process that is silent for longer has died, whatever else keeps the machine busy
+
+
+class Ros2Link:
+    """A domain that is listened to."""
+
+    def __init__(self, source: Listener, feeds: Sequence[Feed], name: str, duration: float | None) -> None:
+        self._source, self._feeds, self._name, self._duration = source, feeds, name, duration
+        self._reader = Reader(feeds, name)
+        self._clocks: dict[tuple[int, int], StampClock] = {}  # by feed and writer
+        self._accounts = {topic: TopicAccount(Publisher(_selects(feeds, topic))) for topic in self._reader.topics}
+        self._trouble = ""
+
+    def batches(self) -> Iterator[Batch]:
+        """What has come, every few milliseconds, until the time to listen is over; raises DeviceError."""
+        began = quiet = looked = time.monotonic()
+        for _ in self._source.inlet.messages():
+            pass  # what came while other devices were connected
+        while self._duration is None or time.monotonic() - began < self._duration:
+            found = list(self._source.inlet.messages())
+            now = time.monotonic()
+            if found:
+                yield from self._batches(found)
+                quiet = now
+            elif now - quiet > _MOST_QUIET:
+                yield from self._nothing()
+                quiet = now
+            if now - looked > _NEWS:
+                self._source.news()
+                self._source.child.check(_BEAT)
+                looked = now
+            if not found:
+                time.sleep(_POLL)
+            if lost := int(self._source.child.ring.head[LOST]):
+                raise DeviceError(f"{self._name}: {lost} messages were lost: the host is too slow")
+        yield from self._reader.turned(final=True)
+
+    def _nothing(self) -> Iterator[Batch]:
+        empty = np.zeros(0, np.int64)
+        for feed in self._feeds:
+            yield Batch(feed.stream.name, empty, empty, np.zeros((0, len(feed.stream.channels))))
+
+    def _batches(self, found: list[Arrived]) -> Iterator[Batch]:
+        found.sort(key=lambda message: message.topic)  # stable: each topic's stay in their order
+        for number, group in groupby(found, lambda message: message.topic):
+            topic = self._source.topics.get(number)
+            account = self._accounts.get(topic or "")
+            if topic is None or account is None:
+                continue
+            for writer, messages in groupby(group, lambda message: message.writer):
+                yield from self._of_writer(topic, account, writer, list(messages))
+
+    def _of_writer(self, topic: str, account: TopicAccount, writer: int, every: list[Arrived]) -> Iterator[Batch]:
+        changes = account.publisher.changes
+        messages = [m for m in every if m.payload and account.publisher.takes(writer, m.arrival)]
+        if len(messages) < len(every) and not every[-1].payload:
+            account.publisher.left(writer)
+        if account.publisher.changes > changes:
+            account.losses.anew()
+        if not messages:
+            return
+        account.counts["messages"] += len(messages)
+        clock = partial(self._host_time, account, writer)
+        try:
+            yield from self._read(topic, block_of(messages), clock)
+        except LogError:
+            for message in messages:  # one that is damaged spoils its whole block
+                try:
+                    yield from self._read(topic, block_of([message]), clock)
+                except LogError as error:
+                    account.counts["damaged"] += 1
+                    self._trouble = str(error)
+
+    def _read(self, topic: str, block: Messages, clock: Any) -> list[Batch]:
+        return list(self._reader.read(topic, block, clock))
+
+    def _host_time(self, account: TopicAccount, writer: int, feed: Feed, stamps: Stamps, received: Stamps) -> Stamps:
+        if not len(stamps) or stamps is received:  # arrival is the host's time already
+            return stamps
+        first = next((other for other in self._feeds if other.topic == feed.topic), feed)
+        if feed is first:
+            account.losses.add(stamps)
+        clock = self._clocks.setdefault((id(feed), writer), StampClock())
+        return clock.to_host(stamps, received)
+
+    @property
+    def attended(self) -> int:
+        """When the process that listens last looked for messages [ns]."""
+        return self._source.child.ring.last_beat() + epoch_offset()
+
+    @property
+    def health(self) -> Mapping[str, Any]:
+        """What was seen of the topics and their publishers."""
+        return {
+            "scheduling": self._source.scheduling,
+            "topics": {topic: account.table() for topic, account in sorted(self._accounts.items())},
+            "types": dict(self._source.types),
+            "clock_deviation": max((clock.deviation for clock in self._clocks.values()), default=0.0),
+            "flags": {flag.code: flag.message for flag in self._flags()},
+        }
+
+    def _flags(self) -> Iterator[Flag]:
+        """What speaks against the readings, one of a kind."""
+        accounts = sorted(self._accounts.items())
+
+        def told(what: Callable[[TopicAccount], int], words: str) -> str:
+            return "; ".join(words.format(what(a), topic=topic) for topic, a in accounts if what(a))
+
+        texts = {
+            "ros2-publishers": told(
+                lambda a: a.publisher.ignored, "{} messages of another publisher of {topic} were left out"
+            ),
+            "ros2-restarted": told(lambda a: a.publisher.changes, "{topic} has changed its publisher {} times"),
+            "ros2-missing": told(lambda a: a.losses.missing, "{} messages of {topic} are missing by their stamps"),
+            "ros2-damaged": told(lambda a: a.counts["damaged"], "{} messages of {topic} were damaged"),
+        }
+        if texts["ros2-damaged"]:
+            texts["ros2-damaged"] += f" ({self._trouble})"
+        if restarts := max((clock.restarts for clock in self._clocks.values()), default=0):
+            texts["ros2-clock"] = f"the clock of a publisher leapt {restarts} times"
+        return (Flag(code, text) for code, text in texts.items() if text)
+
+
+def _selects(feeds: Sequence[Feed], topic: str) -> bool:
+    """Whether all that is read of a topic is named in its messages, so that several may publish parts of it."""
+    readings = [reading for feed in feeds if feed.topic == topic for reading in feed.readings]
+    return bool(readings) and all(reading.select is not None for reading in readings)

@@ -1,0 +1,94 @@
+"""The process that listens to DDS: so that no busy thread of the main job delays a message."""
+
+from __future__ import annotations
+
+import gc
+import json
+import sys
+import time
+from dataclasses import asdict
+from typing import Any
+
+from palpate import DeviceError, LogError
+
+from palpate_devices.process.child import Parent, real_time
+from palpate_devices.process.ring import WORDS, Ring
+from palpate_devices.ros2.cyclone import Participant, Publication, network_of
+from palpate_devices.ros2.frames import Outlet
+
+_IDLE = 0.02  # [s]
+_NEWS = 50_000_000  # [ns] between two looks at who is there
+LOST = WORDS  # word of the ring's head: messages that nobody has taken
+
+
+def main() -> None:
+    """Listen until the parent goes."""
+    parent, settings = Parent(int(sys.argv[1])), json.loads(sys.argv[3])
+    ring = Ring(int(sys.argv[2]), 1)
+    try:
+        outlet = Outlet(_descriptor(parent))
+        scheduling = real_time(40)  # Cyclone's threads inherit it
+        participant = Participant(network_of(settings))
+        parent.tell("ready", scheduling=scheduling)
+        gc.freeze()
+        _listen(participant, ring, parent, outlet, settings)
+    except (DeviceError, LogError) as error:
+        parent.tell("fault", text=str(error))
+    except BrokenPipeError:  # the parent has gone
+        pass
+
+
+def _descriptor(parent: Parent) -> int:
+    """The pipe for messages, which the parent hands over."""
+    while not parent.descriptors and not parent.gone:
+        parent.messages()
+        time.sleep(0.002)
+    if parent.gone:
+        raise BrokenPipeError
+    return parent.descriptors[0]
+
+
+def _listen(participant: Participant, ring: Ring, parent: Parent, outlet: Outlet, settings: dict[str, Any]) -> None:
+    wanted: list[str] | None = settings["topics"]  # None: all whose type is known
+    definitions: dict[str, str] = settings["definitions"]
+    heard: dict[str, str] = {}  # types by topic
+    looked = 0
+    while not parent.gone:
+        participant.wait(_IDLE)
+        now = time.monotonic_ns()
+        ring.beat(now)
+        for message in participant.messages():
+            outlet.put(message)
+        outlet.flush()
+        ring.head[LOST] = outlet.lost
+        if now - looked > _NEWS:
+            looked = now
+            for found in participant.news():
+                problem = _begin(participant, found, heard, definitions) if _counts(found, wanted) else None
+                number = list(heard).index(found.topic) if found.topic in heard else None
+                parent.tell("publication", number=number, problem=problem, **asdict(found))
+        if any(word["say"] == "close" for word in parent.messages()):
+            return
+
+
+def _counts(found: Publication, wanted: list[str] | None) -> bool:
+    return found.alive and (wanted is None or found.topic in wanted)
+
+
+def _begin(
+    participant: Participant, found: Publication, heard: dict[str, str], definitions: dict[str, str]
+) -> str | None:
+    """Listen to the topic of a new writer; what is in the way of that, in words."""
+    if found.topic in heard:
+        other = heard[found.topic] != found.type
+        return f"is of type {found.type}, and another publisher's of {heard[found.topic]}" if other else None
+    try:
+        participant.listen(len(heard), found.topic, found.type, definitions.get(found.type, ""))
+    except LogError as error:
+        return str(error)
+    heard[found.topic] = found.type
+    return None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,190 @@
+"""What a spectrum is made of: a recorded oscillation in contact, and what its pipeline declares of the rig."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from palpate import Batch, ConfigurationError, ContactModel, Estimates, Flag, Floats, LogError, Samples
+from palpate.host import Pipeline, RunFolder, build_pipeline, carried_by, load_pipeline, replay_source, suggest
+
+_LEAST = 200  # samples
+_GAP = 2.5  # of the usual interval
+_AIR = 50  # samples in air from which on the touch is known
+_RESOLVED = 0.4  # of the way from the touch to five times the noise
+_MASS = 0.05  # of itself, where no uncertainty of the tip's mass is declared
+_STIFFNESS = 0.1  # of itself: nobody declares how well the stiffness of a rig is known
+
+
+# Of what the run itself flags: what speaks against the readings or the surface, not against the model of its track.
+_CONCERNING = {
+    "gaps", "missing-force", "saturated", "assumed", "stuck", "duplicates", "backwards", "clock-wander", "clock-drift",
+    "force-late", "velocity-late", "outliers", "calibration-old", "calibration-sensor", "calibration-tip",
+    "calibration-mass", "calibration-delay", "surface-mismatch", "beyond-model-range", "diverged", "implausible",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One recording of an oscillation in contact."""
+
+    name: str
+    track: str
+    model: ContactModel  # of which tip, layer and Poisson's ratio are taken
+    time: Floats  # (n,) [s]
+    force: Floats  # (n,) [N] that the sensor felt: contact, and inertia of the tip
+    height: Floats  # (n,) [m] of the arm's tip as measured
+    surface: float  # [m]
+    surface_std: float  # [m]
+    tip_mass: float = 0.0  # [kg]
+    tip_mass_std: float = 0.0  # [kg]
+    compliance: float = 0.0  # [m/N] of robot and sensor
+    compliance_std: float = 0.0  # [m/N]
+    timing: float | None = None  # [s] standard uncertainty between force and motion; None: not declared
+    uncertainties: Mapping[str, Any] = field(default_factory=dict)  # declared, by key of the model
+    flags: tuple[Flag, ...] = ()
+
+
+@dataclass
+class _Kept:
+    """An observer of a run that keeps its samples."""
+
+    blocks: list[Samples] = field(default_factory=list)
+
+    def batch(self, device: str, batch: Batch) -> None:
+        """Raw readings are not kept."""
+
+    def samples(self, samples: Samples) -> None:
+        """Keep a block."""
+        self.blocks.append(samples)
+
+    def estimates(self, track: str, estimates: Estimates) -> None:
+        """The track's values are in the result."""
+
+
+def read_recorded(path: Path, track: str | None, surface: float | None = None) -> Recorded:
+    """The oscillation of a run folder, of a log that carries its pipeline, or of a pipeline file without a live device.
+
+    Its samples are made again from the readings; the height of the skin is that of the track unless a `surface` [m] is
+    given. Raises UserError.
+    """
+    pipeline = _pipeline(path, track)
+    if live := [name for name, device in pipeline.devices.items() if device.live]:
+        raise ConfigurationError(f"{path}: device {', '.join(live)} is live; record first: palpate run {path}")
+    from palpate.host import run_pipeline
+
+    kept = _Kept()
+    with tempfile.TemporaryDirectory() as folder:
+        result = run_pipeline(pipeline, Path(folder) / "run", observer=kept)
+        result.demand_whole()
+    name = next(iter(result.tracks))
+    found = result.tracks[name]
+    model = next(one.model for one in pipeline.tracks if str(one.name) == name)
+    if not kept.blocks:
+        raise LogError(f"{path}: has no samples")
+    samples = Samples.joined(kept.blocks)
+    known, rows = _stretch(samples, path)
+    height = found.surface.value if surface is None else surface
+    if not math.isfinite(height):
+        raise LogError(f"{path}: {name} found no surface; give its height with --surface")
+    flags = tuple(flag for flag in (*result.flags, *found.flags) if flag.code in _CONCERNING)
+    return Recorded(
+        str(path), name, model, known.time[rows], known.force[rows], known.position[rows], height,
+        _surface_std(found.surface.combined, samples, height) if surface is None else 0.0,
+        **_rig(pipeline), uncertainties=pipeline.run.uncertainties, flags=flags,
+    )  # fmt: skip
+
+
+def _pipeline(path: Path, track: str | None) -> Pipeline:
+    """The pipeline of a recording, with the one track that is wanted."""
+    if path.suffix == ".toml":
+        pipeline = load_pipeline(path)
+        name = _track(pipeline, track, path)
+        return load_pipeline(path, [f'run.tracks=["{name}"]'])
+    carried = None
+    try:
+        carried = carried_by(path)
+    except LogError:
+        if not (path.is_dir() and RunFolder(path).began):
+            raise
+    if carried is not None:
+        name = _track(build_pipeline(replay_source(carried)), track, path)
+        return build_pipeline(replay_source(carried, [name]))
+    if not (path.is_dir() and RunFolder(path).began):
+        raise LogError(f"{path}: is no run folder, and no log that carries the pipeline of its run")
+    return _pipeline(RunFolder(path).pipeline, track)
+
+
+def _track(pipeline: Pipeline, wanted: str | None, path: Path) -> str:
+    """The track that is wanted, or the first whose model has a tip."""
+    names = [str(track.name) for track in pipeline.tracks]
+    if wanted is not None and wanted not in names:
+        raise ConfigurationError(f"{path}: has no track {wanted!r}{suggest(wanted, names)}")
+    tipped = [str(track.name) for track in pipeline.tracks if has_tip(track.model)]
+    chosen = [name for name in tipped if wanted in (None, name)]
+    if not chosen:
+        said = f"the model of {wanted}" if wanted else "no model"
+        raise ConfigurationError(f"{path}: {said} has {'no' if wanted else 'a'} tip, so that no modulus follows")
+    return chosen[0]
+
+
+def has_tip(model: ContactModel) -> bool:
+    """Whether a model says what tip presses, and Poisson's ratio."""
+    return getattr(model, "indenter", None) is not None and hasattr(model, "poisson")
+
+
+def _stretch(samples: Samples, path: Path) -> tuple[Samples, slice]:
+    """Samples that are meant for estimation and whole, and the longest stretch of them without a gap."""
+    whole = samples.active & np.isfinite(samples.force) & np.isfinite(samples.position)
+    known = samples[whole]
+    if len(known) < _LEAST:
+        raise LogError(f"{path}: has {len(known)} samples in contact; a spectrum wants {_LEAST}")
+    step = np.diff(known.time)
+    edges = [0, *(np.flatnonzero(step > _GAP * float(np.median(step))) + 1).tolist(), len(known)]
+    lengths = np.diff(edges)
+    longest = int(np.argmax(lengths))
+    if lengths[longest] < _LEAST:
+        raise LogError(f"{path}: its longest stretch without a gap has {lengths[longest]} samples, {_LEAST} are wanted")
+    return known, slice(edges[longest], edges[longest + 1])
+
+
+def _surface_std(std: float, samples: Samples, surface: float) -> float:
+    """The track's own uncertainty, and how far the skin lay from there when the force first told of it.
+
+    A track's surface is that of its model, and a material that relaxes moves it by more than the track's uncertainty.
+    The touch itself is known to the depth at which the force is as large as its noise: some 0.4 of the depth at which
+    it is five times as large (of a force that goes with d^1.5). A record without free air tells nothing of it.
+    """
+    std = std if math.isfinite(std) else 0.0
+    touched = np.flatnonzero(samples.contact)
+    if not len(touched) or touched[0] < _AIR:
+        return std
+    first = int(touched[0])
+    air = samples.force[:first][np.isfinite(samples.force[:first])]
+    if len(air) < _AIR // 2:
+        return std
+    noise = float(np.std(np.diff(air)) / math.sqrt(2))
+    risen = np.flatnonzero(samples.force[first:] - float(np.median(air)) > 5 * noise)
+    if not len(risen):
+        return std
+    there = float(np.nanmean(samples.position[first - 1 : first + 1]))
+    resolved = _RESOLVED * abs(float(samples.position[first + risen[0]]) - there)
+    return math.hypot(std, max(abs(there - surface) - resolved, 0.0))
+
+
+def _rig(pipeline: Pipeline) -> dict[str, Any]:
+    """Mass, compliance and timing, with what is not declared of them."""
+    aligned = pipeline.alignment
+    mass, mass_std = aligned.tip_mass or 0.0, aligned.tip_mass_uncertainty
+    compliance = 1.0 / aligned.series_stiffness if aligned.series_stiffness else 0.0
+    timing = [s.uncertainty for s in (aligned.force, aligned.position) if s.uncertainty is not None]
+    return {
+        "tip_mass": mass, "tip_mass_std": _MASS * mass if mass_std is None else mass_std,
+        "compliance": compliance, "compliance_std": _STIFFNESS * compliance,
+        "timing": math.hypot(*timing) if timing else None,
+    }  # fmt: skip

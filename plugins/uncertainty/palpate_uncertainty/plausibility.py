@@ -1,0 +1,156 @@
+"""Plausibility: whether what a track ends with can be an estimate: settled, consistent, within what is possible."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence, Set
+
+import numpy as np
+from palpate import ContactModel, Diagnosed, Ending, Flag, FlagMeaning, Tail, TrackEvidence, contact_force
+from palpate.host import AlignmentReport
+
+from palpate_uncertainty.telling import correlation, slope_by_chance, told_at_best, white_noise
+
+_STILL_MOVING = 0.02  # of a value: slope times time tracked
+_BY_CHANCE = 3.5  # standard deviations of a slope; of two parameters one is beyond that once in a thousand tracks
+_NIS_RANGE = (0.5, 1.6)  # of the mean over the last second; 0.9 to 1.1 would be one by chance alone
+_COLOURED = 0.3  # autocorrelation of innovations; 0.1 comes by chance alone
+_WEAK, _FAINT = 5.0, 2.0  # the force must swing by more than so many standard deviations of its noise
+_TOLD = 0.2  # of a value: a weak force must tell it to so much, by the Cramer-Rao bound; a faint one never does
+_SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the one that the first touch says
+
+PLAUSIBILITY_FLAGS = {
+    "implausible": FlagMeaning(
+        "doubtful",
+        "A parameter is outside of what is possible.",
+        "Do not use that parameter; declare delays, or use a model without it.",
+    ),
+    "inconsistent": FlagMeaning(
+        "doubtful",
+        "The innovations are larger or smaller than the filter expects: noise or model is wrong.",
+        'Declare the noise as it is (noise = "measure"), or use another model.',
+    ),
+    "coloured-innovations": FlagMeaning(
+        "doubtful",
+        "Innovations correlate from sample to sample: the model misses something, or the data are filtered.",
+        "Use another model, declare delays, or record less filtered data.",
+    ),
+    "surface-mismatch": FlagMeaning(
+        "doubtful",
+        "The estimated surface is not where the tip first touched.",
+        "Check model and tip, and whether the first touch was one.",
+    ),
+    "beyond-model-range": FlagMeaning(
+        "doubtful",
+        "Depth or tip is outside of what the model, or its thickness correction, holds for.",
+        "Palpate less deep, or use a model that holds there.",
+    ),
+}
+
+
+def plausibility(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
+    """What is amiss with each track, by the seconds that its result is a mean of."""
+    return {track.name: Diagnosed(_judged(track, track.ending)) for track in tracks if track.ending is not None}
+
+
+def _judged(track: TrackEvidence, end: Ending) -> tuple[Flag, ...]:
+    try:
+        return tuple(ending_flags(end, track.model, track.estimator.online, track.report is not None))
+    except Exception as error:  # of a model that cannot say more than its force: the other tracks are judged
+        return (Flag("diagnosis-failed", f"plausibility: {type(error).__name__}: {error}"),)
+
+
+def ending_flags(end: Ending, model: ContactModel, online: bool, fitted: bool) -> Iterator[Flag]:
+    """What is amiss with the end of one track.
+
+    An offline estimate is one of the whole record: it does not drift, and its first seconds are those that settle.
+    """
+    tail, last = end.tail, end.last
+    yield from _bound_flags(last, model, end.held)
+    if online:
+        yield from _convergence_flags(end, model)
+    else:
+        begun = tail.since(float(tail.time[0]) + end.average)
+        yield from _innovation_flags(begun, f"after the first {end.average:g} s")
+        yield from _colour_flags(begun)
+    if not fitted:  # a fit says itself what its record does not tell
+        yield from _force_flags(end, model)
+    yield from _surface_flags(last, model, end.report)
+    yield from _validity_flags(model, last)
+
+
+def _bound_flags(last: Tail, model: ContactModel, held: Set[str]) -> Iterator[Flag]:
+    for column, parameter in enumerate(model.parameters):
+        value = float(last.values[:, column].mean())
+        if parameter.name not in held and not parameter.lower < value < parameter.upper:
+            yield Flag("implausible", f"{parameter.name} of {value:.3g} {parameter.unit} is outside what is possible")
+
+
+def _convergence_flags(end: Ending, model: ContactModel) -> Iterator[Flag]:
+    """Whether the estimates have settled, and the innovations are what the filter expects.
+
+    On a sweep they follow the material from place to place and never settle.
+    """
+    tail, last, tracked = end.tail, end.last, end.tracked
+    if tracked < 2 * end.average or len(tail.time) < 10:
+        yield Flag("not-converged", f"only {tracked:.2g} s were tracked")
+        return
+    moving, chance = [], _BY_CHANCE * tracked * slope_by_chance(tail)
+    for column, parameter in enumerate(model.parameters if not end.is_sweep else ()):
+        value, rest = float(last.values[:, column].mean()), float(tail.unsettled(tail.values, tracked)[column])
+        least = max(_STILL_MOVING * abs(value), 3.0 * float(last.std[-1, column]), float(chance[column]))
+        if rest > least:
+            moving.append(f"{parameter.name} by {100 * rest / tracked / abs(value):.2f} % a second")
+    if moving:
+        yield Flag("not-converged", f"still moving after {tracked:.3g} s: {', '.join(moving)}")
+    yield from _innovation_flags(last, f"in the last {end.average:g} s")
+    yield from _colour_flags(tail)
+
+
+def _innovation_flags(seen: Tail, when: str) -> Iterator[Flag]:
+    """Whether innovations are as large as the filter expects."""
+    nis = float(np.nanmean(seen.nis)) if np.isfinite(seen.nis).any() else float("nan")
+    if not np.isnan(nis) and not _NIS_RANGE[0] <= nis <= _NIS_RANGE[1]:
+        yield Flag("inconsistent", f"NIS of {nis:.2g} {when} where 1 is expected: noise or model is wrong")
+
+
+def _colour_flags(tail: Tail) -> Iterator[Flag]:
+    """Whether innovations tell of one another."""
+    lag, share = correlation(tail)
+    if abs(share) > _COLOURED:
+        found = f"innovations {lag} samples apart correlate by {share:+.2f}"
+        yield Flag("coloured-innovations", f"{found}: the model misses something, or the data are filtered")
+
+
+def _force_flags(end: Ending, model: ContactModel) -> Iterator[Flag]:
+    """Whether the force swings enough to tell what the track says."""
+    tare, last = end.report.tare, end.last
+    noise = tare.noise if tare and tare.noise else white_noise(last)
+    swing = float(np.nanmax(last.model_force) - np.nanmin(last.model_force))
+    if swing >= _WEAK * noise:
+        return
+    values, bounds = np.abs(last.values.mean(axis=0)), told_at_best(end.tail, model, noise, end.samples)
+    free = [i for i, parameter in enumerate(model.parameters) if parameter.name not in end.held]
+    if swing < _FAINT * noise or not (bounds < _TOLD * values)[free].all():
+        yield Flag("not-identifiable", f"the force swings by {swing:.2g} N against a noise of {noise:.2g} N")
+
+
+def _surface_flags(last: Tail, model: ContactModel, report: AlignmentReport) -> Iterator[Flag]:
+    """The model at the estimate must give the force of first touch where that was; none, where contact began there."""
+    if report.first_touch is None or report.tare is None or report.tare.noise is None or model.memory:
+        return  # what a material that relaxes answers to a first touch depends on the approach
+    theta, surface = last.values.mean(axis=0), float(last.surface.mean())
+    depths = np.linspace(0.0, 0.02, 2001)
+    force = contact_force(model, depths, 0.0, theta)
+    touch_force = 0.0 if report.by_change_point else report.touch_force
+    expected = float(depths[min(int(np.searchsorted(force, touch_force)), len(depths) - 1)])
+    apart = surface - (report.first_touch[1] + expected)
+    if abs(apart) > _SURFACE_TOLERANCE:
+        yield Flag("surface-mismatch", f"the estimated surface is {1e3 * apart:+.2f} mm from where the tip touched")
+
+
+def _validity_flags(model: ContactModel, last: Tail) -> Iterator[Flag]:
+    """What the model says against itself at the greatest depth that was reached."""
+    depth = float(np.max(last.surface - last.position)) if len(last.time) else 0.0
+    problem = model.validity(depth) if np.isfinite(depth) and depth > 0 else ""
+    if problem:
+        yield Flag("beyond-model-range", problem)

@@ -1,0 +1,66 @@
+"""What the end of a track can tell: the Cramer-Rao bound of its parameters, its noise, and slopes by chance alone."""
+
+from __future__ import annotations
+
+import numpy as np
+from palpate import ContactModel, Floats, Tail
+from palpate.host import force_slopes
+
+_ENOUGH = 100  # innovations to tell their autocorrelation
+_FORGETS = 0.96  # of the variance that an estimator stated half a tail ago
+
+
+def told_at_best(tail: Tail, model: ContactModel, noise: float, samples: int) -> Floats:
+    """Least standard uncertainties (k,) by any estimator, for white noise [N] and an unknown surface.
+
+    The bound is noise^2 (J^T J)^-1, J the slopes of the force in parameters and depth along the tail, which stands for
+    all of the `samples`. Not finite where the tail or the estimate says nothing, and for a model with memory.
+    """
+    nothing = np.full(len(model.parameters), np.inf)
+    theta, depth, rate = tail.values[-1], float(tail.surface[-1]) - tail.position, -tail.velocity
+    rows = np.isfinite(depth) & np.isfinite(rate) & (depth > 0)
+    if model.memory or not rows.any() or not np.isfinite(theta).all():
+        return nothing
+    _, by_parameter, by_depth, _ = force_slopes(model, depth[rows], rate[rows], theta.tolist())
+    slopes = np.column_stack([by_parameter, by_depth])
+    lengths = np.linalg.norm(slopes, axis=0)
+    if not (np.isfinite(slopes).all() and (lengths > 0).all()):
+        return nothing
+    inverse = np.linalg.pinv((slopes / lengths).T @ (slopes / lengths), hermitian=True)
+    share = samples / len(tail.time)
+    return np.asarray(noise * np.sqrt(np.maximum(np.diag(inverse), 0.0) / share) / lengths)[:-1]
+
+
+def slope_by_chance(tail: Tail) -> Floats:
+    """Standard deviation (k,) [1/s] of the slope that estimates have though nothing is left of their way.
+
+    An optimal estimate of a constant is a random walk whose variance grows by as much as its own std^2 falls. Where
+    that does not fall, the filter forgets, and its walk shows in the steps of the values.
+    """
+    span = float(tail.time[-1] - tail.time[0])
+    if len(tail.time) < 10 or span <= 0:
+        return np.zeros(tail.std.shape[1])
+    early, late = (half.mean(axis=0) for half in np.array_split(tail.std**2, 2))
+    learnt = np.sqrt(1.2 * 2 * np.maximum(early - late, 0.0)) / span  # halves are half the span apart
+    return np.asarray(np.where(late < _FORGETS * early, learnt, tail.slope_of_a_walk(tail.values)))
+
+
+def white_noise(tail: Tail) -> float:
+    """Standard deviation [N] of white noise that would give the third differences of the measured force."""
+    third = np.diff(tail.force, 3)
+    third = third[np.isfinite(third)]
+    return float(np.sqrt(np.mean(third**2) / 20.0)) if len(third) else 0.0
+
+
+def correlation(tail: Tail) -> tuple[int, float]:
+    """Lag [samples] and value of the largest autocorrelation of the innovations to lag 10; (0, 0): too few.
+
+    White innovations have none beyond 1/sqrt(n): what one sample could not be told by the one before (Mehra 1970).
+    """
+    known = tail.innovation[np.isfinite(tail.innovation)]
+    if len(known) < _ENOUGH:
+        return 0, 0.0
+    power = float((known**2).sum())
+    shares = [float((known[lag:] * known[:-lag]).sum()) / power for lag in range(1, 11)] if power > 0 else [0.0]
+    lag = int(np.argmax(np.abs(shares)))
+    return lag + 1, shares[lag]

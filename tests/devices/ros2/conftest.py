@@ -1,0 +1,54 @@
+"""A publisher that is not ours: Fast DDS in C++, built where its library is, and tables of messages for it."""
+
+import contextlib
+import hashlib
+import itertools
+import os
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).with_name("publisher.cpp")
+_numbers = itertools.count()
+
+
+def built():
+    """The program; skips, and says why, where it cannot be built."""
+    if shutil.which("g++") is None or not Path("/usr/include/fastdds").is_dir():
+        pytest.skip("needs Fast DDS in C++ as publisher: apt install g++ libfastrtps-dev")
+    name = f"palpate-ros2-publisher-{hashlib.sha256(SOURCE.read_bytes()).hexdigest()[:16]}"
+    program = Path(tempfile.gettempdir()) / name
+    if not program.exists():  # some seconds, once for a machine
+        fresh = program.with_suffix(f".{os.getpid()}")
+        command = ["g++", "-std=c++17", str(SOURCE), "-o", str(fresh), "-lfastrtps", "-lfastcdr", "-lpthread"]
+        subprocess.run(command, check=True, capture_output=True)
+        fresh.rename(program)
+    return program
+
+
+@pytest.fixture
+def domain():
+    """A domain of this test alone."""
+    pytest.importorskip("cyclonedds")
+    return 1 + (os.getpid() * 7 + next(_numbers)) % 220
+
+
+@pytest.fixture
+def publish(tmp_path, domain):
+    """Starts a publisher of lines; all that were started are killed in the end."""
+    program = built()
+    with contextlib.ExitStack() as stack:
+
+        def start(lines, offset=0.0, times=1):
+            table = tmp_path / f"table{next(_numbers)}.txt"
+            table.write_text("\n".join(lines) + "\n")
+            command = [str(program), str(domain), str(table), str(offset), str(times)]
+            process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+            return process
+
+        yield start

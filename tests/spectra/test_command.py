@@ -1,0 +1,91 @@
+"""`palpate spectrum` as a user calls it."""
+
+import csv
+import json
+
+import pytest
+
+SHORT = ["trajectory.press.duration=3 s", 'run.tracks=["dr/kinematic"]']
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory, root):
+    from palpate.config import load_pipeline
+    from palpate.pipeline import run_pipeline
+
+    folder = tmp_path_factory.mktemp("spectrum") / "run"
+    run_pipeline(load_pipeline(root / "pipelines" / "point.toml", SHORT), folder)
+    return folder
+
+
+def test_a_run_folder_becomes_a_table_a_csv_and_a_picture(palpate, run, tmp_path):
+    done = palpate("spectrum", run, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert "One frequency cannot tell a delay from a loss" in done.stdout
+    with (tmp_path / "out" / "spectrum.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert float(row["frequency_Hz"]) == pytest.approx(2.0, abs=0.01)
+    assert abs(float(row["E_storage_Pa"]) - 112.5e3) < 3 * float(row["E_storage_std_Pa"])
+    assert abs(float(row["G_loss_Pa"]) - 12.566 * 362) < 3 * float(row["G_loss_std_Pa"])
+    assert (tmp_path / "out" / "spectrum.png").stat().st_size > 5000
+
+
+def test_json_holds_everything_and_two_recordings_are_one_spectrum(palpate, run, tmp_path):
+    done = palpate("spectrum", run, run, "--surface", "0.3 mm", "--json", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert len(found["lines"]) == 2
+    assert {"radius", "poisson", "timing", "mass"} <= set(found["lines"][0]["shifts"])
+    assert "surface" not in found["lines"][0]["shifts"]  # it was given
+    assert found["flags"] == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nowhere"], "nowhere"),
+        (["{run}", "--track", "dr/kinmatic"], "dr/kinematic"),
+        (["{run}", "--frequencies", "2 N"], "--frequencies"),
+        (["{run}", "--surface", "abc"], "--surface"),
+    ],
+)
+def test_mistakes_are_one_clear_message(palpate, run, tmp_path, arguments, said):
+    done = palpate("spectrum", *(text.replace("{run}", str(run)) for text in arguments), "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_authors_soft_silicone(palpate, shared, tmp_path):
+    """d10mm_soft with its motion 22 ms late: E near the paper's, and one frequency says nothing of a delay."""
+    pipeline = f"""
+[device.log]
+type = "csv-replay"
+file = "{shared}/ur3e-bota-2024/d10mm_soft.csv.gz"
+rate = "500 Hz"
+columns.z = {{ column = 0, unit = "mm" }}
+columns.v = {{ column = 3, unit = "mm/s" }}
+columns.f = {{ column = 4, unit = "N" }}
+[alignment]
+force = {{ channel = "log.f", uncertainty = "0.5 ms" }}
+position = {{ channel = "log.z", delay = "22 ms", uncertainty = "0.5 ms" }}
+velocity = {{ channel = "log.v", sign = -1, delay = "22 ms", uncertainty = "0.5 ms" }}
+tip_mass = "140 g"
+tare = "none"
+[indenter.tip]
+type = "sphere"
+radius = "5 mm"
+[model.dr]
+type = "dimensionality-reduction"
+indenter = "tip"
+[estimator.fit]
+type = "casadi-fit"
+"""
+    (tmp_path / "log.toml").write_text(pipeline)
+    done = palpate("spectrum", tmp_path / "log.toml", "--out", tmp_path / "out", "--json")
+    assert done.returncode == 0, done.stderr
+    (line,) = [one for one in json.loads(done.stdout)["lines"] if one["amplitude_m"] > 5e-4]
+    assert line["frequency_Hz"] == pytest.approx(2.0, abs=0.05)
+    assert line["E_storage_Pa"] == pytest.approx(126e3, rel=0.05)
+    assert line["G_loss_Pa"] / (12.566 * 350) == pytest.approx(1.0, abs=0.2)
