@@ -22,9 +22,9 @@ from palpate.alignment import Aligner
 from palpate.config import Pipeline, load_pipeline
 from palpate.device import Batch
 from palpate.estimation import Samples, Status
+from palpate.host import RunFolder
 from palpate.pipeline import start_tracks
 from palpate.pipeline.flow import the_trajectory
-from palpate.result import RunFolder
 from palpate_maps.analysis import Findings, LumpSettings, Path2D, find_lumps, sites_along
 
 PIPELINE = Path(__file__).parent.parent / "pipelines" / "sweep.toml"

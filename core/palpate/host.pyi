@@ -15,6 +15,13 @@ from palpate_basics.options import (
 )
 from palpate_basics.plain import aside as aside, print_json as print_json
 from palpate_basics.quantities import measured as measured, rounded as rounded
+from palpate_basics.reading import read_flags as read_flags, read_result as read_result, upgraded as upgraded
+from palpate_basics.run_folder import (
+    EstimatesTable as EstimatesTable,
+    RunFolder as RunFolder,
+    TrackTable as TrackTable,
+    pipeline_among as pipeline_among,
+)
 from palpate_basics.table import Table as Table, console as console
 from palpate_calibration.file import (
     CalibratedValue as CalibratedValue,
@@ -125,18 +132,18 @@ from palpate.pipeline import (
 )
 from palpate.registry import FlagEntry as FlagEntry, Registry as Registry, analysis as analysis, suggest as suggest
 from palpate.result import (
+    GIVEN as GIVEN,
+    OFFLINE as OFFLINE,
+    ONLINE as ONLINE,
+    PIPELINE as PIPELINE,
+    RESULT as RESULT,
+    SCHEMA as SCHEMA,
     Derived as Derived,
-    EstimatesTable as EstimatesTable,
     Found as Found,
-    RunFolder as RunFolder,
     TrackResult as TrackResult,
-    TrackTable as TrackTable,
     acceleration as acceleration,
     finite_tree as finite_tree,
     make_folder as make_folder,
-    pipeline_among as pipeline_among,
-    read_flags as read_flags,
-    upgraded as upgraded,
     withdraw_folder as withdraw_folder,
 )
 from palpate.safety import (

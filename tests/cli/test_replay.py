@@ -4,7 +4,7 @@ import json
 import shutil
 
 import pytest
-from palpate.result import RunFolder, pipeline_among
+from palpate.host import RunFolder, pipeline_among
 
 SHORT = [
     "--set",

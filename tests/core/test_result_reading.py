@@ -4,7 +4,7 @@ import json
 
 import pytest
 from palpate.errors import LogError
-from palpate.result import SCHEMA, read_result
+from palpate.host import SCHEMA, read_result
 from palpate_maps.analysis import tracks_of
 
 

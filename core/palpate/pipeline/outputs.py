@@ -11,7 +11,7 @@ from palpate.device import Batch
 from palpate.errors import OutputError
 from palpate.estimation import Estimates, Samples
 from palpate.pipeline.tracks import RunningTrack
-from palpate.result import EstimatesFile
+from palpate.result import OFFLINE, ONLINE, EstimatesFile
 from palpate.sink import Run, TakesResult, Writer
 
 
@@ -31,7 +31,7 @@ class Outputs:
         self._interval = pipeline.run.estimates_interval
         self._folder, self._stack = run.folder, stack
         self._parameters = run.tracks
-        self._table = self._open_table("estimates.csv", [track.track.name for track in online])
+        self._table = self._open_table(ONLINE, [track.track.name for track in online])
 
     def _open_table(self, name: str, tracks: Iterable[str]) -> EstimatesFile:
         path = self._folder / name
@@ -60,7 +60,7 @@ class Outputs:
     def write_offline(self, samples: Samples, estimates: Mapping[str, Estimates]) -> None:
         """Estimates that were made of all samples after the record; they get a table of their own."""
         self._hand_out(estimates)
-        self._open_table("estimates-offline.csv", estimates).write(samples, estimates)
+        self._open_table(OFFLINE, estimates).write(samples, estimates)
 
     def _hand_out(self, estimates: Mapping[str, Estimates]) -> None:
         for track, found in estimates.items():

@@ -30,6 +30,7 @@ from palpate.pipeline.tracks import Tracks, start_tracks
 from palpate.result import (
     GIVEN,
     PIPELINE,
+    RESULT,
     SCHEMA,
     TrackResult,
     finite,
@@ -146,7 +147,7 @@ def run_pipeline(
         facts |= {"started": started.isoformat(timespec="seconds"), "duration": time.monotonic() - began}
         result = _result(pipeline, folder, facts, aligner, tracks, interrupt)
         outputs.finish(result.table())
-    write_new(folder / "result.json", json.dumps(result.table(), indent=2, allow_nan=False) + "\n")
+    write_new(folder / RESULT, json.dumps(result.table(), indent=2, allow_nan=False) + "\n")
     if failure is not None:
         raise DeviceError(f"{failure} (what was found until then is in {folder})") from failure
     return result

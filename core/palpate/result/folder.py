@@ -19,6 +19,12 @@ from palpate.errors import OutputError
 from palpate.estimation import Estimates, Samples
 from palpate.vectors import Floats
 
+PIPELINE, GIVEN, RESULT = "pipeline.toml", "given.toml", "result.json"
+ONLINE, OFFLINE = "estimates.csv", "estimates-offline.csv"
+# Of result.json: 1 had flags as texts, no verdict and no number of its own; to 2 a sweep's values were its last ones;
+# to 3 the standstill of a live run was `rest`.
+SCHEMA = 4
+
 _ROWS = 4096  # of a table that are made into text at once
 
 

@@ -6,7 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from palpate import Trajectory
-from palpate.host import Pipeline, RunFolder, load_pipeline
+from palpate.host import Pipeline, load_pipeline
+
+from palpate_basics.run_folder import RunFolder
 
 
 def recorded_pipeline(folder: Path) -> Pipeline:

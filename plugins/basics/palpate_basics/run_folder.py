@@ -13,15 +13,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from palpate import Floats, LogError, Status
+from palpate.host import GIVEN, OFFLINE, ONLINE, PIPELINE, RESULT
 
-from palpate.errors import LogError
-from palpate.estimation import Status
-from palpate.result.reading import is_whole, read_result
-from palpate.vectors import Floats
+from palpate_basics.reading import is_whole, read_result
 
-RESULT, PIPELINE, GIVEN, REVIEW = "result.json", "pipeline.toml", "given.toml", "review.json"
+REVIEW = "review.json"
 _OLDER = "resolved.toml"  # the pipeline of an older run, whose pipeline.toml is as given
-ONLINE, OFFLINE = "estimates.csv", "estimates-offline.csv"
 _UNUSABLE = Status.IDLE | Status.WAITING | Status.DIVERGED
 
 

@@ -7,13 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from palpate import registry as registries
-from palpate.errors import LogError
-from palpate.flags import Flag, verdict
-
-# Of result.json: 1 had flags as texts, no verdict and no number of its own; to 2 a sweep's values were its last ones;
-# to 3 the standstill of a live run was `rest`.
-SCHEMA = 4
+from palpate import Flag, LogError
+from palpate.host import SCHEMA, registry as registries, verdict
 
 
 def read_result(path: Path) -> dict[str, Any]:
