@@ -13,13 +13,20 @@ import numpy as np
 from palpate import ContactModel, Indenter, contact_force, force_over_time, tip_profile
 from palpate.host import WIDTHS, figure_of, legend_outside, save_figure, style
 from palpate_models import (
+    Burgers,
     Compression,
     DimensionalityReduction,
     DimensionalityReductionMaxwell,
+    FractionalKelvinVoigt,
     FreeHuntCrossley,
+    GeneralisedMaxwell2,
+    GeneralisedMaxwell3,
+    GeneralisedMaxwell4,
     HuntCrossley,
     KelvinVoigt,
     Maxwell,
+    Poroelastic,
+    PowerLaw,
     StandardLinearSolid,
     palpate_indenters,
     palpate_models,
@@ -60,6 +67,16 @@ def models(tip: Indenter) -> dict[str, tuple[ContactModel, list[float]]]:
             [ELASTICITY, VISCOSITY, 60e3, 0.1],
         ),
         "maxwell": (Maxwell(indenter=tip), [ELASTICITY, 30e3]),
+        "generalised-maxwell-2": (GeneralisedMaxwell2(indenter=tip), [ELASTICITY, 60e3, 0.1, 60e3, 0.5]),
+        "generalised-maxwell-3": (GeneralisedMaxwell3(indenter=tip), [ELASTICITY, 4e4, 0.05, 4e4, 0.2, 4e4, 1.0]),
+        "generalised-maxwell-4": (
+            GeneralisedMaxwell4(indenter=tip),
+            [ELASTICITY, 3e4, 0.05, 3e4, 0.2, 3e4, 1.0, 3e4, 5.0],
+        ),
+        "burgers": (Burgers(indenter=tip), [2 * ELASTICITY, 60e3, 2 * ELASTICITY, 3e3]),
+        "power-law": (PowerLaw(indenter=tip), [ELASTICITY, 0.2]),
+        "fractional-kelvin-voigt": (FractionalKelvinVoigt(indenter=tip), [ELASTICITY, 30e3, 0.4]),
+        "poroelastic": (Poroelastic(indenter=tip), [ELASTICITY, 0.1, 3e-6]),
         "kelvin-voigt": (KelvinVoigt(), [1000.0, 15.0]),
         "hunt-crossley": (HuntCrossley(), [0.45, 5.0]),
         "hunt-crossley-free": (FreeHuntCrossley(), [0.5, 5.0, 1.4]),
@@ -92,7 +109,7 @@ def draw_tips() -> None:
 def draw_models() -> None:
     """Force over depth of every model on a sine of 2 Hz that fades in."""
     chosen = models(tips()["exact-sphere"])
-    figure, axes = figure_of(4, 2, height=48.0)
+    figure, axes = figure_of(4, -(-len(chosen) // 4), height=48.0)
     time = np.linspace(0.0, 2.0, 1601)
     omega = 2 * np.pi * 2.0
     fade = np.sin(np.pi / 2 * np.minimum(time / 0.5, 1.0)) ** 2

@@ -49,6 +49,7 @@ from palpate_devices.recording import (
     TopicSurvey as TopicSurvey,
 )
 from palpate_filters.local_cubic import cubic_weights as cubic_weights, local_cubic as local_cubic
+from palpate_models.ting import ting_force as ting_force
 from palpate_report.pictures import (
     FORMATS as FORMATS,
     WIDTHS as WIDTHS,
@@ -73,6 +74,7 @@ from palpate_uncertainty.sources import sources_of as sources_of
 from palpate import registry as registry
 from palpate.alignment import (
     GRAVITY as GRAVITY,
+    Aligner as Aligner,
     AlignmentReport as AlignmentReport,
     AlignmentSettings as AlignmentSettings,
     Health as Health,

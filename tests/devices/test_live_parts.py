@@ -1,5 +1,6 @@
 """Whole live runs with other parts than the example has: another box, other arms, a raster that is gone on with."""
 
+import json
 import os
 import signal
 import threading
@@ -12,6 +13,7 @@ from palpate.pipeline import run_pipeline
 from palpate_basics.remaining import remaining_pipeline
 from palpate_devices.mcap_replay import McapReplay
 from palpate_devices.ur3e.device import UR
+from palpate_studies.repeating import perform
 
 E_TRUE, WORK = 112.5e3, (-0.3, -0.13)
 RASTER = """[trajectory.raster]
@@ -97,3 +99,34 @@ def lines_of(log):
     told = told[(np.abs(told[:, 3]) > 5e-3) & (told[:, 6] > 0.5)]  # at full speed, and not from one line to the next
     across = np.round(1e3 * told[:, 1], 1) + 0.0
     return {float(y): 1e3 * float(np.ptp(told[across == y, 0])) for y in np.unique(across)}
+
+
+def test_a_palpation_is_made_again_beside_the_last_one(bench, short, patient, root, tmp_path):
+    """Press, retract, wait, move on, press again: the arm goes on in the air, and each place gives the same E."""
+    twin, step = bench(*short), 0.001
+    text = (root / "pipelines" / "point_ur3e.toml").read_text()
+    path = tmp_path / "pipeline.toml"
+    path.write_text(text + f'\n[repeat]\ncount = 3\nwait = "0.4 s"\nstep = ["{step} m", "0 mm"]\n')
+    sets = [*short, *patient, f"device.arm.host={twin.host}", f"device.sensor.port={twin.port}"]
+    folders = perform(path, [*sets, 'run.tracks=["*/kinematic"]'], tmp_path / "out")
+    assert len(folders) == 3
+    tips = [tip_of(folder / "log.mcap") for folder in folders]
+    for k, (folder, (time, place)) in enumerate(zip(folders, tips, strict=True)):
+        deep = place[:, 2] < -0.001
+        assert np.abs(place[deep, 0] - k * step).max() < 1e-4, f"palpation {k + 1} is at its own place"
+        assert place[0, 2] > 0.002
+        assert place[-1, 2] > 0.002
+        table = json.loads((folder / "result.json").read_text())["tracks"]["dr/kinematic"]["parameters"]["elasticity"]
+        assert abs(table["value"] - E_TRUE) < max(0.05 * E_TRUE, 2 * table["combined"])
+        if k:
+            before = tips[k - 1][0][-1]
+            assert time[0] - before > 0.4
+    assert twin.wait_at_rest()["height"] > 0.002
+
+
+def tip_of(log):
+    """When [s] and where [m] the tip was, as the arm told."""
+    with McapReplay(file=log, recorded="arm").connect(0) as link:
+        batches = [batch for batch in link.batches() if batch.stream == "tip"]
+    received = np.concatenate([batch.received for batch in batches]) * 1e-9
+    return received, np.concatenate([batch.values[:, :3] for batch in batches])

@@ -13,6 +13,7 @@ from palpate import ConfigurationError, LogError, OutputError
 from palpate_models import DimensionalityReduction, Sphere
 
 ROUNDING = 1e-12
+FORCE = {"force": "/rig/wrench:wrench.force.z"}
 
 
 @pytest.fixture(scope="module")
@@ -277,6 +278,40 @@ def test_a_log_is_a_record(kept):
     found = palpate.fit(record, tip=Sphere(radius="5 mm"))
     assert abs(found.elasticity.value - kept.truth["elasticity"]) < 3 * found.elasticity.combined
     np.testing.assert_array_equal(record.samples["force"], kept.samples["force"])
+
+
+def flags_of(record):
+    (flags,) = palpate.fit(record, tip=Sphere(radius="5 mm")).run.flags.values()
+    return {flag.code: flag.message for flag in flags}
+
+
+def test_other_signals_of_a_log_begin_from_what_it_carries(kept):
+    """The mass and tare of its run stay; what its channel was late by says nothing of another one."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        own, other, late = (
+            palpate.read(kept.folder / "log.mcap", signals, delay=delay)
+            for signals, delay in ((None, None), (FORCE, None), (FORCE, {"force": "0 ms"}))
+        )
+    assert other.alignment["tip_mass"] == own.alignment["tip_mass"]
+    assert other.alignment["measuring"] == own.alignment["measuring"]
+    assert own.assumed == late.assumed == ()
+    assert other.assumed == ("alignment.force.delay",)
+    assert "alignment.force.delay" in flags_of(other)["assumed"]
+    assert "assumed" not in flags_of(late)
+    np.testing.assert_allclose(other.samples["force"], own.samples["force"], atol=1e-9)
+
+
+def test_what_nobody_stated_of_a_foreign_log_is_flagged(arrays, tmp_path):
+    path = tmp_path / "mine.csv"
+    pd.DataFrame(arrays).to_csv(path, index=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        silent = palpate.read(path)
+        said = palpate.read(path, timing="0.1 ms", tare="none")
+    assert said.assumed == ()
+    assert {"alignment.tare", "alignment.force.delay"} <= set(silent.assumed)
+    assert "alignment.force.delay" in flags_of(silent)["assumed"]
 
 
 def test_a_csv_is_a_record(arrays, tmp_path):

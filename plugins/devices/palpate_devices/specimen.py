@@ -28,6 +28,7 @@ from palpate_devices.paper_specimens import SPECIMENS
 from palpate_devices.relief import Relief
 from palpate_devices.unlike import Conditioning, Scatter
 
+_REVERSAL = 2e-5  # [m] that a position loop may swing back
 _SLIP = 1e-4  # [m/s] of sliding over which friction comes up
 
 
@@ -69,6 +70,11 @@ class Specimen(Settings):
     )
     diameter: Length | None = Field(
         default=None, gt=0, description="of a round specimen around the origin; no motion may touch outside of it"
+    )
+    unloading: Literal["following", "ting"] = Field(
+        default="following",
+        description='"following": the contact follows the depth in and out; "ting": it shrinks faster on the way out, '
+        "after Ting (1966), for one loading and one unloading of a model with a relaxation modulus",
     )
     friction: float = Field(
         default=0.0, ge=0, le=2, allow_inf_nan=False, description="coefficient of friction of the sliding tip"
@@ -162,6 +168,8 @@ class Specimen(Settings):
 
     def _force(self, instants: Floats, position: Floats, velocity: Floats) -> Floats:
         depth, rate = self.depth(position, velocity)
+        if self.unloading == "ting":
+            return self._by_ting(instants, depth)
         if not self.model.memory:
             theta = self.theta(position[:, 0], position[:, 1])
             if self.layers:
@@ -172,6 +180,18 @@ class Specimen(Settings):
         values = [self.parameters[parameter.name] for parameter in self.model.parameters]
         try:
             return force_over_time(self.model, instants, depth, rate, values, pulls=False)
+        except ValueError as error:
+            raise ConfigurationError(f"device sim: specimen: {error}") from error
+
+    def _by_ting(self, instants: Floats, depth: Floats) -> Floats:
+        """Contact force (n,) [N] after Ting; raises ConfigurationError for what it is not for."""
+        from palpate.host import ting_force
+
+        if self.inclusions or self.layers:
+            raise ConfigurationError('device sim: specimen: unloading = "ting" is for a homogeneous material')
+        values = [self.parameters[parameter.name] for parameter in self.model.parameters]
+        try:
+            return ting_force(self.model, instants, depth, values, _REVERSAL)
         except ValueError as error:
             raise ConfigurationError(f"device sim: specimen: {error}") from error
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from palpate_filters.process import InertialProcess, KinematicProcess
     from palpate_filters.renamed import RENAMED
     from palpate_filters.smoother import KinematicSmoother
+    from palpate_filters.ting_fit import TingFit
     from palpate_filters.ukf import AdaptiveFadingUkf, UnscentedKalmanFilter
 
 __getattr__ = lazily(
@@ -30,6 +31,7 @@ __getattr__ = lazily(
         "palpate_filters.process": "InertialProcess KinematicProcess",
         "palpate_filters.renamed": "RENAMED",
         "palpate_filters.smoother": "KinematicSmoother",
+        "palpate_filters.ting_fit": "TingFit",
         "palpate_filters.ukf": "AdaptiveFadingUkf UnscentedKalmanFilter",
     },
 )
@@ -48,6 +50,7 @@ __all__ = [
     "KinematicProcess",
     "KinematicSmoother",
     "Step",
+    "TingFit",
     "UnscentedKalmanFilter",
     "compile_step",
 ]
@@ -61,6 +64,7 @@ def palpate_estimators() -> dict[str, type[Estimator]]:
     from palpate_filters.fit import CasadiFit
     from palpate_filters.kinematic_filter import KinematicFilter
     from palpate_filters.smoother import KinematicSmoother
+    from palpate_filters.ting_fit import TingFit
     from palpate_filters.ukf import AdaptiveFadingUkf, UnscentedKalmanFilter
 
     return {
@@ -72,6 +76,7 @@ def palpate_estimators() -> dict[str, type[Estimator]]:
         "kinematic-ekf": KinematicFilter,
         "kinematic-smoother": KinematicSmoother,
         "casadi-fit": CasadiFit,
+        "ting-fit": TingFit,
     }
 
 

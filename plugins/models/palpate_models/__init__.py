@@ -9,8 +9,10 @@ from palpate import Command, lazily, plugin
 if TYPE_CHECKING:
     from palpate import ContactModel, Indenter
 
+    from palpate_models.arms import Burgers, GeneralisedMaxwell2, GeneralisedMaxwell3, GeneralisedMaxwell4
     from palpate_models.compression import Compression
     from palpate_models.dimensionality_reduction import DimensionalityReduction
+    from palpate_models.fractional import FractionalKelvinVoigt, PowerLaw
     from palpate_models.hunt_crossley import FreeHuntCrossley, HuntCrossley
     from palpate_models.indenters import (
         BluntCone,
@@ -27,23 +29,28 @@ if TYPE_CHECKING:
         TruncatedCone,
     )
     from palpate_models.kelvin_voigt import KelvinVoigt
+    from palpate_models.poroelastic import Poroelastic
     from palpate_models.relaxation import DimensionalityReductionMaxwell, Maxwell, StandardLinearSolid
 
 __getattr__ = lazily(
     __name__,
     {
+        "palpate_models.arms": "Burgers GeneralisedMaxwell2 GeneralisedMaxwell3 GeneralisedMaxwell4",
         "palpate_models.compression": "Compression",
         "palpate_models.dimensionality_reduction": "DimensionalityReduction",
+        "palpate_models.fractional": "FractionalKelvinVoigt PowerLaw",
         "palpate_models.hunt_crossley": "FreeHuntCrossley HuntCrossley",
         "palpate_models.indenters": "BluntCone Cone Ellipsoid ExactSphere Flat Paraboloid "
         "Power Profile Quartic Sphere TiltedFlat TruncatedCone",
         "palpate_models.kelvin_voigt": "KelvinVoigt",
+        "palpate_models.poroelastic": "Poroelastic",
         "palpate_models.relaxation": "DimensionalityReductionMaxwell Maxwell StandardLinearSolid",
     },
 )
 
 __all__ = [
     "BluntCone",
+    "Burgers",
     "Compression",
     "Cone",
     "DimensionalityReduction",
@@ -51,12 +58,18 @@ __all__ = [
     "Ellipsoid",
     "ExactSphere",
     "Flat",
+    "FractionalKelvinVoigt",
     "FreeHuntCrossley",
+    "GeneralisedMaxwell2",
+    "GeneralisedMaxwell3",
+    "GeneralisedMaxwell4",
     "HuntCrossley",
     "KelvinVoigt",
     "Maxwell",
     "Paraboloid",
+    "Poroelastic",
     "Power",
+    "PowerLaw",
     "Profile",
     "Quartic",
     "Sphere",
@@ -103,10 +116,13 @@ def palpate_indenters() -> dict[str, type[Indenter]]:
 @plugin
 def palpate_models() -> dict[str, type[ContactModel]]:
     """Contact models."""
+    from palpate_models.arms import Burgers, GeneralisedMaxwell2, GeneralisedMaxwell3, GeneralisedMaxwell4
     from palpate_models.compression import Compression
     from palpate_models.dimensionality_reduction import DimensionalityReduction
+    from palpate_models.fractional import FractionalKelvinVoigt, PowerLaw
     from palpate_models.hunt_crossley import FreeHuntCrossley, HuntCrossley
     from palpate_models.kelvin_voigt import KelvinVoigt
+    from palpate_models.poroelastic import Poroelastic
     from palpate_models.relaxation import DimensionalityReductionMaxwell, Maxwell, StandardLinearSolid
 
     return {
@@ -114,6 +130,13 @@ def palpate_models() -> dict[str, type[ContactModel]]:
         "standard-linear-solid": StandardLinearSolid,
         "dimensionality-reduction-maxwell": DimensionalityReductionMaxwell,
         "maxwell": Maxwell,
+        "generalised-maxwell-2": GeneralisedMaxwell2,
+        "generalised-maxwell-3": GeneralisedMaxwell3,
+        "generalised-maxwell-4": GeneralisedMaxwell4,
+        "burgers": Burgers,
+        "power-law": PowerLaw,
+        "fractional-kelvin-voigt": FractionalKelvinVoigt,
+        "poroelastic": Poroelastic,
         "kelvin-voigt": KelvinVoigt,
         "hunt-crossley": HuntCrossley,
         "hunt-crossley-free": FreeHuntCrossley,

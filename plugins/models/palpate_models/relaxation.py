@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 from palpate import ContactModel, Indenter, MaterialValue, Parameter, select
@@ -22,10 +24,21 @@ from palpate_models.thickness import contact_validity, corrected_contact
 _THICKNESS = 'correction for a layer, as for dimensionality-reduction; left out or "none": a half-space'
 
 
-class _Relaxing(ContactModel):
-    """Tip, Poisson's ratio and layer of a material with one fading force."""
+@dataclass(frozen=True)
+class Spectrum:
+    """A relaxation modulus E(t) = E + sum of E_k exp(-t/tau_k), and a damper beside it."""
 
-    memory: ClassVar[tuple[str, ...]] = ("relaxing_force",)
+    lasting: Any  # E [Pa]; None: nothing lasts
+    damper: Any  # shear viscosity [Pa s]; None: there is none
+    arms: tuple[tuple[Any, Any], ...]  # E_k [Pa], 1/tau_k [1/s]
+
+
+class Relaxing(ContactModel):
+    """A linear material that relaxes, pressed by any axisymmetric tip; a model says its `spectrum`.
+
+    F = 2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' + sum of q_k with an internal state q_k [N] for each arm,
+    dq_k/dt = 2 E_k/(1 - nu^2) a(d) d' - q_k/tau_k in contact and -q_k/tau_k out of it.
+    """
 
     indenter: Indenter = Field(description="the tip")
     poisson: float = Field(default=0.5, ge=0, le=0.5, description="Poisson's ratio nu; 0.5 for incompressible material")
@@ -37,17 +50,44 @@ class _Relaxing(ContactModel):
             self.thickness.check(self.indenter, self.poisson)
         return self
 
-    def _loading(self, depth: Any, rate: Any) -> Any:
-        """Growth of the elastic force per Young's modulus, 2 a(d) d'/(1 - nu^2) [m^2/s]; 0 out of contact."""
+    @abstractmethod
+    def spectrum(self, theta: Sequence[Any]) -> Spectrum:
+        """The relaxation modulus at parameter values."""
+
+    def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
+        """2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' + sum of q_k [N]; without `memory` long at rest."""
+        law = self.spectrum(theta)
+        area, radius = corrected_contact(self.indenter, self.thickness, depth)
+        found = 0.0 * depth if law.lasting is None else 2.0 / (1.0 - self.poisson**2) * law.lasting * area
+        if law.damper is not None:
+            found = found + 4.0 / (1.0 - self.poisson) * law.damper * radius * rate
+        for state in memory[: len(law.arms)]:
+            found = found + state
+        return found
+
+    def memory_rate(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any]) -> tuple[Any, ...]:
+        """2 E_k/(1 - nu^2) a(d) d' - q_k/tau_k [N/s]."""
         _, radius = corrected_contact(self.indenter, self.thickness, select(depth, 0.0, depth, 1e-3 + 0.0 * depth))
-        return select(depth, 0.0, 2.0 / (1.0 - self.poisson**2) * radius * rate, 0.0 * depth)
+        loading = select(depth, 0.0, 2.0 / (1.0 - self.poisson**2) * radius * rate, 0.0 * depth)
+        arms, pace = self.spectrum(theta).arms, self.pace(radius, theta)
+        return tuple(
+            strength * loading - (forgetting if pace is None else pace * forgetting) * state
+            for (strength, forgetting), state in zip(arms, memory, strict=True)
+        )
+
+    def pace(self, radius: Any, theta: Sequence[Any]) -> Any:
+        """What the rates of all arms are multiplied with at a contact radius [m]; None where it plays no part."""
+        return None
 
     def validity(self, depth: float) -> str:
         """What does not hold of tip or thickness correction at a depth [m]."""
         return contact_validity(self.indenter, self.thickness, depth)
 
 
-class StandardLinearSolid(_Relaxing):
+_ONE = ("relaxing_force",)
+
+
+class StandardLinearSolid(Relaxing):
     """A material with a lasting and a fading elasticity (Zener's), pressed by any axisymmetric tip.
 
     F = 2 E/(1 - nu^2) A(d) + q with the internal state q [N], dq/dt = 2 E_1/(1 - nu^2) a(d) d' - q/tau in contact
@@ -58,17 +98,12 @@ class StandardLinearSolid(_Relaxing):
     Source: Lee and Radok 1960; Popov and Hess 2015, chapter on viscoelastic contacts.
     """
 
+    memory: ClassVar[tuple[str, ...]] = _ONE
     parameters: ClassVar[tuple[Parameter, ...]] = (LASTING_ELASTICITY, RELAXING_ELASTICITY, RELAXATION_TIME)
 
-    def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
-        """2 E/(1 - nu^2) A(d) + q [N]; without `memory` that of a material long at rest."""
-        area, _ = corrected_contact(self.indenter, self.thickness, depth)
-        return 2.0 / (1.0 - self.poisson**2) * theta[0] * area + (memory[0] if len(memory) else 0.0)
-
-    def memory_rate(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any]) -> tuple[Any, ...]:
-        """2 E_1/(1 - nu^2) a(d) d' - q/tau [N/s]."""
-        loading = self._loading(depth, rate)
-        return (theta[1] * loading - memory[0] / theta[2],)
+    def spectrum(self, theta: Sequence[Any]) -> Spectrum:
+        """E + E_1 exp(-t/tau)."""
+        return Spectrum(theta[0], None, ((theta[1], 1.0 / theta[2]),))
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
         """E, and the viscosity E_1 tau/(2 (1 + nu)) of slow motion."""
@@ -81,7 +116,7 @@ class StandardLinearSolid(_Relaxing):
         )
 
 
-class DimensionalityReductionMaxwell(_Relaxing):
+class DimensionalityReductionMaxwell(Relaxing):
     """Spring, damper and one Maxwell arm side by side: the paper's material, and a part of it that fades.
 
     F = 2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' + q with the internal state q [N],
@@ -93,6 +128,7 @@ class DimensionalityReductionMaxwell(_Relaxing):
     Source: paper, eq. TotalForce; Lee and Radok 1960; Popov and Hess 2015, chapter on viscoelastic contacts.
     """
 
+    memory: ClassVar[tuple[str, ...]] = _ONE
     parameters: ClassVar[tuple[Parameter, ...]] = (
         LASTING_ELASTICITY,
         DASHPOT_VISCOSITY,
@@ -100,16 +136,9 @@ class DimensionalityReductionMaxwell(_Relaxing):
         RELAXATION_TIME,
     )
 
-    def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
-        """2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' + q [N]; without `memory` that of a material long at rest."""
-        area, radius = corrected_contact(self.indenter, self.thickness, depth)
-        lasting = 2.0 / (1.0 - self.poisson**2) * theta[0] * area
-        return lasting + 4.0 / (1.0 - self.poisson) * theta[1] * radius * rate + (memory[0] if len(memory) else 0.0)
-
-    def memory_rate(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any]) -> tuple[Any, ...]:
-        """2 E_1/(1 - nu^2) a(d) d' - q/tau [N/s]."""
-        loading = self._loading(depth, rate)
-        return (theta[2] * loading - memory[0] / theta[3],)
+    def spectrum(self, theta: Sequence[Any]) -> Spectrum:
+        """E + E_1 exp(-t/tau), and the damper."""
+        return Spectrum(theta[0], theta[1], ((theta[2], 1.0 / theta[3]),))
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
         """E and eta themselves, and E_0 = E + E_1."""
@@ -121,7 +150,7 @@ class DimensionalityReductionMaxwell(_Relaxing):
         )
 
 
-class Maxwell(_Relaxing):
+class Maxwell(Relaxing):
     """A material that flows (Maxwell's): elastic at once, viscous in the long run, pressed by any axisymmetric tip.
 
     F = q with the internal state q [N], dq/dt = 2 E/(1 - nu^2) a(d) d' - q/tau in contact and -q/tau out of it, with
@@ -130,17 +159,12 @@ class Maxwell(_Relaxing):
     Source: Lee and Radok 1960; Popov and Hess 2015, chapter on viscoelastic contacts.
     """
 
+    memory: ClassVar[tuple[str, ...]] = _ONE
     parameters: ClassVar[tuple[Parameter, ...]] = (INSTANT_ELASTICITY, FLOW_VISCOSITY)
 
-    def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
-        """q [N]; without `memory` that of a material long at rest, which is 0."""
-        return (memory[0] if len(memory) else 0.0) + 0.0 * depth
-
-    def memory_rate(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any]) -> tuple[Any, ...]:
-        """2 E/(1 - nu^2) a(d) d' - q/tau [N/s]."""
-        loading = self._loading(depth, rate)
-        forgetting = theta[0] / (2.0 * (1.0 + self.poisson) * theta[1])
-        return (theta[0] * loading - forgetting * memory[0],)
+    def spectrum(self, theta: Sequence[Any]) -> Spectrum:
+        """E exp(-t/tau), tau = 2 (1 + nu) eta/E."""
+        return Spectrum(None, None, ((theta[0], theta[0] / (2.0 * (1.0 + self.poisson) * theta[1])),))
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
         """The parameters themselves."""

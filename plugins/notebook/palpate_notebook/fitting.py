@@ -86,7 +86,11 @@ def pipeline_of(
             raise ConfigurationError(f'{kind}: must be a list of parts or of their names, such as ["dr"]')
     known = registry.load()
     tables: dict[str, Any] = {
-        "run": {"name": name or record.name, "uncertainties": dict(uncertainties or {})},
+        "run": {
+            "name": name or record.name,
+            "uncertainties": dict(uncertainties or {}),
+            "assumed": list(record.assumed),
+        },
         "device": dict(record.devices),
         "alignment": dict(record.alignment),
     }

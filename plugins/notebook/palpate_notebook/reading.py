@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from palpate import ConfigurationError
-from palpate.host import carried_by, replay_source, suggestion_of
+from palpate.host import carried_by, replay_source, suggestion_of, with_other_channels
 
 from palpate_notebook.records import Record, declared
 
 _ROLES = {"height": "position"}
+_TIMED = ("force", "position", "velocity")
+_UNSTATED = ("alignment.tare", "alignment.*.delay")  # of another's log
 
 
 def read(
@@ -28,30 +30,56 @@ def read(
 ) -> Record:
     """A record from a log: .mcap, .db3, a bag folder, .csv, or a run folder.
 
-    A log that palpate has written says itself what its signals are. Of others, `signals` settles what is what, as in
+    A log that palpate has written says itself what its signals are, and what was declared of them; `signals` reads
+    some of them elsewhere, and all else stays. Of others, `signals` settles what is what, as in
     ``{"force": "/wrench:wrench.force.z", "height": "z", "rate": "500 Hz"}``; the rest is found by what the numbers do
-    together, and what is only a guess is warned of. All else as in `palpate.record`.
+    together, and what is only a guess is warned of. Delays and tare that nobody has stated are flagged in the results
+    (`assumed`). All else as in `palpate.record`.
 
     Raises LogError for what is no log, ConfigurationError where something must be said that no file can say.
     """
     log = Path(path)
     choices = {_ROLES.get(role, role): text for role, text in (signals or {}).items()}
-    carried = carried_by(log) if not choices else None
-    if carried is not None:
+    carried = carried_by(log)
+    doubts: tuple[str, ...] = ()
+    if carried is not None and not choices:
         tables = replay_source(carried).tables
-        devices, channels = tables["device"], dict(tables["alignment"])
-        doubts: tuple[str, ...] = ()
     else:
         suggestion = suggestion_of(log, choices)
         if suggestion.blanks:
             raise ConfigurationError(f"{log}: {'; '.join(suggestion.blanks)}: say it in signals={{...}}")
-        devices = {"log": {**suggestion.device, "file": str(log.absolute())}}
-        channels, doubts = dict(suggestion.alignment), suggestion.doubts
+        doubts = suggestion.doubts
         for text in doubts:
             warnings.warn(f"{log.name}: {text}", stacklevel=2)
+        if carried is not None:
+            tables = with_other_channels(carried, suggestion, choices).tables
+        else:
+            device = {**suggestion.device, "file": str(log.absolute())}
+            tables = {"device": {"log": device}, "alignment": suggestion.alignment, "run": {"assumed": _UNSTATED}}
+    channels = dict(tables["alignment"])
     roles = {role: channels.pop(role) for role in list(channels) if _is_signal(role, channels[role])}
     table = channels | declared(roles, timing, delay, sign, tip_mass, tare, alignment)
-    return Record(log.name, devices, table, log, doubts)
+    stated = _stated(timing, delay, tare, alignment)
+    assumed = [
+        key
+        for pattern in tables.get("run", {}).get("assumed", ())
+        for key in ([f"alignment.{role}.delay" for role in roles if role in _TIMED] if "*" in pattern else [pattern])
+        if key.startswith("alignment.") and key not in stated
+    ]
+    return Record(log.name, tables["device"], table, log, doubts, assumed=tuple(dict.fromkeys(assumed)))
+
+
+def _stated(
+    timing: str | float | None,
+    delay: str | float | Mapping[str, str | float] | None,
+    tare: str | float | None,
+    alignment: Mapping[str, Any] | None,
+) -> set[str]:
+    """Keys of ``[alignment]`` that the caller says; who knows the timing knows that there is no other delay."""
+    late = delay if isinstance(delay, Mapping) else {} if delay is None else dict.fromkeys(_TIMED)
+    roles = _TIMED if timing is not None else [_ROLES.get(role, role) for role in late]
+    said = {f"alignment.{role}.delay" for role in roles} | {f"alignment.{key}" for key in alignment or {}}
+    return said | ({"alignment.tare"} if tare is not None else set())
 
 
 def _is_signal(role: str, value: Any) -> bool:

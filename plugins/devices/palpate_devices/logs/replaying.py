@@ -86,7 +86,9 @@ def with_other_channels(carried: Carried, suggestion: Suggestion, choices: Itera
     source = replay_source(carried)
     tables = source.tables
     name = next(name for name in (_CHOSEN, *(f"{_CHOSEN}_{k}" for k in range(2, 99))) if name not in tables["device"])
-    tables["device"][name] = {**suggestion.device, "file": str(carried.log.absolute())}
+    # Which part of the record is measured its run has said: the window that a suggestion guesses is for other logs.
+    reader = {key: value for key, value in suggestion.device.items() if key not in ("begin", "end")}
+    tables["device"][name] = {**reader, "file": str(carried.log.absolute())}
     run, changed = tables.setdefault("run", {}), [role for role in choices if role in suggestion.alignment]
     for role in changed:
         signal = dict(suggestion.alignment[role])

@@ -32,7 +32,8 @@ from palpate.host import (
     write_whole,
 )
 
-from palpate_filters.fit.tables import fit_views
+from palpate_filters.fit.each import Reader, curve_files, curves_by, fit_each
+from palpate_filters.fit.tables import each_table, fit_views
 
 # Settings of an estimator that can evaluate on one log what was found on another.
 _REFITTED = {"fixed", "bounds", "start_at", "profile", "systematic", "contact_point", "solver", "bootstrap"}
@@ -75,7 +76,10 @@ class LogFit:
 
 def fit(
     sources: Annotated[
-        list[Path], typer.Argument(metavar="SOURCE...", help="Pipeline files, or logs that --pipeline can read.")
+        list[Path],
+        typer.Argument(
+            metavar="SOURCE...", help="Pipeline files, or logs that --pipeline can read; folders, with --each."
+        ),
     ],
     pipeline: Annotated[
         Path | None, typer.Option(help="How to read the logs: a pipeline with one device that has a file.")
@@ -92,8 +96,16 @@ def fit(
     pictures: Annotated[bool, typer.Option(help="Draw force over time and depth, and residuals.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print fit.json instead of the tables.")] = False,
     layout: FormatOption = "table",
+    each: Annotated[
+        bool, typer.Option("--each", help="Thousands of curves, one a file: a row of fits.csv each; --out goes on.")
+    ] = False,
+    by: Annotated[str | None, typer.Option(help="With --each: a new curve begins where this channel changes.")] = None,
+    workers: Annotated[int | None, typer.Option(help="With --each: processes. [default: all cores]", min=1)] = None,
 ) -> None:
     """Fit every offline track to every log; compare, and evaluate what was found on one log on the others."""
+    if each or by:
+        _each(sources, pipeline, overrides or [], out, by, workers, as_json)
+        return
     failures: dict[str, UserError] = {}
     loaded = _pipelines(sources, pipeline, overrides or [], failures)
     folder = make_folder("fit", out, datetime.now(UTC).astimezone())
@@ -127,6 +139,38 @@ def fit(
         terminal.print(f"written to {folder}", highlight=False, markup=False)
     if failures:
         typer.echo(f"{len(failures)} of {len(sources)} logs failed: {', '.join(failures)}", err=True)
+        raise typer.Exit(1)
+
+
+def _each(
+    sources: Sequence[Path],
+    reader: Path | None,
+    overrides: list[str],
+    out: Path | None,
+    by: str | None,
+    workers: int | None,
+    as_json: bool,
+) -> None:
+    """Many curves, each a row of a table."""
+    if reader is None:
+        raise ConfigurationError("--each: say with --pipeline FILE how a curve is read")
+    device = _log_device(load_pipeline(reader, overrides), reader)
+    files = list(curve_files(sources, type(load_pipeline(reader, overrides).devices[device])))
+    assignments = [*overrides, f"device.{device}.file={json.dumps(str(files[0].file))}"]
+    pipeline = _offline(load_pipeline(reader, assignments))
+    log = pipeline.devices[device]
+    curves = curves_by([log.model_copy(update={"file": Path(one.file)}) for one in files], by) if by else files
+    told = Reader(pipeline.text, str(pipeline.path), tuple(assignments), device)
+    folder = out or make_folder("fit", None, datetime.now(UTC).astimezone())
+    table = fit_each(pipeline, told, curves, folder, workers)
+    found = table.summary()
+    if as_json:
+        typer.echo(json.dumps({"table": str(table.path), "tracks": found}, indent=2))
+    else:
+        console(160).print(each_table(found).view())
+        typer.echo(f"written to {table.path}")
+    if failed := sum(track["failed"] for track in found.values()):
+        typer.echo(f"{failed} fits of {sum(track['curves'] for track in found.values())} failed", err=True)
         raise typer.Exit(1)
 
 

@@ -40,6 +40,18 @@ def fit_views(
         yield by_cycle(cycles)
 
 
+def each_table(tracks: Mapping[str, Mapping[str, Any]]) -> Table:
+    """Of many curves: how many were fitted, and median and quartiles of each parameter by track."""
+    rows = []
+    for label, found in tracks.items():
+        spreads = found.get("quartiles", {}).items()
+        texts = [f"{name} {middle:.4g} ({low:.4g} to {high:.4g})" for name, (low, middle, high) in spreads]
+        counts = [str(found[name]) for name in ("curves", "failed", "flagged")]
+        rows.append([label, *counts, "\n".join(text for text in texts if "_std " not in text)])
+    median = "median (quartiles), SI"
+    return Table.of("fits of each curve", ["track", "curves", "failed", "flagged", median], rows, ["track", median])
+
+
 def fits_of_a_run(result: Result) -> list[Table | str]:
     """Comparison of the offline fits among a run's tracks, where there are several."""
     fits = {name: track for name, track in result.tracks.items() if track.report is not None}

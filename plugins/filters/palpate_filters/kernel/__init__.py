@@ -81,7 +81,7 @@ def compile_step(step: Step) -> Kernel:
 class CompiledWhenUsed:
     """A kernel that is compiled once it has run over so many samples that this pays; the same bits before and after."""
 
-    _PAYS = 50_000  # samples, which the virtual machine takes as long over as LLVM over compiling
+    _PAYS = 20_000  # samples, which the virtual machine takes longer over than LLVM over what it finds compiled
 
     def __init__(self, step: Step) -> None:
         self._step, self._samples = step, 0

@@ -8,6 +8,7 @@ import numpy as np
 from palpate import Floats
 
 _BLOCK = 1000  # samples in one call; longer ones take seconds to build
+_MANY = 150  # samples from which on a block that is not full is faster than so many calls
 
 
 class VirtualMachine:
@@ -23,11 +24,13 @@ class VirtualMachine:
         """State (ns,) after, and outputs (n, ny) of, the samples (n, nw)."""
         outputs = np.empty((len(samples), self._single.outputs))
         whole = len(samples) // _BLOCK * _BLOCK
+        if len(samples) - whole >= _MANY:
+            whole = len(samples)
         if whole and self._block is None:
             self._block = _Call(self._single.function, _BLOCK)
         for start in range(0, whole, _BLOCK):
             assert self._block is not None
-            stop = start + _BLOCK
+            stop = min(start + _BLOCK, whole)
             state = self._block(state, samples[start:stop], settings, outputs[start:stop])
         for i in range(whole, len(samples)):
             state = self._single(state, samples[i : i + 1], settings, outputs[i : i + 1])
@@ -61,7 +64,9 @@ class _Call:
         settings: Floats,
         outputs: Floats,
     ) -> Floats:
-        self._state[...], self._samples[...], self._settings[...] = state, samples, settings
+        count = len(samples)
+        self._state[...], self._samples[:count], self._settings[...] = state, samples, settings
+        self._samples[count:] = samples[-1]
         self._trigger()
-        outputs[...] = self._outputs
-        return np.array(self._states[-1])
+        outputs[...] = self._outputs[:count]
+        return np.array(self._states[count - 1])
