@@ -15,6 +15,7 @@ from palpate.host import WIDTHS, figure_of, legend_outside, save_figure, style
 from palpate_models import (
     Burgers,
     Compression,
+    DerjaguinMullerToporov,
     DimensionalityReduction,
     DimensionalityReductionMaxwell,
     FractionalKelvinVoigt,
@@ -23,6 +24,7 @@ from palpate_models import (
     GeneralisedMaxwell3,
     GeneralisedMaxwell4,
     HuntCrossley,
+    JohnsonKendallRoberts,
     KelvinVoigt,
     Maxwell,
     Poroelastic,
@@ -40,6 +42,7 @@ DEPTH = 4e-3  # [m]
 TIPS: Mapping[str, dict[str, Any]] = {
     "sphere": {"radius": 5e-3},
     "exact-sphere": {"radius": 5e-3},
+    "neo-hookean-sphere": {"radius": 5e-3},
     "paraboloid": {"curvature_radius": 5e-3},
     "ellipsoid": {"radius": 3e-3, "height": 6e-3},
     "flat": {"radius": 3e-3},
@@ -80,6 +83,8 @@ def models(tip: Indenter) -> dict[str, tuple[ContactModel, list[float]]]:
         "kelvin-voigt": (KelvinVoigt(), [1000.0, 15.0]),
         "hunt-crossley": (HuntCrossley(), [0.45, 5.0]),
         "hunt-crossley-free": (FreeHuntCrossley(), [0.5, 5.0, 1.4]),
+        "dmt": (DerjaguinMullerToporov(radius=5e-3), [ELASTICITY, 20.0]),
+        "jkr": (JohnsonKendallRoberts(radius=5e-3), [ELASTICITY, 20.0]),
         "compression": (Compression(diameter=51e-3, height=22e-3), [ELASTICITY]),
     }
     return {name: settings[name] for name in palpate_models()}

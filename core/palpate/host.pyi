@@ -48,6 +48,12 @@ from palpate_devices.recording import (
     Survey as Survey,
     TopicSurvey as TopicSurvey,
 )
+from palpate_filters.fit.contact_point import (
+    CONTACT_METHODS as CONTACT_METHODS,
+    Approach as Approach,
+    ContactPoint as ContactPoint,
+    contact_point as contact_point,
+)
 from palpate_filters.local_cubic import cubic_weights as cubic_weights, local_cubic as local_cubic
 from palpate_models.ting import ting_force as ting_force
 from palpate_report.pictures import (

@@ -11,6 +11,7 @@ from palpate.registry import load
 ANALYSES = [
     "palpate_calibration",
     "palpate_hardware",
+    "palpate_indentation",
     "palpate_live",
     "palpate_maps",
     "palpate_notebook",

@@ -14,6 +14,7 @@ SPHERE = {"formula": "R - sqrt(R**2 - r**2)", "constants": {"R": 5e-3}, "radius"
 _TIPS = {
     "sphere": {"radius": 5e-3},
     "exact-sphere": {"radius": 5e-3},
+    "neo-hookean-sphere": {"radius": 5e-3},
     "paraboloid": {"curvature_radius": 5e-3},
     "ellipsoid": {"radius": 4e-3, "height": 7e-3},
     "flat": {"radius": 5e-3},
@@ -43,6 +44,8 @@ _MODELS = {
     "kelvin-voigt": ({"indenter": TIPS["flat"]}, [1000.0, 10.0]),
     "hunt-crossley": ({"indenter": TIPS["sphere"]}, [1.0, 10.0]),
     "hunt-crossley-free": ({"indenter": TIPS["sphere"]}, [1.0, 10.0, 1.5]),
+    "dmt": ({"radius": 5e-3}, [1e5, 0.05]),
+    "jkr": ({"radius": 5e-3}, [1e5, 0.05]),
     "compression": ({"diameter": 51e-3, "height": 22e-3}, [1e5]),
 }
 MODELS: dict[str, tuple[ContactModel, list[float]]] = {

@@ -114,6 +114,8 @@ def test_material_says_what_it_can():
         "hunt-crossley": {"elasticity"},
         "hunt-crossley-free": {"elasticity"},
         "compression": {"elasticity"},
+        "dmt": {"elasticity"},
+        "jkr": {"elasticity"},
     }
 
 

@@ -54,7 +54,7 @@ def change_point(position: Floats, force: Floats) -> ChangePoint | None:
         best = min(best, (float(sums[at]), float(heights[at])))
         low, high = float(heights[max(at - 1, 0)]), float(heights[min(at + 1, _GRID - 1)])
     left, surface = best
-    noise = left / (len(z) - 3)
+    noise = max(left, 0.0) / (len(z) - 3)  # rounding leaves less than nothing of a law without noise
     shape = np.maximum(surface - z, 0.0) ** _POWER
     spread = float(((shape - shape.mean()) ** 2).sum())
     slope = float((shape * centred).sum()) / spread if spread > 0 else 0.0

@@ -89,7 +89,7 @@ class ContactModel(Part, ABC):
     kind: ClassVar[str] = "model"
     parameters: ClassVar[tuple[Parameter, ...]]
     memory: ClassVar[tuple[str, ...]] = ()  # names of internal states, for materials that relax
-    adhesive: ClassVar[bool] = False  # it may pull, and its force at rest may fall with depth
+    adhesive: ClassVar[bool] = False  # it may pull, and its force at rest may fall with depth, from `pull_off_depth` on
 
     @abstractmethod
     def force(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any] = ()) -> Any:
@@ -97,8 +97,12 @@ class ContactModel(Part, ABC):
 
         `theta` holds one value for each of `parameters`, `memory` one for each internal state, in their order. Plain
         operators only: one formula runs on floats, arrays, complex numbers and CasADi symbols. Below depth 0 it is not
-        asked: see `contact_force`.
+        asked, or below `pull_off_depth` where it is `adhesive`: see `contact_force`.
         """
+
+    def pull_off_depth(self, theta: Sequence[Any]) -> Any:
+        """Depth [m], 0 or below, at which a tip that leaves comes off; a tip that comes touches at depth 0."""
+        return 0.0
 
     def memory_rate(self, depth: Any, rate: Any, theta: Sequence[Any], memory: Sequence[Any]) -> tuple[Any, ...]:
         """Time derivative of each internal state [unit/s], at any depth; empty for a model without memory."""
@@ -125,9 +129,11 @@ def contact_force(
 ) -> Any:
     """Force [N] at any depth [m]: that of the model in contact, 0 out of it (paper, eq. final_ext_contact2).
 
-    With ``pulls = False`` the force is never negative: a material that does not stick cannot hold a tip back that
-    leaves faster than the material recovers.
+    With ``pulls = False`` the force is never negative, unless the model is `adhesive`: a material that does not stick
+    cannot hold a tip back that leaves faster than the material recovers.
     """
+    edge = select(rate, 0.0, 0.0, model.pull_off_depth(theta)) if model.adhesive else 0.0
+    above = depth - edge if model.adhesive else depth
     # Both branches are evaluated: the guarded argument keeps a Jacobian at d = 0 finite.
-    force = select(depth, 0.0, model.force(select(depth, 0.0, depth, 1.0), rate, theta, memory), 0.0)
-    return force if pulls else select(force, 0.0, force, 0.0)
+    force = select(above, 0.0, model.force(select(above, 0.0, depth, 1.0), rate, theta, memory), 0.0)
+    return force if pulls or model.adhesive else select(force, 0.0, force, 0.0)

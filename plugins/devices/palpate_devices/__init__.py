@@ -9,6 +9,7 @@ from palpate import Command, Fact, FlagMeaning, lazily, plugin
 if TYPE_CHECKING:
     from palpate import Device, Sink, Twin
 
+    from palpate_devices.afm_replay import AfmReplay
     from palpate_devices.bota.device import BotaSensor
     from palpate_devices.csv_replay import CsvReplay
     from palpate_devices.csv_sink import CsvSink
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 __getattr__ = lazily(
     __name__,
     {
+        "palpate_devices.afm_replay": "AfmReplay",
         "palpate_devices.bota.device": "BotaSensor",
         "palpate_devices.csv_replay": "CsvReplay",
         "palpate_devices.csv_sink": "CsvSink",
@@ -40,6 +42,7 @@ __getattr__ = lazily(
 
 __all__ = [
     "UR",
+    "AfmReplay",
     "BotaSensor",
     "CsvReplay",
     "CsvSink",
@@ -56,6 +59,7 @@ __all__ = [
 @plugin
 def palpate_devices() -> dict[str, type[Device]]:
     """Robots, sensors, simulated rigs and logs."""
+    from palpate_devices.afm_replay import AfmReplay
     from palpate_devices.bota.device import BotaSensor
     from palpate_devices.csv_replay import CsvReplay
     from palpate_devices.mcap_replay import McapReplay
@@ -66,6 +70,7 @@ def palpate_devices() -> dict[str, type[Device]]:
     from palpate_devices.ur3e.device import UR
 
     logs: dict[str, type[Device]] = {
+        "afm-replay": AfmReplay,
         "csv-replay": CsvReplay,
         "mcap-replay": McapReplay,
         "rosbag2-replay": Rosbag2Replay,

@@ -9,6 +9,7 @@ from palpate import Command, lazily, plugin
 if TYPE_CHECKING:
     from palpate import ContactModel, Indenter
 
+    from palpate_models.adhesion import DerjaguinMullerToporov, JohnsonKendallRoberts
     from palpate_models.arms import Burgers, GeneralisedMaxwell2, GeneralisedMaxwell3, GeneralisedMaxwell4
     from palpate_models.compression import Compression
     from palpate_models.dimensionality_reduction import DimensionalityReduction
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
         Ellipsoid,
         ExactSphere,
         Flat,
+        NeoHookeanSphere,
         Paraboloid,
         Power,
         Profile,
@@ -35,12 +37,13 @@ if TYPE_CHECKING:
 __getattr__ = lazily(
     __name__,
     {
+        "palpate_models.adhesion": "DerjaguinMullerToporov JohnsonKendallRoberts",
         "palpate_models.arms": "Burgers GeneralisedMaxwell2 GeneralisedMaxwell3 GeneralisedMaxwell4",
         "palpate_models.compression": "Compression",
         "palpate_models.dimensionality_reduction": "DimensionalityReduction",
         "palpate_models.fractional": "FractionalKelvinVoigt PowerLaw",
         "palpate_models.hunt_crossley": "FreeHuntCrossley HuntCrossley",
-        "palpate_models.indenters": "BluntCone Cone Ellipsoid ExactSphere Flat Paraboloid "
+        "palpate_models.indenters": "BluntCone Cone Ellipsoid ExactSphere Flat NeoHookeanSphere Paraboloid "
         "Power Profile Quartic Sphere TiltedFlat TruncatedCone",
         "palpate_models.kelvin_voigt": "KelvinVoigt",
         "palpate_models.poroelastic": "Poroelastic",
@@ -53,6 +56,7 @@ __all__ = [
     "Burgers",
     "Compression",
     "Cone",
+    "DerjaguinMullerToporov",
     "DimensionalityReduction",
     "DimensionalityReductionMaxwell",
     "Ellipsoid",
@@ -64,8 +68,10 @@ __all__ = [
     "GeneralisedMaxwell3",
     "GeneralisedMaxwell4",
     "HuntCrossley",
+    "JohnsonKendallRoberts",
     "KelvinVoigt",
     "Maxwell",
+    "NeoHookeanSphere",
     "Paraboloid",
     "Poroelastic",
     "Power",
@@ -88,6 +94,7 @@ def palpate_indenters() -> dict[str, type[Indenter]]:
         Ellipsoid,
         ExactSphere,
         Flat,
+        NeoHookeanSphere,
         Paraboloid,
         Power,
         Profile,
@@ -100,6 +107,7 @@ def palpate_indenters() -> dict[str, type[Indenter]]:
     return {
         "sphere": Sphere,
         "exact-sphere": ExactSphere,
+        "neo-hookean-sphere": NeoHookeanSphere,
         "paraboloid": Paraboloid,
         "ellipsoid": Ellipsoid,
         "flat": Flat,
@@ -116,6 +124,7 @@ def palpate_indenters() -> dict[str, type[Indenter]]:
 @plugin
 def palpate_models() -> dict[str, type[ContactModel]]:
     """Contact models."""
+    from palpate_models.adhesion import DerjaguinMullerToporov, JohnsonKendallRoberts
     from palpate_models.arms import Burgers, GeneralisedMaxwell2, GeneralisedMaxwell3, GeneralisedMaxwell4
     from palpate_models.compression import Compression
     from palpate_models.dimensionality_reduction import DimensionalityReduction
@@ -141,6 +150,8 @@ def palpate_models() -> dict[str, type[ContactModel]]:
         "hunt-crossley": HuntCrossley,
         "hunt-crossley-free": FreeHuntCrossley,
         "compression": Compression,
+        "dmt": DerjaguinMullerToporov,
+        "jkr": JohnsonKendallRoberts,
     }
 
 

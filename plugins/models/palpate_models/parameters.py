@@ -81,3 +81,6 @@ DASHPOT_VISCOSITY = Parameter(
     start=VISCOSITY.start,
     start_std=VISCOSITY.start_std,
 )
+ADHESION_WORK = Parameter(
+    "adhesion_work", "w", "J/m^2", "energy to part tip and material, per area", start=0.05, start_std=0.1
+)

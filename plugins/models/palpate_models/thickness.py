@@ -9,7 +9,7 @@ from typing import Any, Literal, Self
 from palpate import Depth, Indenter, Settings
 from pydantic import Field, model_validator
 
-from palpate_models.indenters import Cone, Ellipsoid, ExactSphere, Flat, Paraboloid, Sphere
+from palpate_models.indenters import Cone, Ellipsoid, ExactSphere, Flat, NeoHookeanSphere, Paraboloid, Sphere
 
 # Coefficients of 1, X, X^2, X^3, X^4 at nu = 0.5; X is contact radius over layer height.
 _DIMITRIADIS = {True: (1.0, 1.133, 1.283, 0.769, 0.0975), False: (1.0, 0.884, 0.781, 0.386, 0.0048)}
@@ -106,7 +106,7 @@ class Thickness(Settings):
                     return _Contact("flat", indenter.radius, 0.0)
                 case Cone():
                     return _Contact("cone", 2.0 / (math.pi * math.tan(indenter.angle)), 1.0)
-                case Sphere() | ExactSphere():
+                case Sphere() | ExactSphere() | NeoHookeanSphere():
                     radius = indenter.radius
                 case Paraboloid():
                     radius = indenter.curvature_radius

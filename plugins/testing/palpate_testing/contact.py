@@ -103,11 +103,12 @@ def check_model(model: ContactModel, theta: Sequence[float], depths: Floats = _D
     for parameter, value in zip(model.parameters, theta, strict=True):
         demand(parameter.lower <= value <= parameter.upper, f"{name}: {parameter.name} is out of its own bounds")
     empty = [0.0] * len(model.memory)
-    demand(float(contact_force(model, -1e-3, -0.01, theta, empty)) == 0.0, f"{name} pushes out of contact")
+    outside = min(-1e-3, 2.0 * float(model.pull_off_depth(list(theta))))
+    demand(float(contact_force(model, outside, -0.01, theta, empty)) == 0.0, f"{name} pushes out of contact")
     check_force(model, theta, depths)
     at_rest = _values(lambda d: contact_force(model, d, 0.0, theta, empty), depths, f"{name}.force")
     faster = contact_force(model, depths, 0.01, theta, empty) - at_rest
-    demand(np.all(faster >= 0), f"{name}.force is smaller when pressed faster")
+    demand(np.all(faster >= -1e-12 * np.abs(at_rest)), f"{name}.force is smaller when pressed faster")
     _same_everywhere(lambda d: contact_force(model, d, 0.01, theta, empty), depths, f"{name}.force")
     if model.memory:
         _remembers(model, theta, name)

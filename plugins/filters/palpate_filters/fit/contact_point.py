@@ -9,7 +9,7 @@ from palpate import Floats, Samples, change_point
 
 from palpate_filters.fit.segments import RecordCourse
 
-METHODS = ("threshold", "deviation-from-baseline", "gradient")
+CONTACT_METHODS = ("threshold", "deviation-from-baseline", "gradient")
 _SMOOTH = 0.03  # [s] that the force is averaged over for the baseline method
 _BINS = 150  # of height on the way down
 _DEVIATION = 3.0  # standard deviations of the averaged force
@@ -75,7 +75,7 @@ def _ended(approach: Approach) -> Approach:
 
 
 def contact_point(method: str, approach: Approach, threshold: float | None) -> ContactPoint | None:
-    """The surface by one of METHODS; None where the method finds none."""
+    """The surface by one of CONTACT_METHODS; None where the method finds none."""
     noise = approach.noise
     if method == "threshold":
         level = threshold if threshold is not None else _SIGMAS * noise

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from palpate import ContactModel, Floats
+from palpate import ContactModel, Floats, contact_force
 
 from palpate_filters.fit.loss import LossFunction
 from palpate_filters.fit.record import COLUMNS, FitRecord
@@ -40,6 +40,10 @@ def reading(
     height, rate, acceleration, time = row[0], row[1], row[2], row[4]
     depth = surface - height - delay * rate + 0.5 * delay * delay * acceleration
     smooth, smooth_rate = touching(depth, rate - delay * acceleration, transition)
+    if model.adhesive:  # it pulls below depth 0, and lets go at once
+        return (
+            contact_force(model, depth, rate - delay * acceleration, theta) + mass * acceleration + bias + slope * time
+        )
     force = model.force(smooth, smooth_rate, theta, memory) if len(memory) else model.force(smooth, smooth_rate, theta)
     return force + mass * acceleration + bias + slope * time
 

@@ -10,7 +10,7 @@ from palpate import Estimates, Flag, Floats, Problem, Samples
 
 from palpate_filters.fit.budget import BudgetSource
 from palpate_filters.fit.contact_point import (
-    METHODS,
+    CONTACT_METHODS,
     Approach,
     ContactPoint,
     constrained_surface,
@@ -231,7 +231,7 @@ def _spread(found: Estimates, samples: Samples, known: Rows) -> Estimates:
 def _contact_points(settings: CasadiFit, approach: Approach | None) -> dict[str, ContactPoint]:
     if approach is None:
         return {}
-    found = {method: contact_point(method, approach, settings.threshold) for method in METHODS}
+    found = {method: contact_point(method, approach, settings.threshold) for method in CONTACT_METHODS}
     return {method: point for method, point in found.items() if point is not None}
 
 

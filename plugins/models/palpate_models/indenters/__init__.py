@@ -3,7 +3,7 @@
 from palpate_models.indenters.cones import BluntCone, Cone, TruncatedCone
 from palpate_models.indenters.powers import Flat, Paraboloid, Power, Quartic, Sphere
 from palpate_models.indenters.profile import Profile
-from palpate_models.indenters.spheres import Ellipsoid, ExactSphere
+from palpate_models.indenters.spheres import Ellipsoid, ExactSphere, NeoHookeanSphere
 from palpate_models.indenters.tilted import TiltedFlat
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "Ellipsoid",
     "ExactSphere",
     "Flat",
+    "NeoHookeanSphere",
     "Paraboloid",
     "Power",
     "Profile",

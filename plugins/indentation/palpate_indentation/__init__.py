@@ -1,0 +1,39 @@
+"""Whole curves: one press looked at in all its depth, from where contact begins to where the tip comes off."""
+
+from __future__ import annotations
+
+from palpate import Command, FlagMeaning, plugin
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """Analyses of a press."""
+    where = "palpate_indentation.command:indentation"
+    return {"indentation": Command(where, "A press as a whole: E over depth, contact point, adhesion, large strain.")}
+
+
+@plugin
+def palpate_flags() -> dict[str, FlagMeaning]:
+    """What its flags mean."""
+    return {
+        "modulus-over-depth": FlagMeaning(
+            "doubtful",
+            "The modulus of the deeper half of a press differs from that of the shallower one beyond its uncertainty.",
+            "Declare the layer's thickness, a large-strain tip or adhesion; else give the modulus with its depth.",
+        ),
+        "contact-point-unclear": FlagMeaning(
+            "doubtful",
+            "What methods differ by in the contact point moves the modulus by more than 5 %.",
+            "Press deeper or slower, lower the noise, or record more air before contact.",
+        ),
+        "adhesion": FlagMeaning(
+            "note",
+            "The material pulls the tip before it comes off, which the model leaves out.",
+            "Use the model jkr (soft, large tips) or dmt (stiff, small ones), or wet the surface.",
+        ),
+        "tilted-baseline": FlagMeaning(
+            "note",
+            "The force changes along the way through air, beyond its uncertainty; the line is taken off.",
+            "Look for drift, drag in liquid, or a pull of the cable.",
+        ),
+    }

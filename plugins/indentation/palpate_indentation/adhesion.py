@@ -1,0 +1,119 @@
+"""Adhesion on the way out: the pull before the tip comes off, and the theories that tell modulus and work from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from palpate import ContactModel, Floats
+from palpate.host import registry as registries
+
+from palpate_indentation.fitting import CurveFit, correlation_time
+from palpate_indentation.press import Branch
+
+THEORIES = {"dmt": 2.0 * np.pi, "jkr": 1.5 * np.pi}  # largest pull over w R, by the name of the model
+_SIGMAS = 6.0  # of the noise, that the pull passes
+_SHARE = 0.01  # of the largest force, that it passes
+_IN_ALL = 5  # readings beyond
+_SAMPLES = 1500
+_RANGE = 3e-10  # [m] of the attraction between surfaces, in Tabor's parameter
+
+
+@dataclass(frozen=True)
+class PullOff:
+    """The largest pull on the way out."""
+
+    force: float  # [N] below the baseline
+    std: float  # [N]
+
+
+@dataclass(frozen=True)
+class Theory:
+    """A fit of a theory of adhesion to the way out."""
+
+    name: str
+    modulus: float  # [Pa]
+    modulus_std: float
+    work: float  # [J/m^2]
+    work_std: float
+    surface: float  # [m]
+    rms: float  # [N]
+
+
+def pull_off(retract: Branch, noise: float) -> PullOff | None:
+    """The pull of a way out; None where there is none beyond noise, or no air behind to tell it against."""
+    count = len(retract)
+    air = retract.force[-max(count // 20, 10) :]
+    level, scatter = float(np.median(air)), max(float(air.std(ddof=1)), noise)
+    pull = level - retract.force
+    limit = max(_SIGMAS * noise, 3.0 * scatter, _SHARE * float(np.max(retract.force) - level))
+    if np.count_nonzero(pull > limit) < _IN_ALL:
+        return None
+    deepest = np.sort(pull)[-3:]
+    return PullOff(float(np.median(deepest)), float(np.hypot(noise, scatter / np.sqrt(len(air)))))
+
+
+def theories(retract: Branch, approach: CurveFit, pull: PullOff, radius: float, poisson: float) -> Iterator[Theory]:
+    """The theories that are installed, each fitted to the way out: modulus, work, surface and offset."""
+    parts = registries.load().parts["model"]
+    for name, factor in THEORIES.items():
+        if name in parts:
+            model: Any = parts[name].part.model_validate({"radius": radius, "poisson": poisson})
+            yield _fitted(name, model, retract, approach, pull, factor * radius)
+
+
+def tabor(radius: float, work: float, modulus: float, poisson: float) -> float:
+    """(R w^2/(E*^2 z0^3))^(1/3): above 5 the contact is JKR's, below 0.1 DMT's (Tabor 1977)."""
+    plane = modulus / (1.0 - poisson**2)
+    return float((radius * work**2 / (plane**2 * _RANGE**3)) ** (1 / 3))
+
+
+def _fitted(name: str, model: ContactModel, branch: Branch, start: CurveFit, pull: PullOff, factor: float) -> Theory:
+    """Least squares over what is still in contact, and the air behind for the offset.
+
+    Where the tip comes off is seen in the record; a force that jumps there would leave least squares without a slope.
+    """
+    from scipy.optimize import least_squares
+
+    count = len(branch)
+    air = branch.force[-max(count // 20, 10) :]
+    level = float(np.median(air))
+    held = int(np.flatnonzero(level - branch.force > 0.5 * pull.force)[-1]) + 1
+    step = max(held // _SAMPLES, 1)
+    height, force = branch.height[:held:step], branch.force[:held:step]
+    top, reach, work = float(np.ptp(branch.force)), float(np.ptp(height)), pull.force / factor
+    behind = air[:: max(len(air) * step // count, 1)]
+
+    def theta(x: Floats) -> list[float]:
+        return [start.modulus * float(np.exp(x[0])), work * float(np.exp(x[1]))]
+
+    def left(x: Floats) -> Floats:
+        values = theta(x)
+        depth = np.maximum(start.surface + reach * x[2] - height, float(model.pull_off_depth(values)))
+        expected = np.asarray(model.force(depth, 0.0 * depth, values), float)
+        return np.concatenate([force - level - top * x[3] - expected, behind - level - top * x[3]]) / top
+
+    low, high = [-7.0, -4.0, -3.0, -1.0], [7.0, 4.0, 3.0, 1.0]
+    if not model.pull_off_depth([1.0, 1.0]):  # no contact above the surface: all of what is held lies below it
+        low[2] = min((float(height.max()) - start.surface) / reach, 2.9)
+    pulled = (float(height[np.argmin(force)]) - start.surface) / reach
+    starts = sorted(
+        (
+            np.clip([modulus, 0.0, pulled + surface, 0.0], np.array(low) + 1e-9, np.array(high) - 1e-9)
+            for surface in np.linspace(-0.3, 0.15, 19).tolist()
+            for modulus in (-1.4, -0.7, 0.0, 0.7, 1.4)
+        ),
+        key=lambda x: float(np.sum(left(x) ** 2)),
+    )
+    solutions = [least_squares(left, x, bounds=(low, high), x_scale="jac") for x in starts[:4]]
+    best = min(solutions, key=lambda found: float(found.cost))
+    x, residual, jacobian = best.x, left(best.x), np.asarray(best.jac)
+    time = correlation_time(residual)
+    variance = float(residual @ residual) / max(len(residual) - 4 * time, 0.1 * len(residual))
+    std = np.sqrt(np.maximum(np.diag(np.linalg.pinv(jacobian.T @ jacobian)) * variance * time, 0.0))
+    modulus, energy = theta(x)
+    rms = top * float(np.sqrt(np.mean(residual**2)))
+    surface = start.surface + reach * float(x[2])
+    return Theory(name, modulus, modulus * float(std[0]), energy, energy * float(std[1]), surface, rms)

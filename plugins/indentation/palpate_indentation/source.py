@@ -1,0 +1,98 @@
+"""Where a whole curve comes from: a pipeline file, a run folder, or a log that carries its pipeline."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import typer
+from palpate import Batch, ConfigurationError, ContactModel, Estimates, LogError, Samples
+from palpate.host import (
+    RunFolder,
+    Source,
+    build_parts,
+    build_pipeline,
+    carried_by,
+    replay_source,
+    run_pipeline,
+    suggest,
+    withdraw_folder,
+)
+
+
+@dataclass
+class _Keeper:
+    """A writer that keeps samples."""
+
+    blocks: list[Samples] = field(default_factory=list)
+
+    def batch(self, device: str, batch: Batch) -> None:
+        """Raw readings are not kept."""
+
+    def samples(self, samples: Samples) -> None:
+        """Keep a block."""
+        self.blocks.append(samples)
+
+    def estimates(self, track: str, estimates: Estimates) -> None:
+        """There are none."""
+
+
+@dataclass(frozen=True)
+class Whole:
+    """A record before any estimate, and the contact model that its pipeline names."""
+
+    name: str
+    samples: Samples
+    model: ContactModel
+    model_name: str
+    tip_mass: float | None  # [kg]
+
+
+def whole_record(place: Path, overrides: Sequence[str], model: str | None) -> Whole:
+    """The samples of a pipeline file, run folder or log, and one of its contact models; raises UserError."""
+    source = source_of(place)
+    for assignment in overrides:
+        source.override(assignment)
+    models: dict[str, ContactModel] = build_parts(source, "model")
+    if model is None and len(models) == 1:
+        model = next(iter(models))
+    if model is None or model not in models:
+        wanted = "choose a model with --model" if model is None else f"no [model.{model}]{suggest(model, models)}"
+        raise ConfigurationError(f"{place}: {wanted} (there are: {', '.join(models) or 'none'})")
+    pipeline = build_pipeline(source, estimates=False)
+    if any(device.live for device in pipeline.devices.values()):
+        raise ConfigurationError(f"{place}: its devices are live; run it with a log, and give the run folder here")
+    kept = _Keeper()
+    folder = Path(tempfile.mkdtemp(prefix="palpate-"))
+    try:
+        run_pipeline(pipeline, folder, observer=kept).demand_whole()
+    finally:
+        withdraw_folder(folder)
+    if not kept.blocks:
+        raise LogError(f"{place}: the record holds no samples")
+    return Whole(place.name, Samples.joined(kept.blocks), models[model], model, pipeline.alignment.tip_mass)
+
+
+def source_of(place: Path) -> Source:
+    """The pipeline that reads a record, as a source to be built; raises LogError or ConfigurationError."""
+    if not place.exists():
+        raise LogError(f"{place}: there is no such file or folder")
+    if place.suffix == ".toml":
+        return Source.read(place)
+    if place.is_dir() and RunFolder(place).began:
+        try:
+            carried = carried_by(place)
+        except LogError:  # no log of its own: what it read may be one
+            carried = None
+        if carried is None:
+            return Source.read(RunFolder(place).pipeline)
+        return replay_source(carried)
+    carried = carried_by(place)
+    if carried is None:
+        raise ConfigurationError(
+            f"{place}: carries no pipeline; `palpate info {place} --suggest -o pipeline.toml` writes one to start from"
+        )
+    typer.echo(f"{place}: tip, model and alignment are those of its run", err=True)
+    return replay_source(carried)

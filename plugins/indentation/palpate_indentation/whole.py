@@ -1,0 +1,194 @@
+"""All that is found of one press, and as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from palpate import Flag, Floats, LogError
+from palpate.host import finite_tree
+
+from palpate_indentation.adhesion import PullOff, Theory, pull_off, tabor, theories
+from palpate_indentation.alternatives import Alternative, sphere_laws, sphere_radius
+from palpate_indentation.depth import Profile, change_over_depth, secant_profile, tangent_profile
+from palpate_indentation.fitting import CurveFit, fit_curve
+from palpate_indentation.law import Law
+from palpate_indentation.points import Seen, contact_points, spread
+from palpate_indentation.press import Branch, Press
+
+_SURE = 3.0  # standard uncertainties
+_TOP = 0.01  # of the way
+_MATTERS = 0.05  # of the modulus
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a press is looked at."""
+
+    tilt: bool = True
+    robust: bool = False
+    bins: int = 40
+    windows: int = 8
+    retract: bool = False  # fit the way out in place of the way in
+
+
+@dataclass(frozen=True)
+class Indentation:
+    """What one press says."""
+
+    law: Law
+    press: Press
+    branch: Branch  # that was fitted
+    fit: CurveFit
+    points: Mapping[str, Seen]
+    surface_spread: float  # [m]
+    by_contact: float  # [unit of the modulus] by the spread of the contact point
+    secant: Profile
+    tangent: Profile
+    rise: tuple[float, float]  # relative change from the shallower to the deeper half, and its uncertainty
+    spheres: tuple[Alternative, ...]
+    pull: PullOff | None
+    theories: tuple[Theory, ...]
+    radius: float | None  # [m] of a sphere
+    flags: tuple[Flag, ...]
+
+    @property
+    def combined(self) -> float:
+        """Standard uncertainty of the modulus: of the fit, and of the contact point by the methods' spread."""
+        return float(np.hypot(self.fit.modulus_std, self.by_contact))
+
+    @property
+    def depth(self) -> float:
+        """Deepest depth [m]."""
+        return float((self.fit.surface - self.branch.height).max())
+
+
+def looked_at(law: Law, press: Press, settings: Settings, name: str = "record") -> Indentation:
+    """Everything of a press; raises LogError where nothing fits."""
+    branch = press.approach
+    if settings.retract:
+        if press.retract is None:
+            raise LogError(f"{name}: there is no way out to fit")
+        branch = press.retract
+    fit = fit_curve(law, branch, press.noise, tilt=settings.tilt, robust=settings.robust)
+    if not np.isfinite([fit.modulus, fit.modulus_std, fit.surface]).all() or fit.modulus <= 0:
+        raise LogError(f"{name}: no modulus above 0 explains the force")
+    if fit.surface > branch.height.max() - _TOP * np.ptp(branch.height):
+        raise LogError(f"{name}: the record begins in contact: without air there is no contact point")
+    points = contact_points(press, fit)
+    apart = spread(points)
+    moved = [
+        fit_curve(
+            law, branch, press.noise, tilt=settings.tilt, robust=settings.robust, surface=fit.surface + side * apart
+        )
+        for side in ((1, -1) if apart > 0 else ())
+    ]
+    by_contact = 0.5 * abs(moved[0].modulus - moved[1].modulus) if moved else 0.0
+    radius = sphere_radius(law.model)
+    pull = pull_off(press.retract, press.noise) if press.retract is not None else None
+    poisson = float(getattr(law.model, "poisson", 0.5))
+    sticking: tuple[Theory, ...] = ()
+    if pull is not None and radius is not None and press.retract is not None:
+        sticking = tuple(theories(press.retract, fit, pull, radius, poisson))
+    rise = change_over_depth(law, branch, fit, float(np.hypot(fit.surface_std, apart)))
+    return Indentation(
+        law, press, branch, fit, points, apart, by_contact,
+        secant_profile(law, branch, fit, float(np.hypot(fit.surface_std, apart)), settings.bins),
+        tangent_profile(law, branch, fit, float(np.hypot(fit.surface_std, apart)), settings.windows),
+        rise, tuple(sphere_laws(law, branch, press.noise, tilt=settings.tilt, robust=settings.robust)),
+        pull, sticking, radius, tuple(_flags(fit, by_contact, rise, pull, settings)),
+    )  # fmt: skip
+
+
+def _flags(
+    fit: CurveFit, by_contact: float, rise: tuple[float, float], pull: PullOff | None, settings: Settings
+) -> list[Flag]:
+    found = []
+    if abs(rise[0]) > max(_SURE * rise[1], _MATTERS):
+        what = (
+            f"the modulus changes by {rise[0]:+.0%} +- {rise[1]:.1%} from the shallower half of the depth to the deeper"
+        )
+        found.append(Flag("modulus-over-depth", what))
+    if by_contact > _MATTERS * fit.modulus:
+        what = f"the spread of the contact point moves the modulus by {by_contact / fit.modulus:.0%}"
+        found.append(Flag("contact-point-unclear", what))
+    if pull is not None:
+        found.append(Flag("adhesion", f"the material pulls with {pull.force:.3g} +- {pull.std:.2g} N"))
+    if settings.tilt and fit.tilt_std > 0 and abs(fit.tilt) > 2 * _SURE * fit.tilt_std:
+        found.append(Flag("tilted-baseline", f"{fit.tilt:+.3g} +- {fit.tilt_std:.2g} N/m over the height"))
+    return found
+
+
+def table(found: Indentation) -> dict[str, Any]:
+    """As in ``indentation.json`` [SI]."""
+    fit = found.fit
+    document: dict[str, Any] = {
+        "parameter": found.law.name,
+        "unit": found.law.unit,
+        "value": fit.modulus,
+        "std": fit.modulus_std,
+        "contact_point": found.by_contact,
+        "combined": found.combined,
+        "surface": {"value": fit.surface, "std": fit.surface_std, "spread": found.surface_spread},
+        "baseline": {"offset": fit.offset, "tilt": fit.tilt, "tilt_std": fit.tilt_std},
+        "rms": fit.rms,
+        "noise": found.press.noise,
+        "correlation_time": fit.correlation_time,
+        "depth": found.depth,
+        "rise_over_depth": {"value": found.rise[0], "std": found.rise[1]},
+        "contact_points": {
+            name: {"surface": p.surface, "std": p.std, "by_the_fit": p.usual} for name, p in found.points.items()
+        },
+        "spheres": {one.tip: _alternative(one, found) for one in found.spheres},
+        "pull_off": None if found.pull is None else {"force": found.pull.force, "std": found.pull.std},
+        "adhesion": {one.name: _theory(one, found) for one in found.theories},
+        "secant": _profile(found.secant),
+        "tangent": _profile(found.tangent),
+        "flags": [{"code": flag.code, "message": flag.message} for flag in found.flags],
+    }
+    plain: dict[str, Any] = finite_tree(document)
+    return plain
+
+
+def bic_above_best(one: Alternative, found: Indentation) -> float:
+    """By the samples that count at the best: all laws have the same number of unknowns."""
+    best = min(found.spheres, key=lambda other: other.fit.rms).fit
+    return best.effective * 2.0 * float(np.log(one.fit.rms / best.rms))
+
+
+def _alternative(one: Alternative, found: Indentation) -> dict[str, Any]:
+    return {
+        "value": one.fit.modulus,
+        "std": one.fit.modulus_std,
+        "surface": one.fit.surface,
+        "rms": one.fit.rms,
+        "bic_above_best": bic_above_best(one, found),
+        "chosen": one.chosen,
+    }
+
+
+def _theory(one: Theory, found: Indentation) -> dict[str, Any]:
+    assert found.radius is not None
+    poisson = float(getattr(found.law.model, "poisson", 0.5))
+    return {
+        "value": one.modulus,
+        "std": one.modulus_std,
+        "adhesion_work": one.work,
+        "adhesion_work_std": one.work_std,
+        "surface": one.surface,
+        "rms": one.rms,
+        "tabor": tabor(found.radius, one.work, one.modulus, poisson),
+    }
+
+
+def _profile(profile: Profile) -> dict[str, Floats]:
+    return {
+        "begin": profile.begin,
+        "end": profile.end,
+        "value": profile.modulus,
+        "noise": profile.noise,
+        "contact_point": profile.contact,
+        "combined": profile.std,
+    }
