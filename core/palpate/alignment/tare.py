@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,7 +61,8 @@ def measured_tare(settings: AlignmentSettings, samples: Samples, before: float =
             f"air (the force wanders by {spread:.2g} N), so they give no tare; set [alignment] tare = "
             '"none", a force, or a shorter tare_duration'
         )
-    return Tare(float(force.mean()), spread / np.sqrt(len(force)), spread, ends)
+    # Rounded once, so that a filter on another machine finds the same bits whatever order it adds in.
+    return Tare(math.fsum(force.tolist()) / len(force), spread / np.sqrt(len(force)), spread, ends)
 
 
 def _known(samples: Samples) -> Samples:

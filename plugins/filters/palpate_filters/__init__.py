@@ -90,8 +90,13 @@ def palpate_migrations() -> tuple[Migration, ...]:
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """Offline fits over models and logs."""
-    return {"fit": Command("palpate_filters.fit.command:fit", "Offline fits of models to logs, side by side.")}
+    """Offline fits over models and logs; filters for controllers."""
+    return {
+        "fit": Command("palpate_filters.fit.command:fit", "Offline fits of models to logs, side by side."),
+        "export-filter": Command(
+            "palpate_filters.controller.command:export_filter", "A filter as C99, for a controller."
+        ),
+    }
 
 
 @plugin

@@ -32,9 +32,7 @@ from palpate_filters.recursion import Carry, Opening, Recursion
 from palpate_filters.tracking import RecursiveTracker
 
 _RESUME_STD = 1e-4  # [m], what a carry-over by the measured position adds to the uncertainty of the depth
-_FIT_SPREAD = (
-    10.0  # the filter sees the fitted samples again, so it takes only a hundredth of their weight from the fit
-)
+FIT_SPREAD = 10.0  # the filter sees the fitted samples again, so it takes only a hundredth of their weight from the fit
 # [s/m] what a filter whose parameters follow at once makes of a skin that rises under it: scatter of E, relative, over
 # that of the skin's speed. No false lump in 56 simulated sweeps over 0.05 to 0.3 mm of roughness at 2 to 6 mm/s.
 _RELIEF = 120.0
@@ -192,9 +190,9 @@ def _fitted(process: InertialProcess, start: Start, window: Samples) -> Start | 
         return None
     mean, std = start.mean.copy(), start.std.copy()
     depth = process.layout.at("depth")
-    mean[depth], std[depth] = found.surface - window.position[0], min(_FIT_SPREAD * found.surface_std, std[depth])
+    mean[depth], std[depth] = found.surface - window.position[0], min(FIT_SPREAD * found.surface_std, std[depth])
     mean[values] = found.theta
-    std[values] = np.where(found.theta_std > 0, np.minimum(_FIT_SPREAD * found.theta_std, std[values]), std[values])
+    std[values] = np.where(found.theta_std > 0, np.minimum(FIT_SPREAD * found.theta_std, std[values]), std[values])
     return Start(mean, std)
 
 

@@ -15,12 +15,10 @@ from palpate_filters.opening_fit import BiasPrior, StartFit, fit_start, fittable
 from palpate_filters.process import KinematicProcess
 from palpate_filters.recursion import Carry
 
-_FIT_SPREAD = (
-    10.0  # the filter sees the fitted samples again, so it takes only a hundredth of their weight from the fit
-)
-_ACCELERATION_STD = 1.0  # [m/s^2]
-_STEEPEST = 0.05  # first standard deviation of a surface's slope
-_TREND_STD = 0.05  # [1/s]
+FIT_SPREAD = 10.0  # the filter sees the fitted samples again, so it takes only a hundredth of their weight from the fit
+ACCELERATION_STD = 1.0  # [m/s^2]
+STEEPEST = 0.05  # first standard deviation of a surface's slope
+TREND_STD = 0.05  # [1/s]
 _LEAST_BIAS = 1e-6  # [N]
 
 
@@ -44,7 +42,7 @@ def fresh_state(
     std[surface], std[chart] = 2.0 * settings.start_depth, settings.start_spread
     mean[surface], theta = window.position[0] + settings.start_depth, guess
     std[place["memory"]] = 1.0
-    std[place["slope"]], std[place["trend"]] = _STEEPEST * settings.sweep_speed, _TREND_STD  # on a sweep
+    std[place["slope"]], std[place["trend"]] = STEEPEST * settings.sweep_speed, TREND_STD  # on a sweep
     _place(process, settings.position_std, settings.velocity_std, mean, std, window)
     covariance = np.diag(std**2)
     _bias_since_the_tare(settings, process, covariance, float(window.time[0]))
@@ -90,16 +88,16 @@ def _fitted_covariance(
     place, chart = process.layout, process.chart
     covariance, surface = before.copy(), place.at("surface")
     if not process.biased:
-        std, widest = min(_FIT_SPREAD * found.surface_std, 2.0 * settings.start_depth), settings.start_spread
+        std, widest = min(FIT_SPREAD * found.surface_std, 2.0 * settings.start_depth), settings.start_spread
         known = found.theta_std > 0
-        relative = _FIT_SPREAD * np.where(known, found.theta_std, 0.0) / np.abs(found.theta)
+        relative = FIT_SPREAD * np.where(known, found.theta_std, 0.0) / np.abs(found.theta)
         each = np.where(known, np.clip(relative, 1e-3, widest), widest)
         covariance[surface, surface], covariance[chart, chart] = std**2, np.diag(each**2)
         return covariance
     # The surface, the parameters and the bias hang together, and the drift with the bias.
     rows = np.r_[surface, np.arange(chart.start, chart.stop), place.at("bias")]
     information = np.zeros_like(before)
-    information[np.ix_(rows, rows)] = found.information / _FIT_SPREAD**2
+    information[np.ix_(rows, rows)] = found.information / FIT_SPREAD**2
     units = np.sqrt(np.outer(np.diag(before), np.diag(before)))  # of each entry: metres and logarithms are far apart
     return np.asarray(np.linalg.inv(np.linalg.inv(before / units) + information * units) * units, np.float64)
 
@@ -110,7 +108,7 @@ def _place(
     """Put the tip where the first sample says it is."""
     moving, motion = float(first.velocity[0]), process.motion
     mean[motion] = first.position[0], moving if np.isfinite(moving) else 0.0, 0.0
-    std[motion] = position_std, velocity_std if np.isfinite(moving) else 0.1, _ACCELERATION_STD
+    std[motion] = position_std, velocity_std if np.isfinite(moving) else 0.1, ACCELERATION_STD
 
 
 def resumed_state(process: KinematicProcess, carry: Carry, first: Samples) -> tuple[Floats, bool]:

@@ -15,6 +15,7 @@ _SPAN = 5  # samples to either side over which acceleration is differenced
 _FEWEST = 30  # samples
 _DEEPEST = 0.012  # [m] of surface above the highest position of the window
 _GRID = 49
+_BITS = 24  # of what a window tells
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,13 @@ def fit_start(
     if std[0] > theta[0]:  # the first parameter is lost in noise
         return None
     deviations[fitted] = std
-    return StartFit(surface, float(std_surface), values, deviations)
+    return StartFit(float(_told(surface)), float(_told(std_surface)), _told(values), _told(deviations))
+
+
+def _told(value: Any) -> Any:
+    """A result of the fit without the digits that only rounding has made, so that every machine starts alike."""
+    mantissa, exponent = np.frexp(value)
+    return np.ldexp(np.rint(np.ldexp(mantissa, _BITS)), exponent - _BITS)
 
 
 def _with_bias(
@@ -125,7 +132,9 @@ def _with_bias(
     std = np.sqrt(np.diag(covariance))
     if std[place["chart"]][fitted[0]] > 1.0:  # the first parameter is lost in noise
         return None
-    return StartFit(surface, float(std[place.at("surface")]), theta, theta * std[place["chart"]], bias, information)
+    deviations = _told(theta * std[place["chart"]])
+    std_surface = float(_told(std[place.at("surface")]))
+    return StartFit(float(_told(surface)), std_surface, _told(theta), deviations, float(_told(bias)), information)
 
 
 def _kinematics(mass: float, window: Samples) -> tuple[Floats, Floats, Floats]:

@@ -40,13 +40,13 @@ class RecursiveTracker:
     ) -> None:
         from palpate_filters.free_air import FreeAir
 
-        self._recursion = recursion
+        self.recursion = recursion
         self._place = output_layout(recursion.parameters)
         self._marks = [(self._place.at(name), int(mark)) for name, mark in MARKS.items()]
         self._listener = listener
-        self._opening = opening or Opening()
+        self.opening = opening or Opening()
         self._kernel = compile_step(recursion.step)
-        self._free_air = FreeAir(self._opening.standstill) if self._opening.measure_noise else None
+        self._free_air = FreeAir(self.opening.standstill) if self.opening.measure_noise else None
         self.noise: tuple[float | None, float | None] = (None, None)  # of force [N] and velocity [m/s], where measured
         self._settings: Floats | None = None if self._free_air else recursion.settings(None, None)
         self._carry = Carry(None, np.nan)
@@ -60,7 +60,7 @@ class RecursiveTracker:
         """Estimates for a block; see `palpate.Tracker`."""
         if len(samples.time) == 1 and self._goes_on(samples):
             return self._one(samples)
-        estimates = Estimates.idle(samples, self._recursion.parameters)
+        estimates = Estimates.idle(samples, self.recursion.parameters)
         for rows in self._stretches(samples):
             self._run_stretch(samples, rows, estimates)
         if len(samples):
@@ -77,7 +77,7 @@ class RecursiveTracker:
         """What `run` says of one sample within a stretch: the same numbers, in plain floats."""
         assert self._carry.state is not None
         assert self._settings is not None
-        place, k = self._place, self._recursion.parameters
+        place, k = self._place, self.recursion.parameters
         row = self._advance(self._carry.state, sample, sample.interval, self._settings, _FIRST)[0].tolist()
         status = sum(mark for at, mark in self._marks if row[at] > 0.5)
         self._diverged |= bool(status & _DIVERGED)
@@ -112,7 +112,7 @@ class RecursiveTracker:
             found = self._free_air.noise()
             self.noise = found.force, found.velocity
             self._details |= {"noise": {"force": found.force, "velocity": found.velocity, "from": found.source}}
-            self._settings = self._recursion.settings(*self.noise)
+            self._settings = self.recursion.settings(*self.noise)
         return self._settings
 
     def _stretches(self, samples: Samples) -> Iterator[slice]:
@@ -134,14 +134,14 @@ class RecursiveTracker:
         settings = self._numbers(samples, rows.start)
         continued = self._active if rows.start == 0 else bool(samples.active[rows.start - 1])
         begins = not continued or part.interval[0] > PAUSE
-        if self._carry.state is None and self._opening.window > 0:
+        if self._carry.state is None and self.opening.window > 0:
             self._gather(part, rows, begins, settings, estimates)
             return
         interval = part.interval.copy()
         state, resumed = self._carry.state, False
         if state is None or begins:
             interval[0] = 0.0
-            begun = self._recursion.begin(self._carry, part[:1], False)
+            begun = self.recursion.begin(self._carry, part[:1], False)
             assert begun is not None
             state, resumed = begun
         outputs = self._advance(state, part, interval, settings, rows)
@@ -150,7 +150,7 @@ class RecursiveTracker:
             estimates.status[rows.start] |= np.uint32(Status.RESUMED)
 
     def _advance(self, state: Floats, part: Samples, interval: Floats, settings: Floats, rows: slice) -> Floats:
-        state, outputs = self._kernel.run(state, self._recursion.inputs(part, interval), settings)
+        state, outputs = self._kernel.run(state, self.recursion.inputs(part, interval), settings)
         self._carry = Carry(state, float(part.position[-1] + outputs[-1, self._place.at("depth")]))
         if self._listener is not None:
             self._listener(Stretch(rows, part, interval, outputs))
@@ -187,7 +187,7 @@ class RecursiveTracker:
             if piece.touch:
                 interval[0] = 0.0
                 if outputs:
-                    begun = self._recursion.begin(self._carry, samples[:1], False)
+                    begun = self.recursion.begin(self._carry, samples[:1], False)
                     assert begun is not None
                     state = begun[0]
             outputs.append(self._advance(state, samples, interval, settings, _rows(piece.row, len(samples))))
@@ -206,11 +206,11 @@ class RecursiveTracker:
         for row in begins:
             elapsed[row:] -= whole.time[row] - whole.time[row - 1]
         while True:
-            due = self._opening.window * (1.0 + 0.2 * self._attempts)
+            due = self.opening.window * (1.0 + 0.2 * self._attempts)
             ready = int(np.searchsorted(elapsed, due - 1e-9))
             if ready >= len(whole):
                 return None
-            begun = self._recursion.begin(self._carry, whole[: ready + 1], self._attempts < _ATTEMPTS)
+            begun = self.recursion.begin(self._carry, whole[: ready + 1], self._attempts < _ATTEMPTS)
             if begun is not None:
                 return begun[0], ready
             self._attempts += 1

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Protocol
 
-import numpy as np
 from palpate import ConfigurationError, Floats
 
-from palpate_filters.kernel.llvm import LANES, CompiledStep
+from palpate_filters.kernel.llvm import CompiledStep
 from palpate_filters.kernel.translation import Untranslatable
 from palpate_filters.kernel.virtual_machine import VirtualMachine
 
-__all__ = ["CompiledWhenUsed", "Kernel", "Step", "compile_step", "kernel_choice", "run_grid"]
+__all__ = ["CompiledWhenUsed", "Kernel", "Step", "compile_step", "kernel_choice", "step_function"]
 
 _VARIABLE = "PALPATE_KERNEL"
 
@@ -59,7 +57,8 @@ def kernel_choice() -> tuple[str, str]:
     return "llvm", f"llvmlite {found} is installed"
 
 
-def _function(step: Step) -> Any:
+def step_function(step: Step) -> Any:
+    """The CasADi function that every kernel is made from."""
     import casadi
 
     outputs = [casadi.densify(step.next_state), casadi.densify(step.output)]
@@ -68,7 +67,7 @@ def _function(step: Step) -> Any:
 
 def compile_step(step: Step) -> Kernel:
     """The fastest kernel that this machine has, for a step; all of them give the same bits."""
-    function = _function(step)
+    function = step_function(step)
     if kernel_choice()[0] == "llvm":
         try:
             return CompiledStep(function)
@@ -85,7 +84,7 @@ class CompiledWhenUsed:
 
     def __init__(self, step: Step) -> None:
         self._step, self._samples = step, 0
-        self._kernel: Kernel = VirtualMachine(_function(step))
+        self._kernel: Kernel = VirtualMachine(step_function(step))
 
     @property
     def name(self) -> str:
@@ -106,28 +105,3 @@ def told_kernel() -> str:
 
     x, w, p = (casadi.SX.sym(name) for name in "xwp")
     return f"kernel: {compile_step(Step(x, w, p, x + p * w, x * w)).name} ({kernel_choice()[1]})"
-
-
-def run_grid(
-    kernel: Kernel, states: Floats, samples: Floats, settings: Floats, *, every: int = 1, threads: int | None = None
-) -> tuple[Floats, Floats]:
-    """Many settings over one record: states (g, ns) after, and outputs (g, n // every, ny), for settings (g, np).
-
-    Each setting gives the bits that `Kernel.run` gives for it. The LLVM kernel takes eight settings at a time, in as
-    many threads as there are cores; `every` keeps the outputs of every so-many-th sample only, to save memory.
-    """
-    if every < 1:
-        raise ValueError("every must be at least 1")
-    count = len(settings)
-    if not isinstance(kernel, CompiledStep):
-        runs = [kernel.run(states[i], samples, settings[i]) for i in range(count)]
-        return np.array([s for s, _ in runs]), np.array([y[every - 1 :: every] for _, y in runs])
-    rows = np.minimum(np.arange(-(-count // LANES) * LANES), count - 1).reshape(-1, LANES)
-
-    def group(lanes: Any) -> tuple[Floats, Floats]:
-        return kernel.run_lanes(states[lanes], samples, settings[lanes], every)
-
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        runs = list(pool.map(group, rows))
-    after = np.concatenate([s for s, _ in runs])[:count]
-    return after, np.concatenate([y.transpose(1, 0, 2) for _, y in runs])[:count]

@@ -1,0 +1,119 @@
+/* One sample: what force, height and velocity are at one instant. NaN says that a reading is missing. */
+typedef struct {
+    int64_t stamp;    /* [ns] of any clock; each later than the one before */
+    double force;     /* [N] as the sensor reads it, positive where the tip is pushed out */
+    double position;  /* [m] height of the tip, positive out of the material */
+    double velocity;  /* [m/s] of that height */
+    double lateral_x; /* [m] along the surface; NaN where nobody knows */
+    double lateral_y; /* [m] */
+    int measuring;    /* 0 where the motion is not meant for estimation */
+} palpate_sample;
+
+/* What the status of an estimate says, bit by bit; 0 where nothing is amiss. */
+enum {
+    PALPATE_IDLE = 1,      /* not tracking: out of contact, or not measuring */
+    PALPATE_LIFTED = 2,    /* the estimated depth is not positive although the tip is in contact */
+    PALPATE_RESTARTED = 4, /* begun anew here: the depth had stayed at or below zero */
+    PALPATE_DIVERGED = 8,  /* the numbers are not plausible any more: nothing after this can be used */
+    PALPATE_BLIND = 16,    /* a measurement is missing: predicted only */
+    PALPATE_STIFF = 32,    /* the contact is too stiff for the time step */
+    PALPATE_RESUMED = 64,  /* carried over a gap, or a second touch, by the measured position */
+    PALPATE_WAITING = 128, /* gathering samples to start on */
+    PALPATE_REPAIRED = 256 /* the covariance had lost its positivity to rounding, and was repaired */
+};
+
+/* What can go wrong, as the negative answers of palpate_start and palpate_feed. All but the first are final. */
+enum {
+    PALPATE_OUT_OF_ORDER = -1, /* a stamp that is not later than the one before; the sample is left out */
+    PALPATE_NOT_AT_REST = -2,  /* the force wanders over tare_duration, so that there is no tare */
+    PALPATE_NO_ROOM = -3,      /* more samples than there is memory for: see PALPATE_RECORD and PALPATE_WINDOW */
+    PALPATE_NO_NOISE = -4      /* too little free air to measure the noise in */
+};
+
+/* One estimate; NaN where there is none. */
+typedef struct {
+    double time;                      /* [s] since the first sample */
+    double value[PALPATE_PARAMETERS]; /* the parameters of the contact model, in SI units */
+    double std[PALPATE_PARAMETERS];   /* standard deviation of each */
+    double surface;                   /* [m] height of the untouched surface */
+    double surface_std;               /* [m] */
+    double force;                     /* [N] contact force of the model */
+    double nis;                       /* normalised innovation squared; 1 on average where model and noise are right */
+    double innovation;                /* over its own standard deviation, with its sign */
+    uint32_t status;                  /* PALPATE_... */
+    int contact;                      /* the tip touches the material */
+} palpate_estimate;
+
+/* What may be set. palpate_defaults gives what the pipeline said. */
+typedef struct {
+    int tare_measured;    /* 1: the tare is the mean of the first tare_duration in free air; 0: it is tare_offset */
+    double tare_offset;   /* [N] */
+    double tare_duration; /* [s] */
+    double touch_lag;     /* [s] that samples are held back until the first touch, to find where contact began */
+    double touch_force;   /* [N] that counts as touch; 0: five standard deviations of the free air */
+    double weight;        /* [N] that is added to the tared force */
+    double standstill;    /* [s] at the beginning in which the tip is known to hang still; negative: unknown */
+    double window;        /* [s] of contact that the filter starts on; 0: it starts at once, from the guess */
+    palpate_start_settings start;
+    palpate_step_settings step;
+} palpate_settings;
+
+/* From here to the end of palpate_filter: nothing that a caller needs. */
+typedef struct {
+    double time, interval, force, position, velocity, lateral_x, lateral_y;
+    int measuring, touch;
+} palpate_reading;
+
+typedef struct {
+    double sum, means[PALPATE_RISE_BLOCKS];
+    int samples, count, blocks, newest, lasting;
+} palpate_rise;
+
+typedef struct {
+    int above, below, over, in_contact, doubtful, rising;
+    double threshold, surface;
+    palpate_rise rise;
+} palpate_touch;
+
+typedef struct palpate_filter {
+    palpate_settings settings;
+    /* Called with every estimate where it is not 0: where a touch is found, several become ready at once. */
+    void (*listener)(void *context, const palpate_estimate *estimate);
+    void *context;
+    palpate_estimate latest;
+    int phase, failure, made, fed;
+    int64_t origin, previous;
+    double tare, tare_noise;
+    /* Before the first touch: the latest samples, in a ring; the oldest is at `oldest`. */
+    palpate_reading record[PALPATE_RECORD];
+    int oldest, count, released, shown, lag, after, baseline;
+    palpate_touch touch;
+    /* The filter. */
+    double state[PALPATE_STATE], carried_surface;
+    int started, active, diverged;
+#if PALPATE_WINDOW > 0
+    palpate_reading window[PALPATE_WINDOW];
+    double contact_force[PALPATE_WINDOW], gaps;
+    int held, attempts;
+#endif
+#if PALPATE_AIR > 0
+    double air_force[PALPATE_AIR], air_velocity[PALPATE_AIR];
+    double still_mean[2], still_square[2], still_low, still_high;
+    int air_count, air_newest, still_count[3], noise_known;
+#endif
+} palpate_filter;
+
+/* The settings of the pipeline. */
+void palpate_defaults(palpate_settings *settings);
+
+/* Begin anew, with the tare; 0, or PALPATE_NO_ROOM. The listener stays what it is told afterwards. */
+int palpate_start(palpate_filter *filter, const palpate_settings *settings);
+
+/* Take in a sample. The number of estimates that became ready, the last of them in `latest`; or what went wrong. */
+int palpate_feed(palpate_filter *filter, const palpate_sample *sample, palpate_estimate *latest);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

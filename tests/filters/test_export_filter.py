@@ -1,0 +1,111 @@
+"""A filter as C99 gives palpate's numbers over a whole run, from free air on."""
+
+import re
+import shutil
+import subprocess
+
+import pytest
+
+PIPELINE = """
+[run]
+seed = 3
+[device.rig]
+type = "sim"
+tip_mass = "140 g"
+[device.rig.specimen]
+model = "dr"
+elasticity = "80 kPa"
+viscosity = "200 Pa*s"
+surface = "0.3 mm"
+[trajectory.press]
+type = "point"
+bias = "3 mm"
+amplitude = "0.8 mm"
+frequency = "2 Hz"
+duration = "1.2 s"
+[alignment]
+force = "rig.wrench.z"
+position = "rig.tip.z"
+velocity = "rig.twist.z"
+measuring = "rig.setpoint.measuring"
+tip_mass = "140 g"
+[indenter.tip]
+type = "sphere"
+radius = "5 mm"
+[model.dr]
+type = "dimensionality-reduction"
+indenter = "tip"
+[model.sls]
+type = "dimensionality-reduction-maxwell"
+indenter = "tip"
+[estimator.filter]
+"""
+needs_compiler = pytest.mark.skipif(not (shutil.which("cc") and shutil.which("make")), reason="no C compiler here")
+
+
+def _exported(palpate, tmp_path, estimator, track="dr/filter"):
+    file = tmp_path / "point.toml"
+    file.write_text(PIPELINE + estimator)
+    return palpate("export-filter", file, "--track", track, "-o", tmp_path / "filter")
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    ("estimator", "track"),
+    [
+        ('type = "kinematic-ekf"', "dr/filter"),
+        ('type = "kinematic-ekf"\nbias_std = "20 mN"\nnoise = "measure"\nstudent = 4', "dr/filter"),
+        ('type = "kinematic-ekf"', "sls/filter"),
+        ('type = "ekf"', "dr/filter"),
+        ('type = "afukf"\nstart_from = "fit"', "dr/filter"),
+    ],
+)
+def test_c_gives_the_same_numbers_over_a_whole_run(palpate, tmp_path, estimator, track):
+    done = _exported(palpate, tmp_path, estimator, track)
+    assert done.returncode == 0, done.stderr
+    compared, samples, largest = re.search(
+        r"(\d+) of (\d+) samples have an estimate; largest difference (\S+)", done.stdout
+    ).groups()
+    assert compared == samples
+    assert int(samples) > 1000
+    assert float(largest) <= 1e-12
+    rows = [line.split(",") for line in (tmp_path / "filter" / "vectors.csv").read_text().splitlines()[1:]]
+    assert sum(row[-1] == "0.0" for row in rows) > 90  # estimates to compare, not only waiting
+    assert "nan" in rows[0][7]  # from free air on
+
+
+@needs_compiler
+def test_the_check_sees_a_number_that_is_off(palpate, tmp_path):
+    assert _exported(palpate, tmp_path, 'type = "ekf"').returncode == 0
+    code = tmp_path / "filter" / "palpate_filter.c"
+    text = code.read_text()
+    assert "settings->step.velocity_std = 0.00067;" in text
+    code.write_text(text.replace("settings->step.velocity_std = 0.00067;", "settings->step.velocity_std = 0.00067001;"))
+    done = subprocess.run(["make", "-C", code.parent, "check"], capture_output=True, text=True)
+    assert done.returncode != 0
+    assert "numbers differ" in done.stdout
+
+
+@pytest.mark.skipif(not shutil.which("arm-none-eabi-gcc"), reason="no gcc-arm-none-eabi here")
+def test_it_compiles_for_a_microcontroller(palpate, tmp_path):
+    assert _exported(palpate, tmp_path, 'type = "kinematic-ekf"').returncode == 0
+    done = subprocess.run(["make", "-C", tmp_path / "filter", "-s", "arm"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    code, data, memory = (int(word) for word in done.stdout.splitlines()[1].split()[:3])
+    assert code < 40_000
+    assert data == memory == 0
+
+
+@pytest.mark.parametrize(
+    ("estimator", "track", "told"),
+    [
+        ('type = "filterpy"', "dr/filter", "FilterpyFilter cannot be exported: it has no compiled step"),
+        ('type = "kinematic-smoother"', "dr/filter", "it wants the whole record"),
+        ('type = "ekf"', "dr/filer", "did you mean 'dr/filter'?"),
+    ],
+)
+def test_what_cannot_be_exported_is_refused_by_name(palpate, tmp_path, estimator, track, told):
+    done = _exported(palpate, tmp_path, estimator, track)
+    assert done.returncode == 2
+    assert told in done.stderr
+    assert not (tmp_path / "filter").exists()
