@@ -144,7 +144,8 @@ class _Reader:
             if power is None:
                 return found
             self.shaped = True
-            return f"{found}^{{{_bare(power)}}}"
+            base = f"{{{found}}}" if found.endswith("^{*}") else found
+            return f"{base}^{{{_bare(power)}}}"
         return found
 
     def atom(self) -> str:

@@ -30,6 +30,7 @@ PARTS = [(kind, name) for kind, entries in load().parts.items() for name in entr
         ("d^2/(pi tan t)", r"\frac{d^{2}}{\pi\,\tan t}"),
         ("(f2/f1)^(t/T)", r"\left(\frac{f_{2}}{f_{1}}\right)^{\frac{t}{T}}"),
         ("2 R E* d", r"2\,R\,E^{*}\,d"),
+        ("E*^2 R", r"{E^{*}}^{2}\,R"),
         ("c_4 = 1e7", r"c_{4} = 10^{7}"),
         ("a >= b", r"a \ge b"),
         ("max(r - b, 0)", r"\max \left(r - b, 0\right)"),
