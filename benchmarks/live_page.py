@@ -35,6 +35,7 @@ from tests.live_page.browser import Browser, browser  # noqa: E402
 
 PIPELINE = ROOT / "pipelines" / "point_ur3e.toml"
 _PALPATE = [sys.executable, "-c", "from palpate.cli import main; main()"]
+_FREQUENCY = 2.0  # [Hz] of that pipeline's sine
 _TICK = os.sysconf("SC_CLK_TCK")
 _JOBS: list[subprocess.Popen[str]] = []  # none is left behind
 
@@ -62,8 +63,8 @@ def sink_cost(seconds: int = 60) -> dict[str, float]:
         blocks.append((samples, Estimates(time_, table, table, ones, ones, ones, ones, np.zeros(n, np.uint32))))
     took, before = [], time.thread_time()
     for k, (samples, found) in enumerate(blocks):
-        if k % 5 == 0:
-            feed._next = 0.0  # a message in 50 ms of the record, as in real time
+        if k % 2 == 0:
+            feed._next = 0.0  # a message in 20 ms of the record, as in real time
         began = time.perf_counter()
         feed.samples(samples)
         feed.estimates("dr/ekf", found)
@@ -169,23 +170,30 @@ def _quantiles(values: Floats) -> dict[str, float]:
     return {f"p{round(100 * share)}": round(float(np.quantile(values, share)), 1) for share in (0.5, 0.9)}
 
 
-def retracting(log: Path, after: float) -> float:
-    """When [s] the arm rose faster than in all of the motion before `after`, both by the host's clock."""
+def leaving(log: Path, after: float) -> float:
+    """When [s] the arm left its sine, both by the host's clock: beyond six times what the second before scatters."""
     from mcap_ros2.reader import read_ros2_messages
 
-    read = (message.ros_msg for message in read_ros2_messages(log, topics=["/palpate/samples"]))
-    rows = np.array([(found.header.stamp.sec + 1e-9 * found.header.stamp.nanosec, found.velocity) for found in read])
-    rows = rows[np.isfinite(rows[:, 1])]
-    before = rows[:, 0] < after
-    return float(rows[~before & (rows[:, 1] > 1.2 * np.max(rows[before, 1]))][0, 0])
+    read = (message.ros_msg for message in read_ros2_messages(log, topics=["/arm/twist"]))
+    rows = np.array(
+        [(found.header.stamp.sec + 1e-9 * found.header.stamp.nanosec, found.twist.linear.z) for found in read]
+    )
+    rows = rows[np.isfinite(rows[:, 1]) & (rows[:, 0] > after - 1.0)]
+    phase = 2 * np.pi * _FREQUENCY * (rows[:, 0] - after)
+    terms, before = np.column_stack([np.sin(phase), np.cos(phase), np.ones(len(rows))]), rows[:, 0] < after
+    shares = np.linalg.lstsq(terms[before], rows[before, 1], rcond=None)[0]
+    off = np.abs(rows[:, 1] - terms @ shares)
+    left = rows[~before & (off > 6 * np.std(off[before])), 0]
+    return float(left[0]) if len(left) else float("nan")
 
 
 def stopped(chromium: Browser, job: Job, twin: Twin) -> dict[str, Any]:
-    """A click in contact: time to the tripped guard and to the retreat that the log has, and where the arm ends."""
+    """A click in contact: time to the tripped guard, to the retreat that the log has, and where the arm ends."""
     tab = chromium.open(job.address)
     tab.until("document.getElementById('state')?.textContent === 'moving'", 60)
-    while twin.state()["height"] > -0.002:
+    while twin.state()["height"] > -0.0035:
         time.sleep(0.05)
+    time.sleep(2.0)  # the approach is over
     place = tab.place("stop")
     asked, clock = time.monotonic(), time.time()
     tab.press(*place)
@@ -193,10 +201,10 @@ def stopped(chromium: Browser, job: Job, twin: Twin) -> dict[str, Any]:
     table = job.table()
     height = twin.state()["height"]
     tripped = 1e3 * (table["stop"]["monotonic"] - asked)
-    retreat = 1e3 * (retracting(job.folder / "log.mcap", clock) - clock)
+    left = 1e3 * (leaving(job.folder / "log.mcap", clock) - clock)
     return {
         "click to tripped, ms": tripped,
-        "to the arm's retreat, ms": retreat,
+        "to the arm leaving its motion, ms": left,
         "shown after, ms": answer,
         "height at the end, mm": 1e3 * height,
         **table,
