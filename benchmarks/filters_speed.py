@@ -7,14 +7,12 @@ medians and ratios for docs/filters.md.
 from __future__ import annotations
 
 import ctypes
-import os
 import resource
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +21,6 @@ import numpy as np
 from palpate import Problem
 from palpate_filters.ekf import ExtendedKalmanFilter
 from palpate_filters.inertial_filter import first_state
-from palpate_filters.kernel import run_grid
 from palpate_filters.kernel.llvm import CompiledStep
 from palpate_filters.kernel.virtual_machine import VirtualMachine
 from palpate_filters.kinematic_filter import KinematicFilter
@@ -197,14 +194,6 @@ def replay(count: int) -> None:
                 ours = llvm.run(state, inputs, settings)[1][:, :2]
                 scale = np.max(np.abs(ours[-1000:]), axis=0)
                 print(f"{name}: C by hand agrees within {np.max(np.abs(c()[:, :2] - ours)[-1000:] / scale):.1g}")
-            tile = np.tile(settings, (256, 1))
-            tile[:, 0] *= np.linspace(0.5, 2.0, 256)
-            states = np.tile(state, (256, 1))
-            part = inputs[: count // 10]
-            runs["LLVM, grid of 256"] = (
-                256 * len(part),
-                lambda k=llvm, s=states, w=part, p=tile: run_grid(k, s, w, p, every=100),
-            )
             print(f"{name}: processor time of one sample, medians of {ROUNDS}")
             table(interleaved(runs), "filterpy" if oracle is not None else "virtual machine")
 
@@ -246,36 +235,10 @@ def memory(count: int) -> None:
     print(f"{count:.0e} samples in blocks of {len(samples)}: {found}")
 
 
-def grid_on_all_cores(count: int) -> None:
-    """A grid of 256 settings by the clock on the wall, in turns with filterpy."""
-    samples = synthetic_samples(MODEL, [1.1e5, 360.0], duration=count / 500)
-    few = 500
-    for name, estimator, oracle in (
-        ("ekf", ExtendedKalmanFilter(), python_ekf(samples, few)),
-        ("afukf", AdaptiveFadingUkf(), python_afukf(samples, few)),
-    ):
-        _, llvm, state, inputs, settings = prepared(estimator, samples)
-        tile = np.tile(settings, (256, 1))
-        tile[:, 0] *= np.linspace(0.5, 2.0, 256)
-        states = np.tile(state, (256, 1))
-        ratios = []
-        for _ in range(ROUNDS):
-            seconds = []
-            for size, run in ((few, oracle), (256 * count, partial(run_grid, llvm, states, inputs, tile, every=100))):
-                before = time.perf_counter()
-                run()
-                seconds.append((time.perf_counter() - before) / size)
-            ratios.append(seconds[0] / seconds[1])
-        print(
-            f"{name}, grid of 256 settings on {os.cpu_count()} cores: {np.median(ratios):.0f} x filterpy by the clock"
-        )
-
-
 if __name__ == "__main__":
     if sys.argv[1:2] == ["memory"]:
         memory(100_000_000)
     else:
         number = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
         replay(number)
-        grid_on_all_cores(number)
         online()

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from palpate import ConfigurationError
-from palpate_filters.kernel import Step, compile_step, kernel_choice, run_grid
+from palpate_filters.kernel import Step, compile_step, kernel_choice
 from palpate_filters.kernel.virtual_machine import VirtualMachine
 
 pytest.importorskip("llvmlite")
@@ -65,20 +65,6 @@ def test_machine_code_gives_the_bits_of_the_virtual_machine(name: str) -> None:
         assert np.array_equal(bits(one), bits(other))
 
 
-@pytest.mark.parametrize("name", OPERATIONS)
-def test_lanes_give_the_bits_of_single_runs(name: str) -> None:
-    kernel = CompiledStep(step(OPERATIONS[name]))
-    samples, count = awkward(101), 11  # no multiple of the lanes
-    states, settings = np.linspace(-1, 1, 2 * count).reshape(count, 2), np.linspace(0, 2, count)[:, None]
-    after, outputs = run_grid(kernel, states, samples, settings)
-    every = run_grid(kernel, states, samples, settings, every=10, threads=1)[1]
-    for i in range(count):
-        state, output = kernel.run(states[i], samples, settings[i])
-        assert np.array_equal(bits(after[i]), bits(state))
-        assert np.array_equal(bits(outputs[i]), bits(output))
-        assert np.array_equal(bits(every[i]), bits(output[9::10]))
-
-
 @pytest.mark.parametrize("kind", [VirtualMachine, CompiledStep])
 def test_blocks_give_the_bits_of_the_whole(kind: Any) -> None:
     function = step(OPERATIONS["roots"])
@@ -100,15 +86,6 @@ def test_a_kernel_leaves_its_arguments_alone() -> None:
     kernel.run(state, samples, settings)
     for one, other in zip((state, samples, settings), copies, strict=True):
         assert np.array_equal(one, other, equal_nan=True)
-
-
-def test_run_grid_on_the_virtual_machine_agrees() -> None:
-    function = step(OPERATIONS["extremes"])
-    states, settings = np.zeros((3, 2)), np.array([[0.1], [0.2], [0.3]])
-    one = run_grid(VirtualMachine(function), states, awkward(40), settings, every=4)
-    other = run_grid(CompiledStep(function), states, awkward(40), settings, every=4)
-    for found, expected in zip(one, other, strict=True):
-        assert np.array_equal(bits(found), bits(np.ascontiguousarray(expected)))
 
 
 def test_an_instruction_that_llvm_does_not_know_runs_on_the_virtual_machine(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -52,6 +52,15 @@ def test_what_is_refused_leaves_no_folder(palpate, sweep_file, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("table", ["sweep", "repeat"])
+def test_one_run_of_a_file_that_asks_for_many_says_so(palpate, sweep_file, table, tmp_path):
+    more = ("--set", "repeat.count=3") if table == "repeat" else ()
+    done = palpate("run", sweep_file, *SHORT, *more, "--json", "--out", "one")
+    assert done.returncode == 0, done.stderr
+    assert f"one run: [{table}] is for `palpate {table} {sweep_file}`" in done.stderr
+    assert (tmp_path / "one" / "result.json").is_file()
+
+
 def test_a_part_of_other_settings_is_no_part(point_pipeline, tmp_path):
     first, other = (load_pipeline(point_pipeline, [f"estimator.ekf.force_std={std}"]) for std in (0.05, 0.06))
     for folder, pipeline in ((tmp_path / "run", first), (tmp_path / "run" / "part-2", other)):

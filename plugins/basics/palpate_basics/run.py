@@ -44,6 +44,9 @@ def run(
     if dry:
         rehearse(pipeline)
         return
+    for name, table in pipeline.tables.items():
+        if command := getattr(table, "many_runs_by", ""):
+            typer.echo(f"one run: [{name}] is for `palpate {command} {file}`, which makes all of them", err=True)
     execute(pipeline, out, as_json)
 
 

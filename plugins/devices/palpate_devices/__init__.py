@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from palpate_devices.mcap_sink import McapSink
     from palpate_devices.rdt.device import RdtSensor
     from palpate_devices.ros2.device import Ros2Device
+    from palpate_devices.ros2.sink import Ros2Sink
     from palpate_devices.rosbag2_replay import Rosbag2Replay
     from palpate_devices.sim import SimulatedRig
     from palpate_devices.twins.bench import VirtualBench
@@ -33,6 +34,7 @@ __getattr__ = lazily(
         "palpate_devices.mcap_sink": "McapSink",
         "palpate_devices.rdt.device": "RdtSensor",
         "palpate_devices.ros2.device": "Ros2Device",
+        "palpate_devices.ros2.sink": "Ros2Sink",
         "palpate_devices.rosbag2_replay": "Rosbag2Replay",
         "palpate_devices.sim": "SimulatedRig",
         "palpate_devices.twins.bench": "VirtualBench",
@@ -50,6 +52,7 @@ __all__ = [
     "McapSink",
     "RdtSensor",
     "Ros2Device",
+    "Ros2Sink",
     "Rosbag2Replay",
     "SimulatedRig",
     "VirtualBench",
@@ -83,8 +86,9 @@ def palpate_sinks() -> dict[str, type[Sink]]:
     """Places to write to."""
     from palpate_devices.csv_sink import CsvSink
     from palpate_devices.mcap_sink import McapSink
+    from palpate_devices.ros2.sink import Ros2Sink
 
-    return {"mcap": McapSink, "csv": CsvSink}
+    return {"mcap": McapSink, "csv": CsvSink, "ros2": Ros2Sink}
 
 
 @plugin
@@ -102,6 +106,7 @@ def palpate_commands() -> dict[str, Command]:
     return {
         "info": Command(f"{where}.info:info", "What a log holds, and a pipeline that reads it.", "logs"),
         "export": Command(f"{where}.export:export", "A log as CSV, NPZ, MAT or Parquet.", "logs"),
+        "record": Command(f"{where}.record:record", "The streams of a pipeline into a log, without estimates.", "run"),
         "recover": Command(f"{where}.recover:recover", "What is whole of a damaged log, as a new log.", "logs"),
     }
 
@@ -116,6 +121,11 @@ def palpate_facts() -> dict[str, Fact]:
 def palpate_flags() -> dict[str, FlagMeaning]:
     """What topics of a ROS 2 system have against them."""
     return {
+        "ros2-limit": FlagMeaning(
+            "doubtful",
+            "A reading went beyond a limit of the device; nothing was stopped, for palpate moves no robot over ROS.",
+            "Look at the motion and at the controller's own limits.",
+        ),
         "ros2-publishers": FlagMeaning(
             "doubtful",
             "Two publishers sent on one topic; only the first was read.",
@@ -130,6 +140,11 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "doubtful",
             "The stamps of a publisher leapt, as when a clock is set; they were mapped anew from there on.",
             "Let the clocks of all computers settle before a record (chrony, PTP).",
+        ),
+        "ros2-clocks": FlagMeaning(
+            "invalid",
+            'Topics that are said to have one clock (clocks = "one") are stamped by several that do not agree.',
+            'Synchronise the computers (chrony, PTP), or set clocks = "each".',
         ),
         "ros2-missing": FlagMeaning(
             "note",

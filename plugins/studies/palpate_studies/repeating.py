@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import typer
 from palpate import ConfigurationError, Device, Length, Settings, Time, UserError
@@ -18,6 +18,8 @@ from pydantic import Field
 
 class RepeatSettings(Settings):
     """The ``[repeat]`` table: `palpate repeat FILE` makes the palpation so many times, each with its run folder."""
+
+    many_runs_by: ClassVar[str] = "repeat"  # the command that makes them
 
     count: int = Field(ge=2, le=10_000, description="how often")
     wait: Time = Field(

@@ -20,6 +20,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
         "model-choice": Diagnosis("palpate_uncertainty.choice:model_choice"),
         "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability"),
+        "one-frequency": Diagnosis("palpate_uncertainty.one_frequency:one_frequency"),
         "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),
     }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -50,6 +50,8 @@ def budget(
     screen = console()
     for name, found in chosen.items():
         screen.print(_view(name, found))
+        for line in _at_one_frequency(found.get("diagnoses", {}).get("one-frequency")):
+            screen.print(line)
     for found in drawn.values():
         _print_draws(screen, found, seed)
 
@@ -101,6 +103,19 @@ def _view(name: str, found: Mapping[str, Any]) -> Any:
     if any(value.get("corrected") is not None for value in parameters.values()):
         table.add_row("corrected value", "", *(_corrected(value) for value in parameters.values()))
     return table
+
+
+def _at_one_frequency(found: Mapping[str, Any] | None) -> Iterator[str]:
+    """What no row can hold: a viscosity of one frequency is that of this frequency."""
+    if found is None:
+        return
+    part, time = f"{found['fading']:.0%}", f"{1e3 * found['time']:.3g} ms"
+    for name, like in found["looks_like"].items():
+        yield (
+            f"not in it: this is the {name} at {found['frequency']:.3g} Hz. {part} of the stiffness that fade within "
+            f"{time} would be {_shown(like['value'], like['unit'])} of it without a trace in the residual; only "
+            "another frequency tells"
+        )
 
 
 def _corrected(value: Mapping[str, Any]) -> str:

@@ -10,6 +10,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
+from palpate_devices.logs.standard_types import STANDARD_TYPES
 
 SOURCE = Path(__file__).with_name("publisher.cpp")
 _numbers = itertools.count()
@@ -52,3 +53,33 @@ def publish(tmp_path, domain):
             return process
 
         yield start
+
+
+@pytest.fixture
+def decoded():
+    """Reads a message by a library that is not ours: of a type and its bytes."""
+    from mcap_ros2._dynamic import generate_dynamic
+
+    def full(plain, package):
+        names = (plain, f"std_msgs/{plain}", f"{package}/{plain}", f"geometry_msgs/{plain}")
+        return next((name for name in names if name in STANDARD_TYPES), None)
+
+    def definition(kind, needed):
+        lines = []
+        for line in STANDARD_TYPES[kind].splitlines():
+            base, _, field = line.partition(" ")
+            found = full(base.removesuffix("[]"), kind.split("/")[0])
+            if found and found not in needed:
+                needed.append(found)
+            lines.append(f"{found or base.removesuffix('[]')}{'[]' if base.endswith('[]') else ''} {field}")
+        return "\n".join(lines)
+
+    def decode(name, payload):
+        needed = [name.replace("/msg/", "/")]
+        texts = [definition(needed[0], needed)]
+        texts += [f"MSG: {kind}\n{definition(kind, needed)}" for kind in needed[1:]]
+        for kind in needed[len(texts) :]:
+            texts.append(f"MSG: {kind}\n{definition(kind, needed)}")
+        return generate_dynamic(needed[0], f"\n{'=' * 80}\n".join(texts))[needed[0]](payload)
+
+    return decode

@@ -3,7 +3,7 @@
 // usage: publisher DOMAIN FILE [OFFSET [TIMES]]
 //
 // FILE holds lines "topic NAME TYPE" and "SECONDS NAME NUMBER...", by increasing time; type is wrench, pose, twist,
-// joints, array, or raw (bytes as one hexadecimal word). Once somebody listens to all topics, each message is sent at its time, and stamped with that time
+// joints, array, own (nothing but numbers), or raw (bytes as one hexadecimal word). Once somebody listens to all topics, each message is sent at its time, and stamped with that time
 // by the clock, as drivers stamp their ticks, plus OFFSET [s]. TIMES: the file is gone through so often. Says what it has sent.
 #include <chrono>
 #include <functional>
@@ -63,6 +63,8 @@ public:
         cdr.serialize_encapsulation();
         if (message.kind == "array") {
             cdr << uint32_t(0) << uint32_t(0) << message.numbers;  // no dimensions, no offset
+        } else if (message.kind == "own") {
+            for (double number : message.numbers) cdr << number;
         } else {
             cdr << message.sec << message.nanosec << std::string(message.kind == "wrench" ? "ft_frame" : "base");
             if (message.kind == "joints") {
@@ -93,7 +95,8 @@ public:
 static const std::map<std::string, std::string> TYPES{
     {"wrench", "geometry_msgs::msg::dds_::WrenchStamped_"}, {"pose", "geometry_msgs::msg::dds_::PoseStamped_"},
     {"twist", "geometry_msgs::msg::dds_::TwistStamped_"},   {"joints", "sensor_msgs::msg::dds_::JointState_"},
-    {"array", "std_msgs::msg::dds_::Float64MultiArray_"},   {"raw", "geometry_msgs::msg::dds_::WrenchStamped_"}};
+    {"array", "std_msgs::msg::dds_::Float64MultiArray_"},   {"raw", "geometry_msgs::msg::dds_::WrenchStamped_"},
+    {"own", "lab_msgs::msg::dds_::Load_"}};
 
 struct Entry {
     double at;

@@ -1,5 +1,6 @@
 """Topics by DDS, published by a library and a program that are not ours."""
 
+import csv
 import json
 import re
 import time
@@ -8,8 +9,12 @@ import numpy as np
 import pytest
 from palpate.errors import DeviceError, PalpateError
 from palpate.host import load_pipeline, run_pipeline
+from palpate_devices.logs.kinematics import Kinematics
 from palpate_devices.logs.mapping import MappedSignal
-from palpate_devices.ros2.device import Ros2Device
+from palpate_devices.messages import pack
+from palpate_devices.ros2.cyclone import Network
+from palpate_devices.ros2.device import Ros2Device, WatchedRange
+from palpate_devices.ros2.listening import hear, listener
 
 PERIOD = 0.002  # [s]
 WRENCH, POSE = "topic /wrench wrench", "topic /pose pose"
@@ -82,6 +87,44 @@ poisson = 0.5
 type = "kinematic-ekf"
 [sink.log]
 type = "mcap"
+"""
+
+
+SIMULATED = """
+[device.rig]
+type = "sim"
+tip_mass = "140 g"
+[device.rig.specimen]
+model = "dr"
+elasticity = "112.5 kPa"
+viscosity = "362 Pa*s"
+[trajectory.press]
+type = "point"
+bias = "4 mm"
+amplitude = "1 mm"
+frequency = "2 Hz"
+duration = "3 s"
+[alignment]
+force = {{ channel = "rig.wrench.z", uncertainty = "0.1 ms" }}
+position = "rig.tip.z"
+velocity = "rig.twist.z"
+lateral_x = "rig.tip.x"
+lateral_y = "rig.tip.y"
+measuring = "rig.setpoint.measuring"
+tip_mass = "140 g"
+[indenter.tip]
+type = "sphere"
+radius = "5 mm"
+[model.dr]
+type = "dimensionality-reduction"
+indenter = "tip"
+poisson = 0.5
+[estimator.kinematic]
+type = "kinematic-ekf"
+[sink.ros]
+type = "ros2"
+domain = {domain}
+interface = "lo"
 """
 
 
@@ -169,6 +212,113 @@ def test_a_publisher_that_is_killed_and_comes_back_with_another_clock(publish, d
     assert np.abs(received - stamps).max() < 60e9  # the new clock is an hour behind, and mapped anew
     assert list(health["flags"]) == ["ros2-restarted"]
     assert health["topics"]["/wrench"]["missing"] == 0
+
+
+def test_joints_become_a_tip_and_arrays_and_own_types_are_read(publish, domain):
+    robot = Kinematics(topic="/joint_states", robot="ur3e", tcp=(0.0, 0.0, 0.12))
+    order = [joint.name for joint in robot.chain]
+    alphabetical = sorted(order)  # as ROS sends them
+    angles = np.random.default_rng(2).normal(0, 1, (1500, 6))
+    lines = ["topic /joint_states joints", "topic /numbers array", "topic /load own"]
+    for k, row in enumerate(angles.tolist()):
+        by_name = dict(zip(order, row, strict=True))
+        words = " ".join(repr(by_name[name]) for name in alphabetical)
+        lines.append(f"{k * PERIOD:.4f} /joint_states {words} 0 0 0 0 0 0")
+        lines += [f"{k * PERIOD:.4f} /numbers 1 2 {k}", f"{k * PERIOD:.4f} /load {k} 0.25"]
+    signals = {
+        "third": MappedSignal(topic="/numbers", field="data", index=2),
+        "newtons": MappedSignal(topic="/load", field="newtons", unit="N"),
+    }
+    types = {"lab_msgs/msg/Load": "float64 newtons\nfloat64 height"}
+    publish(lines)
+    with device(domain, signals=signals, kinematics=robot, types=types).connect(0) as link:
+        found, end = {}, time.monotonic() + 1.0
+        for batch in link.batches():
+            found.setdefault(batch.stream, []).append(batch.values)
+            if time.monotonic() > end:
+                break
+    tips, third, load = (np.concatenate(found[name]) for name in ("tip", "numbers", "load"))
+    assert min(map(len, (tips, third, load))) > 200
+    assert (np.diff(third[:, 0]) == 1).all()
+    assert (np.diff(load[:, 0]) == 1).all()
+    expected = robot.pose(angles)
+    first = int(np.argmin(np.abs(expected - tips[0]).sum(axis=1)))
+    assert (tips == expected[first : first + len(tips)]).all()
+    assert (np.concatenate(found["twist"]) == 0).all()
+
+
+def test_an_own_type_without_its_definition_is_told(publish, domain):
+    publish(["topic /load own", "0.0 /load 1 2"])
+    signals = {"newtons": MappedSignal(topic="/load", field="newtons", unit="N")}
+    with (
+        pytest.raises(DeviceError, match="lab_msgs/msg/Load, which is no standard type: give its definition in types"),
+        device(domain, signals=signals, patience=1.5).connect(0),
+    ):
+        pass
+
+
+def test_messages_that_are_damaged_are_left_out_and_counted(publish, domain):
+    """Cut, empty, a megabyte of zeros, a text of 4 GB, numbers that are none; the good ones between them all count."""
+    good = pack(np.arange(1000) * 1_000_000, "ft", np.arange(6000.0).reshape(1000, 6))
+    bad = [
+        good[0][:20],
+        good[0][:4],
+        good[0] + bytes(1 << 20),
+        good[0][:12] + b"\xff" * 4 + good[0][16:],
+        good[0] + bytes(64),
+    ]
+    nan = pack(np.array([5]), "ft", np.full((1, 6), np.nan))[0]
+    lines = ["topic /wrench raw"]
+    for k, message in enumerate(good):
+        lines.append(f"{k * PERIOD:.4f} /wrench {message.hex()}")
+        if k % 100 == 50 and k > 400:
+            lines.append(f"{k * PERIOD + 0.0005:.4f} /wrench {[*bad, nan][k // 100 - 4].hex()}")
+    publish(lines)
+    with device(domain).connect(0) as link:
+        _, _, values = heard(link, 2.2)
+        health = link.health
+    numbers = values[np.isfinite(values[:, 0]), 0]
+    assert set(np.diff(numbers)) == {6.0}
+    assert numbers[-1] == 6 * 999 + 2
+    assert np.count_nonzero(np.isnan(values)) == 1
+    # What is cut DDS drops by itself; a megabyte in pieces may be lost on its way.
+    assert 1 <= health["topics"]["/wrench"]["damaged"] <= 2
+    assert "ros2-damaged" in health["flags"]
+
+
+def test_a_limit_is_flagged_and_alarmed_and_stops_nothing(publish, domain):
+    publish(wrenches(3.0))
+    limits = {"force": WatchedRange(greatest="700 N")}
+    alarm, network = "/palpate/alarm", Network(domain, "lo")
+    with (
+        listener("listener", network, [alarm], {}) as source,
+        device(domain, limits=limits, alarm=alarm).connect(0) as link,
+    ):
+        _, _, values = heard(link, 1.8)
+        said = hear(source, {}, 1.0, lambda heard: False)
+        flags = link.health["flags"]
+    assert values[-1, 0] > 700  # nothing was stopped
+    assert list(flags) == ["ros2-limit"]
+    assert [messages.payload(0)[4] for _, messages in said.blocks({alarm})] == [1]  # true
+
+
+def test_what_is_found_is_published(domain, tmp_path, decoded):
+    file = tmp_path / "simulated.toml"
+    text = SIMULATED.format(domain=domain)
+    file.write_text(text)
+    with listener("listener", Network(domain, "lo"), None, {}) as source:
+        result = run_pipeline(load_pipeline(file), tmp_path / "run")
+        said = hear(source, {}, 1.0, lambda heard: False)
+    base = "/palpate/dr/kinematic"
+    assert {f"{base}/elasticity", f"{base}/viscosity", f"{base}/map", "/palpate/flags"} <= set(said.topics)
+    ((_, messages),) = said.blocks({f"{base}/elasticity"})
+    vectors = [decoded("geometry_msgs/msg/Vector3Stamped", messages.payload(k)).vector for k in range(len(messages))]
+    with (result.folder / "estimates.csv").open() as table:
+        rows = {round(float(row["time_s"]), 6): row for row in csv.DictReader(table)}
+    compared = [(vector, rows[round(vector.z, 6)]) for vector in vectors if round(vector.z, 6) in rows]
+    assert len(compared) > 5
+    column = next(name for name in compared[0][1] if "elasticity" in name and "std" not in name)
+    assert all(float(row[column]) == pytest.approx(vector.x, rel=1e-6) for vector, row in compared)
 
 
 def test_of_two_publishers_the_first_is_read(publish, domain):

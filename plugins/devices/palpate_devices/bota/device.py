@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 import numpy as np
-from palpate import Batch, Channel, Device, DeviceError, Floats, Force, Link, SharedReadings, Stream, Time
+from palpate import Batch, Channel, Device, Floats, Force, Link, SharedReadings, Stream, Time
 from pydantic import Field, field_validator
 
 from palpate_devices.bota import layout
@@ -17,11 +16,8 @@ from palpate_devices.bota.frames import THROTTLED, UNUSABLE
 from palpate_devices.bota.layout import ROW
 from palpate_devices.process.child import Child
 from palpate_devices.process.clock import ClockMap, epoch_offset
-from palpate_devices.process.ring import HEAD, ROWS, integers
-
-_POLL = 0.004  # [s]
-_MOST_QUIET = 0.01  # [s]; at least so often there is a batch, if an empty one
-_BEAT_SLACK = 0.02  # [s]; its process beats at least so often
+from palpate_devices.process.readings import SensorReadings
+from palpate_devices.process.ring import integers
 
 
 class BotaSensor(Device):
@@ -93,46 +89,29 @@ class BotaSensor(Device):
         child = Child(f"bota at {self.port}", layout.MODULE, settings, ROW.size)
         try:
             ready = child.wait_for("ready", self.boot + self.settle + 15.0)
-            yield _BotaLink(child, ready, self.silence + _BEAT_SLACK)
+            yield _BotaLink(child, ready, self.silence)
         finally:
             child.close()
 
 
 class _BotaLink:
-    def __init__(self, child: Child, ready: Mapping[str, Any], beat_limit: float) -> None:
-        self._child, self._beat_limit = child, beat_limit
+    def __init__(self, child: Child, ready: Mapping[str, Any], silence: float) -> None:
+        self._child, self._ready = child, ready
+        self._readings = SensorReadings(child, ROW, silence)
         self._clock = ClockMap()
-        self._ready = ready
         self._counts = {"readings": 0, "throttled": 0, "unusable": 0}
 
     def shared(self, stream: str) -> SharedReadings | None:
         """Where the wrench is; see `palpate.Sharing`."""
-        return (
-            SharedReadings(self._child.memory, HEAD, ROWS, ROW.size, ROW["wrench"].start)
-            if stream == "wrench"
-            else None
-        )
+        return self._readings.shared(stream)
 
     def batches(self) -> Iterator[Batch]:
-        """What has come, every 2 ms; raises DeviceError as soon as the sensor fails."""
-        quiet = time.monotonic()
-        early = self._child.ring.early()  # what came while other devices were connected
+        """What has come, every 4 ms; raises DeviceError as soon as the sensor fails."""
+        early = self._readings.early()
         host = integers(early, ROW.at("host")) + epoch_offset()
         self._clock.to_host(integers(early, ROW.at("sensor")) * 1000, host)
-        while True:
-            rows = self._child.ring.read()
-            now = time.monotonic()
-            if len(rows) or now - quiet > _MOST_QUIET:
-                yield from self._batches(rows)
-                quiet = now
-            if not len(rows):
-                self._child.messages()
-                self._child.check(self._beat_limit)
-                time.sleep(_POLL)
-            if self._child.ring.lost:
-                raise DeviceError(
-                    f"{self._child.name}: {self._child.ring.lost} readings were lost: the host is too slow"
-                )
+        for rows in self._readings.rows():
+            yield from self._batches(rows)
 
     def _batches(self, rows: Floats) -> Iterator[Batch]:
         received = integers(rows, ROW.at("host")) + epoch_offset()
@@ -150,7 +129,7 @@ class _BotaLink:
     @property
     def attended(self) -> int:
         """When the sensor's process last looked at its port [ns]."""
-        return self._child.ring.last_beat() + epoch_offset()
+        return self._readings.attended
 
     @property
     def health(self) -> Mapping[str, Any]:

@@ -30,5 +30,15 @@ STANDARD_TYPES: Mapping[str, str] = {
     "geometry_msgs/Vector3Stamped": "Header header\nVector3 vector",
     "geometry_msgs/TransformStamped": "Header header\nstring child_frame_id\nTransform transform",
     "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
+    "diagnostic_msgs/KeyValue": "string key\nstring value",
+    "diagnostic_msgs/DiagnosticStatus": (
+        "byte level\nstring name\nstring message\nstring hardware_id\nKeyValue[] values"
+    ),
+    "diagnostic_msgs/DiagnosticArray": "Header header\nDiagnosticStatus[] status",
+    "sensor_msgs/PointField": "string name\nuint32 offset\nuint8 datatype\nuint32 count",
+    "sensor_msgs/PointCloud2": (
+        "Header header\nuint32 height\nuint32 width\nPointField[] fields\nbool is_bigendian\nuint32 point_step\n"
+        "uint32 row_step\nuint8[] data\nbool is_dense"
+    ),
     "sensor_msgs/JointState": "Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort",
 }

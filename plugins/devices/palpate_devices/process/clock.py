@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-_LEAK = 200e-6  # clocks may run apart by so much
+LEAK = 200e-6  # clocks may run apart by so much
 _EVERY = 200_000_000  # [ns] between the points of the map that are kept
 _FEW = 5
 
@@ -47,7 +47,7 @@ class ClockMap:
             if self._offset is None:
                 self._first, self._device, self._offset, self._began = arrival - stamp, stamp, 0.0, stamp
             new = stamp != self._device
-            risen = self._offset + _LEAK * max(stamp - self._device, 0)
+            risen = self._offset + LEAK * max(stamp - self._device, 0)
             self._offset, self._device = min(float(arrival - stamp - self._first), risen), stamp
             host = stamp + self._first + round(self._offset)
             if self._last is not None and host <= self._last and new:

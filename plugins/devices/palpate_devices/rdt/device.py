@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any, Literal
 
 import numpy as np
-from palpate import Batch, Channel, Device, DeviceError, Floats, Force, Frequency, Link, SharedReadings, Stream, Time
+from palpate import Batch, Channel, Device, Floats, Force, Frequency, Link, SharedReadings, Stream, Time
 from pydantic import Field
 
 from palpate_devices.process.child import Child
 from palpate_devices.process.clock import epoch_offset
-from palpate_devices.process.ring import HEAD, ROWS, integers
+from palpate_devices.process.readings import SensorReadings
+from palpate_devices.process.ring import integers
 from palpate_devices.rdt import layout
 from palpate_devices.rdt.layout import ROW
 from palpate_devices.rdt.packets import PORT
 
-_POLL, _MOST_QUIET = 0.004, 0.01  # [s]
-_BEAT_SLACK = 0.02  # [s]
 _ONROBOT = 1e4, 1e5  # counts per newton and per newton metre
 
 
@@ -77,43 +75,32 @@ class RdtSensor(Device):
         child = Child(f"rdt at {self.host}", layout.MODULE, settings, ROW.size)
         try:
             ready = child.wait_for("ready", self.boot + 5.0)
-            yield _RdtLink(child, ready, self.silence + _BEAT_SLACK)
+            yield _RdtLink(child, ready, self.silence)
         finally:
             child.close()
 
 
 class _RdtLink:
-    def __init__(self, child: Child, ready: Mapping[str, Any], beat_limit: float) -> None:
-        self._child, self._ready, self._beat_limit = child, ready, beat_limit
-        self._readings = self._unusable = 0
+    def __init__(self, child: Child, ready: Mapping[str, Any], silence: float) -> None:
+        self._child, self._ready = child, ready
+        self._readings = SensorReadings(child, ROW, silence)
+        self._counts = {"readings": 0, "unusable": 0}
 
     def shared(self, stream: str) -> SharedReadings | None:
         """Where the wrench is; see `palpate.Sharing`."""
-        if stream != "wrench":
-            return None
-        return SharedReadings(self._child.memory, HEAD, ROWS, ROW.size, ROW["wrench"].start)
+        return self._readings.shared(stream)
 
     def batches(self) -> Iterator[Batch]:
         """What has come; raises DeviceError as soon as the sensor fails."""
-        quiet = time.monotonic()
-        self._child.ring.early()
-        while True:
-            rows = self._child.ring.read()
-            if len(rows) or time.monotonic() - quiet > _MOST_QUIET:
-                yield from self._batches(rows)
-                quiet = time.monotonic()
-            if not len(rows):
-                self._child.messages()
-                self._child.check(self._beat_limit)
-                time.sleep(_POLL)
-            if self._child.ring.lost:
-                raise DeviceError(f"{self._child.name}: {self._child.ring.lost} readings were lost: the host is slow")
+        self._readings.early()
+        for rows in self._readings.rows():
+            yield from self._batches(rows)
 
     def _batches(self, rows: Floats) -> Iterator[Batch]:
         received = integers(rows, ROW.at("host")) + epoch_offset()
         wrench = rows[:, ROW["wrench"]].copy()
-        self._readings += len(rows)
-        self._unusable += int(np.count_nonzero(~np.isfinite(wrench).all(axis=1)))
+        self._counts["readings"] += len(rows)
+        self._counts["unusable"] += int(np.count_nonzero(~np.isfinite(wrench).all(axis=1)))
         status, sequence = (integers(rows, ROW.at(name)).astype(float) for name in ("status", "sequence"))
         yield Batch("wrench", received, received, wrench)
         yield Batch("status", received, received, np.column_stack([status, sequence]))
@@ -121,11 +108,15 @@ class _RdtLink:
     @property
     def attended(self) -> int:
         """When the sensor's process last looked at its port [ns]."""
-        return self._child.ring.last_beat() + epoch_offset()
+        return self._readings.attended
 
     @property
     def health(self) -> Mapping[str, Any]:
         """What was seen of the sensor and its net."""
         head = self._child.ring.head
-        facts = {"readings": self._readings, "unusable": self._unusable}
-        return {**self._ready, **facts, "lost": int(head[layout.LOST]), "out_of_order": int(head[layout.OUT_OF_ORDER])}
+        return {
+            **self._ready,
+            **self._counts,
+            "lost": int(head[layout.LOST]),
+            "out_of_order": int(head[layout.OUT_OF_ORDER]),
+        }

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from palpate_devices.logs.topics import Stamps
-from palpate_devices.process.clock import ClockMap
+from palpate_devices.process.clock import LEAK, ClockMap
 
 _SILENT = 500_000_000  # [ns] after which another publisher may take over
 _SLOW = 5  # usual intervals
@@ -66,11 +66,9 @@ class StampClock:
         mapped = np.empty(len(stamps), np.int64)
         begin = 0
         for i, (stamp, arrival) in enumerate(zip(stamps.tolist(), received.tolist(), strict=True)):
-            if self._last is not None:
-                step = stamp - self._last[0]
-                if step < -_BACK or step - (arrival - self._last[1]) > _LEAP:
-                    mapped[begin:i] = self._map.to_host(stamps[begin:i], received[begin:i])
-                    self._map, self.restarts, begin = ClockMap(), self.restarts + 1, i
+            if self._last is not None and _leapt(stamp - self._last[0], arrival - self._last[1]):
+                mapped[begin:i] = self._map.to_host(stamps[begin:i], received[begin:i])
+                self._map, self.restarts, begin = ClockMap(), self.restarts + 1, i
             self._last = stamp, arrival
         mapped[begin:] = self._map.to_host(stamps[begin:], received[begin:])
         return mapped
@@ -79,6 +77,54 @@ class StampClock:
     def deviation(self) -> float:
         """How far the map was [s] from that of a clock that runs evenly."""
         return self._map.deviation
+
+
+@dataclass
+class CommonClock:
+    """Stamps of several topics by one clock: moved to the host's clock together, so that what lies between them stays.
+
+    The lower envelope is that of all arrivals, whichever topic is the fastest.
+    """
+
+    restarts: int = 0
+    _offset: float | None = None  # [ns]
+    _arrival: int = 0
+    _last: dict[str, tuple[int, int, int]] = field(default_factory=dict)  # by topic: stamp, arrival, host time [ns]
+    _least: dict[str, int] = field(default_factory=dict)  # by topic: from stamp to arrival [ns]
+
+    def to_host(self, topic: str, stamps: Stamps, received: Stamps) -> Stamps:
+        """Host time [ns] (n,) of stamps [ns] (n,) that arrived at host times [ns] (n,)."""
+        mapped = np.empty(len(stamps), np.int64)
+        for i, (stamp, arrival) in enumerate(zip(stamps.tolist(), received.tolist(), strict=True)):
+            known = self._last.get(topic)
+            if known is not None and _leapt(stamp - known[0], arrival - known[1]):
+                self._offset, self.restarts = None, self.restarts + 1
+                self._least.clear()
+                self._last.clear()
+                known = None
+            late = arrival - stamp
+            risen = late if self._offset is None else self._offset + LEAK * max(arrival - self._arrival, 0)
+            self._offset, self._arrival = min(float(late), risen), max(arrival, self._arrival)
+            self._least[topic] = min(self._least.get(topic, late), late)
+            host = stamp + round(self._offset)
+            if known is not None and host <= known[2] and stamp > known[0]:
+                host = known[2] + 1
+            self._last[topic] = stamp, arrival, host
+            mapped[i] = host
+        return mapped
+
+    @property
+    def apart(self) -> tuple[str, str, float] | None:
+        """The topic that is the least late, the one that is the most, and by how much more [s]."""
+        if len(self._least) < 2:
+            return None
+        ahead, behind = (pick(self._least, key=self._least.__getitem__) for pick in (min, max))
+        return ahead, behind, (self._least[behind] - self._least[ahead]) / 1e9
+
+
+def _leapt(step: int, passed: int) -> bool:
+    """Whether a clock leapt whose stamps went on by a step [ns] while so much [ns] passed."""
+    return step < -_BACK or step - passed > _LEAP
 
 
 @dataclass

@@ -40,7 +40,9 @@ class Network:
         general = f"<General>{interface}{multicast}</General>"
         peers = "".join(f"<Peer address={quoteattr(peer)}/>" for peer in self.peers)
         found = f"<ParticipantIndex>auto</ParticipantIndex><Peers>{peers}</Peers>" if peers else ""
-        return f'<CycloneDDS><Domain id="any">{general}<Discovery>{found}</Discovery></Domain></CycloneDDS>'
+        quiet = "<Tracing><Verbosity>none</Verbosity></Tracing>"  # of each message that it drops it would write a line
+        inside = f"{general}<Discovery>{found}</Discovery>{quiet}"
+        return f'<CycloneDDS><Domain id="any">{inside}</Domain></CycloneDDS>'
 
 
 @dataclass(frozen=True)
@@ -64,19 +66,11 @@ class Participant:
     _kept: list[Any] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        try:
-            from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
-            from cyclonedds.core import DDSException, WaitSet
-            from cyclonedds.domain import Domain, DomainParticipant
-        except ImportError as error:
-            raise DeviceError("ROS 2 topics need Cyclone DDS: pip install 'palpate[ros2]'") from error
-        try:
-            if _CONFIGURED not in os.environ:
-                self._kept.append(Domain(self.network.domain, self.network.configuration))
-            self._participant = DomainParticipant(self.network.domain)
-        except DDSException as error:
-            where = f" on interface {self.network.interface}" if self.network.interface else ""
-            raise DeviceError(f"DDS does not come up in domain {self.network.domain}{where}: {error}") from error
+        self._participant = participant(self.network, self._kept)
+        from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
+        from cyclonedds.core import WaitSet
+
+        self.talker = Talker(self.network, self._participant)
         self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
         self._waiting = WaitSet(self._participant)
         self._known: dict[str, Publication] = {}
@@ -133,6 +127,48 @@ class Participant:
                 info, now = sample.sample_info, time.monotonic_ns()
                 payload = bytes(sample.data) if info.valid_data else b""
                 yield Arrived(number, now, int(info.source_timestamp), int(info.publication_handle), payload)
+
+
+class Talker:
+    """A member of a domain that publishes messages: of estimates, flags and alarms, and of nothing that moves."""
+
+    def __init__(self, network: Network, member: Any = None) -> None:
+        self._kept: list[Any] = []
+        self._participant = participant(network, self._kept) if member is None else member
+        self._writers: dict[str, tuple[Any, Any]] = {}
+
+    def send(self, topic: str, type_name: str, payload: bytes, latched: bool = False) -> None:
+        """Publish a message; the last one of a topic that is `latched` also reaches who comes later."""
+        from cyclonedds.pub import DataWriter
+        from cyclonedds.qos import Policy, Qos
+        from cyclonedds.topic import Topic
+
+        kind = message_class(type_name, "")
+        if topic not in self._writers:
+            durability = Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile
+            # A reader that does not keep up loses the oldest, and never holds up a run.
+            qos = Qos(Policy.Reliability.Reliable(0), durability, Policy.History.KeepLast(1 if latched else 10))
+            made = Topic(self._participant, dds_topic(topic), kind)
+            self._writers[topic] = made, DataWriter(self._participant, made, qos=qos)
+        message = kind.__new__(kind)
+        message.data = payload
+        self._writers[topic][1].write(message)
+
+
+def participant(network: Network, kept: list[Any]) -> Any:
+    """A member of a domain; what must live as long goes to `kept`. Raises DeviceError."""
+    try:
+        from cyclonedds.core import DDSException
+        from cyclonedds.domain import Domain, DomainParticipant
+    except ImportError as error:
+        raise DeviceError("ROS 2 topics need Cyclone DDS: pip install 'palpate[ros2]'") from error
+    try:
+        if _CONFIGURED not in os.environ:
+            kept.append(Domain(network.domain, network.configuration))
+        return DomainParticipant(network.domain)
+    except DDSException as error:
+        where = f" on interface {network.interface!r}: is it there" if network.interface else ""
+        raise DeviceError(f"DDS does not come up in domain {network.domain}{where} ({error})") from error
 
 
 def network_of(settings: Mapping[str, Any]) -> Network:

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from functools import cached_property
+from math import inf
 from typing import Literal, Self
 
-from palpate import Device, Link, LogError, Stream, Time
+from palpate import Device, Link, LogError, Settings, Stream, Time, to_si
 from pydantic import Field, field_validator, model_validator
 
 from palpate_devices.logs.definitions import parse_definitions
@@ -16,13 +17,22 @@ from palpate_devices.logs.feeds import Feed, mapped_streams
 from palpate_devices.logs.kinematics import Kinematics
 from palpate_devices.logs.mapping import Clock, MappedSignal, Orientation
 from palpate_devices.logs.replay import described_feeds
+from palpate_devices.ros2.accounts import CommonClock
 from palpate_devices.ros2.cyclone import Network
 from palpate_devices.ros2.heard import Heard
+from palpate_devices.ros2.limits import Bound, Limit
 from palpate_devices.ros2.link import Ros2Link
 from palpate_devices.ros2.listening import Listener, hear, listener, refuse_missing
 from palpate_devices.ros2.names import resolved
 
 _NAMES = 1.0  # [s] that joints and frames may take to be named after the first message
+
+
+class WatchedRange(Settings):
+    """What readings of a channel should be, in its unit."""
+
+    least: float | str | None = Field(default=None, description='such as "-8 mm"')
+    greatest: float | str | None = Field(default=None, description='such as "20 N"')
 
 
 class Ros2Device(Device):
@@ -47,6 +57,11 @@ class Ros2Device(Device):
         description='"stamp" (of the header, else arrival), "log" (arrival), "publish" (when its writer wrote it), '
         'or { field = "data", index = 0 }',
     )
+    clocks: Literal["each", "one"] = Field(
+        default="each",
+        description='"each": the clock of each topic is mapped by itself; "one": all stamps are of one computer, or of '
+        "several that are synchronised, and what lies between topics stays",
+    )
     namespace: str = Field(default="", description="of topics that do not begin with a slash")
     types: dict[str, str] = Field(
         default={}, description='definitions of types of your own: { "my_msgs/msg/Load" = "float64 newtons" }'
@@ -59,6 +74,16 @@ class Ros2Device(Device):
     interface: str | None = Field(default=None, min_length=1, description='network interface, such as "eth0" or "lo"')
     peers: tuple[str, ...] = Field(
         default=(), description="addresses of the other computers, where the network has no multicast"
+    )
+    limits: dict[str, WatchedRange] = Field(
+        default={},
+        description="of readings by channel; one beyond is flagged, and stops nothing: "
+        '{ force = { greatest = "20 N" }, "tip.z" = { least = "-8 mm" } }',
+    )
+    alarm: str | None = Field(
+        default=None,
+        pattern=r"^/[A-Za-z_]",
+        description="topic (std_msgs/Bool, latched) that is true from the first reading beyond a limit on",
     )
     patience: Time = Field(default=3.0, gt=0, description="how long topics may take to be found")
     listen: Time | None = Field(default=None, gt=0, description="how long to listen; left out: until Ctrl-C")
@@ -86,6 +111,36 @@ class Ros2Device(Device):
             )
         return self
 
+    @model_validator(mode="after")
+    def _limits_of_channels(self) -> Self:
+        if self.alarm is not None and not self.limits:
+            raise ValueError("alarm needs limits")
+        self._bounds  # noqa: B018  raises where a limit is none
+        return self
+
+    @cached_property
+    def _bounds(self) -> list[Bound]:
+        """The limits in SI, each with its stream and column; raises ValueError."""
+        places = {}
+        for stream in self.streams:
+            for column, channel in enumerate(stream.channels):
+                for name in (
+                    f"{stream.name}.{channel.name}",
+                    *([channel.name] if channel.name in self.signals else []),
+                ):
+                    places[name] = stream.name, column, channel.unit
+        found = []
+        for name, ends in self.limits.items():
+            if name not in places:
+                raise ValueError(f"limits: there is no channel {name!r} (there are: {', '.join(places)})")
+            stream_name, column, unit = places[name]
+            low = -inf if ends.least is None else to_si(ends.least, unit)
+            high = inf if ends.greatest is None else to_si(ends.greatest, unit)
+            if not low < high:
+                raise ValueError(f"limits: of {name!r} the least is not below the greatest")
+            found.append(Bound(name, stream_name, column, unit, low, high))
+        return found
+
     @property
     def live(self) -> bool:
         """It sends as time goes by."""
@@ -110,9 +165,10 @@ class Ros2Device(Device):
     @contextmanager
     def _connected(self) -> Iterator[Link]:
         name = f"ros2://{self.domain}"
-        with listener(name, self.network, self._topics, self.types) as source:
+        with listener(name, self.network, self._topics, self.types, self.alarm) as source:
             feeds = self._found(source, name)
-            yield Ros2Link(source, feeds, name, self.listen)
+            common = CommonClock() if self.clocks == "one" else None
+            yield Ros2Link(source, feeds, name, self.listen, [Limit(bound) for bound in self._bounds], common)
 
     @property
     def network(self) -> Network:

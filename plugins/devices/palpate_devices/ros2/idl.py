@@ -9,14 +9,14 @@ from typing import Any
 from palpate_devices.logs.definitions import PRIMITIVES, Definitions, Field, parse_definitions, short_name
 from palpate_devices.ros2.names import dds_type
 
-_SAME = {"byte": "uint8", "bool": "uint8", "char": "uint8"}  # one byte each
+_SAME = {"byte": "uint8", "char": "uint8"}
 
 
 @cache
 def message_class(type_name: str, definition: str) -> Any:
     """The class of a message type for cyclonedds; raises LogError where the definition is none.
 
-    Its messages are not taken apart: `data` is what came, encapsulation included, as a bag would hold it.
+    Its messages are not taken apart: `data` is what came or is to go, encapsulation included, as a bag would hold it.
     """
     definitions = parse_definitions(type_name, definition)
     struct = _struct(short_name(type_name), definitions, {})
@@ -26,9 +26,13 @@ def message_class(type_name: str, definition: str) -> Any:
         message.data = data
         return message
 
+    def serialize(message: Any, *_: Any, **__: Any) -> bytes:
+        return bytes(message.data)
+
     def deserialize_key(cls: Any, data: bytes) -> None:
         return None  # no message of ROS 2 has a key
 
+    struct.serialize = serialize
     struct.deserialize, struct.deserialize_key = classmethod(deserialize), classmethod(deserialize_key)
     return struct
 
@@ -54,6 +58,8 @@ def _annotation(field: Field, definitions: Definitions, done: dict[str, Any]) ->
     types: Any = idl_types
     if field.type in ("string", "wstring"):
         kind: Any = str
+    elif field.type == "bool":
+        kind = bool
     elif field.type in PRIMITIVES:
         kind = getattr(types, _SAME.get(field.type, field.type))
     else:

@@ -15,22 +15,33 @@ from palpate_devices.logs.feeds import Feed
 from palpate_devices.logs.replay import Reader
 from palpate_devices.logs.topics import Messages, Stamps
 from palpate_devices.process.clock import epoch_offset
-from palpate_devices.ros2.accounts import Publisher, StampClock, TopicAccount
+from palpate_devices.ros2.accounts import CommonClock, Publisher, StampClock, TopicAccount
 from palpate_devices.ros2.frames import Arrived
 from palpate_devices.ros2.heard import block_of
+from palpate_devices.ros2.limits import Limit
 from palpate_devices.ros2.listening import Listener
 from palpate_devices.ros2.worker import LOST
 
 _POLL = 0.004  # [s]
 _MOST_QUIET = 0.01  # [s]; at least so often there is a batch, if an empty one
 _NEWS = 0.1  # [s] between two looks at what the process says
+_ONE_CLOCK = 0.05  # [s] between the topics of one clock, at most
 _BEAT = 2.0  # [s]; a process that is silent for longer has died, whatever else keeps the machine busy
 
 
 class Ros2Link:
     """A domain that is listened to."""
 
-    def __init__(self, source: Listener, feeds: Sequence[Feed], name: str, duration: float | None) -> None:
+    def __init__(
+        self,
+        source: Listener,
+        feeds: Sequence[Feed],
+        name: str,
+        duration: float | None,
+        limits: Sequence[Limit] = (),
+        common: CommonClock | None = None,
+    ) -> None:
+        self._limits, self._alarmed, self._common = limits, False, common
         self._source, self._feeds, self._name, self._duration = source, feeds, name, duration
         self._reader = Reader(feeds, name)
         self._clocks: dict[tuple[int, int], StampClock] = {}  # by feed and writer
@@ -46,7 +57,9 @@ class Ros2Link:
             found = list(self._source.inlet.messages())
             now = time.monotonic()
             if found:
-                yield from self._batches(found)
+                for batch in self._batches(found):
+                    self._watch(batch)
+                    yield batch
                 quiet = now
             elif now - quiet > _MOST_QUIET:
                 yield from self._nothing()
@@ -60,6 +73,13 @@ class Ros2Link:
             if lost := int(self._source.child.ring.head[LOST]):
                 raise DeviceError(f"{self._name}: {lost} messages were lost: the host is too slow")
         yield from self._reader.turned(final=True)
+
+    def _watch(self, batch: Batch) -> None:
+        """Give the alarm, once, where a reading is beyond a limit."""
+        beyond = [limit.check(batch) for limit in self._limits]
+        if any(beyond) and not self._alarmed:
+            self._alarmed = True
+            self._source.child.tell("alarm")
 
     def _nothing(self) -> Iterator[Batch]:
         empty = np.zeros(0, np.int64)
@@ -106,6 +126,8 @@ class Ros2Link:
         first = next((other for other in self._feeds if other.topic == feed.topic), feed)
         if feed is first:
             account.losses.add(stamps)
+        if self._common is not None:
+            return self._common.to_host(f"{feed.topic} {id(feed)}", stamps, received)
         clock = self._clocks.setdefault((id(feed), writer), StampClock())
         return clock.to_host(stamps, received)
 
@@ -140,9 +162,14 @@ class Ros2Link:
             "ros2-missing": told(lambda a: a.losses.missing, "{} messages of {topic} are missing by their stamps"),
             "ros2-damaged": told(lambda a: a.counts["damaged"], "{} messages of {topic} were damaged"),
         }
+        texts["ros2-limit"] = "; ".join(str(limit) for limit in self._limits if limit.beyond)
         if texts["ros2-damaged"]:
             texts["ros2-damaged"] += f" ({self._trouble})"
-        if restarts := max((clock.restarts for clock in self._clocks.values()), default=0):
+        if self._common is not None and (apart := self._common.apart) is not None and apart[2] > _ONE_CLOCK:
+            ahead, behind = (name.split()[0] for name in apart[:2])
+            texts["ros2-clocks"] = f"{behind} is by {apart[2]:.3g} s later than {ahead}: their clocks are not one"
+        leaps = [clock.restarts for clock in self._clocks.values()]
+        if restarts := max([*leaps, self._common.restarts if self._common is not None else 0]):
             texts["ros2-clock"] = f"the clock of a publisher leapt {restarts} times"
         return (Flag(code, text) for code, text in texts.items() if text)
 

@@ -57,10 +57,15 @@ class Listener:
 
 @contextmanager
 def listener(
-    name: str, network: Network, topics: Sequence[str] | None, definitions: Mapping[str, str]
+    name: str,
+    network: Network,
+    topics: Sequence[str] | None,
+    definitions: Mapping[str, str],
+    alarm: str | None = None,
 ) -> Iterator[Listener]:
-    """A process that listens to topics, or to all whose type is known, for as long as the context."""
+    """A process that listens to topics, or to all whose type is known, and publishes one alarm at the most."""
     settings = {**asdict(network), "topics": None if topics is None else list(topics), "definitions": dict(definitions)}
+    settings["alarm"] = alarm
     reading, writing = message_pipe()
     child = None
     try:

@@ -15,6 +15,7 @@ from palpate_devices.process.child import Parent, real_time
 from palpate_devices.process.ring import WORDS, Ring
 from palpate_devices.ros2.cyclone import Participant, Publication, network_of
 from palpate_devices.ros2.frames import Outlet
+from palpate_devices.ros2.messages import boolean
 
 _IDLE = 0.02  # [s]
 _NEWS = 50_000_000  # [ns] between two looks at who is there
@@ -53,6 +54,9 @@ def _listen(participant: Participant, ring: Ring, parent: Parent, outlet: Outlet
     definitions: dict[str, str] = settings["definitions"]
     heard: dict[str, str] = {}  # types by topic
     looked = 0
+    alarm: str | None = settings.get("alarm")
+    if alarm is not None:
+        participant.talker.send(alarm, *boolean(False), latched=True)
     while not parent.gone:
         participant.wait(_IDLE)
         now = time.monotonic_ns()
@@ -67,7 +71,10 @@ def _listen(participant: Participant, ring: Ring, parent: Parent, outlet: Outlet
                 problem = _begin(participant, found, heard, definitions) if _counts(found, wanted) else None
                 number = list(heard).index(found.topic) if found.topic in heard else None
                 parent.tell("publication", number=number, problem=problem, **asdict(found))
-        if any(word["say"] == "close" for word in parent.messages()):
+        words = [message["say"] for message in parent.messages()]
+        if "alarm" in words and alarm is not None:
+            participant.talker.send(alarm, *boolean(True), latched=True)
+        if "close" in words:
             return
 
 

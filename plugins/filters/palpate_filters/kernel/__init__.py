@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Protocol
 
-import numpy as np
 from palpate import ConfigurationError, Floats
 
-from palpate_filters.kernel.llvm import LANES, CompiledStep
+from palpate_filters.kernel.llvm import CompiledStep
 from palpate_filters.kernel.translation import Untranslatable
 from palpate_filters.kernel.virtual_machine import VirtualMachine
 
-__all__ = ["CompiledWhenUsed", "Kernel", "Step", "compile_step", "kernel_choice", "run_grid", "step_function"]
+__all__ = ["CompiledWhenUsed", "Kernel", "Step", "compile_step", "kernel_choice", "step_function"]
 
 _VARIABLE = "PALPATE_KERNEL"
 
@@ -107,28 +105,3 @@ def told_kernel() -> str:
 
     x, w, p = (casadi.SX.sym(name) for name in "xwp")
     return f"kernel: {compile_step(Step(x, w, p, x + p * w, x * w)).name} ({kernel_choice()[1]})"
-
-
-def run_grid(
-    kernel: Kernel, states: Floats, samples: Floats, settings: Floats, *, every: int = 1, threads: int | None = None
-) -> tuple[Floats, Floats]:
-    """Many settings over one record: states (g, ns) after, and outputs (g, n // every, ny), for settings (g, np).
-
-    Each setting gives the bits that `Kernel.run` gives for it. The LLVM kernel takes eight settings at a time, in as
-    many threads as there are cores; `every` keeps the outputs of every so-many-th sample only, to save memory.
-    """
-    if every < 1:
-        raise ValueError("every must be at least 1")
-    count = len(settings)
-    if not isinstance(kernel, CompiledStep):
-        runs = [kernel.run(states[i], samples, settings[i]) for i in range(count)]
-        return np.array([s for s, _ in runs]), np.array([y[every - 1 :: every] for _, y in runs])
-    rows = np.minimum(np.arange(-(-count // LANES) * LANES), count - 1).reshape(-1, LANES)
-
-    def group(lanes: Any) -> tuple[Floats, Floats]:
-        return kernel.run_lanes(states[lanes], samples, settings[lanes], every)
-
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        runs = list(pool.map(group, rows))
-    after = np.concatenate([s for s, _ in runs])[:count]
-    return after, np.concatenate([y.transpose(1, 0, 2) for _, y in runs])[:count]

@@ -1,4 +1,4 @@
-"""LLVM through llvmlite: a step as machine code, the loop over the samples inside, and in eight lanes for grids."""
+"""LLVM through llvmlite: a step as machine code, the loop over the samples inside."""
 
 from __future__ import annotations
 
@@ -18,21 +18,19 @@ from palpate_filters.kernel import translation
 from palpate_filters.kernel.kept import kept
 from palpate_filters.kernel.translation import LIBRARY, Translation
 
-LANES = 8
 _ENGINES: list[Any] = []
 _COMPILING = threading.Lock()
 
 
 class CompiledStep:
-    """A step as machine code: over a block for one setting, and over a block for eight settings at a time."""
+    """A step as machine code, over a block of samples or one of them."""
 
     name = "LLVM"
 
     def __init__(self, function: Any) -> None:
         self.outputs = int(function.numel_out(1))
-        self._text: str = function.serialize()
         with _COMPILING:
-            self._scalar, self._single = _compiled(self._text, 1)
+            self._scalar, self._single = _compiled(function.serialize())
         # One sample at a time, what takes longest is telling where the arrays are: these stay where they are.
         widths = [function.numel_in(i) for i in range(3)]
         shapes = [widths[0], (1, widths[1]), widths[2], (1, self.outputs)]
@@ -49,47 +47,36 @@ class CompiledStep:
             return held_state.copy(), output.copy()
         arrays = [np.array(state, float), *(np.ascontiguousarray(array, float) for array in (samples, settings))]
         arrays.append(np.empty((len(samples), self.outputs)))
-        self._scalar(len(samples), 1, *(array.ctypes.data for array in arrays))
+        self._scalar(len(samples), *(array.ctypes.data for array in arrays))
         return arrays[0], arrays[3]
-
-    def run_lanes(self, states: Floats, samples: Floats, settings: Floats, every: int) -> tuple[Floats, Floats]:
-        """States (8, ns) after, and outputs (m, 8, ny) of every so-many-th sample, for eight settings (8, np)."""
-        with _COMPILING:
-            call, _ = _compiled(self._text, LANES)
-        after = np.ascontiguousarray(states.T, float)
-        samples = np.ascontiguousarray(samples, float)
-        columns = np.ascontiguousarray(settings.T, float)
-        outputs = np.empty((len(samples) // every, self.outputs, LANES))
-        call(len(samples), every, *(array.ctypes.data for array in (after, samples, columns, outputs)))
-        return np.ascontiguousarray(after.T), outputs.transpose(0, 2, 1)
 
 
 @cache
-def _compiled(text: str, lanes: int) -> tuple[Callable[..., None], Callable[[int], None]]:
-    """Machine code of a serialised step, over a block and of one sample; one for each step and width in a process."""
+def _compiled(text: str) -> tuple[Callable[..., None], Callable[[int], None]]:
+    """Machine code of a serialised step, over a block and of one sample; one for each step in a process."""
     import llvmlite
     import llvmlite.binding as binding
 
     machine = _machine()
     versions = llvmlite.__version__, str(binding.llvm_version_info), _translator()
     processor = binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten(), machine.triple
-    code = kept((text, str(lanes), *versions, *processor), lambda: _translated(text, lanes, machine))
+    code = kept((text, *versions, *processor), lambda: _translated(text, machine))
     engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
     engine.add_object_file(binding.ObjectFileRef.from_data(code))
     engine.finalize_object()
     pointer = ctypes.c_void_p
-    block = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64, *([pointer] * 4))
+    block = ctypes.CFUNCTYPE(None, ctypes.c_int64, *([pointer] * 4))
     single = ctypes.PYFUNCTYPE(None, pointer)  # over before another thread could make use of the interpreter
     _ENGINES.append(engine)  # the code lives as long as its engine
     return block(engine.get_function_address("run")), single(engine.get_function_address("single"))
 
 
-def _translated(text: str, lanes: int, machine: Any) -> bytes:
+def _translated(text: str, machine: Any) -> bytes:
     """Machine code of a serialised step, as an object file."""
     import casadi
     import llvmlite.binding as binding
 
-    module = binding.parse_assembly(str(Translation(casadi.Function.deserialize(text), lanes).module()))
+    module = binding.parse_assembly(str(Translation(casadi.Function.deserialize(text)).module()))
     module.verify()
     tuning = binding.create_pipeline_tuning_options(speed_level=2)
     builder = binding.create_pass_builder(machine, tuning)

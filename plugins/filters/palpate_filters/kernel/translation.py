@@ -48,12 +48,11 @@ class Untranslatable(Exception):  # noqa: N818  (a signal to the chooser of kern
 class Translation:
     """The instruction list of a CasADi function as one LLVM function that loops over samples."""
 
-    def __init__(self, function: Any, lanes: int) -> None:
+    def __init__(self, function: Any) -> None:
         from llvmlite import ir
 
-        self._ir, self._function, self._lanes = ir, function, lanes
+        self._ir, self._function = ir, function
         self._double = ir.DoubleType()
-        self._number = self._double if lanes == 1 else ir.VectorType(self._double, lanes)
         self._names = operations()
         self._declared: dict[str, Any] = {}
 
@@ -62,40 +61,27 @@ class Translation:
         ir = self._ir
         self._module = ir.Module(name="step")
         integer, pointer = ir.IntType(64), self._double.as_pointer()
-        kind = ir.FunctionType(ir.VoidType(), [integer, integer, *([pointer] * 4)])
+        kind = ir.FunctionType(ir.VoidType(), [integer, *([pointer] * 4)])
         run = ir.Function(self._module, kind, name="run")
-        for argument in run.args[2:]:
+        for argument in run.args[1:]:
             argument.add_attribute("noalias")
-        count, every, *self._arrays = run.args
-        entry, body, keep, following, done = (
-            run.append_basic_block(n) for n in ("entry", "body", "keep", "next", "done")
-        )
+        count, *self._arrays = run.args
+        entry, body, done = (run.append_basic_block(name) for name in ("entry", "body", "done"))
         self._b = ir.IRBuilder(entry)
         zero, one = integer(0), integer(1)
         self._b.cbranch(self._b.icmp_signed(">", count, zero), body, done)
         self._b.position_at_end(body)
-        index, due, row = (self._b.phi(integer) for _ in range(3))
+        index = self._b.phi(integer)
         self._sample = self._b.mul(index, integer(self._function.numel_in(1)))
         next_state, output = self._instructions()
         for i, value in next_state.items():
             self._store(value, self._arrays[0], integer(i))
-        due_next = self._b.add(due, one)
-        self._b.cbranch(self._b.icmp_signed("==", due_next, every), keep, following)
-        self._b.position_at_end(keep)
-        offset = self._b.mul(row, integer(self._function.numel_out(1)))
+        offset = self._b.mul(index, integer(self._function.numel_out(1)))
         for i, value in output.items():
             self._store(value, self._arrays[3], self._b.add(offset, integer(i)))
-        row_next = self._b.add(row, one)
-        self._b.branch(following)
-        self._b.position_at_end(following)
-        due_after, row_after = self._b.phi(integer), self._b.phi(integer)
-        for phi, here, there in ((due_after, due_next, zero), (row_after, row, row_next)):
-            phi.add_incoming(here, body)
-            phi.add_incoming(there, keep)
         index_next = self._b.add(index, one)
-        for phi, after in ((index, index_next), (due, due_after), (row, row_after)):
-            phi.add_incoming(zero, entry)
-            phi.add_incoming(after, following)
+        index.add_incoming(zero, entry)
+        index.add_incoming(index_next, body)
         self._b.cbranch(self._b.icmp_signed("<", index_next, count), body, done)
         self._b.position_at_end(done)
         self._b.ret_void()
@@ -110,7 +96,7 @@ class Translation:
         single = ir.Function(self._module, kind, name="single")
         b = ir.IRBuilder(single.append_basic_block("entry"))
         places = [b.load(b.gep(single.args[0], [ir.IntType(64)(i)])) for i in range(4)]
-        b.call(run, [one, one, *places])
+        b.call(run, [one, *places])
         b.ret_void()
 
     def _instructions(self) -> tuple[dict[int, Any], dict[int, Any]]:
@@ -134,30 +120,16 @@ class Translation:
         return results
 
     def _constant(self, value: float) -> Any:
-        return self._ir.Constant(self._number, value if self._lanes == 1 else [value] * self._lanes)
-
-    def _address(self, array: Any, place: Any) -> Any:
-        if self._lanes == 1:
-            return self._b.gep(array, [place])
-        start = self._b.gep(array, [self._b.mul(place, place.type(self._lanes))])
-        return self._b.bitcast(start, self._number.as_pointer())
+        return self._ir.Constant(self._double, value)
 
     def _store(self, value: Any, array: Any, place: Any) -> None:
-        self._b.store(value, self._address(array, place), align=8)
+        self._b.store(value, self._b.gep(array, [place]), align=8)
 
     def _input(self, which: int, place: int) -> Any:
-        integer = self._ir.IntType(64)
-        if which != 1:
-            return self._b.load(self._address(self._arrays[0 if which == 0 else 2], integer(place)), align=8)
-        value = self._b.load(self._b.gep(self._arrays[1], [self._b.add(self._sample, integer(place))]), align=8)
-        return value if self._lanes == 1 else self._splat(value)
-
-    def _splat(self, value: Any) -> Any:
-        integer = self._ir.IntType(32)
-        empty = self._ir.Constant(self._number, self._ir.Undefined)
-        first = self._b.insert_element(empty, value, integer(0))
-        mask = self._ir.Constant(self._ir.VectorType(integer, self._lanes), [0] * self._lanes)
-        return self._b.shuffle_vector(first, empty, mask)
+        start = self._ir.IntType(64)(place)
+        if which == 1:
+            start = self._b.add(self._sample, start)
+        return self._b.load(self._b.gep(self._arrays[which], [start]), align=8)
 
     def _operation(self, name: str, x: list[Any]) -> Any:
         b, one, zero = self._b, self._constant(1.0), self._constant(0.0)
@@ -191,9 +163,9 @@ class Translation:
         raise Untranslatable(f"the step uses {name}, which the LLVM kernel does not know")
 
     def _intrinsic(self, name: str) -> Any:
-        full = f"llvm.{name}.f64" if self._lanes == 1 else f"llvm.{name}.v{self._lanes}f64"
+        full = f"llvm.{name}.f64"
         if full not in self._declared:
-            kind = self._ir.FunctionType(self._number, [self._number])
+            kind = self._ir.FunctionType(self._double, [self._double])
             self._declared[full] = self._ir.Function(self._module, kind, name=full)
         return self._declared[full]
 
@@ -216,13 +188,7 @@ class Translation:
         if name not in self._declared:
             kind = ir.FunctionType(self._double, [self._double] * len(x))
             self._declared[name] = ir.Function(self._module, kind, name=f"palpate_{name}")
-        if self._lanes == 1:
-            return b.call(self._declared[name], x)
-        result = ir.Constant(self._number, ir.Undefined)
-        for lane in range(self._lanes):
-            at = ir.IntType(32)(lane)
-            result = b.insert_element(result, b.call(self._declared[name], [b.extract_element(v, at) for v in x]), at)
-        return result
+        return b.call(self._declared[name], x)
 
 
 @cache

@@ -14,13 +14,16 @@ from palpate_devices.logs.draft import pipeline_of, recording_of, suggestion_of
 from palpate_devices.logs.replaying import carried_by, carried_text, replay_source, with_other_channels
 from palpate_devices.logs.suggestion_picture import draw_suggestion
 from palpate_devices.recording import Suggestion, Survey, TopicSurvey
+from palpate_devices.ros2.looking import address_of, suggestion_at, survey_at
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
 def info(
-    log: Annotated[Path | None, typer.Argument(help="The log: .mcap, .db3, a bag folder, .csv.")] = None,
+    log: Annotated[
+        Path | None, typer.Argument(help="The log: .mcap, .db3, a bag folder, .csv; or ros2://DOMAIN.")
+    ] = None,
     suggest: Annotated[bool, typer.Option("--suggest", help="Print a ready pipeline that reads the log.")] = False,
     force: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the force.")] = None,
     position: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the position.")] = None,
@@ -45,7 +48,8 @@ def info(
         given = {"force": force, "position": position, "velocity": velocity, "time": time, "rate": rate}
         _suggest(log, {role: text for role, text in given.items() if text is not None}, out, picture, as_json)
         return
-    survey = recording_of(log).survey(log)
+    address = address_of(str(log))
+    survey = recording_of(log).survey(log) if address is None else survey_at(address)
     if as_json:
         print_json(survey)
     else:
@@ -54,12 +58,13 @@ def info(
 
 def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path | None, as_json: bool) -> None:
     """Print or write the pipeline, and say on standard error what in it is a guess or must be filled in."""
-    carried = carried_by(log)
+    address = address_of(str(log))
+    carried = carried_by(log) if address is None else None
     if carried is not None and not choices and picture is None:
         typer.echo(f"{log}: tip, models, estimators and alignment are those of its run", err=True)
         _written(carried_text(replay_source(carried), log), out, as_json)
         return
-    suggestion = suggestion_of(log, choices)
+    suggestion = suggestion_of(log, choices) if address is None else suggestion_at(address, choices)
     for text in suggestion.blanks:
         typer.echo(f"fill in: {printable(text)}", err=True)
     for text in suggestion.doubts:
@@ -71,7 +76,8 @@ def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path
         typer.echo(f"{log}: {chosen} is that of its run", err=True)
         text = carried_text(with_other_channels(carried, suggestion, choices), log)
     else:
-        text = pipeline_of(suggestion, log, out.parent if out is not None else None)
+        beside = out.parent if out is not None and address is None else None
+        text = pipeline_of(suggestion, log if address is None else Path(address.name), beside)
     _written(text, out, as_json, suggestion)
 
 

@@ -1,0 +1,87 @@
+"""``palpate info ros2://DOMAIN``: what a running ROS 2 system publishes, looked into as a log is."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from urllib.parse import parse_qs
+
+from palpate import ConfigurationError, to_si
+
+from palpate_devices.logs.suggestion import suggestion_for
+from palpate_devices.logs.survey import survey_of
+from palpate_devices.recording import Suggestion, Survey
+from palpate_devices.ros2.cyclone import Network
+from palpate_devices.ros2.heard import Heard
+from palpate_devices.ros2.listening import hear, listener
+
+_ADDRESS = re.compile(r"^ros2:/{1,2}(?P<domain>[^?/]*)(?:\?(?P<query>.*))?$")  # a path loses one of two slashes
+_NUMBER = re.compile(r"^\d+(\.\d*)?$")
+_KEYS = ("interface", "peer", "for")
+_SECONDS = 3.0
+_MOST = 3600.0  # [s]
+
+
+@dataclass(frozen=True)
+class Address:
+    """A domain, how to reach it, and how long to listen."""
+
+    network: Network
+    seconds: float
+
+    @property
+    def name(self) -> str:
+        """As messages say it."""
+        return f"ROS 2 domain {self.network.domain}"
+
+
+def address_of(text: str) -> Address | None:
+    """The address ``ros2://DOMAIN?interface=lo&peer=10.0.0.2&for=5s``; None where it is a file. ConfigurationError."""
+    match = _ADDRESS.match(text)
+    if match is None:
+        return None
+    domain = match["domain"] or "0"
+    if not domain.isdigit() or int(domain) > 232:
+        raise ConfigurationError(f"{text}: {domain!r} is no DDS domain, which is a whole number from 0 to 232")
+    given = parse_qs(match["query"] or "", keep_blank_values=True)
+    if unknown := next((key for key in given if key not in _KEYS), None):
+        raise ConfigurationError(f"{text}: {unknown!r} is none of {', '.join(_KEYS)}")
+    network = Network(int(domain), given.get("interface", [""])[-1] or None, tuple(given.get("peer", ())))
+    try:
+        text_of = given.get("for", [str(_SECONDS)])[-1]
+        seconds = float(text_of) if _NUMBER.match(text_of) else to_si(text_of, "s")
+    except ValueError as error:
+        raise ConfigurationError(f"{text}: for: {error}") from error
+    if not 0 < seconds <= _MOST:
+        raise ConfigurationError(f"{text}: for: {seconds:g} s is not between 0 and {_MOST:g} s")
+    return Address(network, seconds)
+
+
+def heard_at(address: Address) -> Heard:
+    """All that is published at an address for a while; raises DeviceError where that is nothing."""
+    with listener(address.name, address.network, None, {}) as source:
+        heard = hear(source, {}, address.seconds, lambda heard: False)
+        for topic, type_name in source.types.items():
+            heard.know(topic, type_name, "")
+    return heard
+
+
+def survey_at(address: Address) -> Survey:
+    """What is published at an address."""
+    found = survey_of(heard_at(address), Path(address.name), f"for {address.seconds:g} s")
+    note = "nobody publishes anything: is the domain right, as in ROS_DOMAIN_ID, and is there multicast?"
+    return found if found.topics else replace(found, notes=(*found.notes, note))
+
+
+def suggestion_at(address: Address, choices: Mapping[str, str]) -> Suggestion:
+    """A device that reads what is published; raises LogError where nothing in it can be force or position."""
+    found = suggestion_for(heard_at(address), Path(address.name), "ros2", choices)
+    device = {key: value for key, value in found.device.items() if key not in ("file", "begin", "end")}
+    network = address.network
+    device["domain"] = network.domain
+    device |= {"interface": network.interface} if network.interface else {}
+    device |= {"peers": list(network.peers)} if network.peers else {}
+    reasons = tuple(text for text in found.reasons if not text.startswith("end:"))
+    return replace(found, device=device, reasons=reasons)

@@ -1,0 +1,135 @@
+"""What palpate finds, as topics of a ROS 2 system."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from typing import Any
+
+import numpy as np
+from palpate import Estimates, Flag, OutputError, Run, Samples, Sink, Time, Writer
+from pydantic import Field
+
+from palpate_devices.ros2.cyclone import Network, Talker
+from palpate_devices.ros2.messages import cloud, diagnostics, legal_name, vector_stamped
+
+_CLOUD_EVERY = 1.0  # [s] of the record
+_PLACES = 5000  # of one track that a map shows
+_APART = 2e-4  # [m] between two of them
+
+
+class Ros2Sink(Sink):
+    """Publishes what is found to a ROS 2 system while the run goes on; needs ``palpate[ros2]``.
+
+    Standard types only, so that rviz, plotjuggler and ``ros2 topic echo`` show them: for every parameter of a track
+    ``palpate/MODEL/ESTIMATOR/PARAMETER`` (geometry_msgs/Vector3Stamped: value, standard deviation, both in SI, and the
+    time of the record), ``palpate/MODEL/ESTIMATOR/map`` where the tip's place is known (sensor_msgs/PointCloud2: x, y,
+    z, then value and standard deviation of each parameter) and ``palpate/flags`` (diagnostic_msgs/DiagnosticArray).
+    Nothing is published that moves a robot.
+    """
+
+    domain: int = Field(default=0, ge=0, le=232, description="the DDS domain, as in ROS_DOMAIN_ID")
+    namespace: str = Field(default="", pattern=r"^(/[A-Za-z_][A-Za-z0-9_]*)*$", description='such as "/left"')
+    interval: Time = Field(default=0.02, ge=0, description="an estimate is published in so much time of the record")
+    frame: str = Field(default="surface", description="frame_id of the messages")
+    interface: str | None = Field(default=None, min_length=1, description='network interface, such as "eth0" or "lo"')
+    peers: tuple[str, ...] = Field(
+        default=(), description="addresses of the other computers, where the network has no multicast"
+    )
+
+    def open(self, run: Run) -> AbstractContextManager[Writer]:
+        """A participant of the domain; raises OutputError where DDS does not come up."""
+        return self._opened(run)
+
+    @contextmanager
+    def _opened(self, run: Run) -> Iterator[Writer]:
+        try:
+            talker = Talker(Network(self.domain, self.interface, self.peers, reliable=True))
+        except Exception as error:
+            raise OutputError(f"sink ros2: {error}") from error
+        yield _Publishing(self, run, talker)
+
+
+class _Publishing:
+    """One run on its way out."""
+
+    def __init__(self, settings: Ros2Sink, run: Run, talker: Talker) -> None:
+        self._settings, self._talker = settings, talker
+        self._base = f"{settings.namespace}/palpate"
+        self._names = {track: [p.name for p in parameters] for track, parameters in run.tracks.items()}
+        self._samples: Samples | None = None
+        self._next = dict.fromkeys(run.tracks, -np.inf)
+        self._next_cloud = dict.fromkeys(run.tracks, -np.inf)
+        self._places: dict[str, list[list[float]]] = {track: [] for track in run.tracks}
+        self._flags: dict[str, tuple[Flag, ...]] = {}
+
+    def batch(self, device: str, batch: Any) -> None:
+        """Raw readings are those of others."""
+
+    def samples(self, samples: Samples) -> None:
+        """What the next estimates are of."""
+        self._samples = samples
+
+    def estimates(self, track: str, estimates: Estimates) -> None:
+        """The latest of every interval, and the places that have become known."""
+        samples = self._samples
+        if samples is None or len(samples) != len(estimates) or not len(estimates):
+            return  # an offline estimator's come when the run is over
+        known = np.isfinite(estimates.values).all(axis=1)
+        rows = np.flatnonzero(known)
+        if not len(rows):
+            return
+        self._learn(track, samples, estimates, rows)
+        last = int(rows[-1])
+        time, stamp = float(estimates.time[last]), int(samples.stamp[last])
+        if time >= self._next[track]:
+            self._next[track] = time + self._settings.interval
+            for k, name in enumerate(self._names[track]):
+                numbers = (float(estimates.values[last, k]), float(estimates.std[last, k]), time)
+                self._talker.send(
+                    f"{self._topic(track)}/{legal_name(name)}", *vector_stamped(stamp, self._settings.frame, numbers)
+                )
+        if self._places[track] and time >= self._next_cloud[track]:
+            self._next_cloud[track] = time + _CLOUD_EVERY
+            self._send_map(track, stamp)
+
+    def _learn(self, track: str, samples: Samples, estimates: Estimates, rows: Any) -> None:
+        places = self._places[track]
+        for row in rows.tolist():
+            x, y = samples.lateral[row].tolist()
+            if not samples.contact[row] or not np.isfinite([x, y]).all() or len(places) >= _PLACES:
+                continue
+            if places and np.hypot(x - places[-1][0], y - places[-1][1]) < _APART:
+                places.pop()  # the latest of a place counts
+            pairs = np.column_stack([estimates.values[row], estimates.std[row]]).ravel()
+            places.append([x, y, float(estimates.surface[row]), *pairs.tolist()])
+
+    def _send_map(self, track: str, stamp: int) -> None:
+        fields = ["x", "y", "z", *(f"{name}{end}" for name in self._names[track] for end in ("", "_std"))]
+        message = cloud(stamp, self._settings.frame, fields, np.array(self._places[track]))
+        self._talker.send(f"{self._topic(track)}/map", *message, latched=True)
+
+    def flags(self, track: str | None, flags: tuple[Flag, ...]) -> None:
+        """All that now speaks against a track, or against the record."""
+        self._flags[track or "record"] = flags
+
+    def health(self, health: Mapping[str, Any]) -> None:
+        """Once a second the flags, which are told before the health only where they have changed."""
+        self._talker.send(f"{self._base}/flags", *diagnostics(self._stamp, self._flags), latched=True)
+
+    def result(self, table: Mapping[str, Any]) -> None:
+        """The last map, and the flags of the result."""
+        for track, places in self._places.items():
+            if places:
+                self._send_map(track, self._stamp)
+        for track, found in table["tracks"].items():
+            self._flags[track] = tuple(Flag(f["code"], f["message"], f["severity"]) for f in found["flags"])
+        self._talker.send(f"{self._base}/flags", *diagnostics(self._stamp, self._flags), latched=True)
+
+    @property
+    def _stamp(self) -> int:
+        """The time [ns] of the latest sample."""
+        return int(self._samples.stamp[-1]) if self._samples is not None and len(self._samples) else 0
+
+    def _topic(self, track: str) -> str:
+        return "/".join([self._base, *(legal_name(part) for part in track.split("/"))])

@@ -1,0 +1,45 @@
+"""What an oscillation with one frequency cannot tell: a viscosity from a stiffness that fades fast."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from palpate import Diagnosed, TrackEvidence
+
+from palpate_uncertainty.along import along
+from palpate_uncertainty.timing import delay_shifts, is_viscous
+from palpate_uncertainty.whiteness import oscillation
+
+FADING = 0.1  # of the stiffness
+
+
+def one_frequency(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
+    """Of every track on an oscillation with one frequency: what a tenth of fading stiffness would be of its viscosity.
+
+    A part g of the stiffness that fades within tau loses g K w tau/(1 + w^2 tau^2) of force per depth at the angular
+    frequency w, g K/2 at most, at tau = 1/w: as a delay of g/(2 w) does. It leaves no residual: the viscosity is that
+    at this frequency, and only another one tells the two apart. Models that have a memory are left out.
+    """
+    found = {track.name: _of(track) for track in tracks if track.ending is not None and not track.model.memory}
+    return {name: Diagnosed(table=table) for name, table in found.items() if table}
+
+
+def _of(track: TrackEvidence) -> Mapping[str, object]:
+    end, used = track.ending, track.kept.used & np.isfinite(track.kept.position)
+    viscous = [parameter for parameter in track.model.parameters if is_viscous(parameter)]
+    if end is None or not viscous or not np.isfinite(track.values).all():
+        return {}
+    rhythm = oscillation(track.kept.time[used], track.kept.position[used])
+    if rhythm is None:
+        return {}
+    pace = 2.0 * np.pi * rhythm[0]
+    shifts = delay_shifts(track.model, along(track.model, end.tail, end.last, track.values), track.values)
+    like = {
+        parameter.name: {"value": abs(float(shift)) * FADING / (2.0 * pace), "unit": parameter.unit}
+        for parameter, shift in zip(track.model.parameters, shifts, strict=True)
+        if is_viscous(parameter) and shift and np.isfinite(shift)
+    }
+    if not like:
+        return {}
+    return {"frequency": rhythm[0], "fading": FADING, "time": 1.0 / pace, "looks_like": like}
