@@ -60,15 +60,20 @@ def run_or_find(job: Job) -> dict[str, Any]:
     return found if (found := finished(job)) is not None else run_job(job)
 
 
+def _distributed() -> Any:
+    """The package; raises ConfigurationError where it is not installed."""
+    try:
+        import distributed
+    except ImportError:
+        raise ConfigurationError('--scheduler needs dask.distributed; pip install "palpate[cluster]"') from None
+    return distributed
+
+
 @contextmanager
 def connected(address: str, folder: Path) -> Iterator[Any]:
     """A client of a scheduler whose workers are as here and see the folder."""
     try:
-        from distributed import Client
-    except ImportError:
-        raise ConfigurationError('--scheduler needs dask.distributed; pip install "palpate[cluster]"') from None
-    try:
-        client = Client(address, timeout=_PATIENCE, set_as_default=False)
+        client = _distributed().Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise ConfigurationError(f"--scheduler {address}: no scheduler answers there: {error}") from error
     with client:
@@ -80,8 +85,6 @@ def connected(address: str, folder: Path) -> Iterator[Any]:
 
 def spread(client: Any, function: Callable[[Task], Any], tasks: Sequence[Task]) -> Generator[tuple[Task, Any]]:
     """What a function makes of every task, in any order; an exception where it raised, or where its workers died."""
-    from distributed import as_completed
-
     left = iter(tasks)
     running: dict[str, Task] = {}
     ahead = _AHEAD * max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
@@ -91,7 +94,7 @@ def spread(client: Any, function: Callable[[Task], Any], tasks: Sequence[Task]) 
         running[future.key] = task
         return future
 
-    completed = as_completed(loop=client.loop)
+    completed = _distributed().as_completed(loop=client.loop)
     try:
         for task in islice(left, ahead):
             completed.add(submitted(task))
