@@ -1,7 +1,7 @@
 """How fast the filters are: kernels against filterpy and against C by hand, interleaved in one process.
 
-Run it with: python benchmarks/filters_speed.py [samples], and with "memory" for the memory of a long stream. It prints
-medians and ratios for docs/filters.md.
+Run it with: python benchmarks/filters_speed.py [samples], with "memory" for the memory of a long stream, and with
+"online" for one sample at a time. It prints medians and ratios for docs/filters.md.
 """
 
 from __future__ import annotations
@@ -217,7 +217,8 @@ def online(count: int = 5000) -> None:
             tracker.run(blocks[i])
             seconds["tracker"].append(time.perf_counter() - before)
         told = ", ".join(f"{k} {1e6 * np.median(v):.1f}/{1e6 * np.quantile(v, 0.99):.1f}" for k, v in seconds.items())
-        print(f"{name} online, us, p50/p99: {told}")
+        times = np.median(seconds["tracker"]) / np.median(seconds["LLVM"])
+        print(f"{name} online, us, p50/p99: {told}; tracker {times:.1f} x the kernel")
 
 
 def memory(count: int) -> None:
@@ -238,6 +239,8 @@ def memory(count: int) -> None:
 if __name__ == "__main__":
     if sys.argv[1:2] == ["memory"]:
         memory(100_000_000)
+    elif sys.argv[1:2] == ["online"]:
+        online()
     else:
         number = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
         replay(number)

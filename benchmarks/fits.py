@@ -66,6 +66,12 @@ def show(title: str, found: dict[str, float], reference: str) -> None:
         print(f"  {name:<46} {1e3 * median:9.2f} ms   {median / found[reference]:7.2f} x {reference}")
 
 
+def by_hand(at: Floats, elasticity: float, viscosity: float, surface: float) -> Floats:
+    """A sphere's force [N] at heights and depth rates (2, n); parameters in 1e5 Pa, 1e2 Pa s and mm."""
+    depth = np.maximum(1e-3 * surface - at[0], 0.0)
+    return 16e5 / 9 * elasticity * np.sqrt(RADIUS) * depth**1.5 + 8e2 * viscosity * np.sqrt(RADIUS * depth) * at[1]
+
+
 def solvers(n: int = 20_000) -> None:
     """The three solvers from the same start, and curve_fit on the same columns."""
     model = DimensionalityReduction(indenter=Sphere(radius=RADIUS))
@@ -74,13 +80,9 @@ def solvers(n: int = 20_000) -> None:
     record, unknowns, loss = fit.record, fit.unknowns, LossFunction()
     linear = linear_places(model, unknowns)
     residual, projected = Residual(model, unknowns.free), Residual(model, linear)
-    guessed = first_guess(model, unknowns, record, lambda places: Residual(model, places))
+    guessed = first_guess(model, unknowns, record, linear, lambda places: Residual(model, places))
     start = solve_trf(residual, unknowns, record.thinned(1000), guessed, loss).x
     columns = np.column_stack([record.height, record.columns[:, 1]]).T
-
-    def force(at: Floats, elasticity: float, viscosity: float, surface: float) -> Floats:
-        depth = np.maximum(1e-3 * surface - at[0], 0.0)
-        return 16e5 / 9 * elasticity * np.sqrt(RADIUS) * depth**1.5 + 8e2 * viscosity * np.sqrt(RADIUS * depth) * at[1]
 
     built = build_ipopt(residual, unknowns, record, start, loss)
     guess = start[:3] / [1e5, 1e2, 1e-3]
@@ -90,7 +92,7 @@ def solvers(n: int = 20_000) -> None:
             "varpro": lambda: solve_varpro(projected, unknowns, record, start, linear),
             "ipopt, built before": built,
             "ipopt, with its build": lambda: solve_ipopt(residual, unknowns, record, start, loss),
-            "scipy curve_fit, same start": lambda: curve_fit(force, columns, record.force, guess),
+            "scipy curve_fit, same start": lambda: curve_fit(by_hand, columns, record.force, guess),
         }
     )
     show(f"solve only, {n} samples, 3 unknowns", found, "trf")
@@ -98,7 +100,7 @@ def solvers(n: int = 20_000) -> None:
         "trf": solve_trf(residual, unknowns, record, start, loss).x[0],
         "varpro": solve_varpro(projected, unknowns, record, start, linear).x[0],
         "ipopt": solve_ipopt(residual, unknowns, record, start, loss).x[0],
-        "curve_fit": 1e5 * curve_fit(force, columns, record.force, guess)[0][0],
+        "curve_fit": 1e5 * curve_fit(by_hand, columns, record.force, guess)[0][0],
     }
     print("  E [Pa]: " + ", ".join(f"{name} {value:.4f}" for name, value in values.items()))
 
@@ -112,13 +114,16 @@ def whole(n: int = 20_000) -> None:
     exact = CasadiFit(profile=False, solver="ipopt").start(Problem(model, None))
     found = interleaved(
         {
+            "curve_fit by hand, from its start": lambda: curve_fit(
+                by_hand, np.array([samples.position, -samples.velocity]), samples.force, [1.0, 3.0, 0.1]
+            ),
             "samples to minimum, default solver": lambda: plain.fit(samples),  # type: ignore[attr-defined]
             "samples to minimum, ipopt": lambda: exact.fit(samples),  # type: ignore[attr-defined]
             "samples to report, no profile": lambda: plain.run(samples),
             "samples to report": lambda: default.run(samples),
         }
     )
-    show(f"whole fits, {n} samples, 3 unknowns", found, "samples to minimum, default solver")
+    show(f"whole fits, {n} samples, 3 unknowns", found, "curve_fit by hand, from its start")
 
 
 def against_nanite(n: int = 4_000) -> None:
@@ -148,11 +153,12 @@ def against_nanite(n: int = 4_000) -> None:
     found = interleaved(
         {
             "casadi-fit, samples to minimum": lambda: tracker.fit(samples),  # type: ignore[attr-defined]
+            "casadi-fit, samples to report": lambda: tracker.run(samples),
             "nanite's residual through lmfit": lambda: lmfit.minimize(model.residual, parameters, args=(tip, force)),
         },
         repeats=7,
     )
-    show(f"atomic-force curve, {n} samples, E, contact point, baseline", found, "casadi-fit, samples to minimum")
+    show(f"atomic-force curve, {n} samples, E, contact point, baseline", found, "nanite's residual through lmfit")
 
 
 def large(n: int = 10_000_000) -> None:

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import Estimates, Parameter, Run, Samples
+from palpate import Estimates, Floats, Parameter, Run, Samples
 from palpate_live.child import Child
 from palpate_live.feed import Feed
 
@@ -35,6 +35,7 @@ from tests.live_page.browser import Browser, browser  # noqa: E402
 
 PIPELINE = ROOT / "pipelines" / "point_ur3e.toml"
 _PALPATE = [sys.executable, "-c", "from palpate.cli import main; main()"]
+_FREQUENCY = 2.0  # [Hz] of that pipeline's sine
 _TICK = os.sysconf("SC_CLK_TCK")
 _JOBS: list[subprocess.Popen[str]] = []  # none is left behind
 
@@ -62,8 +63,8 @@ def sink_cost(seconds: int = 60) -> dict[str, float]:
         blocks.append((samples, Estimates(time_, table, table, ones, ones, ones, ones, np.zeros(n, np.uint32))))
     took, before = [], time.thread_time()
     for k, (samples, found) in enumerate(blocks):
-        if k % 5 == 0:
-            feed._next = 0.0  # a message in 50 ms of the record, as in real time
+        if k % 2 == 0:
+            feed._next = 0.0  # a message in 20 ms of the record, as in real time
         began = time.perf_counter()
         feed.samples(samples)
         feed.estimates("dr/ekf", found)
@@ -149,9 +150,11 @@ def with_browser(
         time.sleep(seconds / 4)
         elapsed = time.monotonic() - began
         used = (cpu_of(job.server) - before[0], cpu_of(chromium.process.pid) - before[1])
-        late = np.array(first.ask("window.palpate.latency"))[-round(5 * seconds) :]
+        late = np.array(first.ask("window.palpate.latency"))[-round(25 * seconds) :]  # a quarter of it, at 100 Hz
+        came = np.array(first.ask("window.palpate.arrival"))[-round(10 * seconds) :]
         yield f"{pages} open, CPU as share of a core", {"server": used[0] / elapsed, "chromium": used[1] / elapsed}
-        yield f"{pages} open, reading to curve, ms", {"p50": np.median(late), "p90": float(np.quantile(late, 0.9))}
+        yield f"{pages} open, reading to curve, ms", _quantiles(late)
+        yield f"{pages} open, newest reading to browser, ms", _quantiles(came)
         if pages == 1:
             second = chromium.open(job.address)
             second.until("window.palpate && window.palpate.draws > 3", 60)
@@ -163,19 +166,49 @@ def with_browser(
         first.picture(pictures / "live-page.png")
 
 
+def _quantiles(values: Floats) -> dict[str, float]:
+    return {f"p{round(100 * share)}": round(float(np.quantile(values, share)), 1) for share in (0.5, 0.9)}
+
+
+def leaving(log: Path, after: float) -> float:
+    """When [s] the arm left its sine, both by the host's clock: beyond six times what the second before scatters."""
+    from mcap_ros2.reader import read_ros2_messages
+
+    read = (message.ros_msg for message in read_ros2_messages(log, topics=["/arm/twist"]))
+    rows = np.array(
+        [(found.header.stamp.sec + 1e-9 * found.header.stamp.nanosec, found.twist.linear.z) for found in read]
+    )
+    rows = rows[np.isfinite(rows[:, 1]) & (rows[:, 0] > after - 1.0)]
+    phase = 2 * np.pi * _FREQUENCY * (rows[:, 0] - after)
+    terms, before = np.column_stack([np.sin(phase), np.cos(phase), np.ones(len(rows))]), rows[:, 0] < after
+    shares = np.linalg.lstsq(terms[before], rows[before, 1], rcond=None)[0]
+    off = np.abs(rows[:, 1] - terms @ shares)
+    left = rows[~before & (off > 6 * np.std(off[before])), 0]
+    return float(left[0]) if len(left) else float("nan")
+
+
 def stopped(chromium: Browser, job: Job, twin: Twin) -> dict[str, Any]:
-    """A click in contact: time to the tripped guard as the page and as the run see it, and where the arm ends."""
+    """A click in contact: time to the tripped guard, to the retreat that the log has, and where the arm ends."""
     tab = chromium.open(job.address)
     tab.until("document.getElementById('state')?.textContent === 'moving'", 60)
-    while twin.state()["height"] > -0.002:
+    while twin.state()["height"] > -0.0035:
         time.sleep(0.05)
-    asked = time.monotonic()
-    tab.click("stop")
+    time.sleep(2.0)  # the approach is over
+    place = tab.place("stop")
+    asked, clock = time.monotonic(), time.time()
+    tab.press(*place)
     answer = tab.until("window.palpate.tripped && window.palpate.tripped - window.palpate.asked", 60)
     table = job.table()
     height = twin.state()["height"]
     tripped = 1e3 * (table["stop"]["monotonic"] - asked)
-    return {"click to tripped, ms": tripped, "shown after, ms": answer, "height at the end, mm": 1e3 * height, **table}
+    left = 1e3 * (leaving(job.folder / "log.mcap", clock) - clock)
+    return {
+        "click to tripped, ms": tripped,
+        "to the arm leaving its motion, ms": left,
+        "shown after, ms": answer,
+        "height at the end, mm": 1e3 * height,
+        **table,
+    }
 
 
 def refusals(address: str) -> dict[str, int]:
@@ -202,6 +235,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=20.0, help="of sine in each run")
     parser.add_argument("--silence", type=float, default=0.1, help="limits of silence [s]; 2 where cores are shared")
+    parser.add_argument("--clicks", type=int, default=3, help="runs that are stopped by a click")
     parser.add_argument("--pictures", type=Path)
     given = parser.parse_args()
     shown("sink", sink_cost())
@@ -228,7 +262,8 @@ def main() -> None:
                 time.sleep(4.0)
                 os.kill(job.server, how)
                 shown(f"page with {how.name}", job.table())
-            shown("stopped by a click", stopped(chromium, Job(folder / "click", options, True), twin))
+            for k in range(given.clicks):
+                shown("stopped by a click", stopped(chromium, Job(folder / f"click-{k}", options, True), twin))
         finally:
             for left in _JOBS:
                 left.send_signal(signal.SIGTERM)  # the arm retracts; one that has ended hears nothing

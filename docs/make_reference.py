@@ -1,10 +1,12 @@
 """Reference pages from what is installed: every part by kind, commands, tables, the Python face. Run by conf.py."""
 
 import inspect
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
 import typer
+from formulas import with_math
 from palpate import Settings
 from palpate.host import AlignmentSettings, Registry, RunSettings, SafetySettings, function_of, registry
 from palpate_basics.inspect import _default, _type
@@ -55,10 +57,8 @@ def _tables(known: Registry) -> Iterator[str]:
 
 
 def _document(part: type) -> str:
-    """A docstring as it stands: formulas keep their signs, whatever Markdown would make of them."""
-    first, *rest = (inspect.getdoc(part) or "").split("\n\n", 1)
-    text = first if not any(sign in first for sign in "*_^<|") else f"```text\n{first}\n```"
-    return text + "".join(f"\n\n```text\n{more}\n```" for more in rest)
+    """A docstring with its formulas as LaTeX; what it assumes, and its source, are paragraphs of their own."""
+    return with_math(re.sub(r"\n(?=Source: |Assumes )", "\n\n", inspect.getdoc(part) or ""))
 
 
 def _keys(settings: type[Settings]) -> Iterator[str]:

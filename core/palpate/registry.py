@@ -51,6 +51,9 @@ class Plugin:
     own: bool = False  # of palpate's own distribution
 
 
+_CORE = {core_flags: Plugin(_DISTRIBUTION)}
+
+
 @dataclass(frozen=True)
 class Entry:
     """One part that can be named in a pipeline."""
@@ -153,15 +156,14 @@ def load(files: Iterable[Path] = ()) -> Registry:
         kind: {name: Entry(part, plugin) for name, (part, plugin) in found.items()} for kind, found in parts.items()
     }
     offered = {
-        kind: {name: offer for name, (offer, _) in _collect(manager, plugins, hook, root, kind).items()}
+        kind: _offered(manager, plugins, hook, root, kind)
         for kind, (hook, root) in hooks.EXTENSIONS.items()
         if kind != "flag"  # the core registers flags, too
     }
     hook, root = hooks.EXTENSIONS["flag"]
-    every = {core_flags: Plugin("palpate"), **plugins}
     flags = {
         code: FlagEntry(meaning, plugin)
-        for code, (meaning, plugin) in _collect(manager, every, hook, root, "flag").items()
+        for code, (meaning, plugin) in _collect(manager, {**_CORE, **plugins}, hook, root, "flag").items()
     }
     return Registry(
         entries,
@@ -188,9 +190,14 @@ def load_commands(files: Iterable[Path] = ()) -> Registry:
     """Only the commands of every installed plugin and of the given files; raises like `load`."""
     manager, failures = _loaded(files)
     plugins = _plugins(manager)
-    found = _collect(manager, plugins, "palpate_commands", Command, "command")
-    commands = {name: offer for name, (offer, _) in found.items()}
+    commands = _offered(manager, plugins, "palpate_commands", Command)
     return Registry({}, tuple(plugins.values()), failures, commands=commands)
+
+
+def offers(hook: str, root: type) -> dict[str, Any]:
+    """What all that is installed offers by one hook, each of a class `root`, by name; parts are not imported."""
+    manager, _ = _loaded(())
+    return _offered(manager, {**_CORE, **_plugins(manager)}, hook, root)
 
 
 def analysis(name: str) -> Callable[..., Any]:
@@ -264,6 +271,12 @@ def _import_file(path: Path) -> ModuleType:
     except Exception as error:
         raise PluginError(f"plugin file {path} fails to import: {type(error).__name__}: {error}") from error
     return module
+
+
+def _offered(
+    manager: pluggy.PluginManager, plugins: Mapping[Any, Plugin], hook: str, root: type, kind: str = "name"
+) -> dict[str, Any]:
+    return {name: offer for name, (offer, _) in _collect(manager, plugins, hook, root, kind).items()}
 
 
 def _collect(

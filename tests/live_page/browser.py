@@ -48,12 +48,18 @@ class Tab:
             self.call("Input.dispatchKeyEvent", type=kind, key=name, code=name)
 
     def click(self, element):
-        place = self.ask(
+        self.press(*self.place(element))
+
+    def place(self, element):
+        """The middle of an element."""
+        return self.ask(
             f"(() => {{ const b = document.getElementById('{element}').getBoundingClientRect();"
             " return [b.x + b.width / 2, b.y + b.height / 2]; })()"
         )
+
+    def press(self, x, y):
         for kind in ("mousePressed", "mouseReleased"):
-            self.call("Input.dispatchMouseEvent", type=kind, x=place[0], y=place[1], button="left", clickCount=1)
+            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
     def picture(self, path, whole=True):
         found = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=whole)

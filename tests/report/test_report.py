@@ -256,9 +256,9 @@ def test_a_section_that_fails_says_so(monkeypatch, point):
     from palpate_report.page import page_of
     from palpate_report.reading import Record
 
-    loaded = registry.load()
-    monkeypatch.setitem(loaded.sections, "broken", ReportSection("math:sqrt"))
-    monkeypatch.setattr(registry, "load", lambda *_: loaded)
+    broken = {**registry.offers("palpate_report_sections", ReportSection), "broken": ReportSection("math:sqrt")}
+    offers = registry.offers
+    monkeypatch.setattr(registry, "offers", lambda hook, root: broken if root is ReportSection else offers(hook, root))
     text = Page(page_of(Record.read(point))).text
     assert "This section could not be made: TypeError" in text
     assert "Pipeline as run" in text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
@@ -24,6 +24,7 @@ from palpate_devices.recording import Recording, Suggestion, Survey
 
 _SECOND = 1_000_000_000  # [ns]
 _BLOCK = 4096  # rows in one batch
+_OF_NUMBERS = str.maketrans("", "", "0123456789+-.eE ")  # takes away what a number is made of
 
 
 class Column(Settings):
@@ -158,7 +159,7 @@ class _CsvLink:
             rows = enumerate(csv.reader(bounded(file, path), delimiter=self._log.delimiter), start=1)
             places: list[int] | None = None
             while lines := list(islice(rows, _BLOCK)):
-                block = []
+                told: list[tuple[int, list[str]]] = []
                 for line, cells in lines:
                     if not cells:
                         continue
@@ -168,9 +169,9 @@ class _CsvLink:
                         if self._header is not None:
                             continue
                     self._check_width(cells, line)
-                    block.append(self._row(cells, places, line))
-                if block:
-                    yield np.array(block)
+                    told.append((line, cells))
+                if told and places is not None:
+                    yield self._numbers(told, places)
             self._refuse_cut()
 
     def _check_width(self, cells: list[str], line: int) -> None:
@@ -214,8 +215,13 @@ class _CsvLink:
                 'decimal commas; write the numbers with points, or the columns with delimiter = ";"'
             )
 
-    def _row(self, cells: list[str], places: list[int], line: int) -> list[float]:
-        return [self._number(cells, place, line) for place in places]
+    def _numbers(self, told: list[tuple[int, list[str]]], places: list[int]) -> Floats:
+        """The numbers (n, places) of lines: at once where all cells look like numbers, else one by one."""
+        with suppress(ValueError, IndexError):
+            texts = [cells[place] for _, cells in told for place in places]
+            if not "".join(texts).translate(_OF_NUMBERS):
+                return np.array([float(text) for text in texts]).reshape(len(told), len(places))
+        return np.array([[self._number(cells, place, line) for place in places] for line, cells in told])
 
     def _number(self, cells: list[str], place: int, line: int) -> float:
         if place >= len(cells):

@@ -66,4 +66,4 @@ def say(text: str) -> None:
 
 def meanings() -> dict[str, FlagMeaning]:
     """What the flags of everything that is installed mean."""
-    return {code: entry.meaning for code, entry in registry.load().flags.items()}
+    return registry.offers("palpate_flags", FlagMeaning)

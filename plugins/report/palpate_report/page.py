@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import version
 from typing import Any
 
-from palpate import ADVICE
+from palpate import ADVICE, FlagMeaning, ReportSection
 from palpate.host import SEVERITIES, WIDTHS, Table, function_of, people, registry
 
 from palpate_report import texts
@@ -66,7 +66,7 @@ def page_of(record: Record, track: str | None = None, anonymous: bool = False) -
         document=document,
         tracks=document.get("tracks", {}),
         record_flags=_record_flags(document),
-        meanings={code: entry.meaning for code, entry in registry.load().flags.items()},
+        meanings=registry.offers("palpate_flags", FlagMeaning),
         pictures=pictures,
         main=subject.main,
         numbers=_numbers(document, subject),
@@ -165,7 +165,8 @@ def _record_flags(document: Mapping[str, Any]) -> list[Any]:
 
 def _sections(record: Record, hide: Callable[[str], str]) -> Iterator[dict[str, Any]]:
     """What other plugins show of the run; one that fails says so and keeps nothing else from being shown."""
-    for name, section in sorted(registry.load().sections.items(), key=lambda item: (item[1].order, item[0])):
+    sections = registry.offers("palpate_report_sections", ReportSection)
+    for name, section in sorted(sections.items(), key=lambda item: (item[1].order, item[0])):
         try:
             shown = list(function_of(section)(record.result()))
         except Exception as error:  # whatever a stranger's function raises

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from palpate import ConfigurationError, OutputError
+from palpate import ConfigurationError, OutputError, Template
 from palpate.host import registry, suggest, write_new
 
 from palpate_starting.distribution import KINDS, distribution
@@ -46,7 +46,7 @@ def init(
 
 
 def _pipeline(what: str, out: Path | None) -> None:
-    offers = registry.load().templates
+    offers = registry.offers("palpate_templates", Template)
     texts = {name: offer.text() for name, offer in offers.items()}
     known = {name: text for name, text in texts.items() if _DEVICE.search(text)}  # others are parts of one
     if what not in known:

@@ -17,7 +17,7 @@ _TOP_SPEED = 0.25  # [m/s]
 
 
 class MultiSine(Trajectory):
-    """Several sines at once around a depth: depth(t) = bias + sum of A_i sin(2 pi f_i t).
+    """Several sines at once around a depth: depth(t) = bias + sum_i A_i sin(2 pi f_i t).
 
     Several frequencies tell a delay between force and motion from viscosity, whose force grows with the frequency.
     """

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Protocol
 
 import numpy as np
@@ -83,6 +84,7 @@ def nanoseconds(seconds: Floats) -> Stamps:
     return whole.astype(np.int64) * SECOND + np.rint((seconds - whole) * SECOND).astype(np.int64)
 
 
+@cache
 def si_unit(unit: str) -> tuple[str, float]:
     """The SI unit of a unit's dimension, and how much of it one of the unit is; raises ValueError."""
     if unit == "1":

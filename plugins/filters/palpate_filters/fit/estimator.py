@@ -18,8 +18,9 @@ Extra = Literal["bias", "slope", "tip_mass", "delay"]
 class CasadiFit(Estimator):
     """A least-squares fit of a contact model to a whole record, with the height of the surface unknown.
 
-    Minimises the sum of w (F(d, d') + m d'' + bias + slope t - u)^2 over the model's parameters, the surface z_surf
-    (depth d = z_surf - z) and what else is named in `unknowns`, subject to |u(z_surf)| <= force_uncertainty (paper,
+    Minimises the sum of w (F(d, d') + m d'' + bias + slope t - u)^2 over the model's parameters, the height z_surf
+    of the surface, by which d = z_surf - z, and what else is named in `unknowns`, subject to
+    |u(z_surf)| <= force_uncertainty (paper,
     eqs. ls and minprob). Jacobian and Hessian are exact, from the model's one expression. The standard deviation counts
     the residuals' autocorrelation and every declared systematic term; `details` in result.json holds covariance,
     profile-likelihood intervals, budget, correlations, AIC and BIC.

@@ -53,16 +53,20 @@ def linear_places(model: ContactModel, unknowns: Unknowns) -> list[int]:
 
 
 def first_guess(
-    model: ContactModel, unknowns: Unknowns, record: FitRecord, residual: Callable[[tuple[int, ...]], Residual]
+    model: ContactModel,
+    unknowns: Unknowns,
+    record: FitRecord,
+    linear: Sequence[int],
+    residual: Callable[[tuple[int, ...]], Residual],
 ) -> Floats:
     """Values (P,) of all parameters to start from; raises NotFitted where nothing fits.
 
-    `residual` gives the residual that is free in some places. What the linear unknowns could leave without their bounds
-    is cheap to tell and never more than what they leave within them: only starts that may be the best are solved.
+    `linear` are places of `linear_places`; `residual` gives the residual that is free in some places. What the linear
+    unknowns could leave without their bounds is cheap to tell and never more than what they leave within them: only
+    starts that may be the best are solved.
     """
     thin = record.thinned(_SAMPLES)
     thin = FitRecord(thin.columns[thin.used], thin.transition)
-    linear = linear_places(model, unknowns)
     grids = [_grid(item, place, linear, thin) for place, item in enumerate(unknowns.items)]
     grids.append(grids.pop(unknowns.index("surface")))
     names = [i for i in range(len(unknowns.items)) if i != unknowns.index("surface")]

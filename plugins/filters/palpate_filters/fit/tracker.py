@@ -76,6 +76,7 @@ class FitTracker:
         self._settings, self._problem, self._windows = settings, problem, windows
         self._unknowns, self._sources = unknowns, sources
         self._residuals: dict[tuple[int, ...], Residual] = {}
+        self._linear: dict[tuple[int, ...], tuple[int, ...]] = {}  # by what is free, which alone it follows from
 
     def run(self, samples: Samples) -> Estimates:
         """Estimates for the whole record; constant over the fitted samples, and idle beside them."""
@@ -109,10 +110,10 @@ class FitTracker:
         model = self._problem.model
         if model.memory:
             unknowns = with_times_that_show(unknowns, record)
-        linear = tuple(linear_places(model, unknowns))
+        linear = self._linear_places(unknowns)
         loss = LossFunction(settings.loss, settings.loss_scale)
         residual = self._residual(tuple(unknowns.free))
-        x = first_guess(model, unknowns, record, self._residual)
+        x = first_guess(model, unknowns, record, linear, self._residual)
         if len(record) > 2 * _THIN and not model.memory:
             x = solve_trf(residual, unknowns, record.thinned(_THIN), x, loss).x
         solver, solution = self._solve(unknowns, record, residual, x, linear, loss)
@@ -180,6 +181,12 @@ class FitTracker:
         columns = (samples.position, motion.rate, motion.acceleration, force, samples.time, weight)
         height, rate, acceleration, push, time, weights = (column[keep] for column in columns)
         return make_record(height, rate, acceleration, push, time, weights, max(course.travel, 1e-12))
+
+    def _linear_places(self, unknowns: Unknowns) -> tuple[int, ...]:
+        free = tuple(unknowns.free)
+        if free not in self._linear:
+            self._linear[free] = tuple(linear_places(self._problem.model, unknowns))
+        return self._linear[free]
 
     def _residual(self, free: tuple[int, ...]) -> Residual:
         if free not in self._residuals:

@@ -3,7 +3,7 @@
 export const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#5b6570"];
 const DASHES = [[], [6, 3], [2, 2], [8, 3, 2, 3]];
 const INK = "#5b6570", GRID = { stroke: "#e6e9ec", width: 1 };
-const HEIGHT = 190, MOST = 1500;
+const HEIGHT = 190, MOST = 600;
 
 export const style = (i) => ({ colour: COLOURS[i % COLOURS.length], dash: DASHES[i % DASHES.length] });
 
@@ -60,7 +60,7 @@ export class Chart {
   make(data) {
     const series = [{}], bands = [];
     for (const one of this.series) {
-      series.push({ stroke: one.colour, width: 1.5, dash: one.dash, points: { show: false }, spanGaps: false });
+      series.push({ stroke: one.colour, width: 1, dash: one.dash, points: { show: false }, spanGaps: false });
       if (one.low) {
         series.push({ stroke: "transparent", points: { show: false } }, { stroke: "transparent", points: { show: false } });
         bands.push({ series: [series.length - 1, series.length - 2], fill: pale(one.colour) });
@@ -119,9 +119,13 @@ function column(rows, value) {
 function span(values, robust) {
   const sorted = (some) => some.filter((v) => v !== null).sort((a, b) => a - b);
   const at = (known, share) => known[Math.min(Math.floor(share * known.length), known.length - 1)];
+  if (!robust) {
+    let low = Infinity, high = -Infinity;
+    for (const v of values) if (v !== null) { if (v < low) low = v; if (v > high) high = v; }
+    return low <= high ? [low, (low + high) / 2, high] : null;
+  }
   const all = sorted(values);
   if (!all.length) return null;
-  if (!robust) return [all[0], at(all, 0.5), all[all.length - 1]];
   const first = values.findIndex((v) => v !== null), late = sorted(values.slice(first + Math.floor((values.length - first) / 3)));
   if (!late.length) return [at(all, 0.1), at(all, 0.5), at(all, 0.9)];
   return [Math.min(at(all, 0.1), at(late, 0.01)), at(late, 0.5), Math.max(at(all, 0.9), at(late, 0.99))];

@@ -5,13 +5,13 @@ import { Cards, element, seconds, showDevices, showFlags } from "./panels.js";
 import { Record, unpack } from "./record.js";
 
 const $ = (id) => document.getElementById(id);
-const FAST = 50, SLOW = 250, MAP = 1000, RETRY = 1000; // [ms]
+const FAST = 50, NUMBERS = 250, SLOW = 500, MAP = 1000, RETRY = 1000; // [ms]
 const PHASES = { standstill: "standstill: tare and noise are taken", motion: "moving", tripped: "stopped by the guard", over: "the motion is over" };
 
 let record = null, cards = null, fast = [], slow = [], socket = null, over = false, asked = false;
 let shownAt = null, playing = null; // time that is shown of a recorded run; wall time and record time when playing began
 let stamp = 0, fresh = false, delay = null;
-window.palpate = { latency: [], asked: null, tripped: null, draws: 0 };
+window.palpate = { latency: [], arrival: [], asked: null, tripped: null, draws: 0 };
 
 function connect() {
   socket = new WebSocket(new URL("data", location.href.replace(/^http/, "ws")));
@@ -26,12 +26,18 @@ function connect() {
 
 function take({ header, time, columns }) {
   if (header.kind === "run") begin(header);
-  else if (header.kind === "rows") { record.append(time, columns); fresh = true; stamp = header.stamp ?? 0; }
+  else if (header.kind === "rows") { record.append(time, columns); fresh = true; stamp = header.stamp ?? 0; if (stamp) keep("arrival", [Date.now() - stamp / 1e6]); soon(); }
   else if (header.kind === "over") { over = true; $("stop").disabled = true; }
   else if (header.kind !== "later") {
     if (header.kind === "guard" && header.phase === "tripped") window.palpate.tripped ??= performance.now();
     record.take(header);
   }
+}
+
+function keep(name, values) { // the latest of what is measured here, for benchmarks/live_page.py
+  const all = window.palpate[name];
+  all.push(...values);
+  if (all.length > 4000) all.splice(0, all.length - 4000);
 }
 
 function begin(run) {
@@ -138,30 +144,44 @@ function play() {
   const from = shownAt === null || shownAt >= record.end ? 0 : shownAt;
   playing = { from, at: performance.now() };
   $("play").textContent = "Pause";
+  soon();
 }
 
-let drawn = { fast: 0, slow: 0, map: 0 }, before = null;
+// A frame is asked for when there is something to draw: by rows that come, not faster than FAST, and now and then by
+// the clock, for what changes without rows. So the first rows after a pause are drawn at once, and a page at rest rests.
+let drawn = { fast: 0, numbers: 0, slow: 0, map: 0 }, before = null, asked_for = false, known = 0; // rows that were drawn
+
+function soon() {
+  if (asked_for) return;
+  asked_for = true;
+  const wait = drawn.fast + FAST - performance.now();
+  if (wait > 4) setTimeout(() => requestAnimationFrame(frame), wait); else requestAnimationFrame(frame);
+}
 
 function frame(at) {
-  requestAnimationFrame(frame);
-  if (!record || at - drawn.fast < FAST - 8) return;
+  asked_for = false;
+  if (!record) return;
+  if (playing) soon();
   const t = now();
-  if (!fresh && t === before && at - drawn.slow < SLOW) return;
+  if (!fresh && t === before && at - drawn.numbers < NUMBERS) return;
   const rows = record.rowsUntil(t), window_ = Number($("window").value);
   const from = window_ ? Math.max(t - window_, 0) : record.count ? record.time[0] : 0;
   const some = chosen(record, from, t);
   for (const chart of fast) chart.draw(record, some, from, t);
-  showNumbers(rows);
   drawn.fast = at;
-  if (fresh && stamp && !record.run.recorded) arrived();
+  if (fresh && stamp && !record.run.recorded && known < record.count) arrived(known);
+  known = record.count;
   fresh = false; before = t;
-  if (at - drawn.slow < SLOW) return;
-  drawn.slow = at;
+  if (at - drawn.numbers < NUMBERS) return;
+  drawn.numbers = at;
   const state = record.until(t);
   showState(state, t);
   cards.show(record, rows, state);
-  for (const chart of slow) chart.draw(record, some, from, t);
+  showNumbers(rows);
   window.palpate.draws++;
+  if (at - drawn.slow < SLOW) return;
+  drawn.slow = at;
+  for (const chart of slow) chart.draw(record, some, from, t);
   if (at - drawn.map < MAP) return;
   drawn.map = at;
   showFlags($("flags"), state);
@@ -169,13 +189,16 @@ function frame(at) {
   showMap(rows);
 }
 
-function arrived() { // from the sensor's reading to the drawn curve, where both clocks are that of this machine
-  const late = Date.now() - stamp / 1e6;
-  if (Math.abs(late) > 1e4) return;
-  const all = window.palpate.latency;
-  all.push(late);
-  if (all.length > 2000) all.shift();
-  delay = late;
+// From the sensor's reading to the drawn curve, of every row, where both clocks are that of this machine: the stamp is
+// that of the latest row, and what is drawn is on the canvas when the frame's work is done.
+function arrived(from) {
+  const end = record.end, at = stamp / 1e6, rows = Array.from(record.time.subarray(from, record.count));
+  setTimeout(() => {
+    const late = Date.now() - at;
+    if (Math.abs(late) > 1e4) return; // another machine's clock
+    keep("latency", rows.map((time) => late + 1e3 * (end - time)));
+    delay = late;
+  });
 }
 
 function showMap(rows) {
@@ -195,8 +218,8 @@ function stop() {
 $("stop").addEventListener("click", stop);
 document.addEventListener("keydown", (event) => { if (event.key === "Escape") stop(); });
 $("play").addEventListener("click", play);
-$("slider").addEventListener("input", () => { shownAt = Number($("slider").value); if (playing) playing = { from: shownAt, at: performance.now() }; });
+$("slider").addEventListener("input", () => { shownAt = Number($("slider").value); if (playing) playing = { from: shownAt, at: performance.now() }; soon(); });
 $("speed").addEventListener("change", () => { if (playing) playing = { from: shownAt, at: performance.now() }; });
 for (const id of ["map-track", "map-parameter"]) $(id).addEventListener("change", () => { drawn.map = 0; });
+setInterval(soon, NUMBERS);
 connect();
-requestAnimationFrame(frame);

@@ -91,7 +91,7 @@ class Ellipsoid(Indenter):
 
     Its profile c/b (b - sqrt(b^2 - r^2)) is that of a sphere of radius b, stretched by c/b along the axis, and so is
     the reduced profile: a(d) = a_sphere(d b/c), A(d) = (c/b) A_sphere(d b/c). b = c is `exact-sphere`; c > b is a
-    pointed tip, c < b a blunt one, with radius of curvature b^2/c at the apex.
+    pointed tip, c < b is a blunt one, with radius of curvature b^2/c at the apex.
     Source: Sneddon 1965 for the sphere; the MDR integral is linear in the profile.
     """
 
