@@ -103,7 +103,6 @@ from palpate.config import (
     ports_of as ports_of,
     resolved_text as resolved_text,
     taken_values as taken_values,
-    unstated as unstated,
     wrong_channels as wrong_channels,
 )
 from palpate.config.doubts import UNCHECKED as UNCHECKED

@@ -9,7 +9,7 @@ from palpate_devices.twins.controller import Controller
 from palpate_devices.ur3e.fence import ArmState
 from palpate_devices.ur3e.frame import WorkFrame
 from palpate_devices.ur3e.kinematics import UR3E, joints_at, matrix_of, tip
-from palpate_devices.ur3e.pace import next_deadline
+from palpate_devices.ur3e.pace import Beat, next_deadline
 from palpate_devices.ur3e.servo import PERIOD, Commander, Law
 from palpate_devices.ur3e.worker import _Loop
 
@@ -194,15 +194,35 @@ def test_a_table_is_made_up_for_a_tenth_faster_and_to_the_bit_where_nothing_was_
 
 
 @pytest.mark.parametrize(
-    ("written", "late", "read"), [(5, 4, [0, 1, 2, 3, 4]), (3, 0, [2]), (4, 1, [1, 3]), (1, 2, [0, 0, 0])]
+    ("written", "late", "read"), [(5, 4, [0, 1, 2, 3, 4]), (3, 0, [2]), (4, 1, [1, 3]), (1, 2, [7, 7, 0])]
 )
 def test_a_twin_that_is_late_reads_each_command_in_its_own_tick(written, late, read):
     """Else ten commands that came while its process slept would be one leap of the arm."""
     controller = Controller(SimulatedArm(POSTURE.copy(), TOOL), 0.0, 0.0, 0)
+    controller.inputs["input_double_register_0"] = 7.0
     for number in range(written):
         controller.write({"input_double_register_0": float(number)})
+    controller.date(0.0, (late + 1) * TICK)
     found = []
-    for more in reversed(range(late + 1)):
-        controller.tick(more)
+    for _ in range(late + 1):
+        controller.tick()
         found.append(controller.inputs["input_double_register_0"])
     assert found == read
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.3e-3, 1.1e-3, 1.9e-3])
+@pytest.mark.parametrize("wander", [-100e-6, 0.0, 100e-6])
+def test_commands_come_between_two_ticks_of_the_controller(phase, wander):
+    """A controller of another phase and clock, whose states are seen up to a period late."""
+    beat, rng = Beat(), np.random.default_rng(1)
+    deadline, period = 0, round(1e9 * PERIOD)
+    off, moved = [], []
+    for number in range(2000):
+        tick = round((number * PERIOD * (1.0 + wander) + phase) * 1e9)
+        beat.saw(round(number * PERIOD * 1e9), tick + round(rng.uniform(0.1e6, 2.0e6)))
+        moved.append(beat.correction(deadline))
+        deadline += period + moved[-1]
+        off.append((deadline - tick) % period)
+    assert min(off[800:]) > 0.5e6  # [ns] from the last tick
+    assert max(off[800:]) < 1.5e6
+    assert np.abs(moved).max() <= 0.0025 * period

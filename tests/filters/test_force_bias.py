@@ -23,7 +23,9 @@ def palpation(seed: int, bias: float = 0.0, drift: float = 0.0, duration: float 
     rate = amplitude * omega * np.cos(omega * time + phase)
     acceleration = amplitude * omega**2 * np.sin(omega * time + phase)  # upwards
     inside = np.maximum(depth, 0.0)
-    contact = 16 / 9 * ELASTICITY * RADIUS**0.5 * inside**1.5 + 8 * VISCOSITY * (RADIUS * inside) ** 0.5 * rate
+    contact = np.maximum(
+        16 / 9 * ELASTICITY * RADIUS**0.5 * inside**1.5 + 8 * VISCOSITY * (RADIUS * inside) ** 0.5 * rate, 0.0
+    )
     noise = random.standard_normal((3, len(time)))
     touching = depth > 0
     return Samples(
@@ -138,3 +140,16 @@ def test_a_start_over_touches_gives_the_same_bits_however_it_is_cut(size):
     parts = [tracker.run(samples[i : i + size]) for i in range(0, len(samples), size)]
     assert np.array_equal(whole.values, np.concatenate([part.values for part in parts]), equal_nan=True)
     assert np.array_equal(whole.status, np.concatenate([part.status for part in parts]))
+
+
+@pytest.mark.parametrize("settings", [{}, {"bias_std": "50 mN"}])
+def test_a_skin_that_does_not_pull_leaves_no_bias_where_the_tip_lifts_off(settings):
+    """The tip leaves faster than the skin follows; a model that pulls there made E 0.9 % too high at a stated 0.28."""
+    found = []
+    for seed in range(6):
+        samples = lifting(seed)
+        estimates = ESTIMATORS["kinematic-ekf"](**settings).start(PROBLEM).run(samples)
+        last = np.flatnonzero(np.isfinite(estimates.values[:, 0]))[-1]
+        found.append((estimates.values[last, 0] - ELASTICITY) / estimates.std[last, 0])
+    assert abs(np.mean(found)) < 2.6 / np.sqrt(6)
+    assert np.sum(np.square(found)) < 22.5  # 99.9 % of six

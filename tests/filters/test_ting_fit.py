@@ -87,6 +87,16 @@ def test_what_the_rig_makes_is_found_again(tmp_path):
     for name, true in (("elasticity", 100e3), ("relaxing_elasticity", 60e3), ("relaxation_time", 0.3)):
         assert abs(found.parameters[name].value - true) < 4 * found.parameters[name].combined, name
     assert found.force_rms < 0.06
+    assert "unloading" not in {flag.code for flag in found.flags}
+
+
+def test_a_fit_whose_contact_follows_the_way_out_is_flagged(tmp_path):
+    (tmp_path / "p.toml").write_text(
+        PIPELINE.format(unloading="ting", motion="load-unload", settings=CYCLE).replace("ting-fit", "casadi-fit")
+    )
+    track = run_pipeline(load_pipeline(tmp_path / "p.toml"), tmp_path / "out").tracks["sls/ting"]
+    assert "unloading" in {flag.code for flag in track.flags}
+    assert track.parameters["elasticity"].value > 108e3  # what is made by leaving it out
 
 
 def test_a_second_maximum_is_refused_by_name_in_rig_and_fit(tmp_path):

@@ -1,6 +1,6 @@
 """Configuration: a TOML file becomes a checked pipeline, or one clear list of what is wrong with it."""
 
-from palpate.config.assumed import taken_values, unstated
+from palpate.config.assumed import taken_values
 from palpate.config.calibrated import CalibratedNumber, CalibrationUse
 from palpate.config.pipeline_file import (
     Pipeline,
@@ -28,6 +28,5 @@ __all__ = [
     "ports_of",
     "resolved_text",
     "taken_values",
-    "unstated",
     "wrong_channels",
 ]

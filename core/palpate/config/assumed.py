@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from palpate.parts import Part, numbers_of
+from palpate.parts import numbers_of
 from palpate.units import people
 
 if TYPE_CHECKING:
@@ -48,8 +48,3 @@ def still_assumed(patterns: Iterable[str], pipeline: Pipeline, stated: Iterable[
         matching = [key for key in known if fnmatchcase(key, pattern)]
         keys |= dict.fromkeys(matching or ([] if "*" in pattern else [pattern]))
     return tuple(key for key in keys if not any(key == one or key.startswith(f"{one}.") for one in said))
-
-
-def unstated(part: type[Part], table: Mapping[str, Any]) -> list[str]:
-    """Numbers of a part that its table leaves to their defaults."""
-    return [name for name, field in part.model_fields.items() if field.annotation is float and name not in table]

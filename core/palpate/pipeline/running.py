@@ -89,25 +89,12 @@ def run_pipeline(
     started = datetime.now(UTC).astimezone()
     folder = make_folder(pipeline.run.name, out, started)
     facts = run_facts(pipeline)
-    documents = {PIPELINE: resolved_text(pipeline), GIVEN: pipeline.text}
-    for name, text in documents.items():
-        write_new(folder / name, text)
     aligner = Aligner(pipeline.alignment, pipeline.ports)
     began = time.monotonic()
     failure: DeviceError | None = None
     taken = False
     with refused_leaves_nothing(folder, lambda: taken), interruptible() as interrupt, ExitStack() as stack:
-        run = Run(
-            folder=folder,
-            streams=pipeline.ports.streams,
-            tracks={track.track.name: track.track.model.parameters for track in tracks.running},
-            facts=flat_facts(facts),
-            documents=documents,
-            name=pipeline.run.name,
-            duration=planned_duration(pipeline),
-            extent=planned_extent(pipeline),
-            stop=interrupt.stop,
-        )
+        run = _described(pipeline, folder, facts, tracks, interrupt)
         outputs = Outputs(stack, pipeline, run, tracks.online, observer)
         live = any(device.live for device in pipeline.devices.values())
         latency = Latency(pipeline.ports["position"]) if live else None
@@ -137,11 +124,8 @@ def run_pipeline(
             show()
         telling.last({"time": aligner.reached, "behind": 0.0})
         if latency is not None:
-            flow.facts["estimates"] = {
-                "latency": latency.table(),
-                "largest_behind": backlog.largest,
-                "until": backlog.given_up,
-            }
+            told = {"largest_behind": backlog.largest, "until": backlog.given_up}
+            flow.facts["estimates"] = {"latency": latency.table(), **told}
         if flow.facts:
             facts["live"] = flow.facts
         facts |= {"started": started.isoformat(timespec="seconds"), "duration": time.monotonic() - began}
@@ -151,6 +135,24 @@ def run_pipeline(
     if failure is not None:
         raise DeviceError(f"{failure} (what was found until then is in {folder})") from failure
     return result
+
+
+def _described(pipeline: Pipeline, folder: Path, facts: dict[str, Any], tracks: Tracks, by: Interrupt) -> Run:
+    """What sinks are told of a run, with its documents written."""
+    documents = {PIPELINE: resolved_text(pipeline), GIVEN: pipeline.text}
+    for name, text in documents.items():
+        write_new(folder / name, text)
+    return Run(
+        folder=folder,
+        streams=pipeline.ports.streams,
+        tracks={track.track.name: track.track.model.parameters for track in tracks.running},
+        facts=flat_facts(facts),
+        documents=documents,
+        name=pipeline.run.name,
+        duration=planned_duration(pipeline),
+        extent=planned_extent(pipeline),
+        stop=by.stop,
+    )
 
 
 @contextmanager

@@ -158,15 +158,8 @@ def _ending(track: Diagnosable, of_run: Judged) -> Ending | None:
     if ends is None:
         return None
     included = {*track.record.details.get("included", ()), *(["timing"] if track.record.timing_included else [])}
+    record, run = track.record, of_run
     return Ending(
-        *ends,
-        of_run.settings,
-        of_run.report,
-        of_run.uncertainties,
-        track.record.held,
-        frozenset(included),
-        of_run.average,
-        track.record.tracked,
-        track.record.samples,
-        track.record.is_sweep,
-    )
+        *ends, run.settings, run.report, run.uncertainties, record.held, frozenset(included),
+        run.average, record.tracked, record.samples, record.is_sweep,
+    )  # fmt: skip

@@ -188,7 +188,7 @@ class KinematicProcess:
         """Contact force [N] in a state."""
         theta = self.parameters(state[self.chart], exp)
         memory = state[self.layout["memory"]]
-        return contact_force(self.model, self.depth(state), self.rate(state), theta, memory)
+        return contact_force(self.model, self.depth(state), self.rate(state), theta, memory, pulls=self.model.adhesive)
 
     def reading(self, state: Sequence[Any], exp: Any) -> Any:
         """What the force sensor reads [N] in a state, without noise."""

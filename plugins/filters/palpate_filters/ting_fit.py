@@ -43,6 +43,7 @@ class TingFit(Estimator):
     """
 
     online: ClassVar[bool] = False
+    unloading: ClassVar[str] = "ting"
 
     fixed: dict[str, float | str] = Field(default={}, description="values that are known, by name of the parameter")
     first_guess: dict[str, float | str] = Field(default={}, description="where to start, by name of the parameter")

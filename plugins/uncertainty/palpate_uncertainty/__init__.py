@@ -22,6 +22,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability"),
         "one-frequency": Diagnosis("palpate_uncertainty.one_frequency:one_frequency"),
         "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),
+        "unloading": Diagnosis("palpate_uncertainty.unloading:unloading"),
     }
 
 
@@ -37,7 +38,8 @@ def palpate_tables() -> dict[str, type[Settings]]:
 def palpate_commands() -> dict[str, Command]:
     """What the uncertainty of a run is made of."""
     return {
-        "budget": Command("palpate_uncertainty.budget:budget", "What the uncertainty of a run's values is made of.")
+        "budget": Command("palpate_uncertainty.budget:budget", "What the uncertainty of a run's values is made of."),
+        "choose": Command("palpate_uncertainty.choose:choose", "Which of several models the data support."),
     }
 
 
@@ -92,6 +94,11 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "doubtful",
             "A model that the stated geometry admits has no result, so that the spread of the models leaves it out.",
             "Correct the name in [choice] candidates, or let the model run with the same estimator.",
+        ),
+        "unloading": FlagMeaning(
+            "doubtful",
+            "A material that remembers leaves the tip sooner on the way out than a contact that follows the depth.",
+            'Use ting-fit (one loading, one unloading), or fit the way in only (casadi-fit, segment = "load").',
         ),
         "outliers": FlagMeaning(
             "doubtful",

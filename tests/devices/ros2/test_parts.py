@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from palpate import Batch, Flag
+from palpate import Batch, Estimates, Flag, Parameter, Run, Samples
 from palpate.errors import ConfigurationError
 from palpate_devices.ros2.accounts import CommonClock, Losses, Publisher, StampClock
 from palpate_devices.ros2.cyclone import Network
@@ -13,6 +13,7 @@ from palpate_devices.ros2.frames import Arrived, Inlet, Outlet, message_pipe
 from palpate_devices.ros2.limits import Bound, Limit
 from palpate_devices.ros2.looking import address_of
 from palpate_devices.ros2.messages import boolean, cloud, diagnostics, legal_name, vector_stamped
+from palpate_devices.ros2.sink import Publishing, Ros2Sink
 from pydantic import ValidationError
 
 MS = 1_000_000  # [ns]
@@ -200,3 +201,46 @@ def test_topics_without_a_slash_are_in_the_namespace():
     signals = {"force": {**FORCE, "topic": "ft/wrench"}, "z": {**FORCE, "topic": "/wrench"}}
     device = Ros2Device.model_validate_json(json.dumps({"signals": signals, "namespace": "/left"}))
     assert device._topics == ["/left/ft/wrench", "/wrench"]
+
+
+class Kept:
+    """Keeps what would be sent."""
+
+    def __init__(self):
+        self.sent = []
+
+    def announce(self, topic, type_name, latched=False):
+        pass
+
+    def send(self, topic, type_name, payload, latched=False):
+        self.sent.append((topic, type_name, payload))
+
+
+@pytest.mark.parametrize("cut", [50, 1000])
+def test_a_sweep_becomes_a_map_of_places_however_it_is_cut(decoded, tmp_path, cut):
+    parameter = Parameter("elasticity", "E", "Pa", "stiffness")
+    kept, time = Kept(), np.arange(1000) * 0.002
+    writer = Publishing(Ros2Sink(), Run(tmp_path, {}, {"dr/kinematic-ekf": (parameter,)}, {}, {}), kept)
+    n, along = len(time), 5e-3 * time  # 10 mm
+    for rows in (slice(i, i + cut) for i in range(0, n, cut)):
+        t, x = time[rows], along[rows]
+        ones = np.ones(len(t))
+        lateral = np.column_stack([x, 0 * x])
+        on = ones.astype(bool)
+        writer.samples(Samples((t * 1e9).astype(np.int64), t, ones, ones, ones, ones, on, on, lateral))
+        values = (1e5 + 1e7 * x)[:, None]
+        status = np.zeros(len(t), np.uint32)
+        writer.estimates("dr/kinematic-ekf", Estimates(t, values, 0 * values + 10, -x, ones, ones, ones, status))
+    writer.result({"tracks": {}})
+    base = "/palpate/dr/kinematic_ekf"
+    vectors = [payload for topic, _, payload in kept.sent if topic == f"{base}/elasticity"]
+    assert len(vectors) == 100  # 2 s, one in 20 ms
+    _, name, payload = next(entry for entry in reversed(kept.sent) if entry[0] == f"{base}/map")
+    message = decoded(name, payload)
+    assert [field.name for field in message.fields] == ["x", "y", "z", "elasticity", "elasticity_std"]
+    x, y, z, elasticity, std = np.frombuffer(bytes(message.data), "<f4").reshape(-1, 5).T.astype(float)
+    assert len(x) == pytest.approx(50, abs=2)  # 0.2 mm apart
+    assert np.abs(elasticity - 1e5 - 1e7 * x).max() < 1e7 * 2.1e-4  # the latest within a place
+    assert (y == 0).all()
+    assert (std == 10).all()
+    assert np.abs(z + x).max() < 2.1e-4

@@ -103,7 +103,7 @@ type = "point"
 bias = "4 mm"
 amplitude = "1 mm"
 frequency = "2 Hz"
-duration = "3 s"
+duration = "6 s"
 [alignment]
 force = {{ channel = "rig.wrench.z", uncertainty = "0.1 ms" }}
 position = "rig.tip.z"
@@ -310,7 +310,7 @@ def test_what_is_found_is_published(domain, tmp_path, decoded):
         result = run_pipeline(load_pipeline(file), tmp_path / "run")
         said = hear(source, {}, 1.0, lambda heard: False)
     base = "/palpate/dr/kinematic"
-    assert {f"{base}/elasticity", f"{base}/viscosity", f"{base}/map", "/palpate/flags"} <= set(said.topics)
+    assert {f"{base}/elasticity", f"{base}/viscosity", "/palpate/flags"} <= set(said.topics)
     ((_, messages),) = said.blocks({f"{base}/elasticity"})
     vectors = [decoded("geometry_msgs/msg/Vector3Stamped", messages.payload(k)).vector for k in range(len(messages))]
     with (result.folder / "estimates.csv").open() as table:

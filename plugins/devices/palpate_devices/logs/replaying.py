@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import tomli_w
-from palpate import ConfigurationError, LogError, printable
-from palpate.host import RunFolder, Source, pipeline_among, registry as registries, unstated
+from palpate import ConfigurationError, LogError, Part, printable
+from palpate.host import RunFolder, Source, pipeline_among, registry as registries
 
 from palpate_devices.logs.draft import recording_of
 from palpate_devices.recording import Attached, Recording, Suggestion
@@ -127,12 +127,12 @@ def added_table(kind: str, name: str, tables: dict[str, Any]) -> dict[str, Any]:
     table: dict[str, Any] = {"type": name}
     if kind == "model":
         others = [other for other in tables.get(kind, {}).values() if isinstance(other, dict)]
-        for key in unstated(part, {}):
+        for key in _unstated(part, {}):
             said = [other[key] for other in others if key in other]
             if said and all(one == said[0] for one in said):
                 table[key] = said[0]
         run = tables.setdefault("run", {})
-        run["assumed"] = [*run.get("assumed", ()), *(f"{kind}.{name}.{key}" for key in unstated(part, table))]
+        run["assumed"] = [*run.get("assumed", ()), *(f"{kind}.{name}.{key}" for key in _unstated(part, table))]
     field = part.model_fields.get("indenter")
     if field is not None and field.is_required():
         known = next((m["indenter"] for m in tables.get("model", {}).values() if "indenter" in m), None)
@@ -141,3 +141,8 @@ def added_table(kind: str, name: str, tables: dict[str, Any]) -> dict[str, Any]:
             raise ConfigurationError(f"{kind} {name!r} wants a tip, and the recorded pipeline has none")
         table["indenter"] = known
     return table
+
+
+def _unstated(part: type[Part], table: Mapping[str, Any]) -> list[str]:
+    """Numbers of a part that its table leaves to their defaults."""
+    return [name for name, field in part.model_fields.items() if field.annotation is float and name not in table]

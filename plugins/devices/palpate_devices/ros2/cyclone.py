@@ -137,22 +137,26 @@ class Talker:
         self._participant = participant(network, self._kept) if member is None else member
         self._writers: dict[str, tuple[Any, Any]] = {}
 
-    def send(self, topic: str, type_name: str, payload: bytes, latched: bool = False) -> None:
-        """Publish a message; the last one of a topic that is `latched` also reaches who comes later."""
+    def announce(self, topic: str, type_name: str, latched: bool = False) -> Any:
+        """The writer of a topic, so that others find it before it sends; `latched`: who comes later gets the last."""
         from cyclonedds.pub import DataWriter
         from cyclonedds.qos import Policy, Qos
         from cyclonedds.topic import Topic
 
-        kind = message_class(type_name, "")
         if topic not in self._writers:
             durability = Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile
             # A reader that does not keep up loses the oldest, and never holds up a run.
             qos = Qos(Policy.Reliability.Reliable(0), durability, Policy.History.KeepLast(1 if latched else 10))
-            made = Topic(self._participant, dds_topic(topic), kind)
+            made = Topic(self._participant, dds_topic(topic), message_class(type_name, ""))
             self._writers[topic] = made, DataWriter(self._participant, made, qos=qos)
+        return self._writers[topic][1]
+
+    def send(self, topic: str, type_name: str, payload: bytes, latched: bool = False) -> None:
+        """Publish a message."""
+        kind = message_class(type_name, "")
         message = kind.__new__(kind)
         message.data = payload
-        self._writers[topic][1].write(message)
+        self.announce(topic, type_name, latched).write(message)
 
 
 def participant(network: Network, kept: list[Any]) -> Any:

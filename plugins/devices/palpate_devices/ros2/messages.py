@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from palpate import Flag, Floats
 
+VECTOR, DIAGNOSTICS = "geometry_msgs/msg/Vector3Stamped", "diagnostic_msgs/msg/DiagnosticArray"
 _SECOND = 1_000_000_000  # [ns]
 _FLOAT32 = 7  # of sensor_msgs/PointField
 _LEVELS = {"note": 1, "doubtful": 1, "invalid": 2}  # OK 0, WARN 1, ERROR 2
@@ -62,7 +63,7 @@ def legal_name(text: str) -> str:
 
 def vector_stamped(stamp: int, frame: str, numbers: Sequence[float]) -> tuple[str, bytes]:
     """geometry_msgs/Vector3Stamped of three numbers."""
-    return "geometry_msgs/msg/Vector3Stamped", Cdr().header(stamp, frame).put("d", *numbers).message
+    return VECTOR, Cdr().header(stamp, frame).put("d", *numbers).message
 
 
 def boolean(value: bool) -> tuple[str, bytes]:
@@ -93,4 +94,4 @@ def diagnostics(stamp: int, flags: Mapping[str, Sequence[Flag]]) -> tuple[str, b
             flag.message
         )
         cdr.text("palpate").put("I", 1).text("severity").text(flag.severity or "doubtful")
-    return "diagnostic_msgs/msg/DiagnosticArray", cdr.message
+    return DIAGNOSTICS, cdr.message

@@ -7,14 +7,15 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 import numpy as np
-from palpate import Estimates, Flag, OutputError, Run, Samples, Sink, Time, Writer
+from palpate import DeviceError, Estimates, Flag, OutputError, Run, Samples, Sink, Time, Writer
 from pydantic import Field
 
 from palpate_devices.ros2.cyclone import Network, Talker
-from palpate_devices.ros2.messages import cloud, diagnostics, legal_name, vector_stamped
+from palpate_devices.ros2.messages import DIAGNOSTICS, VECTOR, cloud, diagnostics, legal_name, vector_stamped
 
 _CLOUD_EVERY = 1.0  # [s] of the record
 _PLACES = 5000  # of one track that a map shows
+_LEAST = 1e-6  # [s] between two messages of a topic, and what rounding may take from an interval
 _APART = 2e-4  # [m] between two of them
 
 
@@ -30,7 +31,7 @@ class Ros2Sink(Sink):
 
     domain: int = Field(default=0, ge=0, le=232, description="the DDS domain, as in ROS_DOMAIN_ID")
     namespace: str = Field(default="", pattern=r"^(/[A-Za-z_][A-Za-z0-9_]*)*$", description='such as "/left"')
-    interval: Time = Field(default=0.02, ge=0, description="an estimate is published in so much time of the record")
+    interval: Time = Field(default=0.02, ge=0, description="one estimate is published in so much time of the record")
     frame: str = Field(default="surface", description="frame_id of the messages")
     interface: str | None = Field(default=None, min_length=1, description='network interface, such as "eth0" or "lo"')
     peers: tuple[str, ...] = Field(
@@ -45,12 +46,12 @@ class Ros2Sink(Sink):
     def _opened(self, run: Run) -> Iterator[Writer]:
         try:
             talker = Talker(Network(self.domain, self.interface, self.peers, reliable=True))
-        except Exception as error:
+        except DeviceError as error:
             raise OutputError(f"sink ros2: {error}") from error
-        yield _Publishing(self, run, talker)
+        yield Publishing(self, run, talker)
 
 
-class _Publishing:
+class Publishing:
     """One run on its way out."""
 
     def __init__(self, settings: Ros2Sink, run: Run, talker: Talker) -> None:
@@ -62,6 +63,10 @@ class _Publishing:
         self._next_cloud = dict.fromkeys(run.tracks, -np.inf)
         self._places: dict[str, list[list[float]]] = {track: [] for track in run.tracks}
         self._flags: dict[str, tuple[Flag, ...]] = {}
+        talker.announce(f"{self._base}/flags", DIAGNOSTICS, latched=True)
+        for track, names in self._names.items():
+            for name in names:
+                talker.announce(f"{self._topic(track)}/{legal_name(name)}", VECTOR)
 
     def batch(self, device: str, batch: Any) -> None:
         """Raw readings are those of others."""
@@ -71,7 +76,7 @@ class _Publishing:
         self._samples = samples
 
     def estimates(self, track: str, estimates: Estimates) -> None:
-        """The latest of every interval, and the places that have become known."""
+        """One of every interval, and the places that have become known."""
         samples = self._samples
         if samples is None or len(samples) != len(estimates) or not len(estimates):
             return  # an offline estimator's come when the run is over
@@ -80,29 +85,32 @@ class _Publishing:
         if not len(rows):
             return
         self._learn(track, samples, estimates, rows)
-        last = int(rows[-1])
-        time, stamp = float(estimates.time[last]), int(samples.stamp[last])
-        if time >= self._next[track]:
-            self._next[track] = time + self._settings.interval
-            for k, name in enumerate(self._names[track]):
-                numbers = (float(estimates.values[last, k]), float(estimates.std[last, k]), time)
-                self._talker.send(
-                    f"{self._topic(track)}/{legal_name(name)}", *vector_stamped(stamp, self._settings.frame, numbers)
-                )
+        while len(rows := rows[np.searchsorted(estimates.time[rows], self._next[track]) :]):
+            self._send_values(track, estimates, int(rows[0]), int(samples.stamp[rows[0]]))
+            self._next[track] = float(estimates.time[rows[0]]) + max(self._settings.interval - _LEAST, _LEAST)
+        time = float(estimates.time[-1])
         if self._places[track] and time >= self._next_cloud[track]:
             self._next_cloud[track] = time + _CLOUD_EVERY
-            self._send_map(track, stamp)
+            self._send_map(track, self._stamp)
+
+    def _send_values(self, track: str, estimates: Estimates, row: int, stamp: int) -> None:
+        for k, name in enumerate(self._names[track]):
+            numbers = float(estimates.values[row, k]), float(estimates.std[row, k]), float(estimates.time[row])
+            topic = f"{self._topic(track)}/{legal_name(name)}"
+            self._talker.send(topic, *vector_stamped(stamp, self._settings.frame, numbers))
 
     def _learn(self, track: str, samples: Samples, estimates: Estimates, rows: Any) -> None:
         places = self._places[track]
         for row in rows.tolist():
             x, y = samples.lateral[row].tolist()
-            if not samples.contact[row] or not np.isfinite([x, y]).all() or len(places) >= _PLACES:
+            if not samples.contact[row] or not np.isfinite([x, y]).all() or len(places) > _PLACES:
                 continue
-            if places and np.hypot(x - places[-1][0], y - places[-1][1]) < _APART:
-                places.pop()  # the latest of a place counts
             pairs = np.column_stack([estimates.values[row], estimates.std[row]]).ravel()
-            places.append([x, y, float(estimates.surface[row]), *pairs.tolist()])
+            numbers = [float(estimates.surface[row]), *pairs.tolist()]
+            if places and np.hypot(x - places[-1][0], y - places[-1][1]) < _APART:
+                places[-1][2:] = numbers  # the latest of a place counts
+            else:
+                places.append([x, y, *numbers])
 
     def _send_map(self, track: str, stamp: int) -> None:
         fields = ["x", "y", "z", *(f"{name}{end}" for name in self._names[track] for end in ("", "_std"))]

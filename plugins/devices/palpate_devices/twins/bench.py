@@ -172,6 +172,7 @@ class World:
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._end)
         began = time.monotonic() - self.controller.now
+        read = self.controller.now
         while not self._done:
             wait = max(began + self.controller.now + TICK - time.monotonic(), 0.0)
             inputs: list[Any] = [sys.stdin] if self._listening else []
@@ -186,10 +187,12 @@ class World:
                 continue
             if behind > _MOST_BEHIND:
                 began += behind
-            ticks = min(int(behind / TICK), int(_MOST_BEHIND / TICK))
-            for more in reversed(range(ticks)):
-                self._tick(more)
-            if ticks:
+                read = self.controller.now
+            read, since = time.monotonic() - began, read
+            self.controller.date(since, read)
+            for _ in range(min(int(behind / TICK), int(_MOST_BEHIND / TICK))):
+                self._tick()
+            if behind >= TICK:
                 self.ports.broadcast()
 
     def _end(self, *_: Any) -> None:
@@ -229,9 +232,9 @@ class World:
         self._askew = _OUT @ work.tool.T @ pose[:3, :3] @ _OUT
         return self._rotation @ (pose[:3, 3] - work.matrix[:3, 3]), self._rotation @ (jacobian[:3] @ arm.qd)
 
-    def _tick(self, more: int) -> None:
+    def _tick(self) -> None:
         began = self.controller.now
-        self.controller.tick(more)
+        self.controller.tick()
         position, velocity = self._before
         self._before = self._tip()
         self.sensor.poll(self.controller.now)

@@ -33,7 +33,8 @@ class Controller:
         self._rng = np.random.default_rng(seed)
         self._noise = position_std, velocity_std
         self.inputs: dict[str, Any] = {}
-        self._written: deque[dict[str, Any]] = deque()  # and not read yet
+        self._came: list[dict[str, Any]] = []  # inputs, just written
+        self._written: deque[tuple[float, dict[str, Any]]] = deque()  # with the time at which they came, not read yet
         self._owners: dict[str, ClientSession] = {}
         self._program: Program | None = None
         self._runtime, self._safety = _STOPPED, _NORMAL
@@ -64,8 +65,8 @@ class Controller:
         self._owners = {name: owner for name, owner in self._owners.items() if owner is not session}
 
     def write(self, values: dict[str, Any]) -> None:
-        """Take note of inputs; they are read at the next tick."""
-        self._written.append(values)
+        """Take note of inputs; the first tick after they came reads them."""
+        self._came.append(values)
         if self._program is not None and any(name.startswith("input_int_register") for name in values):
             self._program.feed(time.monotonic())
 
@@ -107,20 +108,28 @@ class Controller:
     def restore(self, q: Any) -> None:
         """No stop, no program, the arm at rest at joint angles (6,)."""
         self.end_program()
+        self._came.clear()
         self._written.clear()
         self._safety = _NORMAL
         self.unknown_output, self.refuses_start, self.remote, self.deaf = "", False, True, False
         self.stuck, self.no_number, self.arm.jammed = None, False, False
         self.arm.q, self.arm.qd, self.arm.tcp = q, np.zeros(6), self.pendant_tcp
 
-    def tick(self, more: int = 0) -> None:
-        """Two milliseconds; where `more` are to be caught up, what was written meanwhile is spread over all of them.
+    def date(self, since: float, until: float) -> None:
+        """What was written between two of its own times [s] came evenly over them.
 
-        So a tick reads what had come by its own time: a controller is not as late as the process that plays it.
+        A controller is not as late as the process that plays it: what that finds at once after it was held up came
+        one after the other, while what comes at once while it is awake did so.
         """
+        step = (until - since) / max(len(self._came), 1)
+        self._written.extend((since + (i + 1) * step, values) for i, values in enumerate(self._came))
+        self._came.clear()
+
+    def tick(self) -> None:
+        """Two milliseconds."""
         self.now += TICK
-        for _ in range(-(-len(self._written) // (more + 1))):
-            self.inputs |= self._written.popleft()
+        while self._written and self._written[0][0] <= self.now + 1e-9:
+            self.inputs |= self._written.popleft()[1]
         # The watchdog goes by the host's time: ticks that are caught up in one go leave no room for commands between.
         program = self._program if self._runtime == _PLAYING else None
         if program is not None and not program.step(self.inputs, time.monotonic()):

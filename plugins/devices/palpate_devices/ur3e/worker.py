@@ -21,7 +21,7 @@ from palpate_devices.ur3e.fence import ArmState, Fence, Verdict
 from palpate_devices.ur3e.force_watch import ForceEye
 from palpate_devices.ur3e.frame import WorkFrame
 from palpate_devices.ur3e.layout import RETRACT, ROW, SETPOINT, STOP
-from palpate_devices.ur3e.pace import Pace
+from palpate_devices.ur3e.pace import Beat, Pace
 from palpate_devices.ur3e.robot import Robot, by_joints
 from palpate_devices.ur3e.servo import PERIOD, Commander, Law
 from palpate_devices.ur3e.states import NORMAL, STOPPED, complaint
@@ -64,10 +64,11 @@ class _Loop:
         self._eye: ForceEye | None = None
         self._setpoint = np.zeros(SETPOINT.size)
         self._cycles = 0
+        self._beat = Beat()
 
     def run(self) -> NoReturn:
         """One cycle after another, each at its deadline."""
-        Pace(self._ring, lambda: self._following).run(self._cycle, self._take_state)
+        Pace(self._ring, self._beat, lambda: self._following).run(self._cycle, self._take_state)
 
     @property
     def _following(self) -> bool:
@@ -142,6 +143,7 @@ class _Loop:
                 self._commander = Commander(self._law, robot.look().position, robot.turn())
                 self._setpoint = self._commander.setpoint
             stamps = round(robot.stamp * 1e9), robot.seen
+            self._beat.saw(*stamps)
             state = robot.state if robot.control is not None else by_joints(robot.state, robot.tool, robot.model)
             self._ring.write(stamps, [*state, *robot.modes, *self._setpoint])
 

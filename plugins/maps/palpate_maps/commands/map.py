@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError, LogError, PalpateError, Simulated, to_si
 from palpate.host import JsonOption, Points, RunFolder, TrackOption, load_pipeline, print_json, save_figure
 
 from palpate_maps.commands.curves import curves_of, points_of, tell_rejected, unit_of
+
+if TYPE_CHECKING:
+    from palpate_maps.analysis import Findings, Path2D, Sites, StiffnessMap
 
 Run = Annotated[Path, typer.Argument(help="The run folder.")]
 Parameter = Annotated[str | None, typer.Option(help="Parameter of its model. [default: the first]")]
@@ -41,65 +45,104 @@ def map_run(
 
     A pipeline file is run first, into a new folder of runs/. No earlier map is written over: the second is map-2.
     """
-    from palpate.host import run_pipeline
-
-    from palpate_maps import analysis as maps, export, picture
-    from palpate_maps.mcap_grid import map_mcap
+    from palpate_maps import analysis as maps
 
     if method not in ("gaussian-process", "average"):
         raise ConfigurationError(f'--method: {method!r} is none of "gaussian-process" and "average"')
-    if run.suffix == ".toml":
-        made = run_pipeline(load_pipeline(run))
-        made.demand_whole()
-        run = made.folder
+    run = _run_first(run)
     tell_rejected([run])
     path = maps.read_path(run, track, parameter)
     sites = maps.sites_along(path)
-    folder, ending = out or RunFolder(run).maps, "svg" if svg else "png"
-    unit = unit_of(run, path.track, path.parameter)
     findings = None
     with suppress(LogError):  # too few sites for lumps are enough for a map
         findings = maps.find_lumps(sites)
+    made = _Mapped(run, out or RunFolder(run).maps, "svg" if svg else "png", path, sites, findings)
     along = maps.line_coordinate(sites)
     if along is not None and not sites.standing.all():
         if mcap:
             raise ConfigurationError(f"--mcap: {run} is a sweep along a line, and no map; its log has the estimates")
-        curves = curves_of(run, [track] if track else None, parameter)
-        series = {name: (curve.along, curve.sites) for name, curve in curves.items()}
-        checked = points_of(points, folder, parameter) if points is not None else None
-        image = picture.sweep_picture(series, path.parameter, unit, findings, checked)
-        table = export.sweep_csv(series, path.parameter)
-        name = export.free_name(folder, "sweep", table)
-        export.replace_file(folder / f"{name}.csv", table)
-        save_figure(image, folder / f"{name}.{ending}")
-        said = f"sweep of {1e3 * (along.max() - along.min()):.4g} mm, {len(sites)} sites, {path.track}"
-        answer: dict[str, Any] = {"kind": "sweep", "length": float(along.max() - along.min())}
+        name, said, answer = _sweep(made, float(along.max() - along.min()), track, parameter, points)
     else:
         edge = length(reach, "--reach") if reach is not None else None
         field = maps.make_map(sites, length(cell, "--cell"), method, edge)  # type: ignore[arg-type]
-        image = picture.map_picture(field, path.parameter, unit, findings, outlines_of(run))
-        table = export.map_csv(field, path.parameter)
-        name = export.free_name(folder, "map", table)
-        export.replace_file(folder / f"{name}.csv", table)
-        export.replace_file(folder / f"{name}.npz", export.map_npz(field, path.parameter))
-        save_figure(image, folder / f"{name}.{ending}")
-        if mcap:
-            export.replace_file(folder / f"{name}.mcap", map_mcap(field, path.parameter, round(1e9 * sites.time[-1])))
-        size = f"{1e3 * (field.x[-1] - field.x[0]):.4g} mm x {1e3 * (field.y[-1] - field.y[0]):.4g} mm"
-        said = (
-            f"map of {size}, {100 * field.coverage:.0f} % covered, {len(sites)} sites, {path.track}, "
-            f"interpolated over {1e3 * field.length:.3g} mm"
-        )
-        ends = {"low": [field.x[0], field.y[0]], "high": [field.x[-1], field.y[-1]]}
-        answer = {"kind": "map", **ends, "coverage": field.coverage, "interpolated_over": field.length}
+        name, said, answer = _map(made, field, mcap)
     if findings is not None and findings.warning:
         typer.echo(f"warning: {findings.warning}", err=True)
     if as_json:
-        of = {"track": path.track, "parameter": path.parameter, "unit": unit, "sites": len(sites)}
+        of = {"track": path.track, "parameter": path.parameter, "unit": made.unit, "sites": len(sites)}
         lumps = findings.lumps if findings is not None else None
-        print_json({**answer, **of, "lumps": lumps, "files": sorted(folder.glob(f"{name}.*"))})
+        print_json({**answer, **of, "lumps": lumps, "files": sorted(made.folder.glob(f"{name}.*"))})
         return
-    typer.echo(f"{said}\nwritten to {folder / name}.csv and beside it")
+    typer.echo(f"{said}\nwritten to {made.folder / name}.csv and beside it")
+
+
+def _run_first(run: Path) -> Path:
+    """The run folder; of a pipeline file, that of a run that is made now."""
+    from palpate.host import run_pipeline
+
+    if run.suffix != ".toml":
+        return run
+    made = run_pipeline(load_pipeline(run))
+    made.demand_whole()
+    return made.folder
+
+
+@dataclass(frozen=True)
+class _Mapped:
+    """What a map or a curve is made of, and where it goes."""
+
+    run: Path
+    folder: Path
+    ending: str  # of pictures
+    path: Path2D
+    sites: Sites
+    findings: Findings | None
+
+    @property
+    def unit(self) -> str:
+        """Of the parameter."""
+        return unit_of(self.run, self.path.track, self.path.parameter)
+
+
+Written = tuple[str, str, dict[str, Any]]  # name of the files, a sentence, and the answer for programs
+
+
+def _sweep(made: _Mapped, way: float, track: str | None, parameter: str | None, points: Path | None) -> Written:
+    """A curve along a line of so many metres."""
+    from palpate_maps import export, picture
+
+    path, folder = made.path, made.folder
+    curves = curves_of(made.run, [track] if track else None, parameter)
+    series = {name: (curve.along, curve.sites) for name, curve in curves.items()}
+    checked = points_of(points, folder, parameter) if points is not None else None
+    image = picture.sweep_picture(series, path.parameter, made.unit, made.findings, checked)
+    table = export.sweep_csv(series, path.parameter)
+    name = export.free_name(folder, "sweep", table)
+    export.replace_file(folder / f"{name}.csv", table)
+    save_figure(image, folder / f"{name}.{made.ending}")
+    said = f"sweep of {1e3 * way:.4g} mm, {len(made.sites)} sites, {path.track}"
+    return name, said, {"kind": "sweep", "length": way}
+
+
+def _map(made: _Mapped, field: StiffnessMap, mcap: bool) -> Written:
+    """A map of an area."""
+    from palpate_maps import export, picture
+    from palpate_maps.mcap_grid import map_mcap
+
+    path, folder, sites = made.path, made.folder, made.sites
+    image = picture.map_picture(field, path.parameter, made.unit, made.findings, outlines_of(made.run))
+    table = export.map_csv(field, path.parameter)
+    name = export.free_name(folder, "map", table)
+    export.replace_file(folder / f"{name}.csv", table)
+    export.replace_file(folder / f"{name}.npz", export.map_npz(field, path.parameter))
+    save_figure(image, folder / f"{name}.{made.ending}")
+    if mcap:
+        export.replace_file(folder / f"{name}.mcap", map_mcap(field, path.parameter, round(1e9 * sites.time[-1])))
+    size = f"{1e3 * (field.x[-1] - field.x[0]):.4g} mm x {1e3 * (field.y[-1] - field.y[0]):.4g} mm"
+    covered = f"{100 * field.coverage:.0f} % covered, {len(sites)} sites, {path.track}"
+    said = f"map of {size}, {covered}, interpolated over {1e3 * field.length:.3g} mm"
+    ends = {"low": [field.x[0], field.y[0]], "high": [field.x[-1], field.y[-1]]}
+    return name, said, {"kind": "map", **ends, "coverage": field.coverage, "interpolated_over": field.length}
 
 
 def outlines_of(run: Path) -> list[Any]:

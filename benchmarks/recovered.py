@@ -1,0 +1,141 @@
+"""How often each model finds the truth within its stated 95 %, by fit and by spectrum, on simulated records.
+
+A press, a hold and two sines around it, 500 Hz, 0.05 N and 5 um of noise; `ting-fit` on a triangle in and out. Counts
+stand beside the exact binomial range at 99.9 %. ``python benchmarks/recovered.py [--records 200] [NAME...]``
+"""
+
+import argparse
+import time
+
+import numpy as np
+from palpate import Problem, Samples, force_over_time
+from palpate_filters import CasadiFit, TingFit
+from palpate_models import (
+    Burgers,
+    DimensionalityReduction,
+    DimensionalityReductionMaxwell,
+    FractionalKelvinVoigt,
+    GeneralisedMaxwell2,
+    Maxwell,
+    PowerLaw,
+    Sphere,
+    StandardLinearSolid,
+)
+from palpate_models.ting import ting_force
+from palpate_spectra.moduli import answer
+from palpate_spectra.recorded import Recorded
+from scipy.stats import binom
+
+TIP = Sphere(radius=5e-3)
+STEP = 2e-3  # [s]
+MODELS = {
+    "dr": (DimensionalityReduction(indenter=TIP), (100e3, 400.0)),
+    "sls": (StandardLinearSolid(indenter=TIP), (100e3, 50e3, 0.2)),
+    "sls+dashpot": (DimensionalityReductionMaxwell(indenter=TIP), (100e3, 200.0, 50e3, 0.4)),
+    "maxwell": (Maxwell(indenter=TIP), (100e3, 60e3)),
+    "burgers": (Burgers(indenter=TIP), (150e3, 200e3, 300e3, 10e3)),
+    "generalised-maxwell-2": (GeneralisedMaxwell2(indenter=TIP), (100e3, 40e3, 0.05, 40e3, 1.0)),
+    "power-law": (PowerLaw(indenter=TIP), (100e3, 0.15)),
+    "fractional-kelvin-voigt": (FractionalKelvinVoigt(indenter=TIP), (60e3, 40e3, 0.4)),
+}
+
+
+def motion():
+    """Time [s], depth [m] and rate [m/s]: air, press, hold, sines of 1 and 5 Hz, in contact to the end."""
+    t = np.arange(0, 8.0, STEP)
+    swell = np.clip((t - 4.0) / 0.5, 0, 1)
+    swell = swell**2 * (3 - 2 * swell)
+    s = np.clip(t / 0.4, 0, 1)
+    depth = -0.5e-3 + 3.5e-3 * s**2 * (3 - 2 * s)
+    depth = depth + swell * (0.5e-3 * np.sin(2 * np.pi * (t - 4)) + 0.3e-3 * np.sin(10 * np.pi * (t - 4)))
+    return t, depth, np.gradient(depth, t)
+
+
+def samples(time, depth, force, seed):
+    """What the rig would say."""
+    random = np.random.default_rng(seed)
+    contact, height = depth > 0, 1e-4 - depth + 5e-6 * random.standard_normal(len(time))
+    noisy = force + 0.05 * random.standard_normal(len(time))
+    steps, stamps = np.diff(time, prepend=0.0), (1e9 * time).astype(np.int64)
+    return Samples(stamps, time, steps, noisy, height, np.gradient(height, time), contact, contact)
+
+
+def by_fit(model, theta, records):
+    """Parameters within 1.96 standard deviations (k,), and the seconds of a fit."""
+    time_, depth, rate = motion()
+    force = force_over_time(model, time_, depth, rate, theta, pulls=False)
+    return counted(
+        lambda seed: (
+            CasadiFit(profile=False, segment="contact")
+            .start(Problem(model, 0.0))
+            .run(samples(time_, depth, force, seed))
+        ),
+        theta,
+        records,
+    )
+
+
+def by_ting(model, theta, records):
+    """The same of one loading and unloading after Ting."""
+    t = np.arange(0, 2.2, STEP)
+    depth = 3e-3 * np.clip(1 - np.abs(t - 1.1) / 0.8, -0.1, 1)
+    depth = np.convolve(np.pad(depth, 10, "edge"), np.ones(21) / 21, "valid")
+    force = ting_force(model, t, depth, theta)
+    return counted(
+        lambda seed: TingFit().start(Problem(model, 0.0)).run(samples(t, depth, force, seed)), theta, records
+    )
+
+
+def counted(fit, theta, records):
+    """How many of the records' intervals hold the truth."""
+    inside, began = np.zeros(len(theta), int), time.process_time()
+    for seed in range(records):
+        found = fit(seed)
+        rows = np.flatnonzero(np.isfinite(found.values).all(axis=1))
+        if len(rows):
+            inside += np.abs(found.values[rows[0]] - theta) < 1.96 * found.std[rows[0]]
+    return inside, (time.process_time() - began) / records
+
+
+def by_spectrum(model, theta, records):
+    """G' and G'' of three lines within 1.99 standard deviations of the noise."""
+    t = np.arange(-3.0, 10.0, STEP)
+    lines = {0.5: 0.5e-3, 2.0: 0.3e-3, 5.0: 0.2e-3}
+    depth = 4e-3 + sum(a * np.sin(2 * np.pi * f * t) for f, a in lines.items())
+    rate = sum(2 * np.pi * f * a * np.cos(2 * np.pi * f * t) for f, a in lines.items())
+    force, late = force_over_time(model, t, depth, rate, theta), t >= 0
+
+    def lines_of(seed):
+        random = np.random.default_rng(seed)
+        noise = 0.0 if seed is None else random.standard_normal((2, len(t))) * [[0.05], [5e-6]]
+        noisy, height = (np.stack([force, -depth]) + noise)[:, late]
+        known = {"radius": 0.0, "poisson": 0.0}
+        record = Recorded("run", "t", model, t[late], noisy, height, 0.0, 0.0, timing=0.0, uncertainties=known)
+        return answer(record, list(lines)).lines
+
+    truth, began = [line.shear for line in lines_of(None)], time.process_time()
+    inside = np.zeros((len(lines), 2), int)
+    for seed in range(records):
+        for i, line in enumerate(lines_of(seed)):
+            error = line.shear - truth[i]
+            inside[i] += np.abs([error.real, error.imag]) < 1.99 * line.noise
+    return inside.ravel(), (time.process_time() - began) / records
+
+
+def main():
+    """Print the counts."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(MODELS))
+    parser.add_argument("--records", type=int, default=200)
+    asked = parser.parse_args()
+    low, high = binom.ppf([5e-4, 1 - 5e-4], asked.records, 0.95)
+    print(f"of {asked.records}; {low:.0f} to {high:.0f} expected")
+    for name in asked.names or MODELS:
+        model, theta = MODELS[name]
+        for how in (by_spectrum, by_ting, by_fit):
+            inside, seconds = how(model, np.array(theta), asked.records)
+            print(f"{name:24} {how.__name__:12} {inside.tolist()}  {1e3 * seconds:.0f} ms each", flush=True)
+
+
+if __name__ == "__main__":
+    main()
