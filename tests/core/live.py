@@ -123,14 +123,16 @@ class LiveLink:
                 return
 
 
+def _heard(name):
+    """A method that keeps what it is told."""
+    return lambda self, *values: self.heard.append((name, *values))
+
+
 class Listener:
     """A writer that keeps all that it is told."""
 
     def __init__(self):
         self.heard, self.run = [], None
-
-    def _heard(name):
-        return lambda self, *values: self.heard.append((name, *values))
 
     # Methods by name: from Python 3.12 on, what answers by __getattr__ alone is no instance of a protocol.
     batch, samples, estimates, health, flags, guard, result = map(
