@@ -119,6 +119,21 @@ def test_a_folder_that_workers_do_not_see_is_refused(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_fits_of_several_logs_are_those_of_this_machine(scheduler, palpate, point_pipeline, tmp_path):
+    text = point_pipeline.read_text().replace('duration = "10 s"', 'duration = "1 s"')
+    files = [tmp_path / "one.toml", tmp_path / "two.toml"]
+    for seed, file in enumerate(files, start=1):
+        file.write_text(text.replace("seed = 1\n", f"seed = {seed}\n") + '[estimator.fit]\ntype = "casadi-fit"\n')
+    found = []
+    for place, more in (("here", ()), ("there", ("--scheduler", scheduler))):
+        done = palpate("fit", *files, "--no-pictures", "--out", tmp_path / place, *more)
+        assert done.returncode == 0, done.stderr
+        logs = json.loads((tmp_path / place / "fit.json").read_text())["logs"]
+        found.append({name: {**log["tracks"]["dr/fit"], "seconds_per_sample": None} for name, log in logs.items()})
+    assert list(found[0]) == list(found[1]) == ["one", "two"]
+    assert found[0] == found[1]
+
+
 def test_no_scheduler_and_both_options_are_mistakes_of_the_user(palpate, point_pipeline, monkeypatch, tmp_path):
     point_pipeline.write_text(point_pipeline.read_text() + '[sweep]\n"run.seed" = [1, 2]\n')
     done = palpate("sweep", point_pipeline, "--jobs", 2, "--scheduler", "tcp://127.0.0.1:1", "--out", tmp_path / "a")
