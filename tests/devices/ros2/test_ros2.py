@@ -91,6 +91,8 @@ type = "mcap"
 
 
 SIMULATED = """
+[run]
+estimates_interval = 0
 [device.rig]
 type = "sim"
 tip_mass = "140 g"
