@@ -10,7 +10,8 @@ from sphinx.application import Sphinx
 
 
 def _inline(writer: Any, node: nodes.math) -> None:
-    writer.body.append(convert(node.astext()))
+    # Fractions as large as in a line of their own: small ones cannot be read.
+    writer.body.append(convert(node.astext()).replace("<math", '<math style="math-style: normal"', 1))
     raise nodes.SkipNode
 
 

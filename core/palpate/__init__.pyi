@@ -100,8 +100,7 @@ from palpate.result.evidence import (
 )
 from palpate.result.found import Bias as Bias
 from palpate.result.kept import Kept as Kept
-from palpate.result.record import Tail as Tail
-from palpate.result.summary import TrackSummary as TrackSummary
+from palpate.result.record import Tail as Tail, TrackSummary as TrackSummary
 from palpate.sink import (
     GuardState as GuardState,
     Run as Run,

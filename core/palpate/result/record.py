@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from palpate.contact import ContactModel
 from palpate.estimation import Estimates, Samples, Status
 from palpate.fit_report import FitReport
 from palpate.flags import Flag
 from palpate.result.kept import Keeper
-from palpate.result.summary import TrackSummary
 from palpate.vectors import Floats
+
+if TYPE_CHECKING:
+    from palpate.result.outcome import TrackResult
 
 _PARTS = 12  # of the tail, whose steps show a random walk
 _SIGMAS = 3.0
@@ -94,6 +97,18 @@ def acceleration(time: Floats, velocity: Floats) -> Floats:
     if len(time) > 2 * n:
         slope[n:-n] = (velocity[2 * n :] - velocity[: -2 * n]) / (time[2 * n :] - time[: -2 * n])
     return slope
+
+
+class TrackSummary(Protocol):
+    """What the function of a `palpate.Summary` answers for each track: it takes in blocks and has the last word."""
+
+    def add(self, samples: Samples, estimates: Estimates) -> None:
+        """Take in a block; the same comes of it however a record is cut into blocks."""
+        ...
+
+    def of(self, result: TrackResult, model: ContactModel, is_sweep: bool) -> TrackResult:
+        """What the result becomes when the run has ended; `is_sweep`: the tip went along the surface."""
+        ...
 
 
 @dataclass

@@ -158,4 +158,7 @@ def palpate_models() -> dict[str, type[ContactModel]]:
 @plugin
 def palpate_commands() -> dict[str, Command]:
     """Forces without a palpation."""
-    return {"force": Command("palpate_models.force_command:force", "Force of a model and a tip over a ramp or a sine.")}
+    return {
+        "force": Command("palpate_models.force_command:force", "Force of a model and a tip over a ramp or a sine."),
+        "thickness": Command("palpate_models.thickness_command:thickness", "Factor of a specimen's size, as a table."),
+    }

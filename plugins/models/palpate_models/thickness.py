@@ -6,10 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import Any, Literal, Self
 
-from palpate import Depth, Indenter, Settings
+from palpate import Depth, File, Indenter, Settings
 from pydantic import Field, model_validator
 
 from palpate_models.indenters import Cone, Ellipsoid, ExactSphere, Flat, NeoHookeanSphere, Paraboloid, Sphere
+from palpate_models.thickness_table import read_table
 
 # Coefficients of 1, X, X^2, X^3, X^4 at nu = 0.5; X is contact radius over layer height.
 _DIMITRIADIS = {True: (1.0, 1.133, 1.283, 0.769, 0.0975), False: (1.0, 0.884, 0.781, 0.386, 0.0048)}
@@ -52,13 +53,18 @@ class Thickness(Settings):
     `finite-cylinder` (paraboloid `sphere`; free side, diameter/height 50/22): with e = d/R and X,
     (1 - 0.15 e)(1 + a X + b X^2 + f X e + g e), fitted to finite elements of a neo-Hookean cylinder within 0.9 %; it
     holds the exact shape of the sphere and large strain, too.
+    `table` (any smooth tip and size): what `palpate thickness` has written, finite elements of the specimen under the
+    tip, as 1 + a polynomial of degree 4 in sqrt(d).
     None of the sources treats speed. By the correspondence principle for a material of Kelvin-Voigt type, the viscous
     force follows from the derivative of the corrected elastic one, d/dd [A(d) c(d)], in place of a(d); so it is here.
     Source: Dimitriadis et al. 2002, eqs. 12 and 13; Garcia and Garcia 2018.
     """
 
-    law: Literal["dimitriadis", "garcia", "finite-cylinder"] = Field(description="which correction")
-    height: Depth = Field(gt=0, description="height h of the layer")
+    law: Literal["dimitriadis", "garcia", "finite-cylinder", "table"] = Field(
+        default="table", description="which correction"
+    )
+    table: File | None = Field(default=None, description="table: file of `palpate thickness`, depths and factors")
+    height: Depth = Field(default=0.0, ge=0, description="height h of the layer; of a table it is in the file")
     bonded: bool = Field(default=True, description="whether the layer is glued to its base, or may slide")
     sticking: bool = Field(default=False, description="finite-cylinder: whether the tip sticks to the surface")
     diameter: Depth | None = Field(default=None, gt=0, description="finite-cylinder: diameter of the specimen")
@@ -68,6 +74,15 @@ class Thickness(Settings):
 
     @model_validator(mode="after")
     def _known(self) -> Self:
+        if (self.law == "table") != (self.table is not None):
+            raise ValueError('a table of factors is law = "table", and that law needs a table = "thickness.csv"')
+        if self.table is not None:
+            read_table(self.table)
+            if self.height or self.diameter is not None or self.sticking or self.radius is not None:
+                raise ValueError("height, diameter, sticking and radius of a table are in its file")
+            return self
+        if self.height <= 0:
+            raise ValueError(f"{self.law} needs the height of the layer")
         if self.law == "garcia" and not self.bonded:
             raise ValueError("garcia is for a bonded layer; dimitriadis has one that is not (for spheres)")
         if self.law == "finite-cylinder":
@@ -84,6 +99,11 @@ class Thickness(Settings):
 
     def check(self, indenter: Indenter, poisson: float) -> None:
         """Raise ValueError where the correction is not known for a tip or a Poisson's ratio."""
+        if self.table is not None:
+            read_table(self.table).refuse(indenter)
+            if poisson != 0.5:
+                raise ValueError(f"thickness: the corrections are for poisson = 0.5, not {poisson:g}")
+            return
         contact = self._contact(indenter)
         if poisson != 0.5:
             raise ValueError(f"thickness: the corrections are for poisson = 0.5, not {poisson:g}")
@@ -121,6 +141,8 @@ class Thickness(Settings):
 
     def factor(self, indenter: Indenter, depth: Any) -> tuple[Any, Any]:
         """c(d), and d c'(d), the factor's derivative times depth."""
+        if self.table is not None:
+            return read_table(self.table).factor(depth)
         contact = self._contact(indenter)
         x = contact.scale / self.height * depth**contact.power
         if self.law == "finite-cylinder":
@@ -135,6 +157,11 @@ class Thickness(Settings):
 
     def validity(self, indenter: Indenter, depth: float) -> str:
         """What does not hold of the correction at a depth [m]; empty where all is well."""
+        if self.table is not None:
+            deepest = read_table(self.table).deepest
+            if depth <= 1.001 * deepest:
+                return ""
+            return f"the table of thickness ends at {1e3 * deepest:.3g} mm, not {1e3 * depth:.3g} mm"
         contact = self._contact(indenter)
         strain, x = depth / self.height, contact.scale * depth**contact.power / self.height
         if self.law == "finite-cylinder":

@@ -65,6 +65,7 @@ class Candidate:
     misfit: bool  # a lack of fit was found
     verdict: str
     elasticity: tuple[float, float] | None  # [Pa] and its combined uncertainty
+    doubts: tuple[str, ...] = ()  # codes of the flags that speak against its numbers
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,10 @@ def choose(
         return
     console().print(_table(standings).view(), highlight=False)
     console().print(said, highlight=False)
+    for one in found:
+        if one.doubts:
+            told = f"{one.record}, {one.model}: {one.verdict} ({', '.join(one.doubts)})"
+            console().print(told, style="yellow", markup=False, highlight=False)
 
 
 def candidates(path: Path, wanted: Sequence[str]) -> list[Candidate]:
@@ -142,6 +147,7 @@ def _candidate(record: str, model: str, found: TrackResult, blocks: Floats) -> C
         record, model, float(bic), float(share), blocks, report.rms if report else np.nan,
         any(flag.code == "lack-of-fit" for flag in found.flags), found.verdict,
         (float(told.value), float(told.combined)) if told is not None and np.isfinite(told.value) else None,
+        tuple(dict.fromkeys(flag.code for flag in found.flags if flag.severity != "note")),
     )  # fmt: skip
 
 
@@ -269,5 +275,5 @@ def _row(one: Candidate) -> dict[str, Any]:
     return {
         "record": one.record, "model": one.model, "bic": one.bic, "independent": one.share,
         "held_out": one.blocks.tolist(), "rms": one.rms, "lack_of_fit": one.misfit, "verdict": one.verdict,
-        "elasticity": one.elasticity,
+        "elasticity": one.elasticity, "doubts": list(one.doubts),
     }  # fmt: skip

@@ -91,6 +91,8 @@ type = "mcap"
 
 
 SIMULATED = """
+[run]
+estimates_interval = 0
 [device.rig]
 type = "sim"
 tip_mass = "140 g"
@@ -142,6 +144,7 @@ def press(seconds):
     return [WRENCH, POSE, *(line for pair in lines for line in pair)]
 
 
+@pytest.mark.live
 def test_what_was_found_live_is_what_its_recording_gives_to_the_bit(publish, domain, tmp_path):
     publish(press(4.0))
     file = tmp_path / "live.toml"
@@ -191,6 +194,7 @@ def test_a_field_of_another_type_is_told_by_name(publish, domain):
         pass
 
 
+@pytest.mark.live
 def test_a_publisher_that_is_killed_and_comes_back_with_another_clock(publish, domain):
     first = publish(wrenches(1.0), times=3)
     with device(domain).connect(0) as link:
@@ -257,6 +261,7 @@ def test_an_own_type_without_its_definition_is_told(publish, domain):
         pass
 
 
+@pytest.mark.live
 def test_messages_that_are_damaged_are_left_out_and_counted(publish, domain):
     """Cut, empty, a megabyte of zeros, a text of 4 GB, numbers that are none; the good ones between them all count."""
     good = pack(np.arange(1000) * 1_000_000, "ft", np.arange(6000.0).reshape(1000, 6))
@@ -286,6 +291,7 @@ def test_messages_that_are_damaged_are_left_out_and_counted(publish, domain):
     assert "ros2-damaged" in health["flags"]
 
 
+@pytest.mark.live
 def test_a_limit_is_flagged_and_alarmed_and_stops_nothing(publish, domain):
     publish(wrenches(3.0))
     limits = {"force": WatchedRange(greatest="700 N")}
@@ -321,6 +327,7 @@ def test_what_is_found_is_published(domain, tmp_path, decoded):
     assert all(float(row[column]) == pytest.approx(vector.x, rel=1e-6) for vector, row in compared)
 
 
+@pytest.mark.live
 def test_of_two_publishers_the_first_is_read(publish, domain):
     publish(wrenches(4.0))
     with device(domain).connect(0) as link:

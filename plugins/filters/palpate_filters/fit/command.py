@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,16 +17,19 @@ from palpate.host import (
     Overrides,
     Pipeline,
     Result,
+    SchedulerOption,
     Source,
     TrackResult,
     build_pipeline,
     carried_by,
+    connected,
     console,
     finite_tree,
     load_pipeline,
     make_folder,
     replay_source,
     run_pipeline,
+    spread,
     taken_values,
     withdraw_folder,
     write_whole,
@@ -93,6 +96,7 @@ def fit(
         typer.Option(help="Evaluate what was fitted on each log on all others with the surface of the first, too."),
     ] = False,
     cycles: Annotated[bool, typer.Option("--cycles", help="Fit every cycle of a log by itself.")] = False,
+    scheduler: SchedulerOption = None,
     pictures: Annotated[bool, typer.Option(help="Draw force over time and depth, and residuals.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print fit.json instead of the tables.")] = False,
     layout: FormatOption = "table",
@@ -104,19 +108,22 @@ def fit(
 ) -> None:
     """Fit every offline track to every log; compare, and evaluate what was found on one log on the others."""
     if each or by:
+        if scheduler is not None:
+            raise ConfigurationError("--each fits curves on the cores of this machine; it has no --scheduler")
         _each(sources, pipeline, overrides or [], out, by, workers, as_json)
         return
     failures: dict[str, UserError] = {}
     loaded = _pipelines(sources, pipeline, overrides or [], failures)
     folder = make_folder("fit", out, datetime.now(UTC).astimezone())
     logs: list[LogFit] = []
-    for name, one in loaded:
-        try:
-            logs.append(_fitted(name, one, folder / name))
-        except UserError as error:
-            _failed(name, error, failures)
-        else:
-            write_whole(folder / "fit.json", _text(_document(logs, [], [])))  # what is found until now
+    for name, outcome in _outcomes(loaded, folder, scheduler):
+        if isinstance(outcome, UserError):
+            _failed(name, outcome, failures)
+            continue
+        logs.append(outcome)
+        write_whole(folder / "fit.json", _text(_document(logs, [], [])))  # what is found until now
+    given = [name for name, _ in loaded]
+    logs.sort(key=lambda log: given.index(log.name))
     if not logs:
         withdraw_folder(folder)
         raise next(iter(failures.values()))
@@ -172,6 +179,43 @@ def _each(
     if failed := sum(track["failed"] for track in found.values()):
         typer.echo(f"{failed} fits of {sum(track['curves'] for track in found.values())} failed", err=True)
         raise typer.Exit(1)
+
+
+def _outcomes(
+    loaded: Sequence[tuple[str, Pipeline]], folder: Path, scheduler: str | None
+) -> Iterator[tuple[str, LogFit | UserError]]:
+    """What every log gives, as it is ready: in their order here, in any order on the workers of a scheduler."""
+    tasks = [_FitTask(name, pipeline, folder.resolve() / name) for name, pipeline in loaded]
+    if scheduler is None:
+        yield from ((task.name, _fit_task(replace(task, folder=folder / task.name))) for task in tasks)
+        return
+    with connected(scheduler, folder) as client:
+        for task, outcome in spread(client, _fit_task, tasks):
+            if isinstance(outcome, LogFit | UserError):
+                yield task.name, outcome
+            else:
+                yield task.name, UserError(f"lost: {type(outcome).__name__}: {outcome}")
+
+
+@dataclass(frozen=True)
+class _FitTask:
+    """One log to be fitted, by any process."""
+
+    name: str
+    pipeline: Pipeline
+    folder: Path
+
+
+def _fit_task(task: _FitTask) -> LogFit | UserError:
+    folder = task.folder
+    for attempt in range(2, 100):  # a worker that was killed left the first
+        if not folder.exists():
+            break
+        folder = task.folder.with_name(f"{task.name}-{attempt}")
+    try:
+        return _fitted(task.name, task.pipeline, folder)
+    except UserError as error:
+        return error
 
 
 def _text(document: dict[str, Any]) -> str:

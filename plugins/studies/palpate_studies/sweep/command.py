@@ -12,6 +12,7 @@ import tomli_w
 import typer
 from palpate import OutputError, UserError
 from palpate.host import (
+    Engine,
     FormatOption,
     Job,
     JsonOption,
@@ -24,11 +25,11 @@ from palpate.host import (
     console as terminal,
     finished,
     make_folder,
-    on_all_cores,
     print_json,
     write_new,
 )
 
+from palpate_studies.engines import SchedulerOption, engine_of
 from palpate_studies.sweep.combinations import combinations_of
 from palpate_studies.sweep.table import best_rows, rows_of, write_rows
 
@@ -41,6 +42,7 @@ def sweep(
     ] = None,
     overrides: Overrides = None,
     jobs: Annotated[int | None, typer.Option(help="Runs at a time. [default: one per core]", min=1)] = None,
+    scheduler: SchedulerOption = None,
     picture: Annotated[
         bool, typer.Option("--picture", help="Draw the estimates along the way of all combinations, with their lumps.")
     ] = False,
@@ -57,7 +59,7 @@ def sweep(
     planned = _planned(source, combinations, overrides or [], folder)
     found = {job.number: done for job in planned if (done := finished(job)) is not None}
     earlier = len(found)
-    _carry_out(planned, found, jobs)
+    _carry_out(planned, found, engine_of(scheduler, jobs, folder))
     rows = [row for job in planned if job.number in found for row in rows_of(job, found[job.number])]
     write_rows(folder, rows)
     failed = _tell_failures(found)
@@ -81,7 +83,7 @@ def sweep(
             analysis("curves")(list(runs.values()), list(runs), points, folder / "sweep.png")
 
 
-def _carry_out(planned: Sequence[Job], found: dict[int, dict[str, Any]], jobs: int | None) -> None:
+def _carry_out(planned: Sequence[Job], found: dict[int, dict[str, Any]], engine: Engine) -> None:
     """Run what is not `found` yet, until all is done or somebody stops it."""
     from rich.console import Console
     from rich.progress import Progress
@@ -90,7 +92,7 @@ def _carry_out(planned: Sequence[Job], found: dict[int, dict[str, Any]], jobs: i
     console = Console(stderr=True, markup=False, emoji=False)
     with Progress(console=console, disable=not console.is_terminal, transient=True) as bar:
         task = bar.add_task(f"{len(planned)} combinations", total=len(planned), completed=len(found))
-        with closing(on_all_cores(rest, jobs)) as running:
+        with closing(engine(rest)) as running:
             for job, result in running:
                 if "interrupted" in result:
                     return

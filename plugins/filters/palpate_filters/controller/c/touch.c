@@ -146,7 +146,7 @@ static int change_point(const palpate_filter *f, int first, int end, change *fou
         low = at > 0 ? low + (at - 1) * step : low;
     }
     left_over(&s, mean, total, surface, &shape_mean, &slope);
-    const double noise = left / (count - 3), offset = mean - slope * shape_mean;
+    const double noise = (left > 0.0 ? left : 0.0) / (count - 3), offset = mean - slope * shape_mean;
     if (surface - bottom < 2e-5 || total - left <= 25.0 * noise * hanging_together(&s, count, offset, slope, surface)) {
         return 0;
     }

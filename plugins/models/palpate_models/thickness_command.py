@@ -1,0 +1,113 @@
+"""``palpate thickness``: the factor of a specimen of any size under a tip, by finite elements, as a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+from palpate import ConfigurationError, Indenter, tip_profile, to_si
+from palpate.host import JsonOption, Source, build_parts, print_json, write_new
+
+if TYPE_CHECKING:
+    from palpate_models.finite_elements import Profile
+
+_BEYOND = 1.6  # contact radii out to which the surface is looked at
+_DEEPER = 4.0  # depths out to which the tip's profile is known
+_NO_SHAPE = ("Flat", "TruncatedCone", "TiltedFlat", "NeoHookeanSphere")
+
+
+def thickness(
+    diameter: Annotated[str, typer.Option(help="Diameter of the round specimen, such as '50 mm'.")],
+    height: Annotated[str, typer.Option(help="Its height, such as '22 mm'.")],
+    tip: Annotated[str, typer.Option(help="A tip by its type, such as exact-sphere.")] = "exact-sphere",
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Of the tip: radius='5 mm'.")
+    ] = None,
+    depth: Annotated[str, typer.Option(help="Deepest depth of the table.")] = "5 mm",
+    points: Annotated[int, typer.Option(help="Rows of the table.", min=5, max=100)] = 10,
+    bonded: Annotated[bool, typer.Option("--bonded/--sliding", help="Whether the base holds the specimen.")] = True,
+    sticking: Annotated[bool, typer.Option("--sticking", help="The surface does not slide on the tip.")] = False,
+    fine: Annotated[int, typer.Option(help="Elements across the contact.", min=8, max=200)] = 20,
+    out: Annotated[Path, typer.Option("--out", "-o", help="CSV file; must be new.")] = Path("thickness.csv"),
+    as_json: JsonOption = False,
+) -> None:
+    """Compute by how much a specimen of a size is stiffer than a half-space, for `thickness = { table = "..." }`.
+
+    Finite elements, axisymmetric, neo-Hookean, nearly incompressible, large deformations, contact without friction;
+    some seconds for each row. The factor is the force over that of the tip on a half-space at small strain.
+    """
+    from palpate_models.finite_elements import Cylinder, pressed
+    from palpate_models.thickness_table import table_text, tip_facts
+
+    if out.exists():
+        raise ConfigurationError(f"{out}: is there already, and nothing is ever overwritten")
+    sizes = {name: _length(name, text) for name, text in (("diameter", diameter), ("height", height), ("depth", depth))}
+    indenter = _tip(tip, overrides or [])
+    if sizes["depth"] > 0.5 * sizes["height"]:
+        raise ConfigurationError("--depth: more than half of the height")
+    profile = _profile(indenter, sizes["depth"], sticking)
+    if profile.reach > 0.5 * sizes["diameter"]:
+        raise ConfigurationError("--diameter: the contact would reach the specimen's edge")
+    depths = sizes["depth"] * np.linspace(0.0, 1.0, points + 1)[1:] ** 2
+    cylinder = Cylinder(sizes["diameter"], sizes["height"], bonded)
+    factors = []
+    for row, force in zip(depths.tolist(), _counted(pressed(cylinder, profile, depths, fine)), strict=True):
+        factors.append(force / (8.0 / 3.0 * float(indenter.profile_area(row))))
+        typer.echo(f"{1e3 * row:.4g} mm: {factors[-1]:.4f}", err=True)
+    facts = {
+        "tip": tip_facts(indenter), "diameter": sizes["diameter"], "height": sizes["height"], "bonded": bonded,
+        "sticking": sticking, "elements": fine,
+    }  # fmt: skip
+    write_new(out, table_text(facts, depths, np.array(factors)))
+    if as_json:
+        print_json({"file": out, **facts, "depth": depths, "factor": factors})
+    typer.echo(f'written to {out}; use it with thickness = {{ table = "{out}" }}', err=as_json)
+
+
+def _counted(forces: Any) -> Any:
+    try:
+        yield from forces
+    except RuntimeError as error:
+        raise ConfigurationError(f"palpate thickness: {error}; take less --depth, or more elements (--fine)") from error
+
+
+def _length(name: str, text: str) -> float:
+    try:
+        value = to_si(text, "m")
+    except ValueError as error:
+        raise ConfigurationError(f"--{name}: {error}") from error
+    if not 0 < value < 10:
+        raise ConfigurationError(f"--{name}: {text!r} is no length of a specimen")
+    return value
+
+
+def _tip(name: str, overrides: list[str]) -> Indenter:
+    source = Source(f'[indenter.tip]\ntype = "{name}"\n', Path("palpate thickness"))
+    for assignment in overrides:
+        source.override(f"indenter.tip.{assignment}")
+    found: Indenter = build_parts(source, "indenter")["tip"]
+    if type(found).__name__ in _NO_SHAPE:
+        raise ConfigurationError(f"--tip {name}: has a sharp edge, or is no shape; the elements take smooth tips")
+    return found
+
+
+def _profile(indenter: Indenter, depth: float, sticking: bool) -> Profile:
+    """The tip's shape out to where it may touch, straight on beyond what is known of it."""
+    from scipy.interpolate import CubicSpline
+
+    from palpate_models.finite_elements import Profile
+
+    radii, heights = tip_profile(indenter, _DEEPER * depth, 400)
+    shape = CubicSpline(radii, heights)
+    last, top, rise = float(radii[-1]), float(heights[-1]), float(shape(radii[-1], 1))
+    reach = _BEYOND * float(np.real(indenter.contact_radius(depth)))
+
+    def height(r: Any) -> Any:
+        return np.where(np.abs(r) < last, shape(np.clip(np.abs(r), 0.0, last)), top + rise * (np.abs(r) - last))
+
+    def slope(r: Any) -> Any:
+        return np.sign(r) * np.where(np.abs(r) < last, shape(np.clip(np.abs(r), 0.0, last), 1), rise)
+
+    return Profile(height, slope, reach, sticking)

@@ -1,0 +1,101 @@
+"""A thickness factor from a file: depths and factors, and the specimen and tip that they are of."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from palpate import Floats, Indenter
+
+_HEAD = ["depth [m]", "factor"]
+_DEGREE = 4  # of the polynomial in the square root of the depth
+_FEWEST = 5  # rows
+_WORST = 5e-3  # by which the polynomial may miss a row
+
+
+@dataclass(frozen=True)
+class ThicknessTable:
+    """c(d) = sum of c_i (d/d_max)^(i/2), with c_0 = 1, and what it was made for."""
+
+    facts: dict[str, Any]
+    deepest: float  # [m]
+    coefficients: tuple[float, ...]
+    worst: float  # relative difference of the polynomial to a row
+
+    def factor(self, depth: Any) -> tuple[Any, Any]:
+        """c(d), and d c'(d)."""
+        x = (depth / self.deepest) ** 0.5
+        value, slope, power = 1.0, 0.0, 1.0
+        for i, coefficient in enumerate(self.coefficients, start=1):
+            power = power * x
+            value, slope = value + coefficient * power, slope + 0.5 * i * coefficient * power
+        return value, slope
+
+    def refuse(self, indenter: Indenter) -> None:
+        """Raise ValueError where the table is of another tip."""
+        mine, theirs = tip_facts(indenter), self.facts.get("tip")
+        if theirs is not None and mine != theirs:
+            raise ValueError(f"thickness: the table is for the tip {json.dumps(theirs)}, not for {json.dumps(mine)}")
+
+
+def tip_facts(indenter: Indenter) -> dict[str, Any]:
+    """What a tip is, as plain data."""
+    return {"type": type(indenter).__name__, **json.loads(indenter.model_dump_json())}
+
+
+def table_text(facts: dict[str, Any], depths: Floats, factors: Floats) -> str:
+    """A file of a table; facts stand in lines that begin with #."""
+    lines = [f"# {name} = {json.dumps(value)}" for name, value in facts.items()]
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(
+        [_HEAD, *([f"{d:.9g}", f"{c:.9g}"] for d, c in zip(depths.tolist(), factors.tolist(), strict=True))]
+    )
+    return "\n".join(lines) + "\n" + text.getvalue()
+
+
+@cache
+def read_table(path: Path) -> ThicknessTable:
+    """The table in a file; raises ValueError, which names the file, for what is none."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"table {path}: cannot be read: {error}") from error
+    facts = {}
+    for line in (line[1:] for line in lines if line.startswith("#")):
+        name, equals, value = line.partition("=")
+        try:
+            facts[name.strip()] = json.loads(value) if equals else None
+        except ValueError:
+            facts[name.strip()] = value.strip()
+    rows = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
+    if not rows or rows[0] != _HEAD:
+        raise ValueError(f"table {path}: its first line is not {','.join(_HEAD)}")
+    try:
+        numbers = np.array([[float(cell) for cell in row] for row in rows[1:]])
+    except ValueError as error:
+        raise ValueError(f"table {path}: {error}") from error
+    if numbers.ndim != 2 or numbers.shape[1] != 2 or len(numbers) < _FEWEST:
+        raise ValueError(f"table {path}: {_FEWEST} rows of a depth and a factor are needed")
+    depth, factor = numbers.T
+    if not np.isfinite(numbers).all() or np.any(depth <= 0) or np.any(np.diff(depth) <= 0) or np.any(factor <= 0):
+        raise ValueError(f"table {path}: depths have to rise from above 0, and factors to be above 0")
+    return _fitted(facts, depth, factor, path)
+
+
+def _fitted(facts: dict[str, Any], depth: Floats, factor: Floats, path: Path) -> ThicknessTable:
+    deepest = float(depth[-1])
+    x = np.sqrt(depth / deepest)
+    degree = min(_DEGREE, len(depth) - 1)
+    matrix = np.column_stack([x**i for i in range(1, degree + 1)])
+    found = np.linalg.lstsq(matrix / factor[:, None], (factor - 1.0) / factor, rcond=None)[0]
+    worst = float(np.max(np.abs((1.0 + matrix @ found) / factor - 1.0)))
+    if not math.isfinite(worst) or worst > _WORST:
+        raise ValueError(f"table {path}: the factors are no smooth curve: a row is {worst:.1%} off")
+    return ThicknessTable(facts, deepest, tuple(float(c) for c in found), worst)

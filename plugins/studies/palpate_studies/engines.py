@@ -1,0 +1,32 @@
+"""Where jobs run: the cores of this machine, or the workers of a scheduler."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate import ConfigurationError
+
+from palpate_studies.jobs import Engine, on_all_cores
+
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help='Run on the workers of a dask scheduler, such as "tcp://10.0.0.5:8786"; wants palpate[cluster].',
+    ),
+]
+
+
+def engine_of(scheduler: str | None, jobs: int | None, folder: Path) -> Engine:
+    """The engine that the options ask for; raises ConfigurationError where both are given."""
+    if scheduler is None:
+        return partial(on_all_cores, workers=jobs)
+    if jobs is not None:
+        raise ConfigurationError("--jobs is of this machine: with --scheduler, its workers say how many run at a time")
+    from palpate_studies.cluster import on_cluster
+
+    return on_cluster(scheduler, folder)

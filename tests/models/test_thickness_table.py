@@ -1,0 +1,105 @@
+"""A thickness factor from a file, and finite elements that make one."""
+
+import math
+
+import numpy as np
+import pytest
+from palpate import ConfigurationError
+from palpate.cli import call
+from palpate_models import DimensionalityReduction, ExactSphere, Sphere
+from palpate_models.thickness import Thickness
+from palpate_models.thickness_table import read_table, table_text, tip_facts
+from palpate_testing import check_model
+from pydantic import ValidationError
+
+TIP = Sphere(radius=5e-3)
+DEPTHS = 5e-3 * np.linspace(0.1, 1.0, 10) ** 2
+
+
+def dimitriadis(depth):
+    return Thickness(law="dimitriadis", height=22e-3).factor(TIP, depth)
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "layer.csv"
+    path.write_text(table_text({"tip": tip_facts(TIP), "height": 22e-3}, DEPTHS, dimitriadis(DEPTHS)[0]))
+    return path
+
+
+def test_a_table_of_a_known_law_is_that_law(file):
+    found = Thickness(table=file)
+    for depth in np.geomspace(1e-5, 5e-3, 20):
+        value, slope = found.factor(TIP, depth)
+        truth, rise = dimitriadis(depth)
+        assert value == pytest.approx(truth, rel=1e-6)
+        assert slope == pytest.approx(rise, rel=1e-4, abs=1e-6)
+    assert not found.validity(TIP, 5e-3)
+    assert "ends at 5 mm" in found.validity(TIP, 6e-3)
+
+
+def test_a_model_with_a_table_passes_its_check(file):
+    model = DimensionalityReduction(indenter=TIP, thickness={"table": str(file)})
+    check_model(model, [1e5, 300.0], np.geomspace(1e-6, 5e-3, 30))
+
+
+def test_a_table_of_another_tip_is_refused(file):
+    with pytest.raises(ValidationError, match="not for"):
+        DimensionalityReduction(indenter=ExactSphere(radius=5e-3), thickness={"table": str(file)})
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "first line"),
+        ("depth [m],factor\n1e-3,1.1\n", "rows"),
+        ("depth [m],factor\n" + "1e-3,1.1\n" * 6, "rise"),
+        ("depth [m],factor\n" + "".join(f"{k}e-3,nan\n" for k in range(1, 7)), "above 0"),
+        ("depth [m],factor\n" + "".join(f"{k}e-3,{1 + k % 2}\n" for k in range(1, 9)), "smooth"),
+        ("depth [m],factor\na,b\n", "float"),
+    ],
+)
+def test_what_is_no_table_is_refused(text, words, tmp_path):
+    path = tmp_path / "bad.csv"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=words):
+        read_table(path)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({}, "needs a table"),
+        ({"law": "dimitriadis"}, "needs the height"),
+        ({"law": "garcia", "table": "layer.csv", "height": 0.02}, "law = "),
+    ],
+)
+def test_a_law_has_what_belongs_to_it(settings, words):
+    with pytest.raises(ValidationError, match=words):
+        Thickness(**settings)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--diameter", "50 mm", "--height", "22 mm", "--depth", "12 mm"], "half of the height"),
+        (["--diameter", "5 mm", "--height", "22 mm", "--depth", "4 mm"], "edge"),
+        (["--diameter", "50 kg", "--height", "22 mm"], "--diameter"),
+        (["--diameter", "50 mm", "--height", "22 mm", "--tip", "flat"], "sharp edge"),
+    ],
+)
+def test_a_mistake_on_the_command_line_is_one_sentence(options, words, tmp_path):
+    pytest.importorskip("skfem", reason="scikit-fem is not installed")
+    with pytest.raises(ConfigurationError, match=words):
+        call(["thickness", *options, "--set", "radius=5 mm", "--out", str(tmp_path / "t.csv")])
+
+
+def test_compression_between_plates_that_hold():
+    """1.705 at zero strain for D/H = 2.32; these few elements are 1 % stiffer."""
+    pytest.importorskip("skfem", reason="scikit-fem is not installed")
+    from palpate_models.finite_elements import Cylinder, SoftCylinder
+
+    height, diameter = 22e-3, 2.32 * 22e-3
+    soft = SoftCylinder(Cylinder(diameter, height), diameter / 2, 16)
+    factor = soft.compress(1e-4) / (1e-4 * math.pi * diameter**2 / 4)
+    assert 1.705 < factor < 1.705 * 1.02
