@@ -46,6 +46,7 @@ TIPS: Mapping[str, dict[str, Any]] = {
     "paraboloid": {"curvature_radius": 5e-3},
     "ellipsoid": {"radius": 3e-3, "height": 6e-3},
     "flat": {"radius": 3e-3},
+    "tilted-flat": {"radius": 3e-3, "tilt": math.radians(2)},
     "cone": {"angle": math.radians(45)},
     "blunt-cone": {"angle": math.radians(45), "tip_radius": 2e-3},
     "truncated-cone": {"angle": math.radians(45), "face_radius": 1.5e-3},

@@ -123,16 +123,21 @@ class LiveLink:
                 return
 
 
+def _heard(name):
+    """A method that keeps what it is told."""
+    return lambda self, *values: self.heard.append((name, *values))
+
+
 class Listener:
     """A writer that keeps all that it is told."""
 
     def __init__(self):
         self.heard, self.run = [], None
 
-    def __getattr__(self, name):
-        if name not in ("batch", "samples", "estimates", "health", "flags", "guard", "result"):
-            raise AttributeError(name)
-        return lambda *values: self.heard.append((name, *values))
+    # Methods by name: from Python 3.12 on, what answers by __getattr__ alone is no instance of a protocol.
+    batch, samples, estimates, health, flags, guard, result = map(
+        _heard, ("batch", "samples", "estimates", "health", "flags", "guard", "result")
+    )
 
     def of(self, name):
         return [values for kind, *values in self.heard if kind == name]
