@@ -154,24 +154,30 @@ class Ros2Link:
         def told(what: Callable[[TopicAccount], int], words: str) -> str:
             return "; ".join(words.format(what(a), topic=topic) for topic, a in accounts if what(a))
 
-        texts = {
-            "ros2-publishers": told(
-                lambda a: a.publisher.ignored, "{} messages of another publisher of {topic} were left out"
-            ),
-            "ros2-restarted": told(lambda a: a.publisher.changes, "{topic} has changed its publisher {} times"),
-            "ros2-missing": told(lambda a: a.losses.missing, "{} messages of {topic} are missing by their stamps"),
-            "ros2-damaged": told(lambda a: a.counts["damaged"], "{} messages of {topic} were damaged"),
-        }
-        texts["ros2-limit"] = "; ".join(str(limit) for limit in self._limits if limit.beyond)
-        if texts["ros2-damaged"]:
-            texts["ros2-damaged"] += f" ({self._trouble})"
-        if self._common is not None and (apart := self._common.apart) is not None and apart[2] > _ONE_CLOCK:
-            ahead, behind = (name.split()[0] for name in apart[:2])
-            texts["ros2-clocks"] = f"{behind} is by {apart[2]:.3g} s later than {ahead}: their clocks are not one"
+        damaged = told(lambda a: a.counts["damaged"], "{} messages of {topic} were damaged")
         leaps = [clock.restarts for clock in self._clocks.values()]
-        if restarts := max([*leaps, self._common.restarts if self._common is not None else 0]):
-            texts["ros2-clock"] = f"the clock of a publisher leapt {restarts} times"
-        return (Flag(code, text) for code, text in texts.items() if text)
+        restarts = max([*leaps, self._common.restarts if self._common is not None else 0])
+        others = "{} messages of another publisher of {topic} were left out"
+        found = (
+            Flag("ros2-publishers", told(lambda a: a.publisher.ignored, others)),
+            Flag("ros2-restarted", told(lambda a: a.publisher.changes, "{topic} has changed its publisher {} times")),
+            Flag(
+                "ros2-missing", told(lambda a: a.losses.missing, "{} messages of {topic} are missing by their stamps")
+            ),
+            Flag("ros2-damaged", f"{damaged} ({self._trouble})" if damaged else ""),
+            Flag("ros2-limit", "; ".join(str(limit) for limit in self._limits if limit.beyond)),
+            Flag("ros2-clocks", self._apart()),
+            Flag("ros2-clock", f"the clock of a publisher leapt {restarts} times" if restarts else ""),
+        )
+        return (flag for flag in found if flag.message)
+
+    def _apart(self) -> str:
+        """Whether two publishers' clocks are not one; empty where they are."""
+        apart = self._common.apart if self._common is not None else None
+        if apart is None or apart[2] <= _ONE_CLOCK:
+            return ""
+        ahead, behind = (name.split()[0] for name in apart[:2])
+        return f"{behind} is by {apart[2]:.3g} s later than {ahead}: their clocks are not one"
 
 
 def _selects(feeds: Sequence[Feed], topic: str) -> bool:
