@@ -103,3 +103,64 @@ def test_compression_between_plates_that_hold():
     soft = SoftCylinder(Cylinder(diameter, height), diameter / 2, 16)
     factor = soft.compress(1e-4) / (1e-4 * math.pi * diameter**2 / 4)
     assert 1.705 < factor < 1.705 * 1.02
+
+
+def finite_cylinder(depth):
+    """Force over modulus [m^2] of a real sphere R 5 mm on the bonded cylinder of 50 by 22 mm."""
+    law = Thickness(law="finite-cylinder", height=22e-3, diameter=50e-3, bonded=True)
+    return 8 / 3 * TIP.profile_area(depth) * law.factor(TIP, depth)[0]
+
+
+def told(tmp_path, *options):
+    out = tmp_path / "table.csv"
+    call(["thickness", "--diameter", "50mm", "--height", "22mm", "--set", "radius='5 mm'", "--out", str(out), *options])
+    return out
+
+
+def test_a_coarse_mesh_is_near_the_formula_and_a_model_takes_its_table(tmp_path):
+    """The rows of eight elements are within 2.3 %; those of twenty within 0.6 %, down to 5 mm."""
+    pytest.importorskip("skfem", reason="scikit-fem is not installed")
+    out = told(tmp_path, "--fine", "8", "--depth", "1.5 mm", "--points", "5")
+    tip = ExactSphere(radius=5e-3)
+    model = DimensionalityReduction(indenter=tip, thickness={"table": str(out)})
+    for depth in (0.3e-3, 0.7e-3, 1.5e-3):
+        assert model.force(depth, 0.0, [1.0, 0.0]) == pytest.approx(finite_cylinder(depth), rel=0.025)
+
+
+def without_equilibrium(rows):
+    def pressed(cylinder, tip, depths, fine, until):
+        from palpate_models.finite_elements import NoEquilibriumError
+
+        yield from (finite_cylinder(depth) for depth in depths[:rows].tolist())
+        raise NoEquilibriumError("no equilibrium was found at a depth of 4 mm")
+
+    return pressed
+
+
+def test_a_table_ends_where_no_equilibrium_is_found(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("palpate_models.finite_elements.pressed", without_equilibrium(6))
+    table = read_table(told(tmp_path))
+    assert table.deepest == pytest.approx(5e-3 * (0.3 + 0.7 * 5 / 9) ** 2)
+    assert "no equilibrium was found at a depth of 4 mm: the table ends at 2.37 mm" in capsys.readouterr().err
+
+
+def test_too_few_rows_are_no_table(tmp_path, monkeypatch):
+    monkeypatch.setattr("palpate_models.finite_elements.pressed", without_equilibrium(4))
+    with pytest.raises(ConfigurationError, match=r"no equilibrium .* 4 rows are no table"):
+        told(tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_time_is_bounded(tmp_path):
+    pytest.importorskip("skfem", reason="scikit-fem is not installed")
+    with pytest.raises(ConfigurationError, match="the time was over on the way"):
+        told(tmp_path, "--fine", "8", "--limit", "1 us")
+
+
+def test_rows_that_scatter_are_no_table(tmp_path, monkeypatch):
+    def pressed(cylinder, tip, depths, fine, until):
+        yield from ((1 + 0.1 * (-1) ** k) * finite_cylinder(depth) for k, depth in enumerate(depths.tolist()))
+
+    monkeypatch.setattr("palpate_models.finite_elements.pressed", pressed)
+    with pytest.raises(ConfigurationError, match="scatter"):
+        told(tmp_path)

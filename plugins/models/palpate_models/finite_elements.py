@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -14,9 +15,18 @@ _MODULUS = 1.0  # Young's modulus; forces are per it
 _BULK = 1e5  # of the modulus: Poisson's ratio 0.499998
 _STIFF = 3e3  # of the contact, over modulus and contact radius
 _GROWTH = 1.25  # of the elements away from the contact
-_STEPS = 40  # of Newton's method
+_STEPS = 40  # of Newton's method between plates
+_TRIES = 14  # of Newton's method at one depth, before a smaller step of the depth is taken
 _DONE = 1e-6  # of the contact
-_HALVINGS = 6
+_HALVINGS = 4  # of one of Newton's steps
+_WORSE = 3.0  # by which the residual may pass its worst of late: a whole step is needed where the contact's edge jumps
+_LATE = 4  # of Newton's steps
+_THINNEST = 0.05  # of an element, over its size at rest
+_SMALLEST = 1 / 64  # of the way to the next depth: less, and there is no equilibrium
+
+
+class NoEquilibriumError(RuntimeError):
+    """No equilibrium was found at a depth, or not in the time allowed."""
 
 
 @dataclass(frozen=True)
@@ -70,29 +80,61 @@ class SoftCylinder:
             mesh, skfem.ElementVector(skfem.ElementTriP2()), facets=mesh.boundaries["top"], intorder=8
         )
         self._scale = reach
+        self._radii = np.asarray(self._moves.global_coordinates())[0]
         self._x = np.zeros(self._moves.N + self._presses.N)
+        self._states = [(0.0, self._x)]  # the last two equilibria under a tip
 
-    def press(self, tip: Profile, depth: float) -> float:
-        """Force over Young's modulus [m^2] at a depth [m], from the state of the depth before; raises RuntimeError."""
+    def press(self, tip: Profile, depth: float, until: float = math.inf) -> float:
+        """Force over Young's modulus [m^2] at a depth [m], by steps from the deepest depth so far.
+
+        Each step begins at the straight line through the two equilibria before it, and is halved where that leads to
+        none. Raises NoEquilibriumError, also when the clock `time.monotonic` passes `until` [s].
+        """
+        whole = step = depth - self._states[-1][0]
+        while True:
+            reached = self._states[-1][0]
+            target = depth if reached + 1.01 * step >= depth else reached + step
+            found = self._equilibrium(tip, target, self._ahead(target), until)
+            if found is not None:
+                self._states = [self._states[-1], (target, found[0])]
+                if target == depth:
+                    return found[1]
+                step *= 1.5
+            elif (step := 0.5 * step) < _SMALLEST * whole:
+                raise NoEquilibriumError(f"no equilibrium was found at a depth of {1e3 * target:.3g} mm")
+
+    def _ahead(self, depth: float) -> Floats:
+        (before, old), (last, new) = self._states[0], self._states[-1]
+        return new + (depth - last) / (last - before) * (new - old) if last > before > 0 else new
+
+    def _equilibrium(self, tip: Profile, depth: float, x: Floats, until: float) -> tuple[Floats, float] | None:
+        """State and force at a depth by Newton's method from a state; None where it does not converge."""
         fixed = self._held()
-        free = np.setdiff1d(np.arange(len(self._x)), fixed)
-        x, (matrix, residual, force) = self._x.copy(), self._system(self._x, tip, depth)
-        for _ in range(_STEPS):
-            change = self._solve(matrix, -residual, fixed, np.zeros(len(x)))
+        free = np.setdiff1d(np.arange(len(x)), fixed)
+        residual, force = self._residual(x, tip, depth)
+        norms = [float(np.linalg.norm(residual[free]))]
+        for _ in range(_TRIES):
+            if time.monotonic() > until:
+                raise NoEquilibriumError(f"the time was over on the way to a depth of {1e3 * depth:.3g} mm")
+            change = self._solve(self._tangent(x, tip, depth), -residual, fixed, np.zeros(len(x)))
             length = float(np.max(np.abs(change[: self._moves.N])))
+            if not math.isfinite(length):
+                return None
+            done = length < _DONE * self._scale
             share = min(1.0, 0.5 * self._scale / max(length, 1e-300))
-            before = float(np.linalg.norm(residual[free]))
-            for _ in range(_HALVINGS):  # where the contact's edge jumps, a whole step leads back and forth
-                tried = x + share * change
-                matrix, residual, force = self._system(tried, tip, depth)
-                if float(np.linalg.norm(residual[free])) < before or length < _DONE * self._scale:
+            for halving in range(_HALVINGS + 1):
+                tried = x + 0.5**halving * share * change
+                residual, force = self._residual(tried, tip, depth)
+                norm = float(np.linalg.norm(residual[free])) if self._whole(tried) else math.inf
+                if norm < _WORSE * max(norms[-_LATE:]) or (done and norm < math.inf):
                     break
-                share *= 0.5
+            else:
+                return None
             x = tried
-            if length < _DONE * self._scale:
-                self._x = x
-                return force
-        raise RuntimeError(f"finite elements: no equilibrium was found at a depth of {1e3 * depth:.3g} mm")
+            norms.append(norm)
+            if done:
+                return x, force
+        return None
 
     def compress(self, strain: float) -> float:
         """Force over modulus [m^2] between plates that hold both faces, at a strain; from the state before."""
@@ -104,14 +146,14 @@ class SoftCylinder:
         target[vertical] = np.where(names, -strain * self._cylinder.height, 0.0)
         x = self._x.copy()
         for step in range(_STEPS):
-            matrix, residual, _ = self._system(x, None, 0.0)
+            residual, matrix = self._residual(x, None, 0.0)[0], self._tangent(x, None, 0.0)
             change = self._solve(matrix, -residual, fixed, (target - x) if step == 0 else np.zeros(len(x)))
             x = x + change
             if step and float(np.max(np.abs(change[: self._moves.N]))) < _DONE * self._scale:
                 self._x = x
-                residual = self._system(x, None, 0.0)[1]
+                residual = self._residual(x, None, 0.0)[0]
                 return -2 * math.pi * float(residual[_second_component(self._moves, "top")].sum())
-        raise RuntimeError(f"finite elements: no equilibrium was found at a strain of {strain:.3g}")
+        raise NoEquilibriumError(f"no equilibrium was found at a strain of {strain:.3g}")
 
     def _held(self) -> Any:
         axis = _first_component(self._moves, "axis")
@@ -121,27 +163,43 @@ class SoftCylinder:
     def _solve(self, matrix: Any, right: Floats, fixed: Any, known: Floats) -> Floats:
         return np.asarray(self._fem.solve(*self._fem.condense(matrix, right, x=known, D=fixed)))
 
-    def _system(self, x: Floats, tip: Profile | None, depth: float) -> tuple[Any, Floats, float]:
-        """Tangent, residual and force, all over 2 pi but the force."""
+    def _given(self, x: Floats) -> dict[str, Any]:
+        count = self._moves.N
+        return {"u": self._moves.interpolate(x[:count]), "p": self._presses.interpolate(x[count:])}
+
+    def _overlap(self, tip: Profile, depth: float) -> _Overlap:
+        return _Overlap(tip, depth, _STIFF * _MODULUS / self._scale)
+
+    def _whole(self, x: Floats) -> bool:
+        """Whether no element is turned over, along the surface or around the axis."""
+        F = _gradient(self._moves.interpolate(x[: self._moves.N]), self._radii)
+        plane = (1 + F[0, 0]) * (1 + F[1, 1]) - F[0, 1] * F[1, 0]
+        return bool(min(plane.min(), 1 + F[2, 2].min()) > _THINNEST)
+
+    def _tangent(self, x: Floats, tip: Profile | None, depth: float) -> Any:
+        """The residual's derivative, over 2 pi."""
         from scipy.sparse import bmat
 
-        fem, count = self._fem, self._moves.N
-        given = {"u": self._moves.interpolate(x[:count]), "p": self._presses.interpolate(x[count:])}
+        fem, given = self._fem, self._given(x)
         stiffness = fem.BilinearForm(_stiffness).assemble(self._moves, **given)
         coupling = fem.BilinearForm(_coupling).assemble(self._presses, self._moves, **given)
         softness = fem.BilinearForm(_softness).assemble(self._presses)
+        if tip is not None:
+            at = {"u": self._top.interpolate(x[: self._moves.N])}
+            stiffness = stiffness + fem.BilinearForm(self._overlap(tip, depth).tangent).assemble(self._top, **at)
+        return bmat([[stiffness, coupling], [coupling.T, softness]], "csr")
+
+    def _residual(self, x: Floats, tip: Profile | None, depth: float) -> tuple[Floats, float]:
+        """What is out of balance, over 2 pi, and the force of the tip."""
+        fem, given, force = self._fem, self._given(x), 0.0
         forces = fem.LinearForm(_stress).assemble(self._moves, **given)
         volumes = fem.LinearForm(_volume).assemble(self._presses, **given)
-        force = 0.0
         if tip is not None:
-            at = {"u": self._top.interpolate(x[:count])}
-            stiff = _STIFF * _MODULUS / self._scale
-            gap = _Overlap(tip, depth, self._cylinder.height, stiff)
-            stiffness = stiffness + fem.BilinearForm(gap.tangent).assemble(self._top, **at)
-            forces = forces + fem.LinearForm(gap.traction).assemble(self._top, **at)
-            force = 2 * math.pi * float(fem.Functional(gap.force).assemble(self._top, **at))
-        matrix = bmat([[stiffness, coupling], [coupling.T, softness]], "csr")
-        return matrix, np.concatenate([forces, volumes]), force
+            at = {"u": self._top.interpolate(x[: self._moves.N])}
+            overlap = self._overlap(tip, depth)
+            forces = forces + fem.LinearForm(overlap.traction).assemble(self._top, **at)
+            force = 2 * math.pi * float(fem.Functional(overlap.force).assemble(self._top, **at))
+        return np.concatenate([forces, volumes]), force
 
 
 @dataclass(frozen=True)
@@ -150,7 +208,6 @@ class _Overlap:
 
     tip: Profile
     depth: float
-    height: float
     stiff: float
 
     def _at(self, w: Any) -> tuple[Any, Any, Any]:
@@ -253,8 +310,10 @@ def _graded(fine: float, whole: float, count: int) -> Floats:
     return np.array(edges)
 
 
-def pressed(cylinder: Cylinder, tip: Profile, depths: Floats, fine: int = 24) -> Iterator[float]:
-    """Force over Young's modulus [m^2] at rising depths (n,) [m]."""
+def pressed(
+    cylinder: Cylinder, tip: Profile, depths: Floats, fine: int = 24, until: float = math.inf
+) -> Iterator[float]:
+    """Force over Young's modulus [m^2] at rising depths (n,) [m]; raises NoEquilibriumError, also past `until` [s]."""
     soft = SoftCylinder(cylinder, min(tip.reach, cylinder.diameter / 2), fine)
     for depth in depths.tolist():
-        yield soft.press(tip, depth)
+        yield soft.press(tip, depth, until)

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
-from palpate import ConfigurationError, Indenter, tip_profile, to_si
+from palpate import ConfigurationError, Floats, Indenter, tip_profile, to_si
 from palpate.host import JsonOption, Source, build_parts, print_json, write_new
 
 if TYPE_CHECKING:
-    from palpate_models.finite_elements import Profile
+    from palpate_models.finite_elements import Cylinder, Profile
 
 _BEYOND = 1.6  # contact radii out to which the surface is looked at
+_FIRST = 0.3  # contact radius of the first row, over that of the last: less, and it spans few elements
+_SCATTER = 0.03  # of rows about their curve: more, and they are no table
 _DEEPER = 4.0  # depths out to which the tip's profile is known
 _NO_SHAPE = ("Flat", "TruncatedCone", "TiltedFlat", "NeoHookeanSphere")
 
@@ -30,16 +34,18 @@ def thickness(
     bonded: Annotated[bool, typer.Option("--bonded/--sliding", help="Whether the base holds the specimen.")] = True,
     sticking: Annotated[bool, typer.Option("--sticking", help="The surface does not slide on the tip.")] = False,
     fine: Annotated[int, typer.Option(help="Elements across the contact.", min=8, max=200)] = 20,
+    limit: Annotated[str, typer.Option(help="Time after which the rows found so far are the table.")] = "10 min",
     out: Annotated[Path, typer.Option("--out", "-o", help="CSV file; must be new.")] = Path("thickness.csv"),
     as_json: JsonOption = False,
 ) -> None:
     """Compute by how much a specimen of a size is stiffer than a half-space, for `thickness = { table = "..." }`.
 
     Finite elements, axisymmetric, neo-Hookean, nearly incompressible, large deformations, contact without friction;
-    some seconds for each row. The factor is the force over that of the tip on a half-space at small strain.
+    some seconds for each row. The factor is the force over that of the tip on a half-space at small strain. Where no
+    equilibrium is found, or the time is over, the table ends at the last depth that was reached, and this is said.
     """
-    from palpate_models.finite_elements import Cylinder, pressed
-    from palpate_models.thickness_table import table_text, tip_facts
+    from palpate_models.finite_elements import Cylinder
+    from palpate_models.thickness_table import FEWEST, smoothed, table_text, tip_facts
 
     if out.exists():
         raise ConfigurationError(f"{out}: is there already, and nothing is ever overwritten")
@@ -50,27 +56,65 @@ def thickness(
     profile = _profile(indenter, sizes["depth"], sticking)
     if profile.reach > 0.5 * sizes["diameter"]:
         raise ConfigurationError("--diameter: the contact would reach the specimen's edge")
-    depths = sizes["depth"] * np.linspace(0.0, 1.0, points + 1)[1:] ** 2
+    seconds = _seconds(limit)
+    depths = sizes["depth"] * np.linspace(_FIRST, 1.0, points) ** 2
     cylinder = Cylinder(sizes["diameter"], sizes["height"], bonded)
-    factors = []
-    for row, force in zip(depths.tolist(), _counted(pressed(cylinder, profile, depths, fine)), strict=True):
-        factors.append(force / (8.0 / 3.0 * float(indenter.profile_area(row))))
-        typer.echo(f"{1e3 * row:.4g} mm: {factors[-1]:.4f}", err=True)
+    factors: list[float] = []
+    stopped = ""
+    for found in _factors(cylinder, indenter, profile, depths, fine, seconds):
+        if isinstance(found, str):
+            stopped = found
+            break
+        factors.append(found)
+    reached = depths[: len(factors)]
+    if len(factors) < FEWEST:
+        raise ConfigurationError(
+            f"palpate thickness: {stopped}, and {len(factors)} rows are no table ({FEWEST} are needed); take less "
+            "--depth, more --points, more --limit, or another number of elements (--fine)"
+        )
+    smooth, scatter = smoothed(reached, np.array(factors))
+    if scatter > _SCATTER:
+        raise ConfigurationError(f"palpate thickness: the rows scatter by {scatter:.1%}; take more elements (--fine)")
     facts = {
         "tip": tip_facts(indenter), "diameter": sizes["diameter"], "height": sizes["height"], "bonded": bonded,
-        "sticking": sticking, "elements": fine,
+        "sticking": sticking, "elements": fine, "scatter": float(f"{scatter:.2g}"),
     }  # fmt: skip
-    write_new(out, table_text(facts, depths, np.array(factors)))
+    write_new(out, table_text(facts, reached, smooth))
     if as_json:
-        print_json({"file": out, **facts, "depth": depths, "factor": factors})
+        print_json({"file": out, **facts, "depth": reached, "factor": smooth, "computed": factors, "stopped": stopped})
+    typer.echo(f"a curve through the rows misses them by up to {scatter:.2%}: the table holds the curve", err=True)
+    if stopped:
+        typer.echo(f"warning: {stopped}: the table ends at {1e3 * reached[-1]:.3g} mm, not at {depth}", err=True)
     typer.echo(f'written to {out}; use it with thickness = {{ table = "{out}" }}', err=as_json)
 
 
-def _counted(forces: Any) -> Any:
+def _factors(
+    cylinder: Cylinder, tip: Indenter, profile: Profile, depths: Floats, fine: int, seconds: float
+) -> Iterator[float | str]:
+    """Factors, told as they come; last, where not all are found, why."""
+    from palpate_models.finite_elements import NoEquilibriumError, pressed
+
+    began = time.monotonic()
+    forces = pressed(cylinder, profile, depths, fine, began + seconds)
+    for number, depth in enumerate(depths.tolist(), start=1):
+        try:
+            factor = next(forces) / (8.0 / 3.0 * float(tip.profile_area(depth)))
+        except NoEquilibriumError as error:
+            yield str(error)
+            return
+        told = f"{number}/{len(depths)}: {1e3 * depth:.4g} mm: {factor:.4f} ({time.monotonic() - began:.0f} s)"
+        typer.echo(told, err=True)
+        yield factor
+
+
+def _seconds(text: str) -> float:
     try:
-        yield from forces
-    except RuntimeError as error:
-        raise ConfigurationError(f"palpate thickness: {error}; take less --depth, or more elements (--fine)") from error
+        value = to_si(text, "s")
+    except ValueError as error:
+        raise ConfigurationError(f"--limit: {error}") from error
+    if not value > 0:
+        raise ConfigurationError(f"--limit: {text!r} is no time to compute in")
+    return value
 
 
 def _length(name: str, text: str) -> float:

@@ -16,7 +16,8 @@ from palpate import Floats, Indenter
 
 _HEAD = ["depth [m]", "factor"]
 _DEGREE = 4  # of the polynomial in the square root of the depth
-_FEWEST = 5  # rows
+_SMOOTH = 3  # the same, through rows that are scattered by the elements
+FEWEST = 5  # rows
 _WORST = 5e-3  # by which the polynomial may miss a row
 
 
@@ -81,21 +82,31 @@ def read_table(path: Path) -> ThicknessTable:
         numbers = np.array([[float(cell) for cell in row] for row in rows[1:]])
     except ValueError as error:
         raise ValueError(f"table {path}: {error}") from error
-    if numbers.ndim != 2 or numbers.shape[1] != 2 or len(numbers) < _FEWEST:
-        raise ValueError(f"table {path}: {_FEWEST} rows of a depth and a factor are needed")
+    if numbers.ndim != 2 or numbers.shape[1] != 2 or len(numbers) < FEWEST:
+        raise ValueError(f"table {path}: {FEWEST} rows of a depth and a factor are needed")
     depth, factor = numbers.T
     if not np.isfinite(numbers).all() or np.any(depth <= 0) or np.any(np.diff(depth) <= 0) or np.any(factor <= 0):
         raise ValueError(f"table {path}: depths have to rise from above 0, and factors to be above 0")
     return _fitted(facts, depth, factor, path)
 
 
+def smoothed(depths: Floats, factors: Floats) -> tuple[Floats, float]:
+    """The curve of a table at the depths of its rows, and by how much, relatively, it misses the worst of them."""
+    _, curve, worst = _curve(depths, factors, _SMOOTH)
+    return curve, worst
+
+
+def _curve(depth: Floats, factor: Floats, degree: int) -> tuple[Floats, Floats, float]:
+    x = np.sqrt(depth / depth[-1])
+    matrix = np.column_stack([x**i for i in range(1, min(degree, len(depth) - 1) + 1)])
+    found = np.linalg.lstsq(matrix / factor[:, None], (factor - 1.0) / factor, rcond=None)[0]
+    curve = 1.0 + matrix @ found
+    return found, curve, float(np.max(np.abs(curve / factor - 1.0)))
+
+
 def _fitted(facts: dict[str, Any], depth: Floats, factor: Floats, path: Path) -> ThicknessTable:
     deepest = float(depth[-1])
-    x = np.sqrt(depth / deepest)
-    degree = min(_DEGREE, len(depth) - 1)
-    matrix = np.column_stack([x**i for i in range(1, degree + 1)])
-    found = np.linalg.lstsq(matrix / factor[:, None], (factor - 1.0) / factor, rcond=None)[0]
-    worst = float(np.max(np.abs((1.0 + matrix @ found) / factor - 1.0)))
+    found, _, worst = _curve(depth, factor, _DEGREE)
     if not math.isfinite(worst) or worst > _WORST:
         raise ValueError(f"table {path}: the factors are no smooth curve: a row is {worst:.1%} off")
     return ThicknessTable(facts, deepest, tuple(float(c) for c in found), worst)
