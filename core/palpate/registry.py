@@ -190,7 +190,7 @@ def load_commands(files: Iterable[Path] = ()) -> Registry:
     """Only the commands of every installed plugin and of the given files; raises like `load`."""
     manager, failures = _loaded(files)
     plugins = _plugins(manager)
-    commands = _offered(manager, plugins, "palpate_commands", Command)
+    commands = _offered(manager, plugins, "palpate_commands", Command, "command")
     return Registry({}, tuple(plugins.values()), failures, commands=commands)
 
 

@@ -137,7 +137,8 @@ def test_a_wrong_model_is_found_before_anything_runs(palpate, with_plugin, signa
 
 def test_a_model_that_sticks_may_pull(palpate, with_plugin):
     plugin = MODEL.format(signature=SIGNATURE, force=f"{FORCE} - 1e-3 * depth", more="adhesive = True")
-    done = palpate("check", with_plugin(plugin, '\n[model.own]\ntype = "own"\nindenter = "tip"\n'))
+    file = with_plugin(plugin, '\n[model.own]\ntype = "own"\nindenter = "tip"\n')
+    done = palpate("check", file)
     assert done.returncode == 0, done.stderr
 
 

@@ -46,8 +46,8 @@ def test_what_is_recorded_comes_before_its_samples_and_these_before_their_estima
 
 
 def test_flags_are_told_as_they_rise_and_as_they_fall(point_pipeline, tmp_path, kept, monkeypatch):
-    monkeypatch.setattr("palpate.pipeline.telling._EVERY", 0.1)
-    pipeline = load_pipeline(point_pipeline, [*SHORT, *kept, "trajectory.press.duration=6 s"])
+    monkeypatch.setattr("palpate.pipeline.telling._EVERY", 0.0)
+    pipeline = load_pipeline(point_pipeline, [*SHORT, *kept, "trajectory.press.duration=14 s"])
     result = run_pipeline(pipeline, tmp_path / "out")
     told = [{flag.code for flag in flags} for track, flags in LISTENERS[0].of("flags") if track == "dr/ekf"]
     assert "not-converged" in told[0]

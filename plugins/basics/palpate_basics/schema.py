@@ -50,7 +50,9 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
 
 def result_schema() -> dict[str, Any]:
     """JSON schema (draft 2020-12) of ``result.json``; open where estimators, diagnoses and devices fill their own."""
-    found: dict[str, Any] = json.loads(files(__package__).joinpath("result.schema.json").read_text(encoding="utf-8"))
+    found: dict[str, Any] = json.loads(
+        files("palpate_basics").joinpath("result.schema.json").read_text(encoding="utf-8")
+    )
     return found
 
 

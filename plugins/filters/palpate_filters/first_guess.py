@@ -31,7 +31,8 @@ def first_guess(
     # Those of no role first: the force that the others make depends on them.
     for i, parameter in sorted(enumerate(model.parameters), key=lambda pair: pair[1].role is not None):
         value = deviation = None
-        if parameter.role is not None and not model.adhesive:  # a pull is no measure of a modulus
+        # A pull is no measure of a modulus: a model that sticks says where to start, if it can.
+        if parameter.role is not None and not (model.adhesive and parameter.start is not None):
             per_unit = _force_per_unit(model, i, guess)
             if math.isfinite(per_unit) and per_unit > 0:
                 value, deviation = (number / per_unit for number in forces[parameter.role])

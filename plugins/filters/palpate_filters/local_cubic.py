@@ -22,7 +22,9 @@ def cubic_weights(width: int, derivative: int = 0) -> Floats:
     places = np.arange(-(width // 2), width - width // 2, dtype=float)[::-1]
     wanted = np.zeros(_ORDER + 1)
     wanted[derivative] = factorial(derivative)
-    weights = np.asarray(lstsq(places ** np.arange(_ORDER + 1)[:, None], wanted)[0])
+    solution = lstsq(places ** np.arange(_ORDER + 1)[:, None], wanted)
+    assert solution is not None
+    weights = np.asarray(solution[0], np.float64)
     weights.flags.writeable = False
     return weights
 

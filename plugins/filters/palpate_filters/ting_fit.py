@@ -108,8 +108,8 @@ class _TingTracker:
         time, model, count = samples.time[rows], self._problem.model, int(self._free.sum())
         step = float(np.median(np.diff(time)))
         window = max(2 * round(self._settings.smoothing / step / 2) + 1, 5)
-        height = savgol_filter(samples.position[rows], window, 3)
-        bend = savgol_filter(samples.position[rows], window, 3, deriv=2, delta=step)
+        height = np.asarray(savgol_filter(samples.position[rows], window, 3), np.float64)
+        bend = np.asarray(savgol_filter(samples.position[rows], window, 3, deriv=2, delta=step), np.float64)
         force = samples.force[rows] + (self._problem.tip_mass or 0.0) * bend
         grid = np.linspace(time[0], time[-1], _GRID)
         on_grid = np.interp(grid, time, height)

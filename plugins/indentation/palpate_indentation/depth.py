@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import Floats
 
 from palpate_indentation.fitting import CurveFit, correlation_time
@@ -96,7 +97,7 @@ def _corrected(law: Law, branch: Branch, fit: CurveFit, surface: float) -> tuple
     return depth, force, law.geometry(depth)
 
 
-def _rows(depth: Floats, edges: Floats) -> list[Floats]:
+def _rows(depth: Floats, edges: Floats) -> list[NDArray[np.bool_]]:
     return [(depth > low) & (depth <= high) for low, high in pairwise(edges.tolist())]
 
 

@@ -109,7 +109,7 @@ def _by_parabola(press: Press, force: Floats) -> ContactPoint | None:
                 found = np.linalg.lstsq(matrix, force, rcond=None)[0]
                 left = float(((force - matrix @ found) ** 2).sum())
                 if found[1] >= 0 and found[2] >= 0 and (best is None or left < best[0]):
-                    best = left, surface, found
+                    best = left, surface, np.asarray(found, np.float64)
         if best is None:
             return None
         centre, reach, width = best[1], width, 2 * width / (_GRID - 1)

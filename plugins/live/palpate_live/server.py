@@ -108,24 +108,24 @@ class Server:
         """The page and its files, or a refusal; None lets a WebSocket in."""
         return answer(request, self._token)
 
-    async def serve(self, browser: ServerConnection) -> None:
+    async def serve(self, viewer: ServerConnection) -> None:
         """One browser: the history, then what comes; all that it can say is `stop`."""
         if len(self._browsers) >= _MOST:
-            await browser.close(1013, "too many pages are open")
+            await viewer.close(1013, "too many pages are open")
             return
         given = 0
         for message in self._history.messages():
-            self._write(browser, message)
+            self._write(viewer, message)
             given += len(message)
-        self._browsers[browser] = given
+        self._browsers[viewer] = given
         with suppress(ConnectionClosed):
-            async for said in browser:
+            async for said in viewer:
                 if said != _STOP:
-                    await browser.close(1008, "the only word here is stop")
+                    await viewer.close(1008, "the only word here is stop")
                 elif not self._history.recorded:
                     with suppress(OSError):
                         self._run.send(_STOP.encode())
-        self._browsers.pop(browser, None)
+        self._browsers.pop(viewer, None)
 
     async def finish(self) -> None:
         """Let browsers know that nothing more comes, and have it."""

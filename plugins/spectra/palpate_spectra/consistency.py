@@ -45,7 +45,7 @@ class Harmonic:
 
 def stacked(lines: Sequence[Line], delay: float = 0.0) -> Floats:
     """G' of all lines, then G'' (2 n,) [Pa], of a force that is late by `delay` [s]."""
-    values = np.array([line.delayed(delay) if delay else line.shear for line in lines])
+    values = np.array([line.delayed(delay) if delay else line.shear for line in lines], np.complex128)
     return np.concatenate([values.real, values.imag])
 
 
@@ -58,7 +58,9 @@ def covariance_of(lines: Sequence[Line], without: Sequence[str] = ()) -> Floats:
     total = np.diag([line.noise**2 for line in lines] * 2)
     for name in {name for line in lines for name in line.shifts} - set(without):
         for run in dict.fromkeys(line.run for line in lines) if name == "surface" else ("",):
-            shift = np.array([line.shifts.get(name, 0.0) if run in ("", line.run) else 0.0 for line in lines])
+            shift = np.array(
+                [line.shifts.get(name, 0.0) if run in ("", line.run) else 0.0 for line in lines], np.complex128
+            )
             both = np.concatenate([shift.real, shift.imag])
             total = total + np.outer(both, both)
     return np.asarray(total.reshape(2 * n, 2 * n))
@@ -127,7 +129,7 @@ def _between(lines: Sequence[Line], frequency: float) -> list[complex]:
     if len(lines) == 1:
         g = lines[0].shear
         return [g, complex(g.real, g.imag * frequency / lines[0].frequency)]
-    values = np.array([line.shear for line in lines])
+    values = np.array([line.shear for line in lines], np.complex128)
     at = math.log(frequency)
     right = int(np.clip(np.searchsorted(known, at), 1, len(known) - 1))
     share = (at - known[right - 1]) / (known[right] - known[right - 1])

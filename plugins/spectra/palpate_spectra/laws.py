@@ -114,7 +114,7 @@ def _fit(law: Law, lines: Sequence[Line], half: Floats) -> LawFit | None:
     def left(x: Floats) -> Floats:
         shear = law.shear(omega, np.exp(x[:count]), nu)
         model = np.concatenate([shear.real, shear.imag])
-        return np.asarray(np.linalg.solve(half, stacked(lines, float(x[count]) * longest) - model))
+        return np.asarray(np.linalg.solve(half, stacked(lines, float(x[count]) * longest) - model), np.float64)
 
     best = None
     for start in law.starts(omega, g, nu):
