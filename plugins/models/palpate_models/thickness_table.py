@@ -100,8 +100,8 @@ def _curve(depth: Floats, factor: Floats, degree: int) -> tuple[Floats, Floats, 
     x = np.sqrt(depth / depth[-1])
     matrix = np.column_stack([x**i for i in range(1, min(degree, len(depth) - 1) + 1)])
     found = np.linalg.lstsq(matrix / factor[:, None], (factor - 1.0) / factor, rcond=None)[0]
-    curve = 1.0 + matrix @ found
-    return found, curve, float(np.max(np.abs(curve / factor - 1.0)))
+    curve: Floats = np.asarray(1.0 + matrix @ found, float)
+    return np.asarray(found, float), curve, float(np.max(np.abs(curve / factor - 1.0)))
 
 
 def _fitted(facts: dict[str, Any], depth: Floats, factor: Floats, path: Path) -> ThicknessTable:
