@@ -57,9 +57,9 @@ def test_without_noise_everything_is_found():
 
 
 def test_the_truth_is_within_the_uncertainty():
-    """Over 100 records; a binomial of 0.95 stays within 86 to 100 in 99.9 % (scipy.stats.binom)."""
+    """Over 60 records; a binomial of 0.95 stays within 50 to 60 in 99.9 % (scipy.stats.binom)."""
     inside = contact = 0
-    for seed in range(100):
+    for seed in range(60):
         samples = record(HERTZ, [6e4, 0.0], noise=0.03, seed=seed, speed=8e-3)
         from palpate_indentation.fitting import fit_curve
 
@@ -67,11 +67,11 @@ def test_the_truth_is_within_the_uncertainty():
         fit = fit_curve(law_of(HERTZ, "dr", {}), press.approach, press.noise, tilt=True)
         inside += abs(fit.modulus - 6e4) < 1.96 * fit.modulus_std
         contact += abs(fit.surface) < 1.96 * fit.surface_std
-    assert 86 <= inside <= 100
-    assert 86 <= contact <= 100
+    assert 50 <= inside <= 60
+    assert 50 <= contact <= 60
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_profiles_and_spread_hold_the_truth(seed):
     found = look(HERTZ, [1e5, 0.0], noise=0.03, seed=seed)
     assert abs(found.fit.modulus - 1e5) < 3 * found.combined
@@ -108,7 +108,7 @@ def test_large_strain_is_told_from_a_paraboloid():
     assert chosen.fit.modulus < 0.95e5
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize(
     ("model", "name", "theta"),
     [(JohnsonKendallRoberts, "jkr", [3e4, 20.0]), (DerjaguinMullerToporov, "dmt", [1e6, 10.0])],
