@@ -55,6 +55,8 @@ class Robot:
         if not self.receive.isConnected():  # it says so by this alone, and only after 2.5 s
             raise RuntimeError("the controller refuses to start sending its state, or sends nothing")
         self.control: Any = None
+        self._links: list[socket.socket] = []
+        self._at_once = False
         self._work = WorkFrame.model_construct(**settings["work"])
         self._out, self._origin = self._work.matrix[:3, :3], self._work.matrix[:3, 3]
         self._turned: tuple[Floats, list[float]] | None = None
@@ -75,7 +77,7 @@ class Robot:
         import rtde_control
 
         self.control = rtde_control.RTDEControlInterface(settings["host"], 500.0)
-        send_at_once(RTDE_PORT)
+        self._links = connections(RTDE_PORT)
         pendant = self.control.getTCPOffset()
         # The tool's own turn is the pendant's business, unless the pipeline states it.
         rotation = settings["tcp_rotation"]
@@ -186,6 +188,18 @@ class Robot:
         """Rotation vector (3,) of the tool from where the work frame wants it."""
         return tool_turn(self._work, rotation_matrix(self.state[STATE["rotation"]]))
 
+    def send_at_once(self, wanted: bool) -> None:
+        """Whether commands are sent although the one before is not acknowledged (Nagle's algorithm off).
+
+        The client library leaves that on, and it is of use: each state carries an acknowledgement, so commands keep
+        step with the controller. Where states stay away they would lie here for the 40 ms of a delayed
+        acknowledgement and then come all at once: the arm leaps.
+        """
+        if wanted != self._at_once:
+            self._at_once = wanted
+            for link in self._links:
+                link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, int(wanted))
+
     def servo(self, position: Floats, turn: Floats) -> bool:
         """Send the arm to a position in the work frame and a turn of the tool; True means sent, not done."""
         target = (self._origin + self._out @ position).tolist()
@@ -195,21 +209,14 @@ class Robot:
         return bool(self.control.servoL([*target, *self._turned[1]], 0.5, 0.5, *self._servo))
 
 
-def send_at_once(port: int) -> int:
-    """Let no connection of this process to a port collect what it sends (Nagle's algorithm); how many there are.
-
-    The client library leaves that on. While states come, they carry the acknowledgements and nothing waits; where they
-    stay away, commands lie here for the 40 ms of a delayed acknowledgement and then come at once: the arm leaps.
-    """
-    found = 0
+def connections(port: int) -> list[socket.socket]:
+    """This process's connections to a port of another host."""
+    found = []
     for entry in os.listdir("/proc/self/fd"):
         try:
-            with socket.socket(fileno=os.dup(int(entry))) as link:
-                if (link.family, link.type) != (socket.AF_INET, socket.SOCK_STREAM):
-                    continue
-                if link.getpeername()[1] == port:
-                    link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                    found += 1
+            link = socket.socket(fileno=os.dup(int(entry)))
+            if (link.family, link.type) == (socket.AF_INET, socket.SOCK_STREAM) and link.getpeername()[1] == port:
+                found.append(link)
         except OSError:  # no socket, one without a peer, or the descriptor of the listing itself
             continue
     return found
