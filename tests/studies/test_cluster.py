@@ -4,6 +4,7 @@ import json
 import os
 import signal
 from contextlib import closing
+from pathlib import Path
 
 import pytest
 from palpate import ConfigurationError
@@ -13,16 +14,21 @@ distributed = pytest.importorskip("distributed")
 from palpate_studies import cluster  # noqa: E402
 from palpate_studies.jobs import Job, on_all_cores  # noqa: E402
 
-pytestmark = pytest.mark.filterwarnings("ignore")  # of dask's own, when workers die
+pytestmark = [
+    pytest.mark.filterwarnings("ignore"),  # of dask's own, when workers die
+    pytest.mark.xdist_group("cluster"),  # one cluster for all
+]
 
 
 @pytest.fixture(scope="module")
 def scheduler():
-    """Two workers on this machine; by address, as any others."""
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
-    ) as running:
-        yield running.scheduler_address
+    """Two workers on this machine; by address, as any others. They import what this file sends them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parents[2]))
+        with distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        ) as running:
+            yield running.scheduler_address
 
 
 def _jobs(pipeline, folder, count):
