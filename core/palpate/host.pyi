@@ -5,6 +5,7 @@ Parts need `palpate` only; commands and other tools use `palpate` and this.
 
 # What several families use, from the one that makes it.
 from palpate_basics.continuation import continued as continued, recorded_pipeline as recorded_pipeline
+from palpate_basics.keeping import KeptSamples as KeptSamples
 from palpate_basics.options import (
     FormatOption as FormatOption,
     JsonOption as JsonOption,

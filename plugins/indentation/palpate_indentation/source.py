@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import typer
-from palpate import Batch, ConfigurationError, ContactModel, Estimates, LogError, Samples
+from palpate import ConfigurationError, ContactModel, LogError, Samples
 from palpate.host import (
+    KeptSamples,
     RunFolder,
     Source,
     build_parts,
@@ -20,23 +21,6 @@ from palpate.host import (
     suggest,
     withdraw_folder,
 )
-
-
-@dataclass
-class _Keeper:
-    """A writer that keeps samples."""
-
-    blocks: list[Samples] = field(default_factory=list)
-
-    def batch(self, device: str, batch: Batch) -> None:
-        """Raw readings are not kept."""
-
-    def samples(self, samples: Samples) -> None:
-        """Keep a block."""
-        self.blocks.append(samples)
-
-    def estimates(self, track: str, estimates: Estimates) -> None:
-        """There are none."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +48,7 @@ def whole_record(place: Path, overrides: Sequence[str], model: str | None) -> Wh
     pipeline = build_pipeline(source, estimates=False)
     if any(device.live for device in pipeline.devices.values()):
         raise ConfigurationError(f"{place}: its devices are live; run it with a log, and give the run folder here")
-    kept = _Keeper()
+    kept = KeptSamples()
     folder = Path(tempfile.mkdtemp(prefix="palpate-"))
     try:
         run_pipeline(pipeline, folder, observer=kept).demand_whole()

@@ -10,8 +10,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import Batch, ConfigurationError, ContactModel, Estimates, Flag, Floats, LogError, Samples
-from palpate.host import Pipeline, RunFolder, build_pipeline, carried_by, load_pipeline, replay_source, suggest
+from palpate import ConfigurationError, ContactModel, Flag, Floats, LogError, Samples
+from palpate.host import (
+    KeptSamples,
+    Pipeline,
+    RunFolder,
+    build_pipeline,
+    carried_by,
+    load_pipeline,
+    replay_source,
+    suggest,
+)
 
 _LEAST = 200  # samples
 _GAP = 2.5  # of the usual interval
@@ -50,23 +59,6 @@ class Recorded:
     flags: tuple[Flag, ...] = ()
 
 
-@dataclass
-class _Kept:
-    """An observer of a run that keeps its samples."""
-
-    blocks: list[Samples] = field(default_factory=list)
-
-    def batch(self, device: str, batch: Batch) -> None:
-        """Raw readings are not kept."""
-
-    def samples(self, samples: Samples) -> None:
-        """Keep a block."""
-        self.blocks.append(samples)
-
-    def estimates(self, track: str, estimates: Estimates) -> None:
-        """The track's values are in the result."""
-
-
 def read_recorded(path: Path, track: str | None, surface: float | None = None) -> Recorded:
     """The oscillation of a run folder, of a log that carries its pipeline, or of a pipeline file without a live device.
 
@@ -78,7 +70,7 @@ def read_recorded(path: Path, track: str | None, surface: float | None = None) -
         raise ConfigurationError(f"{path}: device {', '.join(live)} is live; record first: palpate run {path}")
     from palpate.host import run_pipeline
 
-    kept = _Kept()
+    kept = KeptSamples()
     with tempfile.TemporaryDirectory() as folder:
         result = run_pipeline(pipeline, Path(folder) / "run", observer=kept)
         result.demand_whole()

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
-from palpate import Batch, ConfigurationError, Estimates, Floats, LogError, Problem, Samples
+from palpate import ConfigurationError, Floats, LogError, Problem, Samples
 from palpate.host import (
     FormatOption,
     JsonOption,
+    KeptSamples,
     Pipeline,
     Source,
     Table,
@@ -33,23 +34,6 @@ from palpate_uncertainty.held_out import held_out
 
 _FIT = "casadi-fit"
 _SUPPORTED = 6.0  # of BIC, by independent samples; strong evidence beyond (Kass and Raftery 1995)
-
-
-@dataclass
-class _Kept:
-    """An observer of a run that keeps its samples."""
-
-    blocks: list[Samples] = field(default_factory=list)
-
-    def batch(self, device: str, batch: Batch) -> None:
-        """Raw readings are not kept."""
-
-    def samples(self, samples: Samples) -> None:
-        """Keep a block."""
-        self.blocks.append(samples)
-
-    def estimates(self, track: str, estimates: Estimates) -> None:
-        """Values are in the result."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +103,7 @@ def candidates(path: Path, wanted: Sequence[str]) -> list[Candidate]:
     pipeline = build_pipeline(_source(path, wanted))
     if any(device.live for device in pipeline.devices.values()):
         raise ConfigurationError(f"{path}: has a live device; record first: palpate run {path}")
-    kept = _Kept()
+    kept = KeptSamples()
     with tempfile.TemporaryDirectory() as folder:
         result = run_pipeline(pipeline, Path(folder) / "run", observer=kept)
         result.demand_whole()

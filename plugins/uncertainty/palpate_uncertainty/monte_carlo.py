@@ -6,14 +6,14 @@ import math
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import Batch, ConfigurationError, ContactModel, Estimates, Estimator, Floats, Part, Problem, Samples
-from palpate.host import Pipeline, RunFolder, build_pipeline, carried_by, replay_source, run_pipeline
+from palpate import ConfigurationError, ContactModel, Estimator, Floats, Part, Problem, Samples
+from palpate.host import KeptSamples, Pipeline, RunFolder, build_pipeline, carried_by, replay_source, run_pipeline
 
 _UNDECLARED = " (not declared)"
 _HALF_WIDTH = math.sqrt(3)  # of a rectangular distribution, in standard deviations
@@ -69,30 +69,13 @@ class Propagated:
         return found
 
 
-@dataclass
-class _Kept:
-    """An observer of a run that keeps its samples."""
-
-    blocks: list[Samples] = field(default_factory=list)
-
-    def batch(self, device: str, batch: Batch) -> None:
-        """Raw readings are not kept."""
-
-    def samples(self, samples: Samples) -> None:
-        """Keep a block."""
-        self.blocks.append(samples)
-
-    def estimates(self, track: str, estimates: Estimates) -> None:
-        """The run's own estimates are not kept."""
-
-
 def cases(run: Path, tracks: Sequence[str]) -> list[Case]:
     """The tracks of a run with the samples of its log; raises ConfigurationError for a run without one."""
     carried = carried_by(run)
     if carried is None:
         raise ConfigurationError(f"{run}: holds no log of its own; add a [sink.*] to the pipeline, and run it again")
     pipeline = build_pipeline(replay_source(carried, list(tracks)))
-    kept = _Kept()
+    kept = KeptSamples()
     with tempfile.TemporaryDirectory() as folder:
         run_pipeline(pipeline, Path(folder) / "replay", observer=kept)
     samples = Samples.joined(kept.blocks)
