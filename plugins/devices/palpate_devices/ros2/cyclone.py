@@ -63,6 +63,7 @@ class CycloneParticipant:
     def news(self) -> Iterator[Publication]:
         """Writers of ROS topics that have come or gone since the last call."""
         from cyclonedds.core import InstanceState
+        from cyclonedds.qos import Policy
 
         for entry in self._publications.take(_TAKEN):
             info, key = entry.sample_info, str(entry.key)
@@ -74,7 +75,7 @@ class CycloneParticipant:
             topic = ros_topic(entry.topic_name or "")
             if topic is None or key in self._known:
                 continue
-            reliable = any(type(policy).__name__ == "Reliable" for policy in entry.qos)
+            reliable = any(isinstance(policy, Policy.Reliability.Reliable) for policy in entry.qos)
             self._known[key] = Publication(topic, ros_type(entry.type_name), key, str(entry.participant_key), reliable)
             yield self._known[key]
 
