@@ -16,16 +16,17 @@ estimates_interval = 0
 type = "sim"
 tip_mass = "140 g"
 force_limit = "3 N"
+pace = "real-time"
 [device.rig.specimen]
 name = "S5"
 model = "dr"
 friction = 0.1
 [trajectory.sweep]
 type = "line-sweep"
-start = ["0 mm", "-5 mm"]
-end = ["0 mm", "5 mm"]
+start = ["0 mm", "-4 mm"]
+end = ["0 mm", "4 mm"]
 speed = "4 mm/s"
-settle = "2 s"
+settle = "1 s"
 press = {{ bias = "4 mm", amplitude = "1 mm", frequency = "2 Hz" }}
 [alignment]
 force = {{ channel = "rig.wrench.z", uncertainty = "4 ms" }}
@@ -70,7 +71,7 @@ def test_what_is_published_is_what_the_run_has_written(subscribe, domain, tmp_pa
     written = np.array([[float(row[column]) for column in ("time_s", "x_m", "y_m", *COLUMNS)] for row in rows])
     for k, name in enumerate(PARAMETERS):
         vectors = np.array([parts[2:] for parts in heard[f"{BASE}/{name}"]])
-        assert len(vectors) > 200
+        assert len(vectors) > 150
         assert set(vectors[:, 0]) == {"surface"}
         value, std, time = vectors[:, 1:].astype(float).T
         where = np.abs(written[:, :1] - time).argmin(axis=0)
@@ -81,7 +82,7 @@ def test_what_is_published_is_what_the_run_has_written(subscribe, domain, tmp_pa
     fields = ["x", "y", "z", *(f"{name}{end}" for name in PARAMETERS for end in ("", "_std"))]
     assert cloud[4:11] == fields
     points = np.array(cloud[11:], float).reshape(-1, 7)
-    assert len(points) == int(cloud[3]) > 30
+    assert len(points) == int(cloud[3]) > 20
     for point in points:  # each is a row of the table, in single precision, at a place within 0.2 mm
         row = written[np.abs(written[:, 3] - point[3]).argmin()]
         assert np.abs(point[3:] / row[3:] - 1).max() < 1e-6

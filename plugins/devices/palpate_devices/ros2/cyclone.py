@@ -17,6 +17,7 @@ from palpate_devices.ros2.names import dds_topic, ros_topic, ros_type
 from palpate_devices.ros2.network import Network, Publication
 
 _TAKEN = 256  # messages at a time
+_LAST = 0.3  # [s] that readers have for what was sent last, before its writer goes
 _CONFIGURED = "CYCLONEDDS_URI"  # whoever has configured Cyclone is not overruled
 
 
@@ -141,7 +142,9 @@ class CycloneTalker:
         self._writer(topic, type_name, latched).write(message)
 
     def close(self) -> None:
-        """Go."""
+        """Go, once the last messages are on their way."""
+        if self._writers:
+            time.sleep(_LAST)
         self._writers.clear()
 
 
