@@ -85,7 +85,7 @@ class _Known(NamedTuple):
     """What is looked up: by number of five digits, by binary exponent, by decimal exponent."""
 
     digits: Words
-    kept: NDArray[np.int64]  # digits but for zeros at the end
+    kept: NDArray[np.uint8]  # digits but for zeros at the end
     least: NDArray[np.int64]  # place of the least decimal exponent
     next: Floats  # 10^(e + 1)
     scale: Floats  # 10^(9 - e)
@@ -97,7 +97,7 @@ class _Known(NamedTuple):
 @cache
 def _known() -> _Known:
     numbers, still = np.arange(10**_HALF), np.ones(10**_HALF, bool)
-    digits, kept = np.zeros(len(numbers), np.uint64), np.full(len(numbers), _HALF)
+    digits, kept = np.zeros(len(numbers), np.uint64), np.full(len(numbers), _HALF, np.uint8)
     for k in range(_HALF):
         digit = numbers // 10**k % 10
         digits |= (digit + ord("0")).astype(np.uint64) << np.uint64(8 * (_HALF - 1 - k))
