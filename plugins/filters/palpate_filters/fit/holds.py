@@ -46,14 +46,14 @@ def holds_of(time: Floats, depth: Floats, force: Floats) -> list[Hold]:
     step = float(np.median(np.diff(time)))
     width = max(round(_SMOOTH / step), 1)
     stretches = {}
-    for kind, values, share in (("relaxation", depth, _STEADY), ("creep", force, _EVEN)):
+    for name, values, share in (("relaxation", depth, _STEADY), ("creep", force, _EVEN)):
         padded = np.pad(values, (width // 2, width - 1 - width // 2), "edge")
         smooth = np.convolve(padded, np.ones(width) / width, "valid")
         noise = float(np.std(np.diff(values, 2)) / np.sqrt(6.0 * width))
         within = max(share * float(values.max() - min(values.min(), 0.0)), _NOISE * noise)
         least = max(_FEWEST, round(_SHORTEST / step))
-        stretches[kind] = list(_still(smooth, within, 0, least))
-    longest = {kind: max((b - a for a, b in found), default=0) for kind, found in stretches.items()}
+        stretches[name] = list(_still(smooth, within, 0, least))
+    longest = {name: max((b - a for a, b in found), default=0) for name, found in stretches.items()}
     held = longest["relaxation"] >= _CLEARLY * longest["creep"]
     kind: Literal["relaxation", "creep"] = "relaxation" if held else "creep"
     kept = [(a, b) for a, b in stretches[kind] if b - a >= _SHARE * longest[kind]]

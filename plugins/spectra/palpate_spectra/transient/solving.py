@@ -133,7 +133,9 @@ class Problem:
         related = shares[1 : int(ends[0]) if len(ends) else len(shares)]
         counts = self.bins.counts
         exact = (_EXACT * float(np.abs(solved.target).max())) ** 2
-        return np.sqrt(np.maximum(variance * np.minimum((1.0 + 2.0 * related.sum()) / counts, 1.0), exact / counts))
+        return np.asarray(
+            np.sqrt(np.maximum(variance * np.minimum((1.0 + 2.0 * related.sum()) / counts, 1.0), exact / counts))
+        )
 
 
 def solved(problem: Problem, surface: float | None) -> tuple[Solved, Rig, float, Floats]:

@@ -42,7 +42,7 @@ def weighed(columns: Floats, target: Floats, std: Floats, free: int, smoothing: 
     tried = [_at(a, y, rough, float(weight), k) for weight in weights]
     _, x, weight = max(tried, key=lambda one: one[0])
     precision = a.T @ a + weight * rough.T @ rough
-    inverse = np.linalg.inv(precision + 1e-13 * np.diag(np.diag(precision)))
+    inverse = np.asarray(np.linalg.inv(precision + 1e-13 * np.diag(np.diag(precision))), np.float64)
     left = a @ x - y
     freedom = max(len(y) - float(np.trace(inverse @ (a.T @ a))), 1.0)
     chi2 = float(left @ left)
