@@ -6,6 +6,7 @@ import math
 import os
 import socket
 import time
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -111,6 +112,8 @@ class Robot:
             if time.monotonic() > deadline:
                 raise RuntimeError("the controller sends no states")
             time.sleep(PERIOD)
+        since = datetime.fromtimestamp(time.time() - self.stamp, UTC)
+        self.facts["powered_since"] = since.isoformat(timespec="seconds")
 
     def _tell_model(self, settings: dict[str, Any]) -> None:
         q, place = self.state[STATE["joints"]], np.array(self.state[STATE["position"]])
