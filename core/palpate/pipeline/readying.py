@@ -61,7 +61,12 @@ def stored_offset(rig: Rig, live: Mapping[str, Mapping[str, Any]]) -> Offset | N
     tare = rig.alignment.tare
     if not isinstance(tare, float):
         return None
-    if not isinstance(rig, Pipeline) or rig.calibration is None or rig.stated is None or rig.stated.tare != "calibrated":
+    if (
+        not isinstance(rig, Pipeline)
+        or rig.calibration is None
+        or rig.stated is None
+        or rig.stated.tare != "calibrated"
+    ):
         return Offset(tare)
     flag = rig.calibration.offset_doubt(rig, live)
     return Offset(tare, None if flag is None else flag.message)

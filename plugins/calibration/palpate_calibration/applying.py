@@ -98,9 +98,7 @@ class AppliedCalibration:
             )
         return None
 
-    def _powered_since(
-        self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]], past: bool
-    ) -> datetime | None:
+    def _powered_since(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]], past: bool) -> datetime | None:
         """Since when the sensor has its power, by itself or by the robot that feeds it."""
         signals = pipeline.alignment.force.channel, pipeline.alignment.position.channel
         roles = zip(("force", "position"), signals, strict=True)

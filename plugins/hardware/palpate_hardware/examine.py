@@ -124,7 +124,9 @@ def _listened(pipeline: Pipeline, links: Mapping[str, Link], duration: float) ->
             yield from (Finding("note", name, text) for text in payloads(pipeline.alignment, {name: link.health}))
     if pipeline.calibration is not None:
         health = {name: link.health for name, link in links.items() if isinstance(link, Watched)}
-        yield from (Finding("note", "calibration", flag.message) for flag in pipeline.calibration.flags(pipeline, health))
+        yield from (
+            Finding("note", "calibration", flag.message) for flag in pipeline.calibration.flags(pipeline, health)
+        )
 
 
 def _stream(name: str, stream: Stream, batches: list[Batch], gap: float) -> Iterator[Finding]:

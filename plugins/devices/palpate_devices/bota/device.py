@@ -88,7 +88,18 @@ class BotaSensor(Device):
 
     @contextmanager
     def _connected(self) -> Iterator[Link]:
-        keys = ("port", "baud", "sinc", "fir", "fast", "temperature_compensation", "silence", "boot", "settle", "supply")
+        keys = (
+            "port",
+            "baud",
+            "sinc",
+            "fir",
+            "fast",
+            "temperature_compensation",
+            "silence",
+            "boot",
+            "settle",
+            "supply",
+        )
         settings = {key: getattr(self, key) for key in keys}
         child = Child(f"bota at {self.port}", layout.MODULE, settings, ROW.size)
         try:

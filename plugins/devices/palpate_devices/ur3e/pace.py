@@ -22,7 +22,9 @@ _STEP = 5_000  # [ns] by which a deadline is moved at most: a quarter of a per c
 _SPAN = 250  # states; clocks part by less than 0.1 ms meanwhile, and one that has stood still is found again
 _NEVER = 1 << 62  # [ns]
 _AFTER = 200_000  # [ns] after the earliest state
-_IN_TIME = 1_000_000  # [ns] after its deadline a command still comes before the tick, which is up to 0.8 ms before the state
+_IN_TIME = (
+    1_000_000  # [ns] after its deadline a command still comes before the tick, which is up to 0.8 ms before the state
+)
 
 
 def next_deadline(deadline: int, sent: int, now: int) -> tuple[int, int]:
