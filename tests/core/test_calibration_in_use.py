@@ -178,7 +178,7 @@ def test_a_sensor_that_the_robot_feeds_is_as_old_as_the_robot(pipeline):
     [
         (0.4, (0.0, 0.0, 0.03), []),  # its share of (3, 4, 35) mm at 150 g is 1.9 mm aside
         (0.4, (0.0, 0.0019, 0.03), []),
-        (0.4, (0.02, 0.0, 0.03), ["20.0 mm off the axis of its flange: the tip of .* asks for 1.9 mm"]),
+        (0.4, (0.02, 0.0, 0.03), ["20.0 mm off its flange's axis: the tip of .* asks for 1.9 mm"]),
         (0.4, (0.0, 0.0, 0.0), ["0.0 mm before its flange: the tip of .* alone asks for 13.1 mm or more"]),
         (0.0, (0.0, 0.0, 0.0), []),  # never set: another flag
     ],

@@ -179,8 +179,8 @@ class AppliedCalibration:
     def _loads(self, arm: Mapping[str, Any]) -> Iterator[str]:
         """What is wrong with the centre of mass that an arm counts on.
 
-        Between flange and tip there is the sensor, too, whose own centre is on the axis: so what the payload and the tip
-        weigh off that axis is the same (whichever way the sensor is turned), and along it the payload has no less.
+        Between flange and tip there is the sensor, too, whose own centre is on the axis: so what the payload and the
+        tip weigh off that axis is the same, whichever way the sensor is turned, and along it the payload has no less.
         """
         values, payload, centre = self.values, arm.get("payload"), arm.get("payload_centre")
         names = ("mass", "centre_x", "centre_y", "centre_z")
@@ -193,8 +193,8 @@ class AppliedCalibration:
         aside, own = payload * math.hypot(*centre[:2]), mass.value * math.hypot(tip[0].value, tip[1].value)
         if abs(aside - own) > slack:
             yield (
-                f"counts on a payload with its centre of mass {1e3 * math.hypot(*centre[:2]):.1f} mm off the axis of its "
-                f"flange: the tip of {self.path} asks for {1e3 * own / max(payload, 1e-9):.1f} mm"
+                f"counts on a payload with its centre of mass {1e3 * math.hypot(*centre[:2]):.1f} mm off its flange's "
+                f"axis: the tip of {self.path} asks for {1e3 * own / max(payload, 1e-9):.1f} mm"
             )
         if payload * centre[2] < mass.value * tip[2].value - slack:
             yield (

@@ -38,7 +38,7 @@ class BotaSensor(Device):
     force_limit: Force = Field(default=500.0, gt=0, description="range of the force; readings beyond are saturated")
     supply: Literal["usb", "robot", "unknown"] = Field(
         default="unknown",
-        description="what feeds it: its USB adapter, the robot; that tells whether it was started anew since a calibration",
+        description="what feeds it, its USB adapter or the robot: tells since when it has its power",
     )
     silence: Time = Field(default=0.1, gt=0, description="a longer silence is a fault")
     boot: Time = Field(default=3.0, gt=0, description="how long it may take to start after its port was opened")

@@ -1,9 +1,10 @@
 """The pace of the servo loop: absolute deadlines, and what the host makes of them.
 
-A controller takes its inputs at each tick and sends its state soon after: cycles begin at that time, so that a command is
-there well before the next tick. Where commands come as it ticks it reads now two and now none, and the arm trembles. A
-command that was sent so late that it may be read in the tick after takes the place of the next one: of two in a tick only
-the last counts, and the arm leaps. What the host has held up is left out in the same way, and told to the next cycle.
+A controller takes its inputs at each tick and sends its state soon after: cycles begin at that time, so that a command
+is there well before the next tick. Where commands come as it ticks it reads now two and now none, and the arm trembles.
+A command that was sent so late that it may be read in the tick after takes the place of the next one: of two in a tick
+only the last counts, and the arm leaps. What the host has held up is left out in the same way, and told to the next
+cycle.
 """
 
 from __future__ import annotations
@@ -22,9 +23,7 @@ _STEP = 5_000  # [ns] by which a deadline is moved at most: a quarter of a per c
 _SPAN = 250  # states; clocks part by less than 0.1 ms meanwhile, and one that has stood still is found again
 _NEVER = 1 << 62  # [ns]
 _AFTER = 200_000  # [ns] after the earliest state
-_IN_TIME = (
-    1_000_000  # [ns] after its deadline a command still comes before the tick, which is up to 0.8 ms before the state
-)
+_IN_TIME = 1_000_000  # [ns] after its deadline a command comes before a tick that is 0.8 ms before its state
 
 
 def next_deadline(deadline: int, sent: int, now: int) -> tuple[int, int]:
