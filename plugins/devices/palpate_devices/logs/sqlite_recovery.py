@@ -9,6 +9,7 @@ from contextlib import closing
 from pathlib import Path
 
 from palpate import LogError, OutputError, printable
+from palpate.host import progressed
 
 from palpate_devices.logs.files import regular
 from palpate_devices.logs.scratch import scratch
@@ -137,6 +138,7 @@ def _salvage(old: sqlite3.Connection, new: sqlite3.Connection, page: int | None)
         new.executemany("INSERT OR IGNORE INTO messages(id, topic_id, timestamp, data) VALUES (?, ?, ?, ?)", good)
         stamps += [pick(row[2] for row in good) for pick in (min, max)] if good else []
         count += len(good)
+        progressed(count)
     (check,) = old.execute("PRAGMA quick_check(1)").fetchone() if whole else ("damaged",)
     return count, min(stamps, default=0), max(stamps, default=0), check == "ok"
 
