@@ -194,7 +194,7 @@ def test_distances_in_portions_give_the_same_map(monkeypatch):
     pieces = make_map(sites, 2e-3, "average")
     assert pieces.length == whole.length
     np.testing.assert_allclose(pieces.value, whole.value, rtol=1e-13)
-    np.testing.assert_allclose(pieces.std, whole.std, rtol=1e-10)
+    np.testing.assert_allclose(pieces.std, whole.std, rtol=1e-7)  # a difference of squares
 
 
 def test_the_significant_cells_are_those_of_the_lump():
