@@ -180,7 +180,7 @@ def _everything(old: sqlite3.Connection) -> Iterator[list[Row]]:
 
 
 def _scanned(old: sqlite3.Connection, begin: int) -> Generator[list[Row], None, int]:
-    """Messages from a number on as far as they can be read in one go; the number behind them, or behind all there are."""
+    """Messages from a number on as far as they can be read in one go; the number behind them, or behind all."""
     try:
         found = old.execute(f"{_MESSAGES} WHERE id >= ? ORDER BY id", (begin,))
         while rows := found.fetchmany(_TOGETHER):
