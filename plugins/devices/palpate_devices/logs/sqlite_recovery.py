@@ -159,8 +159,8 @@ def _sound(row: Row, page: int | None) -> bool:
 def _everything(old: sqlite3.Connection) -> Iterator[list[Row]]:
     """Messages in the order of their numbers, around the pages that cannot be read.
 
-    Numbers may be anything, also where a bit of one has changed: where many in a row give nothing, ever more of them are
-    passed over at once, and gone through again once there is something.
+    Numbers may be anything, also where a bit of one has changed: where many in a row give nothing, ever more of them
+    are passed over at once, and gone through again once there is something.
     """
     begin, end = _bound(old, "MIN", 0), _bound(old, "MAX", _LAST)
     width, silent = _WINDOW, 0
