@@ -97,8 +97,9 @@ def test_what_it_cannot_do_is_flagged_and_never_nan(run_point, overrides, expect
     flags = {flag.code for flag in (*result.flags, *track.flags)}
     assert expected <= flags
     if "no-contact" not in flags:
-        for found in track.parameters.values():
-            assert np.isfinite([found.value, found.std, found.combined]).all()
+        for name, found in track.parameters.items():
+            assert np.isfinite([found.value, found.std]).all()
+            assert np.isfinite(found.combined) or (name == "viscosity" and "force-late" in flags)
 
 
 def test_soft_material_found_by_a_finer_touch_is_still_not_identifiable(run_point):
