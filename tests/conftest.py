@@ -53,6 +53,34 @@ def shared():
 
 
 @pytest.fixture
+def authors_log(shared):
+    """Tables of device, alignment and tip (5 mm where no radius is named) for a point palpation of the authors."""
+
+    def tables(name, radius="5 mm", motion="22 ms", force="0 ms", uncertainty="0.5 ms", tip_mass="140 g"):
+        timing = f', uncertainty = "{uncertainty}"' if uncertainty else ""
+        mass = f'tip_mass = "{tip_mass}"\n' if tip_mass else ""
+        return f"""
+[device.log]
+type = "csv-replay"
+file = "{shared}/ur3e-bota-2024/{name}.csv.gz"
+rate = "500 Hz"
+columns.z = {{ column = 0, unit = "mm" }}
+columns.v = {{ column = 3, unit = "mm/s" }}
+columns.fz = {{ column = 4, unit = "N" }}
+[alignment]
+force = {{ channel = "log.fz", delay = "{force}" }}
+position = {{ channel = "log.z", delay = "{motion}"{timing} }}
+velocity = {{ channel = "log.v", sign = -1, delay = "{motion}"{timing} }}
+tare = "none"
+{mass}[indenter.tip]
+type = "sphere"
+radius = "{radius}"
+"""
+
+    return tables
+
+
+@pytest.fixture
 def point_pipeline(tmp_path):
     """A copy of the example pipeline in a folder of its own."""
     return Path(shutil.copy(ROOT / "pipelines" / "point.toml", tmp_path))

@@ -55,6 +55,7 @@ from palpate_filters.fit.contact_point import (
     ContactPoint as ContactPoint,
     contact_point as contact_point,
 )
+from palpate_filters.fit.holds import Hold as Hold, holds_of as holds_of
 from palpate_filters.local_cubic import cubic_weights as cubic_weights, local_cubic as local_cubic
 from palpate_models.ting import ting_force as ting_force
 from palpate_report.pictures import (
@@ -156,6 +157,7 @@ from palpate.result import (
     make_folder as make_folder,
     withdraw_folder as withdraw_folder,
 )
+from palpate.result.lateness import force_lateness as force_lateness
 from palpate.safety import (
     MotionLimits as MotionLimits,
     MotionReport as MotionReport,

@@ -73,6 +73,9 @@ def test_a_run_names_the_timing(run_point, delay):
         found = [flag.message for flag in track.flags if flag.code == "force-late"]
         assert len(found) == (delay == "11.7 ms")
         assert all("at least" in message for message in found)
+        viscosity, elasticity = track.parameters["viscosity"], track.parameters["elasticity"]
+        assert np.isnan(viscosity.combined) == (delay == "11.7 ms")  # what is a bound for all of it is no uncertainty
+        assert np.isfinite(elasticity.combined)
 
 
 def test_what_diverges_names_it_too():

@@ -16,22 +16,6 @@ cases = importlib.util.module_from_spec(_specification)
 _specification.loader.exec_module(cases)
 
 POINT = """
-[device.log]
-type = "csv-replay"
-file = "{file}"
-rate = "500 Hz"
-[device.log.columns]
-z = {{ column = 0, unit = "mm" }}
-v = {{ column = 3, unit = "mm/s" }}
-fz = {{ column = 4, unit = "N" }}
-[alignment]
-force = {{ channel = "log.fz", delay = "{force_delay}" }}
-position = {{ channel = "log.z", delay = "{motion_delay}", uncertainty = "0.5 ms" }}
-velocity = {{ channel = "log.v", sign = -1, delay = "{motion_delay}", uncertainty = "0.5 ms" }}
-tare = "none"
-[indenter.tip]
-type = "sphere"
-radius = "{radius}"
 [model.dr]
 type = "dimensionality-reduction"
 indenter = "tip"
@@ -114,11 +98,10 @@ def rows_of_bag(path, folder):
     ],
 )
 def test_point_palpations_give_what_least_squares_gives(
-    shared, tmp_path, file, radius, motion_delay, force_delay, published
+    authors_log, tmp_path, file, radius, motion_delay, force_delay, published
 ):
-    log = shared / "ur3e-bota-2024" / f"{file}.csv.gz"
-    text = POINT.format(file=log, radius=radius, motion_delay=motion_delay, force_delay=force_delay)
-    (tmp_path / "point.toml").write_text(text)
+    log = authors_log(file, radius, motion_delay, force_delay, tip_mass="")
+    (tmp_path / "point.toml").write_text(log + POINT)
     track = run_pipeline(load_pipeline(tmp_path / "point.toml"), tmp_path / "out").tracks["dr/fit"]
     assert track.parameters["elasticity"].value == pytest.approx(published, rel=0.03)
     viscosity = track.parameters["viscosity"]
@@ -127,12 +110,9 @@ def test_point_palpations_give_what_least_squares_gives(
 
 
 @pytest.mark.parametrize("estimator", ["casadi-fit", "ekf"])
-def test_a_small_lack_of_fit_is_not_made_large_by_what_hardly_explains_it(shared, tmp_path, estimator):
+def test_a_small_lack_of_fit_is_not_made_large_by_what_hardly_explains_it(authors_log, tmp_path, estimator):
     """A pattern over phase of 2 % of the noise: fast branches of memory, or a drift, would move E by 37 %."""
-    log = shared / "ur3e-bota-2024" / "d10mm_soft.csv.gz"
-    text = POINT.format(file=log, radius="5 mm", motion_delay="22 ms", force_delay="0 ms")
-    text = text.replace("[indenter.tip]", 'tip_mass = "140 g"\n[indenter.tip]').replace("casadi-fit", estimator)
-    (tmp_path / "point.toml").write_text(text)
+    (tmp_path / "point.toml").write_text(authors_log("d10mm_soft") + POINT.replace("casadi-fit", estimator))
     track = run_pipeline(load_pipeline(tmp_path / "point.toml"), tmp_path / "out").tracks["dr/fit"]
     assert "lack-of-fit" in {flag.code for flag in track.flags}
     elasticity, viscosity = track.parameters["elasticity"], track.parameters["viscosity"]

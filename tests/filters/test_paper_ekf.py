@@ -13,26 +13,7 @@ SPHERE = DimensionalityReduction(indenter=Sphere(radius=0.005))
 SILICONE = {"S1": (282.1, 860.0), "S2": (112.5, 362.0)}  # kPa, Pa s
 MOTION_LATE, FORCE_LATE = ("22 ms", "0 ms"), ("0 ms", "12 ms")
 
-AUTHORS_LOG = """
-[run]
-name = "a log of the authors"
-[device.log]
-type = "csv-replay"
-file = "{file}"
-rate = "500 Hz"
-[device.log.columns]
-z  = {{ column = 0, unit = "mm" }}
-vz = {{ column = 3, unit = "mm/s" }}
-fz = {{ column = 4, unit = "N" }}
-[alignment]
-force    = {{ channel = "log.fz", delay = "{force}" }}
-position = {{ channel = "log.z", delay = "{motion}" }}
-velocity = {{ channel = "log.vz", sign = -1, delay = "{motion}" }}
-tip_mass = "0.14 kg"
-tare     = "none"
-[indenter.tip]
-type = "sphere"
-radius = "{radius}"
+PAPER = """
 [model.dr]
 type = "dimensionality-reduction"
 indenter = "tip"
@@ -50,10 +31,9 @@ type = "ekf"
         ("d5mm_soft", "2.5 mm", FORCE_LATE, 109.3, 442.0),
     ],
 )
-def test_the_authors_logs_give_the_published_numbers(shared, tmp_path, name, radius, late, elasticity, viscosity):
-    file = shared / "ur3e-bota-2024" / f"{name}.csv.gz"
-    text = AUTHORS_LOG.format(file=file, radius=radius, motion=late[0], force=late[1])
-    (tmp_path / "log.toml").write_text(text)
+def test_the_authors_logs_give_the_published_numbers(authors_log, tmp_path, name, radius, late, elasticity, viscosity):
+    log = authors_log(name, radius, motion=late[0], force=late[1], uncertainty="")
+    (tmp_path / "log.toml").write_text(log + PAPER)
     result = run_pipeline(load_pipeline(tmp_path / "log.toml"), tmp_path / "out")
     found = result.tracks["dr/ekf"].parameters
     assert found["elasticity"].value == pytest.approx(elasticity * 1e3, rel=0.02)
@@ -117,8 +97,9 @@ def test_what_it_cannot_do_is_flagged_and_never_nan(run_point, overrides, expect
     flags = {flag.code for flag in (*result.flags, *track.flags)}
     assert expected <= flags
     if "no-contact" not in flags:
-        for found in track.parameters.values():
-            assert np.isfinite([found.value, found.std, found.combined]).all()
+        for name, found in track.parameters.items():
+            assert np.isfinite([found.value, found.std]).all()
+            assert np.isfinite(found.combined) or (name == "viscosity" and "force-late" in flags)
 
 
 def test_soft_material_found_by_a_finer_touch_is_still_not_identifiable(run_point):

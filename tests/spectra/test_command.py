@@ -57,32 +57,17 @@ def test_mistakes_are_one_clear_message(palpate, run, tmp_path, arguments, said)
     assert not (tmp_path / "out").exists()
 
 
-def test_the_authors_soft_silicone(palpate, shared, tmp_path):
+def test_the_authors_soft_silicone(palpate, authors_log, tmp_path):
     """d10mm_soft with its motion 22 ms late: E near the paper's, and one frequency says nothing of a delay."""
-    pipeline = f"""
-[device.log]
-type = "csv-replay"
-file = "{shared}/ur3e-bota-2024/d10mm_soft.csv.gz"
-rate = "500 Hz"
-columns.z = {{ column = 0, unit = "mm" }}
-columns.v = {{ column = 3, unit = "mm/s" }}
-columns.f = {{ column = 4, unit = "N" }}
-[alignment]
-force = {{ channel = "log.f", uncertainty = "0.5 ms" }}
-position = {{ channel = "log.z", delay = "22 ms", uncertainty = "0.5 ms" }}
-velocity = {{ channel = "log.v", sign = -1, delay = "22 ms", uncertainty = "0.5 ms" }}
-tip_mass = "140 g"
-tare = "none"
-[indenter.tip]
-type = "sphere"
-radius = "5 mm"
+    log = authors_log("d10mm_soft")
+    pipeline = """
 [model.dr]
 type = "dimensionality-reduction"
 indenter = "tip"
 [estimator.fit]
 type = "casadi-fit"
 """
-    (tmp_path / "log.toml").write_text(pipeline)
+    (tmp_path / "log.toml").write_text(log + pipeline)
     done = palpate("spectrum", tmp_path / "log.toml", "--out", tmp_path / "out", "--json")
     assert done.returncode == 0, done.stderr
     (line,) = [one for one in json.loads(done.stdout)["lines"] if one["amplitude_m"] > 5e-4]

@@ -11,37 +11,21 @@ from palpate_uncertainty.choice import correlation_time, model_choice, weighed
 from palpate_uncertainty.outliers import outliers, spikes_of
 from palpate_uncertainty.settings import ChoiceSettings
 
-LOG = """
-[device.log]
-type = "csv-replay"
-file = "{file}"
-rate = "500 Hz"
-columns.z = {{ column = 0, unit = "mm" }}
-columns.rate = {{ column = 3, unit = "mm/s" }}
-columns.force = {{ column = 4, unit = "N" }}
-[alignment]
-force = {{ channel = "log.force", delay = "{force}" }}
-position = {{ channel = "log.z", delay = "{motion}", uncertainty = "0.5 ms" }}
-velocity = {{ channel = "log.rate", delay = "{motion}", sign = -1, uncertainty = "0.5 ms" }}
-tip_mass = "140 g"
-tare = "none"
-[indenter.paraboloid]
-type = "sphere"
-radius = "{radius}"
+CANDIDATES = """
 [indenter.sphere]
 type = "exact-sphere"
-radius = "{radius}"
+radius = "RADIUS"
 [model.half-space]
 type = "dimensionality-reduction"
 indenter = "sphere"
 [model.layer]
 type = "dimensionality-reduction"
 indenter = "sphere"
-thickness = {{ law = "dimitriadis", height = "22 mm", bonded = false }}
+thickness = { law = "dimitriadis", height = "22 mm", bonded = false }
 [model.cylinder]
 type = "dimensionality-reduction"
-indenter = "paraboloid"
-thickness = {{ law = "finite-cylinder", height = "22 mm", diameter = "50 mm", bonded = false }}
+indenter = "tip"
+thickness = { law = "finite-cylinder", height = "22 mm", diameter = "50 mm", bonded = false }
 [estimator.fit]
 type = "casadi-fit"
 [choice]
@@ -79,9 +63,9 @@ def test_the_correlation_time_is_that_of_an_autoregression():
     ("file", "radius", "motion", "force"),
     [("d10mm_soft", "5 mm", "22 ms", "0 ms"), ("d5mm_soft", "2.5 mm", "0 ms", "12 ms")],
 )
-def test_the_interval_with_the_geometry_overlaps_the_dynamometer(shared, tmp_path, file, radius, motion, force):
-    log = shared / "ur3e-bota-2024" / f"{file}.csv.gz"
-    (tmp_path / "p.toml").write_text(LOG.format(file=log, radius=radius, motion=motion, force=force))
+def test_the_interval_with_the_geometry_overlaps_the_dynamometer(authors_log, tmp_path, file, radius, motion, force):
+    log = authors_log(file, radius, motion, force)
+    (tmp_path / "p.toml").write_text(log + CANDIDATES.replace("RADIUS", radius))
     result = run_pipeline(load_pipeline(tmp_path / "p.toml"), tmp_path / "out")
     assert set(result.tracks) == {"half-space/fit", "layer/fit", "cylinder/fit"}
     found = [track.parameters["elasticity"] for track in result.tracks.values()]

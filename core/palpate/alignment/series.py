@@ -38,8 +38,12 @@ class Health:
             return
         origin = int(stamps[0]) if self.first is None else self.first
         late, seconds = received - stamps, (stamps - origin) // _SECOND
-        for second in np.unique(seconds).tolist()[:_SECONDS]:
-            least = int(late[seconds == second].min())
+        if (np.diff(seconds) < 0).any():
+            order = np.argsort(seconds, kind="stable")
+            late, seconds = late[order], seconds[order]
+        begins = np.flatnonzero(np.diff(seconds, prepend=seconds[0] - 1))
+        leasts = np.minimum.reduceat(late, begins)
+        for second, least in zip(seconds[begins].tolist()[:_SECONDS], leasts.tolist(), strict=False):
             self._earliest[second] = min(self._earliest.get(second, least), least)
 
     @property

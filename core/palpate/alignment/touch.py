@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,7 +122,8 @@ class TouchFinder:
         if self._settings.weight == "removed" and self._settings.tip_mass is not None:
             force = force + self._settings.tip_mass * GRAVITY
         if len(force) >= _IN_A_ROW:
-            highest = np.lib.stride_tricks.sliding_window_view(force, _IN_A_ROW).max(axis=1)  # NaN where one is
+            rest = len(force) - _IN_A_ROW + 1
+            highest = reduce(np.maximum, (force[i : i + rest] for i in range(_IN_A_ROW)))  # NaN where one is
             self.pull = max(self.pull, -float(np.nanmin(highest, initial=0.0)))
         return replace(samples, force=force)
 

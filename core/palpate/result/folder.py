@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
+from time import monotonic
 from typing import IO, Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from palpate.contact import Parameter
 from palpate.errors import OutputError
 from palpate.estimation import Estimates, Samples
+from palpate.result.text import csv_rows
 from palpate.vectors import Floats
 
 PIPELINE, GIVEN, RESULT = "pipeline.toml", "given.toml", "result.json"
@@ -25,7 +27,7 @@ ONLINE, OFFLINE = "estimates.csv", "estimates-offline.csv"
 # to 3 the standstill of a live run was `rest`.
 SCHEMA = 4
 
-_ROWS = 4096  # of a table that are made into text at once
+_FLUSH = 0.5  # [s]; what is killed keeps its rows up to then
 
 
 def make_folder(name: str, wanted: Path | None, now: datetime) -> Path:
@@ -64,19 +66,19 @@ def withdraw_folder(folder: Path) -> None:
 class EstimatesFile:
     """``estimates.csv``: time, place, what was measured, every parameter of every track with its std; decimated.
 
-    Numbers have ten digits, far more than any of them deserves: all seventeen would take four times as long to write.
+    Numbers have ten digits, far more than any of them deserves.
     """
 
     def __init__(self, file: IO[str], tracks: Mapping[str, Sequence[Parameter]], interval: float) -> None:
         self._file = file
         self._interval = interval
         self._slot = -np.inf  # of time, in which the latest row lies
+        self._flushed = monotonic()
         header = ["time_s", "x_m", "y_m", "force_N", "position_m", "velocity_m_s"]
         for track, parameters in tracks.items():
             header += [f"{track}:{p.name}{suffix}" for p in parameters for suffix in ("", "_std")]
             header += [f"{track}:{name}" for name in ("surface", "surface_std", "force", "nis", "status", "innovation")]
         csv.writer(file, lineterminator="\n").writerow(header)
-        self._line = ",".join(["%.10g"] * len(header)) + "\n"
 
     def write(self, samples: Samples, estimates: Mapping[str, Estimates]) -> None:
         """One row for each interval of time: the tip's place, what was measured, and every track's estimates."""
@@ -89,10 +91,10 @@ class EstimatesFile:
             others = (block.surface, block.surface_std, block.force, block.nis, block.status, block.innovation)
             columns += [column[rows, None] for column in others]
         table = np.concatenate(columns, axis=1)
-        for begin in range(0, len(table), _ROWS):
-            part = table[begin : begin + _ROWS]
-            text = (self._line * len(part)) % tuple(part.ravel().tolist())
-            self._file.write(text.replace("nan", ""))
+        self._file.write(csv_rows(table))
+        if (now := monotonic()) - self._flushed > _FLUSH:
+            self._file.flush()
+            self._flushed = now
 
     def _due(self, time: Floats) -> NDArray[np.int64]:
         """The first sample of every interval."""

@@ -50,8 +50,8 @@ class Keeper:
         if not found:
             return
         measured = (samples.time, samples.force, samples.position, samples.velocity, *samples.lateral.T)
-        table = np.array([column[rows] for column in (*measured, used, estimates.surface, estimates.innovation)])
-        done = 0
+        columns = (*measured, used, estimates.surface, estimates.innovation)
+        where, done = np.flatnonzero(rows), 0
         while done < found:
             block, place = divmod(self._count, _BLOCK)
             count = min(found - done, _BLOCK - place)
@@ -60,7 +60,8 @@ class Keeper:
                     self._blocks[block] = np.empty((len(_COLUMNS), _BLOCK))
                     self._thin()
                 if block in self._blocks:
-                    self._blocks[block][:, place : place + count] = table[:, done : done + count]
+                    taken = where[done : done + count]
+                    self._blocks[block][:, place : place + count] = [column[taken] for column in columns]
             self._count, done = self._count + count, done + count
 
     def _thin(self) -> None:

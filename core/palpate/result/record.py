@@ -140,8 +140,9 @@ class TrackRecord:
         self.report = estimates.report or self.report
         self.timing_included |= estimates.timing_included
         self.flags += tuple(flag for flag in estimates.flags if flag not in self.flags)
+        seen = int(np.bitwise_or.reduce(estimates.status, initial=0))
         for mark in Status:
-            self.marks[mark] += int(np.count_nonzero(estimates.status & mark))
+            self.marks[mark] += int(np.count_nonzero(estimates.status & mark)) if seen & mark else 0
         rows = (estimates.status & Status.IDLE) == 0
         if not rows.any():
             return
@@ -150,9 +151,9 @@ class TrackRecord:
         place = samples.lateral[rows]
         place = place[np.isfinite(place).any(axis=1)]
         if len(place):
-            seen = place if self._lateral is None else np.concatenate([self._lateral, place])
+            places = place if self._lateral is None else np.concatenate([self._lateral, place])
             with np.errstate(invalid="ignore"):
-                self._lateral = np.array([np.fmin.reduce(seen), np.fmax.reduce(seen)])
+                self._lateral = np.array([np.fmin.reduce(places), np.fmax.reduce(places)])
         found = estimates
         rows &= samples.time >= samples.time[rows][-1] - self.keep  # what is older would be forgotten at once
         columns = (found.values, found.std, found.surface, found.surface_std, found.force, found.nis, found.innovation)

@@ -136,6 +136,11 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "A publisher went, and another one took over its topic: its tare and its settings may be others.",
             "Look at the driver, and record again.",
         ),
+        "ros2-unread": FlagMeaning(
+            "doubtful",
+            "A topic is published as it is not read: with another type, or best effort where reliable is asked for.",
+            "Look at who publishes it (palpate info ros2://DOMAIN), and whether it is still the same driver.",
+        ),
         "ros2-clock": FlagMeaning(
             "doubtful",
             "The stamps of a publisher leapt, as when a clock is set; they were mapped anew from there on.",

@@ -238,9 +238,9 @@ class RecursiveTracker:
             "innovation": innovation,
         }
         for name, found in columns.items():
-            found = np.array(found)
-            found[broken] = np.nan
             getattr(estimates, name)[rows] = found
+            if self._diverged:
+                getattr(estimates, name)[rows][broken] = np.nan
         estimates.status[rows] = status
 
 

@@ -58,6 +58,8 @@ class Places:
 
     def add(self, samples: Samples, estimates: Estimates) -> None:
         """See `palpate.TrackSummary`."""
+        if not np.isfinite(samples.lateral).all(axis=1).any():
+            return  # nobody says where the tip is
         known = ((estimates.status & Status.IDLE) == 0) & np.isfinite(estimates.values).all(axis=1)
         columns = (estimates.values, estimates.std, estimates.surface, estimates.surface_std)
         self._way.add(samples.time[known], samples.lateral[known], np.column_stack(columns)[known])

@@ -11,8 +11,10 @@ from palpate.host import SEVERITIES, WIDTHS, Table, function_of, people, registr
 
 from palpate_report import texts
 from palpate_report.anonymous import Anonymous
-from palpate_report.drawing import PICTURES, Subject, draw, lumps_of
+from palpate_report.drawing import PICTURES, draw
+from palpate_report.drawing_way import lumps_of
 from palpate_report.reading import Record
+from palpate_report.subject import Subject
 from palpate_report.svg import svg_text
 from palpate_report.verdict import LEVELS, RunVerdict, judge
 

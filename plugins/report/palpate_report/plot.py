@@ -33,8 +33,9 @@ def plot(
     out: Annotated[Path | None, typer.Option("--out", help="Folder to write to. [default: RUN/pictures]")] = None,
 ) -> None:
     """Draw pictures of a run as PDF, SVG or PNG in widths of journals, each with a CSV of its numbers beside it."""
-    from palpate_report.drawing import PICTURES, Subject, draw
+    from palpate_report.drawing import PICTURES, draw
     from palpate_report.page import subject_of
+    from palpate_report.subject import Subject
     from palpate_report.verdict import judge
 
     record = Record.read(run)

@@ -17,6 +17,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "plausibility": Diagnosis("palpate_uncertainty.plausibility:plausibility", order=0, quick=True),
         # What others judge by holds its terms.
         "budget": Diagnosis("palpate_uncertainty.terms:budgets", order=10, quick=True),
+        "late-force": Diagnosis("palpate_uncertainty.late_force:late_force", order=10, quick=True),
         "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
         "model-choice": Diagnosis("palpate_uncertainty.choice:model_choice"),
         "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability"),

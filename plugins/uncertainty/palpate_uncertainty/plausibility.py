@@ -16,13 +16,14 @@ _NIS_RANGE = (0.5, 1.6)  # of the mean over the last second; 0.9 to 1.1 would be
 _COLOURED = 0.3  # autocorrelation of innovations; 0.1 comes by chance alone
 _WEAK, _FAINT = 5.0, 2.0  # the force must swing by more than so many standard deviations of its noise
 _TOLD = 0.2  # of a value: a weak force must tell it to so much, by the Cramer-Rao bound; a faint one never does
+_SOFT = (10.0, 1e9)  # [Pa] from the softest gels to hard rubber
 _SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the one that the first touch says
 
 PLAUSIBILITY_FLAGS = {
     "implausible": FlagMeaning(
         "doubtful",
         "A parameter is outside of what is possible.",
-        "Do not use that parameter; declare delays, or use a model without it.",
+        "Do not use that parameter; check units, declare delays, or use a model without it.",
     ),
     "inconsistent": FlagMeaning(
         "doubtful",
@@ -83,6 +84,9 @@ def _bound_flags(last: Tail, model: ContactModel, held: Set[str]) -> Iterator[Fl
         value = float(last.values[:, column].mean())
         if parameter.name not in held and not parameter.lower < value < parameter.upper:
             yield Flag("implausible", f"{parameter.name} of {value:.3g} {parameter.unit} is outside what is possible")
+        elif parameter.role == "elastic" and parameter.unit == "Pa" and not _SOFT[0] <= value <= _SOFT[1]:
+            found = f"{parameter.name} of {value:.3g} Pa is not that of anything soft ({_SOFT[0]:g} Pa to 1 GPa)"
+            yield Flag("implausible", f"{found}: are force and height in the units that are declared?")
 
 
 def _convergence_flags(end: Ending, model: ContactModel) -> Iterator[Flag]:

@@ -7,12 +7,12 @@ import pytest
 from palpate import Batch, Estimates, Flag, Parameter, Run, Samples
 from palpate.errors import ConfigurationError
 from palpate_devices.ros2.accounts import CommonClock, Losses, Publisher, StampClock
-from palpate_devices.ros2.cyclone import Network
 from palpate_devices.ros2.device import Ros2Device
 from palpate_devices.ros2.frames import Arrived, Inlet, Outlet, message_pipe
 from palpate_devices.ros2.limits import Bound, Limit
 from palpate_devices.ros2.looking import address_of
 from palpate_devices.ros2.messages import boolean, cloud, diagnostics, legal_name, vector_stamped
+from palpate_devices.ros2.network import Network
 from palpate_devices.ros2.sink import Publishing, Ros2Sink
 from pydantic import ValidationError
 

@@ -12,9 +12,9 @@ from palpate.host import load_pipeline, run_pipeline
 from palpate_devices.logs.kinematics import Kinematics
 from palpate_devices.logs.mapping import MappedSignal
 from palpate_devices.messages import pack
-from palpate_devices.ros2.cyclone import Network
 from palpate_devices.ros2.device import Ros2Device, WatchedRange
 from palpate_devices.ros2.listening import hear, listener
+from palpate_devices.ros2.network import Network
 
 PERIOD = 0.002  # [s]
 WRENCH, POSE = "topic /wrench wrench", "topic /pose pose"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -14,51 +14,29 @@ from palpate import DeviceError, LogError
 from palpate_devices.ros2.frames import Arrived
 from palpate_devices.ros2.idl import message_class
 from palpate_devices.ros2.names import dds_topic, ros_topic, ros_type
+from palpate_devices.ros2.network import Network, Publication
 
 _TAKEN = 256  # messages at a time
 _CONFIGURED = "CYCLONEDDS_URI"  # whoever has configured Cyclone is not overruled
 
 
-@dataclass(frozen=True)
-class Network:
-    """How to reach the others."""
-
-    domain: int = 0
-    interface: str | None = None
-    peers: tuple[str, ...] = ()
-    reliable: bool = False
-    history: int = 1000
-
-    @property
-    def configuration(self) -> str:
-        """What Cyclone is to do, as XML."""
-        name = quoteattr(self.interface) if self.interface else ""
-        interface = f"<Interfaces><NetworkInterface name={name}/></Interfaces>" if name else ""
-        multicast = (
-            "<AllowMulticast>spdp</AllowMulticast>" if not self.peers else "<AllowMulticast>false</AllowMulticast>"
-        )
-        general = f"<General>{interface}{multicast}</General>"
-        peers = "".join(f"<Peer address={quoteattr(peer)}/>" for peer in self.peers)
-        found = f"<ParticipantIndex>auto</ParticipantIndex><Peers>{peers}</Peers>" if peers else ""
-        quiet = "<Tracing><Verbosity>none</Verbosity></Tracing>"  # of each message that it drops it would write a line
-        inside = f"{general}<Discovery>{found}</Discovery>{quiet}"
-        return f'<CycloneDDS><Domain id="any">{inside}</Domain></CycloneDDS>'
-
-
-@dataclass(frozen=True)
-class Publication:
-    """One writer of one topic."""
-
-    topic: str
-    type: str
-    key: str
-    participant: str
-    reliable: bool
-    alive: bool = True
+def configuration(network: Network) -> str:
+    """What Cyclone is to do, as XML."""
+    name = quoteattr(network.interface) if network.interface else ""
+    interface = f"<Interfaces><NetworkInterface name={name}/></Interfaces>" if name else ""
+    multicast = (
+        "<AllowMulticast>spdp</AllowMulticast>" if not network.peers else "<AllowMulticast>false</AllowMulticast>"
+    )
+    general = f"<General>{interface}{multicast}</General>"
+    peers = "".join(f"<Peer address={quoteattr(peer)}/>" for peer in network.peers)
+    found = f"<ParticipantIndex>auto</ParticipantIndex><Peers>{peers}</Peers>" if peers else ""
+    quiet = "<Tracing><Verbosity>none</Verbosity></Tracing>"  # of each message that it drops it would write a line
+    inside = f"{general}<Discovery>{found}</Discovery>{quiet}"
+    return f'<CycloneDDS><Domain id="any">{inside}</Domain></CycloneDDS>'
 
 
 @dataclass
-class Participant:
+class CycloneParticipant:
     """A member of a domain that only listens."""
 
     network: Network
@@ -70,7 +48,7 @@ class Participant:
         from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
         from cyclonedds.core import WaitSet
 
-        self.talker = Talker(self.network, self._participant)
+        self.talker = CycloneTalker(self.network, self._participant)
         self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
         self._waiting = WaitSet(self._participant)
         self._known: dict[str, Publication] = {}
@@ -129,7 +107,7 @@ class Participant:
                 yield Arrived(number, now, int(info.source_timestamp), int(info.publication_handle), payload)
 
 
-class Talker:
+class CycloneTalker:
     """A member of a domain that publishes messages: of estimates, flags and alarms, and of nothing that moves."""
 
     def __init__(self, network: Network, member: Any = None) -> None:
@@ -137,8 +115,11 @@ class Talker:
         self._participant = participant(network, self._kept) if member is None else member
         self._writers: dict[str, tuple[Any, Any]] = {}
 
-    def announce(self, topic: str, type_name: str, latched: bool = False) -> Any:
-        """The writer of a topic, so that others find it before it sends; `latched`: who comes later gets the last."""
+    def announce(self, topic: str, type_name: str, latched: bool = False) -> None:
+        """Tell of a topic, so that others find it before it sends; `latched`: who comes later gets the last message."""
+        self._writer(topic, type_name, latched)
+
+    def _writer(self, topic: str, type_name: str, latched: bool) -> Any:
         from cyclonedds.pub import DataWriter
         from cyclonedds.qos import Policy, Qos
         from cyclonedds.topic import Topic
@@ -156,7 +137,11 @@ class Talker:
         kind = message_class(type_name, "")
         message = kind.__new__(kind)
         message.data = payload
-        self.announce(topic, type_name, latched).write(message)
+        self._writer(topic, type_name, latched).write(message)
+
+    def close(self) -> None:
+        """Go."""
+        self._writers.clear()
 
 
 def participant(network: Network, kept: list[Any]) -> Any:
@@ -168,16 +153,8 @@ def participant(network: Network, kept: list[Any]) -> Any:
         raise DeviceError("ROS 2 topics need Cyclone DDS: pip install 'palpate[ros2]'") from error
     try:
         if _CONFIGURED not in os.environ:
-            kept.append(Domain(network.domain, network.configuration))
+            kept.append(Domain(network.domain, configuration(network)))
         return DomainParticipant(network.domain)
     except DDSException as error:
         where = f" on interface {network.interface!r}: is it there" if network.interface else ""
         raise DeviceError(f"DDS does not come up in domain {network.domain}{where} ({error})") from error
-
-
-def network_of(settings: Mapping[str, Any]) -> Network:
-    """A network from plain settings."""
-    peers: Sequence[str] = settings.get("peers", ())
-    return Network(
-        settings["domain"], settings.get("interface"), tuple(peers), settings["reliable"], settings["history"]
-    )

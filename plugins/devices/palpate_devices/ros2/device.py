@@ -18,12 +18,12 @@ from palpate_devices.logs.kinematics import Kinematics
 from palpate_devices.logs.mapping import Clock, MappedSignal, Orientation
 from palpate_devices.logs.replay import described_feeds
 from palpate_devices.ros2.accounts import CommonClock
-from palpate_devices.ros2.cyclone import Network
 from palpate_devices.ros2.heard import Heard
 from palpate_devices.ros2.limits import Bound, Limit
 from palpate_devices.ros2.link import Ros2Link
 from palpate_devices.ros2.listening import Listener, hear, listener, refuse_missing
 from palpate_devices.ros2.names import resolved
+from palpate_devices.ros2.network import Middleware, Network, demand_reachable
 
 _NAMES = 1.0  # [s] that joints and frames may take to be named after the first message
 
@@ -36,7 +36,8 @@ class WatchedRange(Settings):
 
 
 class Ros2Device(Device):
-    """Topics of a running ROS 2 system, by DDS and without a ROS installation; needs ``palpate[ros2]``.
+    """Topics of a running ROS 2 system, by DDS or zenoh and without a ROS installation; needs ``palpate[ros2]``
+    or ``palpate[zenoh]``.
 
     `signals` and `kinematics` say which numbers of which topics are the channels, with the keys of mcap-replay: a
     pipeline for a bag becomes live when the type of its device does. Stamps are mapped to the host's clock by the
@@ -45,6 +46,9 @@ class Ros2Device(Device):
     """
 
     domain: int = Field(default=0, ge=0, le=232, description="the DDS domain, as in ROS_DOMAIN_ID")
+    middleware: Middleware = Field(
+        default="dds", description='"dds" for rmw_fastrtps and rmw_cyclonedds; "zenoh" where nodes use rmw_zenoh_cpp'
+    )
     signals: dict[str, MappedSignal] = Field(
         default={},
         description='channels by name: { force = { topic = "/wrench", field = "wrench.force.z", unit = "N" } }',
@@ -73,7 +77,9 @@ class Ros2Device(Device):
     history: int = Field(default=1000, ge=1, le=100_000, description="messages of a topic that may wait in DDS")
     interface: str | None = Field(default=None, min_length=1, description='network interface, such as "eth0" or "lo"')
     peers: tuple[str, ...] = Field(
-        default=(), description="addresses of the other computers, where the network has no multicast"
+        default=(),
+        description="addresses of the other computers, where the network has no multicast; with zenoh: of the router, "
+        'or of other members, such as "tcp/192.168.1.10:7447"',
     )
     limits: dict[str, WatchedRange] = Field(
         default={},
@@ -109,6 +115,11 @@ class Ros2Device(Device):
             raise ValueError(
                 f"two streams would be {twice!r}; the kinematics make tip and twist: name others in topics"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _reachable(self) -> Self:
+        demand_reachable(self.middleware, self.interface, self.peers)
         return self
 
     @model_validator(mode="after")
@@ -156,7 +167,7 @@ class Ros2Device(Device):
     @property
     def provenance(self) -> Mapping[str, str]:
         """The domain."""
-        return {"domain": str(self.domain), "middleware": "cyclonedds"}
+        return {"domain": str(self.domain), "middleware": "cyclonedds" if self.middleware == "dds" else self.middleware}
 
     def connect(self, seed: int) -> AbstractContextManager[Link]:
         """The topics, once all of them are found and as they are described."""
@@ -173,7 +184,8 @@ class Ros2Device(Device):
     @property
     def network(self) -> Network:
         """How to reach the others."""
-        return Network(self.domain, self.interface, self.peers, self.reliability == "reliable", self.history)
+        reliable = self.reliability == "reliable"
+        return Network(self.domain, self.interface, self.peers, reliable, self.history, self.middleware)
 
     @cached_property
     def _signals(self) -> dict[str, MappedSignal]:

@@ -165,11 +165,17 @@ class Ros2Link:
                 "ros2-missing", told(lambda a: a.losses.missing, "{} messages of {topic} are missing by their stamps")
             ),
             Flag("ros2-damaged", f"{damaged} ({self._trouble})" if damaged else ""),
+            Flag("ros2-unread", self._unread()),
             Flag("ros2-limit", "; ".join(str(limit) for limit in self._limits if limit.beyond)),
             Flag("ros2-clocks", self._apart()),
             Flag("ros2-clock", f"the clock of a publisher leapt {restarts} times" if restarts else ""),
         )
         return (flag for flag in found if flag.message)
+
+    def _unread(self) -> str:
+        """Whether somebody publishes a topic as it cannot be read; empty where nobody does."""
+        found = {topic: self._source.unmatched(topic) for topic in sorted(self._accounts)}
+        return "; ".join(f"{topic} {why}" for topic, why in found.items() if why)
 
     def _apart(self) -> str:
         """Whether two publishers' clocks are not one; empty where they are."""

@@ -14,9 +14,9 @@ from palpate import DeviceError
 from palpate_devices.logs.definitions import short_name
 from palpate_devices.logs.standard_types import STANDARD_TYPES
 from palpate_devices.process.child import Child
-from palpate_devices.ros2.cyclone import Network
 from palpate_devices.ros2.frames import Arrived, Inlet, message_pipe
 from palpate_devices.ros2.heard import Heard
+from palpate_devices.ros2.network import Network
 
 _MODULE = "palpate_devices.ros2.worker"
 _READY = 15.0  # [s]
@@ -29,6 +29,7 @@ class Listener:
 
     child: Child
     inlet: Inlet
+    network: Network
     scheduling: str
     topics: dict[int, str] = field(default_factory=dict)  # that are listened to, by number
     publications: dict[str, dict[str, Any]] = field(default_factory=dict)  # by key
@@ -52,7 +53,14 @@ class Listener:
     @property
     def types(self) -> Mapping[str, str]:
         """The types of topics that somebody publishes."""
-        return {entry["topic"]: entry["type"] for entry in self.publications.values()}
+        return {entry["topic"]: entry["type"] for entry in reversed(self.publications.values())}  # the first counts
+
+    def unmatched(self, topic: str) -> str:
+        """Why somebody who publishes a topic is not heard, in words; empty where all are."""
+        there = [entry for entry in self.publications.values() if entry["topic"] == topic]
+        if self.network.reliable and not all(entry["reliable"] for entry in there):
+            return 'is published best effort, and reliability = "reliable" asks for more than that'
+        return self.problems.get(topic, "")
 
 
 @contextmanager
@@ -72,7 +80,7 @@ def listener(
         child = Child(name, _MODULE, settings, 1)
         child.hand_over("messages", writing)
         ready = child.wait_for("ready", _READY)
-        yield Listener(child, Inlet(reading), ready["scheduling"])
+        yield Listener(child, Inlet(reading), network, ready["scheduling"])
     finally:
         if child is not None:
             child.close()
@@ -110,11 +118,13 @@ def refuse_missing(source: Listener, heard: Heard, wanted: Sequence[str], name: 
         if topic in source.problems:
             raise DeviceError(f"{name}: {_problem(topic, there.get(topic, ''), source.problems[topic])}")
         if topic in there:
+            if why := source.unmatched(topic):
+                raise DeviceError(f"{name}: {topic} {why}: nothing comes; leave reliability out")
             raise DeviceError(
                 f"{name}: {topic} is published ({there[topic]}), but has sent nothing in {seconds:g} s; is the driver "
-                'running, and does it publish best effort while reliability = "reliable" is asked for?'
+                "running?"
             )
-        raise DeviceError(f"{name}: nobody publishes {topic} within {seconds:g} s ({_topics(there)})")
+        raise DeviceError(f"{name}: nobody publishes {topic} within {seconds:g} s ({_topics(there, source.network)})")
 
 
 def _problem(topic: str, type_name: str, why: str) -> str:
@@ -123,10 +133,7 @@ def _problem(topic: str, type_name: str, why: str) -> str:
     return f"{topic} is of type {type_name}, which is no standard type: give its definition in types ({why})"
 
 
-def _topics(there: Mapping[str, str]) -> str:
+def _topics(there: Mapping[str, str], network: Network) -> str:
     if not there:
-        return (
-            "there are no topics at all: is the domain right, as in ROS_DOMAIN_ID, and is there multicast? else name "
-            "interface and peers"
-        )
+        return f"there are no topics at all: {network.nobody}"
     return "there are: " + ", ".join(f"{topic} of {kind}" for topic, kind in sorted(there.items()))

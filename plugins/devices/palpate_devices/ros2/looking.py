@@ -13,13 +13,13 @@ from palpate import ConfigurationError, to_si
 from palpate_devices.logs.suggestion import suggestion_for
 from palpate_devices.logs.survey import survey_of
 from palpate_devices.recording import Suggestion, Survey
-from palpate_devices.ros2.cyclone import Network
 from palpate_devices.ros2.heard import Heard
 from palpate_devices.ros2.listening import hear, listener
+from palpate_devices.ros2.network import Network, demand_reachable
 
 _ADDRESS = re.compile(r"^ros2:/{1,2}(?P<domain>[^?/]*)(?:\?(?P<query>.*))?$")  # a path loses one of two slashes
 _NUMBER = re.compile(r"^\d+(\.\d*)?$")
-_KEYS = ("interface", "peer", "for")
+_KEYS = ("interface", "peer", "for", "middleware")
 _SECONDS = 3.0
 _MOST = 3600.0  # [s]
 
@@ -48,7 +48,15 @@ def address_of(text: str) -> Address | None:
     given = parse_qs(match["query"] or "", keep_blank_values=True)
     if unknown := next((key for key in given if key not in _KEYS), None):
         raise ConfigurationError(f"{text}: {unknown!r} is none of {', '.join(_KEYS)}")
-    network = Network(int(domain), given.get("interface", [""])[-1] or None, tuple(given.get("peer", ())))
+    middleware = given.get("middleware", ["dds"])[-1]
+    if middleware not in ("dds", "zenoh"):
+        raise ConfigurationError(f"{text}: middleware: {middleware!r} is neither dds nor zenoh")
+    interface, peers = given.get("interface", [""])[-1] or None, tuple(given.get("peer", ()))
+    try:
+        demand_reachable(middleware, interface, peers)
+    except ValueError as error:
+        raise ConfigurationError(f"{text}: {error}") from error
+    network = Network(int(domain), interface, peers, middleware=middleware)
     try:
         text_of = given.get("for", [str(_SECONDS)])[-1]
         seconds = float(text_of) if _NUMBER.match(text_of) else to_si(text_of, "s")
@@ -71,7 +79,7 @@ def heard_at(address: Address) -> Heard:
 def survey_at(address: Address) -> Survey:
     """What is published at an address."""
     found = survey_of(heard_at(address), Path(address.name), f"for {address.seconds:g} s")
-    note = "nobody publishes anything: is the domain right, as in ROS_DOMAIN_ID, and is there multicast?"
+    note = f"nobody publishes anything: {address.network.nobody}"
     return found if found.topics else replace(found, notes=(*found.notes, note))
 
 
@@ -81,6 +89,7 @@ def suggestion_at(address: Address, choices: Mapping[str, str]) -> Suggestion:
     device = {key: value for key, value in found.device.items() if key not in ("file", "begin", "end")}
     network = address.network
     device["domain"] = network.domain
+    device |= {"middleware": network.middleware} if network.middleware != "dds" else {}
     device |= {"interface": network.interface} if network.interface else {}
     device |= {"peers": list(network.peers)} if network.peers else {}
     reasons = tuple(text for text in found.reasons if not text.startswith("end:"))

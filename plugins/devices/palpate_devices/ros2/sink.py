@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from palpate import DeviceError, Estimates, Flag, OutputError, Run, Samples, Sink, Time, Writer
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from palpate_devices.ros2.cyclone import Network, Talker
 from palpate_devices.ros2.messages import DIAGNOSTICS, VECTOR, cloud, diagnostics, legal_name, vector_stamped
+from palpate_devices.ros2.network import Middleware, Network, Talker, demand_reachable, talker
 
 _CLOUD_EVERY = 1.0  # [s] of the record
 _PLACES = 5000  # of one track that a map shows
@@ -20,7 +20,7 @@ _APART = 2e-4  # [m] between two of them
 
 
 class Ros2Sink(Sink):
-    """Publishes what is found to a ROS 2 system while the run goes on; needs ``palpate[ros2]``.
+    """Publishes what is found to a ROS 2 system while the run goes on; needs ``palpate[ros2]``, or ``palpate[zenoh]``.
 
     Standard types only, so that rviz, plotjuggler and ``ros2 topic echo`` show them: for every parameter of a track
     ``palpate/MODEL/ESTIMATOR/PARAMETER`` (geometry_msgs/Vector3Stamped: value, standard deviation, both in SI, and the
@@ -30,6 +30,7 @@ class Ros2Sink(Sink):
     """
 
     domain: int = Field(default=0, ge=0, le=232, description="the DDS domain, as in ROS_DOMAIN_ID")
+    middleware: Middleware = Field(default="dds", description='"zenoh" where nodes use rmw_zenoh_cpp')
     namespace: str = Field(default="", pattern=r"^(/[A-Za-z_][A-Za-z0-9_]*)*$", description='such as "/left"')
     interval: Time = Field(default=0.02, ge=0, description="one estimate is published in so much time of the record")
     frame: str = Field(default="surface", description="frame_id of the messages")
@@ -38,6 +39,11 @@ class Ros2Sink(Sink):
         default=(), description="addresses of the other computers, where the network has no multicast"
     )
 
+    @model_validator(mode="after")
+    def _reachable(self) -> Self:
+        demand_reachable(self.middleware, self.interface, self.peers)
+        return self
+
     def open(self, run: Run) -> AbstractContextManager[Writer]:
         """A participant of the domain; raises OutputError where DDS does not come up."""
         return self._opened(run)
@@ -45,10 +51,13 @@ class Ros2Sink(Sink):
     @contextmanager
     def _opened(self, run: Run) -> Iterator[Writer]:
         try:
-            talker = Talker(Network(self.domain, self.interface, self.peers, reliable=True))
+            member = talker(Network(self.domain, self.interface, self.peers, True, middleware=self.middleware))
         except DeviceError as error:
             raise OutputError(f"sink ros2: {error}") from error
-        yield Publishing(self, run, talker)
+        try:
+            yield Publishing(self, run, member)
+        finally:
+            member.close()
 
 
 class Publishing:

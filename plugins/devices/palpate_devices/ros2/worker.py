@@ -1,4 +1,4 @@
-"""The process that listens to DDS: so that no busy thread of the main job delays a message."""
+"""The process that listens to topics: so that no busy thread of the main job delays a message."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from palpate import DeviceError, LogError
 
 from palpate_devices.process.child import Parent, real_time
 from palpate_devices.process.ring import WORDS, Ring
-from palpate_devices.ros2.cyclone import Participant, Publication, network_of
 from palpate_devices.ros2.frames import Outlet
 from palpate_devices.ros2.messages import boolean
+from palpate_devices.ros2.network import Participant, Publication, network_of, participant
 
 _IDLE = 0.02  # [s]
 _NEWS = 50_000_000  # [ns] between two looks at who is there
@@ -28,11 +28,11 @@ def main() -> None:
     ring = Ring(int(sys.argv[2]), 1)
     try:
         outlet = Outlet(_descriptor(parent))
-        scheduling = real_time(40)  # Cyclone's threads inherit it
-        participant = Participant(network_of(settings))
+        scheduling = real_time(40)  # the middleware's threads inherit it
+        member = participant(network_of(settings))
         parent.tell("ready", scheduling=scheduling)
         gc.freeze()
-        _listen(participant, ring, parent, outlet, settings)
+        _listen(member, ring, parent, outlet, settings)
     except (DeviceError, LogError) as error:
         parent.tell("fault", text=str(error))
     except BrokenPipeError:  # the parent has gone
@@ -49,31 +49,31 @@ def _descriptor(parent: Parent) -> int:
     return parent.descriptors[0]
 
 
-def _listen(participant: Participant, ring: Ring, parent: Parent, outlet: Outlet, settings: dict[str, Any]) -> None:
+def _listen(member: Participant, ring: Ring, parent: Parent, outlet: Outlet, settings: dict[str, Any]) -> None:
     wanted: list[str] | None = settings["topics"]  # None: all whose type is known
     definitions: dict[str, str] = settings["definitions"]
     heard: dict[str, str] = {}  # types by topic
     looked = 0
     alarm: str | None = settings.get("alarm")
     if alarm is not None:
-        participant.talker.send(alarm, *boolean(False), latched=True)
+        member.talker.send(alarm, *boolean(False), latched=True)
     while not parent.gone:
-        participant.wait(_IDLE)
+        member.wait(_IDLE)
         now = time.monotonic_ns()
         ring.beat(now)
-        for message in participant.messages():
+        for message in member.messages():
             outlet.put(message)
         outlet.flush()
         ring.head[LOST] = outlet.lost
         if now - looked > _NEWS:
             looked = now
-            for found in participant.news():
-                problem = _begin(participant, found, heard, definitions) if _counts(found, wanted) else None
+            for found in member.news():
+                problem = _begin(member, found, heard, definitions) if _counts(found, wanted) else None
                 number = list(heard).index(found.topic) if found.topic in heard else None
                 parent.tell("publication", number=number, problem=problem, **asdict(found))
         words = [message["say"] for message in parent.messages()]
         if "alarm" in words and alarm is not None:
-            participant.talker.send(alarm, *boolean(True), latched=True)
+            member.talker.send(alarm, *boolean(True), latched=True)
         if "close" in words:
             return
 
@@ -82,15 +82,13 @@ def _counts(found: Publication, wanted: list[str] | None) -> bool:
     return found.alive and (wanted is None or found.topic in wanted)
 
 
-def _begin(
-    participant: Participant, found: Publication, heard: dict[str, str], definitions: dict[str, str]
-) -> str | None:
+def _begin(member: Participant, found: Publication, heard: dict[str, str], definitions: dict[str, str]) -> str | None:
     """Listen to the topic of a new writer; what is in the way of that, in words."""
     if found.topic in heard:
         other = heard[found.topic] != found.type
-        return f"is of type {found.type}, and another publisher's of {heard[found.topic]}" if other else None
+        return f"is published as {found.type}, and read as {heard[found.topic]}" if other else None
     try:
-        participant.listen(len(heard), found.topic, found.type, definitions.get(found.type, ""))
+        member.listen(len(heard), found.topic, found.type, definitions.get(found.type, ""))
     except LogError as error:
         return str(error)
     heard[found.topic] = found.type

@@ -5,7 +5,7 @@ import { Cards, element, seconds, showDevices, showFlags } from "./panels.js";
 import { Record, unpack } from "./record.js";
 
 const $ = (id) => document.getElementById(id);
-const FAST = 50, NUMBERS = 250, SLOW = 500, MAP = 1000, RETRY = 1000; // [ms]
+const FAST = 40, NUMBERS = 250, SLOW = 500, MAP = 1000, RETRY = 1000; // [ms]
 const PHASES = { standstill: "standstill: tare and noise are taken", motion: "moving", tripped: "stopped by the guard", over: "the motion is over" };
 
 let record = null, cards = null, fast = [], slow = [], socket = null, over = false, asked = false;
@@ -149,7 +149,7 @@ function play() {
 
 // A frame is asked for when there is something to draw: by rows that come, not faster than FAST, and now and then by
 // the clock, for what changes without rows. So the first rows after a pause are drawn at once, and a page at rest rests.
-let drawn = { fast: 0, numbers: 0, slow: 0, map: 0 }, before = null, asked_for = false, known = 0; // rows that were drawn
+let drawn = { fast: 0, numbers: 0, slow: 0, map: 0 }, before = null, asked_for = false, known = 0, even = false; // rows that were drawn
 
 function soon() {
   if (asked_for) return;
@@ -167,7 +167,9 @@ function frame(at) {
   const rows = record.rowsUntil(t), window_ = Number($("window").value);
   const from = window_ ? Math.max(t - window_, 0) : record.count ? record.time[0] : 0;
   const some = chosen(record, from, t);
-  for (const chart of fast) chart.draw(record, some, from, t);
+  const [force, ...others] = fast; // the force as soon as can be, the others in every second frame of many
+  force.draw(record, some, from, t);
+  if ((even = !even) || !fresh) for (const chart of others) chart.draw(record, some, from, t);
   drawn.fast = at;
   if (fresh && stamp && !record.run.recorded && known < record.count) arrived(known);
   known = record.count;

@@ -119,7 +119,7 @@ export function showDevices(parent, health, delay) {
   made.push(table("Streams", ["stream", "rate Hz", ...heads],
     streams.map(([name, s]) => [name, plain(s.rate), ...heads.map((key) => plain(s[key]))])));
   const whole = [["estimates behind the readings", `${plain(health.behind)} s`]];
-  if (health.tare) whole.push(["tare", `${plain(health.tare.offset)} N`], ["noise of the force at rest", `${plain(health.tare.noise)} N`]);
+  if (health.tare) whole.push(["tare", `${plain(health.tare.offset)} N`], ["noise of the force at standstill", `${plain(health.tare.noise)} N`]);
   if (delay !== null) whole.push(["this page behind the sensor", `${Math.round(delay)} ms`]);
   made.push(table("Run", ["", ""], whole));
   for (const [name, device] of Object.entries(health.devices ?? {})) made.push(table(name, ["", ""], flat(device)));

@@ -8,6 +8,8 @@ from typing import Any
 from palpate import Depth, Indenter
 from pydantic import Field
 
+_DEEP = 2.0  # radii, at which the force of the paraboloid is 20 % above that of the sphere
+
 
 def hess_factor(exponent: float) -> float:
     """k_n of the reduced profile k_n c_n x^n of a tip c_n r^n: pi/2, 2 and 8/3 for n = 1, 2 and 4."""
@@ -33,6 +35,12 @@ class Sphere(Indenter):
     def profile_area(self, depth: Any) -> Any:
         """(2/3) sqrt(R) d^1.5 [m^2]."""
         return 2.0 / 3.0 * depth * (self.radius * depth) ** 0.5
+
+    def validity(self, depth: float) -> str:
+        """Depth at which the paraboloid is a sphere no more."""
+        if depth <= _DEEP * self.radius:
+            return ""
+        return f"the depth is {depth / self.radius:.3g} times the radius of the sphere: take exact-sphere"
 
 
 class Paraboloid(Indenter):

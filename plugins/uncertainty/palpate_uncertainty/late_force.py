@@ -1,0 +1,31 @@
+"""What a force that is late does to an estimate that does not know it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from palpate import Diagnosed, TrackEvidence
+from palpate.host import force_lateness
+
+from palpate_uncertainty.along import along
+from palpate_uncertainty.timing import delay_shifts, is_viscous
+
+
+def late_force(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
+    """Of every track whose contact gives out work: no viscosity is known, the rest is shifted by that delay at least.
+
+    How late the force is beyond what shows in the work is as long as the material's own eta/G, which nobody knows then.
+    """
+    found = {}
+    for track in tracks:
+        end = track.ending
+        late = force_lateness(end.tail, track.tip_mass or 0.0) if end is not None and not end.is_sweep else None
+        if end is None or late is None:
+            continue
+        shifts = delay_shifts(track.model, along(track.model, end.tail, end.last, track.values), track.values)
+        parts = list(zip(track.model.parameters, np.abs(late * shifts).tolist(), strict=True))
+        viscous = frozenset(parameter.name for parameter, _ in parts if is_viscous(parameter))
+        terms = {parameter.name: shift for parameter, shift in parts if parameter.name not in viscous and shift > 0}
+        found[track.name] = Diagnosed(terms=terms, unknown=viscous)
+    return found

@@ -1,0 +1,31 @@
+"""Values that no soft material has are told, and so is a depth at which a paraboloid is no sphere."""
+
+import numpy as np
+import palpate
+import pytest
+from palpate_models import ExactSphere, Sphere
+
+
+def pressed(times=1.0, radius=5e-3, deepest=5e-3):
+    """A press of a sphere; heights are wrong by a factor."""
+    time = np.arange(0.0, 4.0, 0.002)
+    phase = 2 * np.pi * time
+    depth, rate = deepest * (0.6 - 0.4 * np.cos(phase)), deepest * 0.8 * np.pi * np.sin(phase)
+    force = np.sqrt(radius) * (16 / 9 * 112e3 * depth**1.5 + 8 * 362 * depth**0.5 * rate)
+    force += np.random.default_rng(1).normal(0.0, 0.02, len(time))
+    return palpate.record(
+        time=time, force=force, height=-depth * times, velocity=-rate * times, timing="0.3 ms", tip_mass=0, tare="0 N"
+    )
+
+
+@pytest.mark.parametrize(("times", "flagged"), [(1e3, True), (1.0, False), (1e-3, True)])
+def test_millimetres_as_metres_and_metres_as_millimetres(times, flagged):
+    """3.5 Pa and 3.5 GPa where 112 kPa is true."""
+    fit = palpate.fit(pressed(times), tip=Sphere(radius="5 mm"), model="dr")
+    assert ("implausible" in {flag.code for flag in fit.flags}) == flagged
+
+
+@pytest.mark.parametrize(("tip", "flagged"), [(Sphere, True), (ExactSphere, False)])
+def test_a_paraboloid_far_beyond_its_radius(tip, flagged):
+    fit = palpate.fit(pressed(radius=2e-3), tip=tip(radius="2 mm"), model="dr")
+    assert ("beyond-model-range" in {flag.code for flag in fit.flags}) == flagged
