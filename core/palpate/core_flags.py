@@ -100,7 +100,7 @@ _RECORD = {
         "Keep the machine for the rig, or declare a larger uncertainty in [alignment].",
     ),
     "payload": _note(
-        "The payload that the robot counts on is less than what hangs on it.",
+        "The payload that the robot counts on, or its centre of mass, is not what hangs on it.",
         "Set payload and payload_centre of the arm, or correct them on the pendant.",
     ),
     "no-tare": _doubtful(

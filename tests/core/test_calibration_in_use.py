@@ -1,13 +1,16 @@
 """A calibration file: written, read, taken by a pipeline, and flagged where it does not fit."""
 
+import re
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
 
 import pytest
 from palpate import ConfigurationError
 from palpate.config import load_pipeline
 from palpate.config.calibrated import calibration_of
 from palpate.pipeline import run_pipeline
+from palpate.pipeline.readying import stored_offset
 from palpate_calibration.file import Calibration, read_calibration
 from palpate_calibration.quantity import Measured, RepeatValue, calibrated_value
 
@@ -117,6 +120,77 @@ def test_what_the_file_states_stands_and_is_flagged(pipeline):
     assert codes(found) == ["calibration-mass", "calibration-delay"]
     agreed = pipeline('alignment.tip_mass="150.1 g"', 'alignment.force.delay="3.13 ms"')
     assert codes(agreed) == []
+
+
+SINCE = datetime(2026, 5, 1, 8, 0, tzinfo=UTC)
+FED = {"rig": {"type": "sim", "powered_since": SINCE.isoformat()}}
+
+
+@pytest.mark.parametrize(
+    ("then", "now", "code"),
+    [
+        (FED, {"powered_since": (SINCE + timedelta(seconds=3)).isoformat()}, None),  # clocks differ
+        (FED, {"powered_since": (SINCE + timedelta(seconds=40)).isoformat()}, "calibration-offset"),
+        (FED, {"powered_since": "ages ago"}, "calibration-offset-unknown"),
+        (FED, {}, "calibration-offset-unknown"),
+        ({"rig": {"type": "sim"}}, {"powered_since": SINCE.isoformat()}, "calibration-offset-unknown"),
+    ],
+)
+def test_an_offset_counts_only_while_the_sensor_has_its_power(pipeline, then, now, code):
+    found = pipeline('alignment.tare="calibrated"', devices=then)
+    live = {"rig": now}
+    assert [flag.code for flag in found.calibration.flags(found, live)] == ([] if code is None else [code])
+    offset = stored_offset(found, live)
+    assert offset.value == -0.77
+    assert (offset.doubt is None) is (code is None)
+    stated = pipeline("alignment.tare=-0.7 N", devices=then)  # the user's own word
+    assert stored_offset(stated, live).doubt is None
+    assert list(stated.calibration.flags(stated, live)) == []
+    assert stored_offset(pipeline(devices=then), live) is None
+
+
+def test_an_offset_does_not_outlive_its_calibration(pipeline):
+    old = datetime.now(UTC) - timedelta(days=31)
+    found = pipeline('alignment.tare="calibrated"', devices=FED, created=old)
+    live = {"rig": FED["rig"]}
+    assert "31.0 days old" in stored_offset(found, live).doubt
+    assert [flag.code for flag in found.calibration.flags(found, live)] == ["calibration-old"]
+
+
+def test_a_sensor_that_the_robot_feeds_is_as_old_as_the_robot(pipeline):
+    """What feeds the sensor is another device: the one that tells the position."""
+    channels = {"force": "sensor.wrench.z", "position": "arm.tip.z"}
+    fed = {"sensor": {"supply": "robot"}, "arm": {"powered_since": SINCE.isoformat()}}
+    use = pipeline(channels=channels, devices=fed).calibration
+    known = SimpleNamespace(
+        alignment=SimpleNamespace(
+            force=SimpleNamespace(channel="sensor.wrench.z"), position=SimpleNamespace(channel="arm.tip.z")
+        )
+    )
+    assert use.offset_doubt(known, fed) is None
+    again = {**fed, "arm": {"powered_since": (SINCE + timedelta(hours=1)).isoformat()}}
+    assert use.offset_doubt(known, again).code == "calibration-offset"
+    assert use.offset_doubt(known, {**fed, "sensor": {"supply": "unknown"}}).code == "calibration-offset-unknown"
+
+
+@pytest.mark.parametrize(
+    ("payload", "centre", "words"),
+    [
+        (0.4, (0.0, 0.0, 0.03), []),  # its share of (3, 4, 35) mm at 150 g is 1.9 mm aside
+        (0.4, (0.0, 0.0019, 0.03), []),
+        (0.4, (0.02, 0.0, 0.03), ["20.0 mm off its flange's axis: the tip of .* asks for 1.9 mm"]),
+        (0.4, (0.0, 0.0, 0.0), ["0.0 mm before its flange: the tip of .* alone asks for 13.1 mm or more"]),
+        (0.0, (0.0, 0.0, 0.0), []),  # never set: another flag
+    ],
+)
+def test_the_payload_of_an_arm_is_compared_with_the_tip(pipeline, payload, centre, words):
+    places = {f"centre_{axis}": value(x, 1e-4, "m") for axis, x in zip("xyz", (0.003, 0.004, 0.035), strict=True)}
+    found = pipeline(values=calibration().values | places)
+    flags = list(found.calibration.flags(found, {"rig": {"payload": payload, "payload_centre": list(centre)}}))
+    assert {flag.code for flag in flags} <= {"payload"}
+    assert len(flags) == len(words)
+    for flag, text in zip(flags, words, strict=True):
+        assert re.search(text, flag.message), flag.message
 
 
 def test_an_old_one_another_sensor_and_another_tip_are_flagged(pipeline):

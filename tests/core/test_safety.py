@@ -173,6 +173,16 @@ def test_a_force_that_falls_on_the_way_in_asks_for_the_sign(guard, deeper, hint)
     assert "the force is 13.0 N" in guard.reason
 
 
+def test_the_sign_is_asked_for_although_an_arm_was_the_first_to_stop(guard):
+    guard.trip("the force is 12.1 N")
+    for place in (0.002, -0.001):
+        guard.check("r", height(place))
+    for _ in range(2):
+        guard.check("s", force(1.0, -12.0))
+    assert guard.reason.startswith("the force is 12.1 N; it falls while the tip goes deeper")
+    assert guard.reason.count("force sign = -1") == 1
+
+
 def test_the_way_in_is_judged_by_where_the_tip_is_at_last(guard):
     stamps = np.arange(20, dtype=np.int64)
     for first, last in ((0.003, -0.001), (-0.001, 0.0)):  # it goes in, and out again

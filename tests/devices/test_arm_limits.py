@@ -190,30 +190,36 @@ def test_what_the_robot_says_is_doubted(restored, fault, words):
     assert truth["fastest_tip"] < 1.2 * LIMITS.speed
 
 
-def test_a_retraction_from_a_controller_that_says_nothing_does_not_leap(restored):
-    """Without states there is nothing that acknowledges commands at once: they must not be collected meanwhile."""
+def test_a_retraction_waits_for_a_controller_that_says_nothing_and_does_not_leap(restored):
+    """Who does not hear it may not hear what it says: commands on a lost link come all at once when it is back."""
     import threading
 
     with device(restored).connect(0) as link:
         batches = begun(link)
         link.limit(LIMITS.of_an_arm, print)
+        heights = []
 
         def make():
             restored.wait(lambda state: state["height"] < 0.0005)
             restored.fault("freeze")
             time.sleep(0.05)
             link.retract()
+            for _ in range(2):
+                time.sleep(0.2)
+                heights.append(restored.state()["height"])
+            restored.fault("thaw")
 
         restored.fault("mark")
         thread = threading.Thread(target=make)
         thread.start()
         link.follow(Point(bias=0.006, amplitude=0.0005, clearance=0.003, standstill=0.0, duration=2.0, speed=0.01))
-        state = restored.wait(lambda state: state["height"] > 0.003)
-        thread.join()
-        assert state["fastest_tip"] < 1.2 * LIMITS.speed
-        restored.fault("thaw")
         for _ in batches:
             pass
+        thread.join()
+        state = restored.wait(lambda state: state["height"] > 0.003)
+        assert state["fastest_tip"] < 1.2 * LIMITS.speed
+        assert heights[0] == pytest.approx(heights[1], abs=1e-5)
+        assert heights[0] < 0.001
 
 
 def test_it_waits_while_the_sensor_says_nothing(bench, short):

@@ -150,6 +150,8 @@ def test_the_force_limit(bench, short, force_limit, tmp_path, case):
         if "silent" in str(caught.value):
             continue  # a machine that stood still, before the force did it
         assert re.search(r"the force is .* N, over the limit of 12 N", str(caught.value))
+        if case == "the other way round" and "it falls while the tip goes deeper" not in str(caught.value):
+            continue  # likewise: it saw the tip after it had turned round
         speed, _, latency = force_limit.overrun(tmp_path / f"out{attempt}")
         assert 0.004 < speed < 0.02
         if latency < force_limit.latency:

@@ -1,5 +1,9 @@
 """The UR3e: kinematics, servo law, and the device against its twin."""
 
+import os
+import socket
+import tempfile
+
 import numpy as np
 import pytest
 from palpate import DeviceError
@@ -12,6 +16,7 @@ from palpate_devices.ur3e.kinematics import (
     rotation_vector,
     tip,
 )
+from palpate_devices.ur3e.robot import send_at_once
 from palpate_devices.ur3e.servo import PERIOD, Commander, Law, way
 from palpate_testing import check_trajectory
 from palpate_trajectories.point import Point
@@ -224,3 +229,21 @@ def test_a_motion_out_of_reach_ends_in_words(restored):
 def test_a_far_start_is_refused(restored):
     with pytest.raises(DeviceError, match="bring it within 30 mm by hand"):
         states(device(restored), Point(bias=0.002, clearance=0.06, duration=0.5))
+
+
+def test_the_library_keeps_its_connections():
+    """They send at once; nothing is held open that the library closes, and no descriptor is left behind."""
+    with socket.create_server(("127.0.0.1", 0)) as server, socket.socket() as aside, tempfile.TemporaryFile():
+        port = server.getsockname()[1]
+        link = socket.create_connection(("127.0.0.1", port))
+        served, _ = server.accept()
+        before = sorted(os.listdir("/proc/self/fd"))
+        assert send_at_once(port) == 1  # not the server's end, whose peer has another port
+        assert send_at_once(port + 1) == 0
+        assert sorted(os.listdir("/proc/self/fd")) == before
+        assert link.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+        assert not aside.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+        link.close()
+        served.settimeout(5.0)
+        assert served.recv(1) == b""  # closed for good
+        served.close()

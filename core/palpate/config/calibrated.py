@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from datetime import datetime
 from typing import TYPE_CHECKING, Any, Protocol
 
 from palpate.alignment import AlignmentSettings
@@ -39,13 +38,8 @@ class CalibrationUse(Protocol):
         """What it knows, by name: mass, delay, offset, force_std, ..."""
         ...
 
-    @property
-    def valid_for(self) -> float:
-        """How old it may be [s]."""
-        ...
-
-    def age(self, now: datetime) -> float:
-        """How old it is [s]."""
+    def offset_doubt(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Flag | None:
+        """Why its offset need not be that of the sensor as it is now; None where it is."""
         ...
 
     def alignment(self, settings: AlignmentSettings) -> AlignmentSettings:

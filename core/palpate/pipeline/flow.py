@@ -17,7 +17,7 @@ from palpate.errors import ConfigurationError, DeviceError
 from palpate.pipeline.guard import Guard
 from palpate.pipeline.interrupt import Interrupt
 from palpate.pipeline.live import LiveLinks
-from palpate.pipeline.readying import feel, hand_limits, known_offset, ready, refuse_preload
+from palpate.pipeline.readying import feel, hand_limits, ready, refuse_preload, stored_offset
 from palpate.pipeline.rig import Rig
 from palpate.pipeline.scheduling import undisturbed
 from palpate.pipeline.start import refuse_own_motion
@@ -174,7 +174,13 @@ class Flow:
         def stopped() -> bool:
             return guard.reason is not None or self._interrupt.reason is not None
 
-        refuse_preload(self.facts["standstill"]["force"], limits, guard.force, known_offset(self._pipeline))
+        health = {name: link.health for name, link in live.links.items() if isinstance(link, Watched)}
+        offset = stored_offset(self._pipeline, health)
+        known = None
+        if offset is not None:
+            self.facts["offset"] = offset.table()
+            known = offset.value if offset.doubt is None else None
+        refuse_preload(self.facts["standstill"]["force"], limits, guard.force, known)
         hand_limits(live.links, guard, limits)
         ready(list(arms.values()), trajectory, limits)
         guard.begin(arms)

@@ -151,6 +151,12 @@ class Guard:
             self.reason, self.tripped = reason, time.monotonic()
         self._stop_arms()
 
+    def _add(self, hint: str) -> None:
+        """To the reason, whoever was the first to see it: an arm that stops by itself knows less."""
+        with self._lock:
+            if self.reason is not None and not self.reason.endswith(hint):
+                self.reason += hint
+
     def _stop_arms(self) -> None:
         for arm in self._arms:
             if isinstance(arm, Retractable):
@@ -214,10 +220,9 @@ class Guard:
             pulled = (
                 self._force.port.signal.sign * float(named[-1] - self._tare[self._named]) < -_PULL * limits.stop_force
             )
-            hint = _REVERSED if pulled and self._deeper else ""
-            self.trip(
-                f"the force is {largest:.1f} N, over the limit of {limits.stop_force:g} N that stops the motion{hint}"
-            )
+            self.trip(f"the force is {largest:.1f} N, over the limit of {limits.stop_force:g} N that stops the motion")
+            if pulled and self._deeper:
+                self._add(_REVERSED)
 
     @property
     def has_stood_still(self) -> bool:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -45,13 +44,32 @@ def hand_limits(links: Mapping[str, Link], guard: Guard, limits: SafetySettings)
                 arm.watch_force(ForceWatch(shared, channels, tare, limits.stop_force, port.signal.channel))
 
 
-def known_offset(rig: Rig) -> float | None:
-    """The sensor's reading in free air [N], sign included, as stated or by a calibration that is not too old."""
+@dataclass(frozen=True)
+class Offset:
+    """The sensor's reading in free air [N], sign included, as stated or by a calibration, and why it may not hold."""
+
+    value: float
+    doubt: str | None = None
+
+    def table(self) -> dict[str, Any]:
+        """As in ``result.json``."""
+        return {"value": self.value, "counts": self.doubt is None, "doubt": self.doubt}
+
+
+def stored_offset(rig: Rig, live: Mapping[str, Mapping[str, Any]]) -> Offset | None:
+    """The offset that the file knows, if any; `live` is what connected devices say of themselves."""
     tare = rig.alignment.tare
-    use = rig.calibration if isinstance(rig, Pipeline) else None
-    if not isinstance(tare, float) or (use is not None and use.age(datetime.now(UTC)) > use.valid_for):
+    if not isinstance(tare, float):
         return None
-    return tare
+    if (
+        not isinstance(rig, Pipeline)
+        or rig.calibration is None
+        or rig.stated is None
+        or rig.stated.tare != "calibrated"
+    ):
+        return Offset(tare)
+    flag = rig.calibration.offset_doubt(rig, live)
+    return Offset(tare, None if flag is None else flag.message)
 
 
 def refuse_preload(standstill: float, limits: SafetySettings, port: Port, offset: float | None = None) -> None:

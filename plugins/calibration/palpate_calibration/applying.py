@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -15,6 +16,8 @@ from palpate_calibration.file import CalibratedValue, Calibration, read_calibrat
 
 _SIGNIFICANT = 3.0  # standard uncertainties
 _LATE = 1e-4  # [s]; a velocity that is less late than this stays where it is
+_OTHER_START, _CLOCKS = 5.0, 1e-4  # [s], and a part of the time between: what clocks of one start may differ by
+_ROUNDED = 2e-3  # [m] of a centre of mass on a pendant
 _NOISES = ("force_std", "velocity_std", "position_std")
 
 
@@ -25,8 +28,9 @@ def identity_of(devices: Mapping[str, Device], channels: Mapping[str, str]) -> d
 
 
 def identity_in(facts: Mapping[str, Any]) -> dict[str, str]:
-    """What of a live device's account says which one it is."""
-    return {key: text for key, text in facts.items() if isinstance(text, str) and _identifies(key)}
+    """What of a live device's account says which one it is, and since when it has its power."""
+    kept = ("powered_since", "supply")
+    return {key: text for key, text in facts.items() if isinstance(text, str) and (_identifies(key) or key in kept)}
 
 
 def _identifies(key: str) -> bool:
@@ -75,6 +79,41 @@ class AppliedCalibration:
         """How old it is [s]."""
         return (now - self.calibration.created).total_seconds()
 
+    def offset_doubt(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Flag | None:
+        """Why its offset need not be that of the sensor as it is now; None where it is.
+
+        An offset holds for as long as a sensor has its power, and no longer than the calibration is valid.
+        """
+        now = datetime.now(UTC)
+        for old in self._too_old(now):
+            return old
+        then, present = (self._powered_since(pipeline, live, past) for past in (True, False))
+        if then is None or present is None:
+            why = "nothing tells whether the sensor was started anew since its offset was taken ([device.*] supply)"
+            return Flag("calibration-offset-unknown", f"{self.path}: {why}")
+        if abs((present - then).total_seconds()) > _OTHER_START + _CLOCKS * abs(self.age(now)):
+            return Flag(
+                "calibration-offset",
+                f"{self.path}: the sensor was started anew since: it has its power since {present}, then since {then}",
+            )
+        return None
+
+    def _powered_since(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]], past: bool) -> datetime | None:
+        """Since when the sensor has its power, by itself or by the robot that feeds it."""
+        signals = pipeline.alignment.force.channel, pipeline.alignment.position.channel
+        roles = zip(("force", "position"), signals, strict=True)
+        facts = [
+            self.calibration.devices.get(self.calibration.channels.get(role, "").partition(".")[0], {})
+            if past
+            else live.get(channel.partition(".")[0], {})
+            for role, channel in roles
+        ]
+        teller = facts[1] if facts[0].get("supply") == "robot" else facts[0]
+        try:
+            return datetime.fromisoformat(str(teller.get("powered_since")))
+        except ValueError:
+            return None
+
     def estimator(self, estimator: Any) -> Any:
         """An estimator with the calibration's noise wherever it has such a setting and the file leaves it open."""
         values = self.values
@@ -104,6 +143,11 @@ class AppliedCalibration:
         yield from self._other_devices(pipeline.stated, devices)
         yield from self._other_tip([plain_settings(tip, pipeline.registry) for tip in pipeline.indenters.values()])
         yield from self._conflicts(pipeline.stated)
+        yield from (Flag("payload", f"{name} {text}") for name, facts in live.items() for text in self._loads(facts))
+        if pipeline.stated.tare == "calibrated" and live:
+            doubt = self.offset_doubt(pipeline, live)
+            if doubt is not None and doubt.code != "calibration-old":
+                yield doubt
 
     def _too_old(self, now: datetime) -> Iterator[Flag]:
         age = self.age(now)
@@ -131,6 +175,32 @@ class AppliedCalibration:
                     )
             if role == "force" and then.rpartition(".")[2] != signal.channel.rpartition(".")[2]:
                 yield Flag("calibration-sensor", f"{self.path} is of {then}, the force here is {signal.channel}")
+
+    def _loads(self, arm: Mapping[str, Any]) -> Iterator[str]:
+        """What is wrong with the centre of mass that an arm counts on.
+
+        Between flange and tip there is the sensor, too, whose own centre is on the axis: so what the payload and the
+        tip weigh off that axis is the same, whichever way the sensor is turned, and along it the payload has no less.
+        """
+        values, payload, centre = self.values, arm.get("payload"), arm.get("payload_centre")
+        names = ("mass", "centre_x", "centre_y", "centre_z")
+        if payload is None or centre is None or not all(name in values for name in names):
+            return
+        mass, *tip = (values[name] for name in names)
+        if payload < 0.9 * mass.value:  # a payload that was never set, which is told of anyway
+            return
+        slack = payload * _ROUNDED + _SIGNIFICANT * mass.value * max(value.std for value in tip)
+        aside, own = payload * math.hypot(*centre[:2]), mass.value * math.hypot(tip[0].value, tip[1].value)
+        if abs(aside - own) > slack:
+            yield (
+                f"counts on a payload with its centre of mass {1e3 * math.hypot(*centre[:2]):.1f} mm off its flange's "
+                f"axis: the tip of {self.path} asks for {1e3 * own / max(payload, 1e-9):.1f} mm"
+            )
+        if payload * centre[2] < mass.value * tip[2].value - slack:
+            yield (
+                f"counts on a payload with its centre of mass {1e3 * centre[2]:.1f} mm before its flange: the tip of "
+                f"{self.path} alone asks for {1e3 * mass.value * tip[2].value / max(payload, 1e-9):.1f} mm or more"
+            )
 
     def _conflicts(self, stated: AlignmentSettings) -> Iterator[Flag]:
         """Settings of the file that stand, although the calibration says otherwise."""

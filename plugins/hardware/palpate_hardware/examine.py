@@ -122,6 +122,11 @@ def _listened(pipeline: Pipeline, links: Mapping[str, Link], duration: float) ->
         if isinstance(link, Watched):
             yield from (Finding("good", name, line) for line in _lines(link.health))
             yield from (Finding("note", name, text) for text in payloads(pipeline.alignment, {name: link.health}))
+    if pipeline.calibration is not None:
+        health = {name: link.health for name, link in links.items() if isinstance(link, Watched)}
+        yield from (
+            Finding("note", "calibration", flag.message) for flag in pipeline.calibration.flags(pipeline, health)
+        )
 
 
 def _stream(name: str, stream: Stream, batches: list[Batch], gap: float) -> Iterator[Finding]:

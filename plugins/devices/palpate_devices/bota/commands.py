@@ -7,6 +7,7 @@ import os
 import re
 import select
 import time
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +44,16 @@ def latency_timer(path: str) -> str:
         return f"{timer.read_text().strip()} ms"
     except OSError:
         return "none"
+
+
+def powered_since(path: str, usb: Path = Path("/sys/class/tty")) -> str | None:
+    """Since when the USB adapter of a port is plugged in, as its host counts; None where nothing tells."""
+    device = (usb / Path(path).resolve().name / "device").resolve()
+    for folder in (device, *device.parents):
+        with contextlib.suppress(OSError, ValueError):
+            connected = int((folder / "power" / "connected_duration").read_text()) / 1e3
+            return datetime.fromtimestamp(time.time() - connected, UTC).isoformat(timespec="seconds")
+    return None
 
 
 def configure(port: Any, baud: int, filters: dict[str, Any], boot: float) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from palpate import Batch, Channel, Device, Floats, Force, Link, SharedReadings, Stream, Time
@@ -36,6 +36,10 @@ class BotaSensor(Device):
     fast: bool = Field(default=False, description="faster step response of that low-pass filter")
     temperature_compensation: bool = Field(default=False, description="the sensor's own compensation")
     force_limit: Force = Field(default=500.0, gt=0, description="range of the force; readings beyond are saturated")
+    supply: Literal["usb", "robot", "unknown"] = Field(
+        default="unknown",
+        description="what feeds it, its USB adapter or the robot: tells since when it has its power",
+    )
     silence: Time = Field(default=0.1, gt=0, description="a longer silence is a fault")
     boot: Time = Field(default=3.0, gt=0, description="how long it may take to start after its port was opened")
     settle: Time = Field(default=0.5, ge=0, description="how long its filters need after the start")
@@ -84,7 +88,18 @@ class BotaSensor(Device):
 
     @contextmanager
     def _connected(self) -> Iterator[Link]:
-        keys = ("port", "baud", "sinc", "fir", "fast", "temperature_compensation", "silence", "boot", "settle")
+        keys = (
+            "port",
+            "baud",
+            "sinc",
+            "fir",
+            "fast",
+            "temperature_compensation",
+            "silence",
+            "boot",
+            "settle",
+            "supply",
+        )
         settings = {key: getattr(self, key) for key in keys}
         child = Child(f"bota at {self.port}", layout.MODULE, settings, ROW.size)
         try:

@@ -14,7 +14,7 @@ from typing import Any
 
 from palpate import DeviceError
 
-from palpate_devices.bota.commands import configure, latency_timer, open_port, stop_stream
+from palpate_devices.bota.commands import configure, latency_timer, open_port, powered_since, stop_stream
 from palpate_devices.bota.frames import UNUSABLE, Frame, FrameDecoder, Unwrapped
 from palpate_devices.bota.layout import DAMAGED, ROW, SKIPPED
 from palpate_devices.process.child import Parent, real_time
@@ -36,8 +36,10 @@ def main() -> None:
         _settle(port, settings["settle"])
         gc.freeze()
         gc.disable()
-        timer = latency_timer(settings["port"])
-        parent.tell("ready", identity=identity, scheduling=scheduling, latency_timer=timer)
+        facts = {"latency_timer": latency_timer(settings["port"]), "supply": settings["supply"]}
+        if settings["supply"] == "usb" and (since := powered_since(settings["port"])) is not None:
+            facts["powered_since"] = since
+        parent.tell("ready", identity=identity, scheduling=scheduling, **facts)
         _settle(port, 0.0)  # what has waited meanwhile arrived too late for the clock
         _read(port, ring, parent, settings["silence"])
     except DeviceError as error:

@@ -171,29 +171,26 @@ class World:
         """Tick by absolute time; what is late is caught up, and only the newest state is sent."""
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._end)
-        began = time.monotonic() - self.controller.now
-        read = self.controller.now
+        ports, controller = self.ports, self.controller
+        ports.began = time.monotonic() - controller.now
         while not self._done:
-            wait = max(began + self.controller.now + TICK - time.monotonic(), 0.0)
+            wait = max(ports.began + controller.now + TICK - time.monotonic(), 0.0)
             inputs: list[Any] = [sys.stdin] if self._listening else []
-            ready: list[Any] = select.select([*inputs, *self.ports.sockets], [], [], wait)[0]
+            ready: list[Any] = select.select([*inputs, *ports.sockets], [], [], wait)[0]
             if sys.stdin in ready:
                 self._listen()
-            self.ports.serve(ready)
-            behind = time.monotonic() - began - self.controller.now
             if time.monotonic() < self.stalled_until:
                 time.sleep(self.stalled_until - time.monotonic())
-                began += time.monotonic() - began - self.controller.now
+                ports.began = time.monotonic() - controller.now
                 continue
-            if behind > _MOST_BEHIND:
-                began += behind
-                read = self.controller.now
-            read, since = time.monotonic() - began, read
-            self.controller.date(since, read)
-            for _ in range(min(int(behind / TICK), int(_MOST_BEHIND / TICK))):
+            if time.monotonic() - ports.began - controller.now > _MOST_BEHIND:
+                ports.began = time.monotonic() - controller.now
+            ports.serve(ready)
+            behind = time.monotonic() - ports.began - controller.now
+            for _ in range(int(behind / TICK)):
                 self._tick()
             if behind >= TICK:
-                self.ports.broadcast()
+                ports.broadcast()
 
     def _end(self, *_: Any) -> None:
         self._done = True
@@ -243,7 +240,7 @@ class World:
         if len(instants):
             self.sensor.send(instants, self._feel(instants))
         joint = float(np.abs(self.controller.arm.qd).max())
-        self.truth.add(time.monotonic(), *self._before, self._turning, joint, self._force)
+        self.truth.add(time.monotonic(), *self._before, self._turning, joint, self._force, self.controller.read)
 
     def _feel(self, instants: Any) -> Any:
         """The wrench (n, 6) that the sensor tells at times (n,): what it felt `force_delay` before."""

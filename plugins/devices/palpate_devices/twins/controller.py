@@ -35,6 +35,8 @@ class Controller:
         self.inputs: dict[str, Any] = {}
         self._came: list[dict[str, Any]] = []  # inputs, just written
         self._written: deque[tuple[float, dict[str, Any]]] = deque()  # with the time at which they came, not read yet
+        self._dated = 0.0  # until when
+        self.read = 0  # inputs that the latest tick read: more than one, and all but the last have had no effect
         self._owners: dict[str, ClientSession] = {}
         self._program: Program | None = None
         self._runtime, self._safety = _STOPPED, _NORMAL
@@ -115,21 +117,24 @@ class Controller:
         self.stuck, self.no_number, self.arm.jammed = None, False, False
         self.arm.q, self.arm.qd, self.arm.tcp = q, np.zeros(6), self.pendant_tcp
 
-    def date(self, since: float, until: float) -> None:
-        """What was written between two of its own times [s] came evenly over them.
+    def date(self, until: float) -> None:
+        """What was just written came by one of its own times [s]: evenly since what came before.
 
         A controller is not as late as the process that plays it: what that finds at once after it was held up came
         one after the other, while what comes at once while it is awake did so.
         """
-        step = (until - since) / max(len(self._came), 1)
-        self._written.extend((since + (i + 1) * step, values) for i, values in enumerate(self._came))
+        step = max(until - self._dated, 0.0) / max(len(self._came), 1)
+        self._written.extend((until - (len(self._came) - 1 - i) * step, v) for i, v in enumerate(self._came))
+        self._dated = until
         self._came.clear()
 
     def tick(self) -> None:
         """Two milliseconds."""
         self.now += TICK
+        self.read = 0
         while self._written and self._written[0][0] <= self.now + 1e-9:
             self.inputs |= self._written.popleft()[1]
+            self.read += 1
         # The watchdog goes by the host's time: ticks that are caught up in one go leave no room for commands between.
         program = self._program if self._runtime == _PLAYING else None
         if program is not None and not program.step(self.inputs, time.monotonic()):

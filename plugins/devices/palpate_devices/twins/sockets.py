@@ -6,6 +6,7 @@ import contextlib
 import socket
 import struct
 import sys
+import time
 
 from palpate import DeviceError
 
@@ -14,6 +15,8 @@ from palpate_devices.twins.rtde import ClientSession, packet, packets
 
 RTDE, SCRIPT, DASHBOARD = 30004, 30003, 29999
 _NO_LINGER = struct.pack("ii", 1, 0)
+_STAMPED = getattr(socket, "SO_TIMESTAMPNS", 35)  # Linux
+_STAMP = struct.Struct("qq")
 
 
 class Client:
@@ -23,6 +26,7 @@ class Client:
         connection.setblocking(False)
         with contextlib.suppress(OSError):
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            connection.setsockopt(socket.SOL_SOCKET, _STAMPED, 1)
         self.socket, self.port = connection, port
         self.received = bytearray()
         self.unsent = b""
@@ -30,6 +34,16 @@ class Client:
         self.session = ClientSession(
             VERSION, controller.claim, controller.write, controller.unknown_output, not controller.refuses_start
         )
+
+    def read(self) -> tuple[bytes, float]:
+        """What has come, nothing where the peer has gone, and the monotonic time [s] at which the last of it came."""
+        data, notes, _, _ = self.socket.recvmsg(65536, socket.CMSG_SPACE(_STAMP.size))
+        now = time.time_ns()
+        for _, kind, note in notes:
+            if kind == _STAMPED:  # by the kernel, who was awake when it came
+                seconds, rest = _STAMP.unpack(note[: _STAMP.size])
+                return data, time.monotonic() - max(now - seconds * 10**9 - rest, 0) / 1e9
+        return data, time.monotonic()
 
     def send(self, data: bytes) -> bool:
         """Send, or keep what did not fit; a peer that does not read is skipped, not queued. False where it has gone."""
@@ -56,6 +70,7 @@ class ListeningPorts:
         self._listening: dict[socket.socket, int] = {}
         self.clients: list[Client] = []
         self.frozen = self.mute = self.halved = self.greets_not = self.control_mute = False
+        self.began = time.monotonic()  # the controller's zero of time, as a monotonic time [s]
         self.open()
 
     def open(self) -> None:
@@ -150,7 +165,7 @@ class ListeningPorts:
 
     def _read(self, client: Client) -> bool:
         try:
-            data = client.socket.recv(65536)
+            data, came = client.read()
         except BlockingIOError:
             return True
         except OSError:
@@ -162,6 +177,7 @@ class ListeningPorts:
             try:
                 for kind, payload in packets(client.received):
                     client.send(client.session.answer(kind, payload))
+                self._controller.date(came - self.began)
             except (ValueError, struct.error) as error:
                 print(f"RTDE: {error}", file=sys.stderr)
                 return False

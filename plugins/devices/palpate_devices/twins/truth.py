@@ -9,7 +9,7 @@ import numpy as np
 from palpate import Floats
 
 _KEPT = 30_000  # ticks, a minute
-COLUMNS = ("time", "x", "y", "z", "vx", "vy", "vz", "turning", "joint_speed", "force")
+COLUMNS = ("time", "x", "y", "z", "vx", "vy", "vz", "turning", "joint_speed", "force", "commands")
 
 
 class Truth:
@@ -24,9 +24,11 @@ class Truth:
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
         self._fastest = {"fastest_tip": 0.0, "fastest_turn": 0.0, "fastest_joint": 0.0}
 
-    def add(self, now: float, place: Floats, velocity: Floats, turning: float, joint: float, force: float) -> None:
+    def add(
+        self, now: float, place: Floats, velocity: Floats, turning: float, joint: float, force: float, commands: int
+    ) -> None:
         """One tick, at a monotonic time [s]: place [m] and velocity [m/s] (3,) in the work frame, speeds [rad/s]."""
-        self._rows.append((now, *place.tolist(), *velocity.tolist(), turning, joint, force))
+        self._rows.append((now, *place.tolist(), *velocity.tolist(), turning, joint, force, commands))
         self._low, self._high = np.minimum(self._low, place), np.maximum(self._high, place)
         found = float(np.linalg.norm(velocity)), turning, joint
         self._fastest = {key: max(value, new) for (key, value), new in zip(self._fastest.items(), found, strict=True)}

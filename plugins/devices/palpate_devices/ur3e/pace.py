@@ -1,8 +1,10 @@
 """The pace of the servo loop: absolute deadlines, and what the host makes of them.
 
-What the host has held up is left out and told to the next cycle: a robot that reads one command in its tick would leap
-where several came at once. And the deadlines are drawn to the middle between two ticks of the controller, as its states
-show them: commands that come as it ticks are now two in a tick and now none, and the arm trembles.
+A controller takes its inputs at each tick and sends its state soon after: cycles begin at that time, so that a command
+is there well before the next tick. Where commands come as it ticks it reads now two and now none, and the arm trembles.
+A command that was sent so late that it may be read in the tick after takes the place of the next one: of two in a tick
+only the last counts, and the arm leaps. What the host has held up is left out in the same way, and told to the next
+cycle.
 """
 
 from __future__ import annotations
@@ -18,12 +20,17 @@ from palpate_devices.ur3e.servo import PERIOD
 
 _TICK = round(PERIOD * 1e9)  # [ns]
 _STEP = 5_000  # [ns] by which a deadline is moved at most: a quarter of a per cent of the speed
-_WANDER = 300  # [ns] in a period by which clocks may part
+_SPAN = 250  # states; clocks part by less than 0.1 ms meanwhile, and one that has stood still is found again
+_NEVER = 1 << 62  # [ns]
+_AFTER = 200_000  # [ns] after the earliest state
+_IN_TIME = 1_000_000  # [ns] after its deadline a command comes before a tick that is 0.8 ms before its state
 
 
-def next_deadline(deadline: int, now: int) -> tuple[int, int]:
-    """The deadline [ns] after one, on its grid, and how many are left out because they passed half a period ago."""
-    left_out = max((now - deadline - _TICK // 2 - 1) // _TICK, 0)
+def next_deadline(deadline: int, sent: int, now: int) -> tuple[int, int]:
+    """The deadline [ns] after one whose command was `sent`, on its grid, and how many are left out until then."""
+    taken = (sent - deadline - _IN_TIME) // _TICK + 1
+    passed = (now - deadline - _IN_TIME) // _TICK
+    left_out = max(taken, passed, 0)
     return deadline + (1 + left_out) * _TICK, left_out
 
 
@@ -31,18 +38,21 @@ class Beat:
     """When the controller ticks, by the states that it sends at each tick."""
 
     def __init__(self) -> None:
-        self._offset: int | None = None  # [ns] of its clock, by the state that was least late
+        self._before = self._now = _NEVER  # [ns] of its clock, by the state that was least late, in a span of states
+        self._count = 0
 
     def saw(self, stamp: int, seen: int) -> None:
         """A state of the controller's time `stamp` [ns] was seen at a monotonic time [ns]."""
-        offset = seen - stamp
-        self._offset = offset if self._offset is None else min(self._offset + _WANDER, offset)
+        if self._count % _SPAN == 0:
+            self._before, self._now = self._now, _NEVER
+        self._count += 1
+        self._now = min(self._now, seen - stamp)
 
     def correction(self, deadline: int) -> int:
-        """By how much to move a deadline [ns], towards the middle between two ticks."""
-        if self._offset is None:
+        """By how much to move a deadline [ns], towards the time at which states come."""
+        if self._count == 0:
             return 0
-        off = (deadline - self._offset - _TICK // 2) % _TICK
+        off = (deadline - min(self._before, self._now) - _AFTER) % _TICK
         return max(-_STEP, min(_STEP, -off if off < _TICK // 2 else _TICK - off))
 
 
@@ -61,14 +71,15 @@ class Pace:
             self._ring.beat(now)
             self._lateness.add(now, now - deadline, self._counted())
             cycle(now, left_out)
+            sent = time.monotonic_ns()
             # A look at a random instant between two deadlines: else a controller that ticks in step with this loop
             # would always be seen equally late, and its clock mapped wrongly by up to a period.
             rest = deadline + _TICK - time.monotonic_ns()
             if rest > _TICK // 4:
                 self._sleep(round(rest * random.uniform(0.0, 0.95)))
                 look()
+            deadline, left_out = next_deadline(deadline, sent, time.monotonic_ns())
             deadline += self._beat.correction(deadline)
-            deadline, left_out = next_deadline(deadline, time.monotonic_ns())
             if left_out and self._counted():
                 self._lateness.skipped(left_out * _TICK)
 

@@ -6,6 +6,7 @@ import math
 import os
 import socket
 import time
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -55,8 +56,6 @@ class Robot:
         if not self.receive.isConnected():  # it says so by this alone, and only after 2.5 s
             raise RuntimeError("the controller refuses to start sending its state, or sends nothing")
         self.control: Any = None
-        self._links: list[socket.socket] = []
-        self._at_once = False
         self._work = WorkFrame.model_construct(**settings["work"])
         self._out, self._origin = self._work.matrix[:3, :3], self._work.matrix[:3, 3]
         self._turned: tuple[Floats, list[float]] | None = None
@@ -77,7 +76,7 @@ class Robot:
         import rtde_control
 
         self.control = rtde_control.RTDEControlInterface(settings["host"], 500.0)
-        self._links = connections(RTDE_PORT)
+        send_at_once(RTDE_PORT)
         pendant = self.control.getTCPOffset()
         # The tool's own turn is the pendant's business, unless the pipeline states it.
         rotation = settings["tcp_rotation"]
@@ -113,6 +112,8 @@ class Robot:
             if time.monotonic() > deadline:
                 raise RuntimeError("the controller sends no states")
             time.sleep(PERIOD)
+        since = datetime.fromtimestamp(time.time() - self.stamp, UTC)
+        self.facts["powered_since"] = since.isoformat(timespec="seconds")
 
     def _tell_model(self, settings: dict[str, Any]) -> None:
         q, place = self.state[STATE["joints"]], np.array(self.state[STATE["position"]])
@@ -188,18 +189,6 @@ class Robot:
         """Rotation vector (3,) of the tool from where the work frame wants it."""
         return tool_turn(self._work, rotation_matrix(self.state[STATE["rotation"]]))
 
-    def send_at_once(self, wanted: bool) -> None:
-        """Whether commands are sent although the one before is not acknowledged (Nagle's algorithm off).
-
-        The client library leaves that on, and it is of use: each state carries an acknowledgement, so commands keep
-        step with the controller. Where states stay away they would lie here for the 40 ms of a delayed
-        acknowledgement and then come all at once: the arm leaps.
-        """
-        if wanted != self._at_once:
-            self._at_once = wanted
-            for link in self._links:
-                link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, int(wanted))
-
     def servo(self, position: Floats, turn: Floats) -> bool:
         """Send the arm to a position in the work frame and a turn of the tool; True means sent, not done."""
         target = (self._origin + self._out @ position).tolist()
@@ -209,16 +198,26 @@ class Robot:
         return bool(self.control.servoL([*target, *self._turned[1]], 0.5, 0.5, *self._servo))
 
 
-def connections(port: int) -> list[socket.socket]:
-    """This process's connections to a port of another host."""
-    found = []
-    for entry in os.listdir("/proc/self/fd"):
+def send_at_once(port: int) -> int:
+    """Let this process's connections to a port of another host send without waiting; how many there are.
+
+    The client library leaves Nagle's algorithm on: a command waits for the acknowledgement of the one before, which
+    comes with a state, or after 40 ms; then several come at once, and the arm leaps.
+    """
+    found = 0
+    for descriptor in map(int, os.listdir("/proc/self/fd")):
         try:
-            link = socket.socket(fileno=os.dup(int(entry)))
-            if (link.family, link.type) == (socket.AF_INET, socket.SOCK_STREAM) and link.getpeername()[1] == port:
-                found.append(link)
-        except OSError:  # no socket, one without a peer, or the descriptor of the listing itself
+            link = socket.socket(fileno=descriptor)
+        except OSError:  # no socket
             continue
+        try:
+            if (link.family, link.type) == (socket.AF_INET, socket.SOCK_STREAM) and link.getpeername()[1] == port:
+                link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                found += 1
+        except OSError:  # without a peer
+            continue
+        finally:
+            link.detach()  # borrowed: a copy would hold open what its owner closes
     return found
 
 

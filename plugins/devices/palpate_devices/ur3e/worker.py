@@ -27,7 +27,6 @@ from palpate_devices.ur3e.servo import PERIOD, Commander, Law
 from palpate_devices.ur3e.states import NORMAL, STOPPED, complaint
 
 _BLIND = 12_000_000  # [ns] without a new state
-_LATE = 1_900_000  # [ns] likewise: the one of this period has not come
 _EXPLAIN = 10  # periods
 _MUTE = 25  # periods in which a stop has to reach the other connection, too
 _HEARD = 0.25  # [s] for a stop to be carried out
@@ -97,11 +96,10 @@ class _Loop:
     def _command(self, commander: Commander, now: int) -> None:
         """The next command, if it keeps the limits; else the way out."""
         robot, seen = self._robot, self._robot.look()
-        # A law that reads a frozen position would drive on and on, and a force that nobody tells rises: without news
-        # the arm waits where it is.
-        robot.send_at_once(now - robot.seen > _LATE)
-        blind = now - robot.seen > _BLIND or (self._eye is not None and self._eye.deaf(now))
-        if not (blind and commander.mode in _MOVING):
+        # A law that reads a frozen position would drive on and on, a force that nobody tells rises, and commands that
+        # lie on a lost link come all at once: without news the arm waits where it is.
+        deaf = self._eye is not None and commander.mode in _MOVING and self._eye.deaf(now)
+        if not deaf and now - robot.seen <= _BLIND:
             self._advance(commander, seen)
         if not robot.servo(commander.command, commander.turn):
             for _ in range(_EXPLAIN):  # the state that says why comes on another connection

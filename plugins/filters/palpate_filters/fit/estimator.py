@@ -32,8 +32,8 @@ class CasadiFit(Estimator):
     segment: str = Field(
         default="active",
         description='samples to fit, joined by commas: "active" (contact and measuring), "all", "contact", "load", '
-        '"unload", "cycle" (load and unload with air before and after), "0.5 s..2 s", "depth 0 mm..2 mm" (below first '
-        'touch), "cycles 1..3"',
+        '"unload", "hold" (depth or force steady), "cycle" (load and unload with air before and after), "0.5 s..2 s", '
+        '"depth 0 mm..2 mm" (below first touch), "cycles 1..3"',
     )
     contact_point: Literal["free", "threshold", "deviation-from-baseline", "gradient"] = Field(
         default="free",
