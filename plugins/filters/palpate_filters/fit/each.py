@@ -40,6 +40,7 @@ from palpate.host import (
     build_pipeline,
     differences,
     ports_of,
+    progressed,
     resolved_text,
     write_whole,
 )
@@ -354,6 +355,8 @@ def fit_each(
     """Fit every curve that has no row yet, and append its rows."""
     table = FitTable(folder, pipeline, reader.device)
     left = (curve for curve in curves if curve.name not in table.done)
-    for rows in on_cores(reader, left, workers or len(os.sched_getaffinity(0))):
+    found = len(table.done)
+    for count, rows in enumerate(on_cores(reader, left, workers or len(os.sched_getaffinity(0))), start=found + 1):
         table.add(rows)
+        progressed(count)
     return table
