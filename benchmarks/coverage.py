@@ -3,7 +3,8 @@
 Run: PALPATE_KERNEL=vm python benchmarks/coverage.py [DRAWS] [--out FILE.csv] [--estimators a,b] [--first N]. Every
 draw has a tip of its own, so that the virtual machine, which compiles nothing, is three times as fast. E from 1 kPa to
 1.5 MPa, R from 1 to 20 mm (both log-uniform), five tips, 0.5 to 5 Hz, eta/G from 1 to 15 ms, at most 40 N; radius,
-Poisson's ratio, mass, timing and the sensor's offset are drawn by the uncertainties that are declared. Forces are written out here: nothing of
+Poisson's ratio, mass,
+timing and the sensor's offset are drawn by the uncertainties that are declared. Forces are written out here: nothing of
 the product makes the records. One row a track and draw is appended to the file as it is found; the same command goes on
 where it was stopped. Draw i is the same whoever makes it.
 

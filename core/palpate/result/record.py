@@ -44,6 +44,8 @@ class Tail:
     def since(self, begin: float) -> Tail:
         """The part from a time [s] on."""
         rows = self.time >= begin
+        if rows.all():
+            return self
         return Tail(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
     def unsettled(self, values: Floats, tracked: float) -> Floats:
