@@ -15,6 +15,7 @@ from palpate_basics.options import (
     TrackOption as TrackOption,
 )
 from palpate_basics.plain import aside as aside, print_json as print_json
+from palpate_basics.progress import progress as progress, progressed as progressed
 from palpate_basics.quantities import measured as measured, rounded as rounded
 from palpate_basics.reading import read_flags as read_flags, read_result as read_result, upgraded as upgraded
 from palpate_basics.run_folder import (

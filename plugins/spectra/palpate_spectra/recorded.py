@@ -19,6 +19,8 @@ from palpate.host import (
     build_pipeline,
     carried_by,
     load_pipeline,
+    progress,
+    progressed,
     replay_source,
     suggest,
 )
@@ -101,8 +103,8 @@ def replay(path: Path, track: str | None) -> Replayed:
     from palpate.host import run_pipeline
 
     kept = KeptSamples()
-    with tempfile.TemporaryDirectory() as folder:
-        result = run_pipeline(pipeline, Path(folder) / "run", observer=kept)
+    with tempfile.TemporaryDirectory() as folder, progress(str(path), "s"):
+        result = run_pipeline(pipeline, Path(folder) / "run", progressed, kept)
         result.demand_whole()
     name = next(iter(result.tracks))
     found = result.tracks[name]
