@@ -47,7 +47,7 @@ def test_places_do_not_change_the_force():
     depth = 2e-3 * np.minimum(time / 0.3, 1.0)
     columns = (-depth, np.gradient(depth, time), 0 * time, 0 * time, time, np.ones(len(time)))
     model = GeneralisedMaxwell2(indenter=TIP)
-    record, residual = make_record(*columns, 2e-3), Residual(model, tuple(range(6)))
+    record, residual = make_record(columns, 2e-3), Residual(model, tuple(range(6)))
     one = solution(model, (1e5, 2e4, 3.0, 4e4, 0.1)).x
     other = in_order(model, unknowns_of(model, (), {}, {}, {}), solution(model, one[:5])).x
     assert other[2] == 0.1
