@@ -177,7 +177,7 @@ def _misfit(columns: Floats, force: Floats, prior: BiasPrior | None = None) -> t
     if prior is not None:  # a column for the bias, and the prior as one more reading
         rows[:-1, fitted], rows[-1] = 1.0, 0.0
         rows[-1, fitted] = prior.noise / prior.std
-    factor = np.linalg.qr(rows, mode="r")
+    factor: Floats = np.asarray(np.linalg.qr(rows, mode="r"))
     left, found = min(_solved(factor, fitted), key=lambda one: one[0])
     return left, found[:fitted] / scale, float(found[fitted]) if prior is not None else 0.0
 
@@ -190,7 +190,7 @@ def _solved(factor: Floats, fitted: int) -> Iterator[tuple[float, Floats]]:
     count = factor.shape[1] - 1
     for chosen in product((True, False), repeat=fitted):
         which = np.flatnonzero([*chosen, *[True] * (count - fitted)])
-        small = np.linalg.qr(factor[:, [*which, count]], mode="r") if len(which) < count else factor
+        small = np.asarray(np.linalg.qr(factor[:, [*which, count]], mode="r")) if len(which) < count else factor
         found = np.zeros(count)
         if len(which):
             size = len(which)
