@@ -155,7 +155,7 @@ class _Remembering:
     """Residual and slopes of a model with memory, sample by sample, as one step of a kernel.
 
     It carries its internal states from sample to sample, with their derivatives by the parameters; they follow their
-    rate equation over each interval, depth linear within it: exactly where each state fades by itself, else by
+    rate equation over each interval, depth and rate linear within it: exactly where each state fades by itself, else by
     Runge-Kutta 4.
     """
 
@@ -206,11 +206,10 @@ def _advanced(model: ContactModel, row: Any, x: Any, transition: Any, memory: An
     theta, surface, delay = parameters[: -len(EXTRAS)], parameters[-len(EXTRAS)], parameters[-1]
 
     step = row[6]
-    # That of the heights: what a state takes in then adds up to the way that was gone, noise or no noise.
-    rate = (row[7] - row[0]) / ca.if_else(step > 0, step, 1.0)
 
     def slope(share: float, state: Any) -> Any:
         height = row[7] + share * (row[0] - row[7])
+        rate = row[8] + share * (row[1] - row[8])
         smooth, smooth_rate = touching(surface - height - delay * rate, rate, transition)
         return ca.vertcat(*model.memory_rate(smooth, smooth_rate, theta, ca.vertsplit(state)))
 
