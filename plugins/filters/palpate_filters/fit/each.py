@@ -23,6 +23,7 @@ from palpate import (
     ConfigurationError,
     Device,
     Estimates,
+    Estimator,
     Flag,
     Floats,
     OutputError,
@@ -44,6 +45,7 @@ from palpate.host import (
     write_whole,
 )
 
+from palpate_filters.fit.estimator import CasadiFit
 from palpate_filters.fit.tracker import FitTracker
 
 _TOGETHER = 16  # curves that a process is given at once
@@ -85,10 +87,19 @@ class _Fits:
         if place in self.fits:
             return self.fits[place]
         alignment = self.pipeline.alignment
-        found = track.estimator.start(Problem(track.model, alignment.tip_mass, alignment.timing_uncertainty))
+        found = _for_a_row(track.estimator).start(
+            Problem(track.model, alignment.tip_mass, alignment.timing_uncertainty)
+        )
         if isinstance(found, FitTracker):  # which learns nothing
             self.fits[place] = found
         return found
+
+
+def _for_a_row(estimator: Estimator) -> Estimator:
+    """The estimator without what no column of the table shows and no flag is raised from."""
+    if isinstance(estimator, CasadiFit):
+        return estimator.model_copy(update={"profile": False, "bootstrap": 0})
+    return estimator
 
 
 @cache
