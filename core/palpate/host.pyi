@@ -15,6 +15,7 @@ from palpate_basics.options import (
     TrackOption as TrackOption,
 )
 from palpate_basics.plain import aside as aside, print_json as print_json
+from palpate_basics.progress import progress as progress, progressed as progressed
 from palpate_basics.quantities import measured as measured, rounded as rounded
 from palpate_basics.reading import read_flags as read_flags, read_result as read_result, upgraded as upgraded
 from palpate_basics.run_folder import (
@@ -55,6 +56,7 @@ from palpate_filters.fit.contact_point import (
     ContactPoint as ContactPoint,
     contact_point as contact_point,
 )
+from palpate_filters.fit.holds import Hold as Hold, holds_of as holds_of
 from palpate_filters.local_cubic import cubic_weights as cubic_weights, local_cubic as local_cubic
 from palpate_models.ting import ting_force as ting_force
 from palpate_report.pictures import (

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -175,3 +176,11 @@ def test_a_stopped_run_does_not_wait_for_its_backlog(run_live, replay, slow):
     assert len(again) > len(rows) > 10
     assert again[: len(rows)] == rows
     assert f"end at {until:.2f} s" in next(flag.message for flag in result.flags if flag.code == "backlog")
+
+
+def test_a_recording_without_tracks_has_no_estimates_that_could_lag(live_pipeline, tmp_path, slow):
+    slow["seconds"] = 0.004
+    pipeline = replace(live_pipeline("trajectory.press.duration=0.3 s"), tracks=())
+    result = run_pipeline(pipeline, tmp_path / "out")
+    assert "estimates" not in result.run["live"]
+    assert [flag.code for flag in result.flags if flag.code == "backlog"] == []

@@ -21,3 +21,18 @@ def test_text_that_is_no_toml_is_shown_with_a_caret(point_pipeline):
     assert "a quantity with a unit is a text" in head
     assert line == "  bias = 4 mm"
     assert caret.index("^") == line.index(" mm") + 1
+
+
+def test_a_part_whose_inner_table_is_wrong_is_one_mistake(tmp_path):
+    """The rest of it, taken alone, would have no tip, and the alignment would be blamed for that."""
+    file = tmp_path / "joints.toml"
+    file.write_text(
+        '[device.ros]\ntype = "ros2"\n'
+        '[device.ros.kinematics]\ntopic = "/joint_states"\nrobot = "ur4"\ntcp = ["0 mm", "0 mm", "0 mm"]\n'
+        '[device.ros.signals]\nforce = { topic = "/wrench", field = "wrench.force.z", unit = "N" }\n'
+        '[alignment]\nforce = "ros.wrench.force"\nposition = "ros.tip.z"\ntip_mass = "140 g"\n'
+    )
+    with pytest.raises(ConfigurationError) as caught:
+        load_pipeline(file)
+    assert "kinematics.robot: 'ur4' is not allowed" in str(caught.value)
+    assert "ros.tip.z" not in str(caught.value)

@@ -165,3 +165,14 @@ def test_noise_of_few_samples_is_not_called_too_small():
         for seed in range(400)
     ]
     assert np.mean(found) == pytest.approx(NOISE**2, rel=4 * np.sqrt(2 / 21 / 400))
+
+
+def test_a_drift_in_free_air_is_no_touch():
+    """150 N/h for 20 s, as 1.5 N/h in half an hour: 0.8 N; the contact that follows is found where it is."""
+    height = ramp(4e-3, rest=20.0)
+    given = batches(height, seed=3, drift=150 / 3600)
+    _, deaf = aligned(given)
+    assert deaf.first_touch[0] < 15.0  # 1.5 N/h is what is expected where nothing is said
+    _, report = aligned(given, drift="150 N/h")
+    assert report.first_touch[0] == pytest.approx(20.25, abs=0.08)
+    assert report.touches == 1

@@ -28,6 +28,11 @@ def read(device):
     return np.concatenate([b.time for b in batches]), np.concatenate([b.values for b in batches])
 
 
+def rows_of(path):
+    with closing(sqlite3.connect(path)) as database:
+        return set(database.execute("SELECT id, topic_id, timestamp, data FROM messages").fetchall())
+
+
 def device_on(path, signals=SIGNALS, **keys):
     return Rosbag2Replay.model_validate({"file": path, "signals": signals, **keys})
 
@@ -117,6 +122,38 @@ def test_what_a_killed_recorder_left_in_its_journal_is_read(tmp_path):
     assert (read(device_on(tmp_path / "bag.db3"))[1][:, 0] * 1000).round(9).tolist() == list(range(1, 50))
     assert "49 messages" in Rosbag2Replay.recover(tmp_path / "bag.db3", tmp_path / "good.db3")
     assert {path.name: path.read_bytes() for path in tmp_path.glob("bag.db3*")} == before
+
+
+@pytest.mark.parametrize("number", [2**40, 2**60, 2**63 - 1, -5], ids=str)
+def test_a_message_may_have_any_number(tmp_path, number):
+    """As where a bit of it has changed: none is lost, and nobody looks through all numbers between."""
+    bag = bag_of(tmp_path / "bag.db3", [[0.0, float(i)] for i in range(100)])
+    with closing(sqlite3.connect(bag)) as database:
+        database.execute("UPDATE messages SET id = ? WHERE id = (SELECT MAX(id) FROM messages)", (number,))
+        database.commit()
+    said = Rosbag2Replay.recover(bag, tmp_path / "good.db3")
+    assert said.startswith("the bag was whole: 100 messages")
+    assert rows_of(tmp_path / "good.db3") == rows_of(bag)
+
+
+def test_a_page_that_cannot_be_read_costs_what_stands_in_it(tmp_path):
+    """A page in the middle, and one of the inner ones, which lead to many, with a message of a far number besides."""
+    bag = bag_of(tmp_path / "bag.db3", [[float(i)] * 20 for i in range(3000)])
+    with closing(sqlite3.connect(bag)) as database:
+        database.execute("UPDATE messages SET id = ? WHERE id = (SELECT MAX(id) FROM messages)", (2**60,))
+        database.commit()
+        (size,) = database.execute("PRAGMA page_size").fetchone()
+    raw, before = bytearray(bag.read_bytes()), rows_of(bag)
+    leaves = [at for at in range(size, len(raw), size) if raw[at] == 13]
+    leaf = leaves[len(leaves) // 2]
+    raw[leaf : leaf + size] = b"\xaa" * size
+    bag.write_bytes(raw)
+    said = Rosbag2Replay.recover(bag, tmp_path / "good.db3")
+    after = rows_of(tmp_path / "good.db3")
+    assert after < before
+    assert max(before) == max(after)
+    assert len(before) - len(after) <= size // 160
+    assert said.startswith(f"{len(after)} messages")
 
 
 def test_only_a_window_of_time(tmp_path):

@@ -2,10 +2,13 @@
 
 import json
 
+import casadi as ca
 import numpy as np
 import pytest
 from palpate import ConfigurationError, ContactModel, Parameter, Problem, Samples, contact_force
 from palpate_filters.fit import CasadiFit
+from palpate_filters.fit.residual import reading
+from palpate_filters.fit.uncertainty import scaled_inverse
 from palpate_models import DimensionalityReduction, Flat, Power, Sphere
 from palpate_testing import check_estimator, synthetic_samples
 from scipy.signal import lfilter
@@ -110,7 +113,7 @@ def test_it_keeps_them_for_other_models(model, theta):
     check_estimator(CasadiFit(), model, theta)
 
 
-@pytest.mark.parametrize("solver", ["trf", "varpro", "ipopt"])
+@pytest.mark.parametrize("solver", ["lm", "trf", "varpro", "ipopt"])
 @pytest.mark.parametrize("tip", TIPS)
 def test_without_noise_the_truth_is_found(tip, solver):
     model = DimensionalityReduction(indenter=TIPS[tip])
@@ -131,7 +134,7 @@ def test_without_noise_the_truth_is_found(tip, solver):
 @pytest.mark.parametrize("seed", range(3))
 def test_every_solver_reaches_the_same_minimum(seed):
     samples = ramp(DR, (E, ETA), seed=seed)
-    found = {s: fitted(DR, samples, segment="load", solver=s, profile=False) for s in ("trf", "varpro", "ipopt")}
+    found = {s: fitted(DR, samples, segment="load", solver=s, profile=False) for s in ("lm", "trf", "varpro", "ipopt")}
     for estimates in found.values():
         std = found["trf"].std[-1]
         np.testing.assert_allclose(estimates.details["rss"], found["trf"].details["rss"], rtol=1e-9)
@@ -139,12 +142,33 @@ def test_every_solver_reaches_the_same_minimum(seed):
         assert abs(estimates.surface[-1] - found["trf"].surface[-1]) < 1e-3 * found["trf"].surface_std[-1]
 
 
+@pytest.mark.parametrize(("model", "theta"), [(DR, (E, ETA)), (HuntCrossley(), (0.8, 20.0, 1.37))], ids=["dr", "hc"])
+@pytest.mark.parametrize("unknowns", [(), ("bias", "delay")], ids=str)
+def test_the_minimum_is_exact_by_the_gradient_that_casadi_evaluates(model, theta, unknowns):
+    samples = ramp(model, theta, back=True, speed=6e-3, seed=7)
+    fit = CasadiFit(segment="cycle", unknowns=unknowns).start(Problem(model, None)).fit(samples)
+    free = list(fit.residual.free)
+    row, x = ca.SX.sym("w", 6), ca.SX.sym("x", len(fit.solution.least))
+    error = row[5] * (reading(model, ca.vertsplit(x), ca.vertsplit(row), fit.record.transition) - row[3])
+    slopes = ca.horzcat(*[ca.jacobian(error, x[i]) for i in free])
+    whole = ca.Function("whole", [row, x], [error, slopes.T]).map(len(fit.record))
+    found = whole(np.array(fit.record.parts), fit.solution.least)
+    error, jacobian = np.array(found[0]).ravel(), np.array(found[1]).T
+    step = np.linalg.lstsq(jacobian, -error, rcond=None)[0]
+    sigma = error.std() * np.sqrt(np.diag(scaled_inverse(jacobian.T @ jacobian)))
+    assert fit.solver == "lm"
+    assert fit.solution.converged
+    assert np.all(np.abs(step) < 1e-9 * sigma)
+    np.testing.assert_allclose(fit.solution.cost, 0.5 * error @ error, rtol=1e-12)
+
+
 @pytest.mark.parametrize("loss", ["huber", "soft-l1"])
 def test_robust_losses_have_one_minimum_for_both_solvers_and_shrug_off_outliers(loss):
     samples = ramp(DR, (E, ETA), seed=4)
     samples.force[::50] += 3.0
     settings = {"segment": "load", "fixed": {"viscosity": ETA}, "profile": False}
-    found = [fitted(DR, samples, loss=loss, solver=s, **settings) for s in ("trf", "ipopt")]
+    found = [fitted(DR, samples, loss=loss, solver=s, **settings) for s in ("lm", "trf", "ipopt")]
+    assert found[2].values[-1, 0] == pytest.approx(found[0].values[-1, 0], rel=1e-6)
     assert found[0].values[-1, 0] == pytest.approx(found[1].values[-1, 0], rel=1e-6)
     plain = fitted(DR, samples, **settings)
     assert abs(found[0].values[-1, 0] - E) < 0.25 * abs(plain.values[-1, 0] - E)

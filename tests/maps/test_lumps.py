@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import LogError
+from palpate_maps import grid
 from palpate_maps.analysis import (
     Area,
     Lump,
@@ -183,6 +184,17 @@ def test_a_map_is_right_within_its_uncertainty(method):
     if method == "gaussian-process":
         assert np.sqrt(np.mean((field.value / truth - 1) ** 2)) < 0.01
         assert np.mean(error**2) == pytest.approx(1.0, abs=0.9)
+
+
+def test_distances_in_portions_give_the_same_map(monkeypatch):
+    """Ten thousand sites have a hundred million distances: they are never held at once."""
+    sites = area(np.random.default_rng(3), [(-0.01, 0.005, 0.005, 0.3)])
+    whole = make_map(sites, 2e-3, "average")
+    monkeypatch.setattr(grid, "_TOGETHER", 5 * len(sites))
+    pieces = make_map(sites, 2e-3, "average")
+    assert pieces.length == whole.length
+    np.testing.assert_allclose(pieces.value, whole.value, rtol=1e-13)
+    np.testing.assert_allclose(pieces.std, whole.std, rtol=1e-7)  # a difference of squares
 
 
 def test_the_significant_cells_are_those_of_the_lump():

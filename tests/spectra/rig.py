@@ -48,3 +48,35 @@ def made(model, time, depth, force, seed=None, compliance=0.0, name="run", **kno
     known = {"surface_std": 0.0, "tip_mass": MASS, "timing": 0.0, **known}
     exact = {"radius": 0.0, "poisson": 0.0, "angle": 0.0, "height": 0.0, "curvature_radius": 0.0}
     return Recorded(name, "dr/ekf", model, time, force, -arm, 0.0, compliance=compliance, uncertainties=exact, **known)
+
+
+def press(model, theta, *, hold=5.0, depth=3e-3, speed=0.01, rate=200.0, seed=None, skin=2e-4, drift=0.0, **known):
+    """Samples of air, a ramp, a hold, a fast way back and air again, as `Replayed`; noise with a seed only."""
+
+    ramp = depth / speed
+    time = np.arange(0.0, 2.0 + ramp + hold, 1 / rate)
+    knots = np.array([0.0, 1.0, 1.0 + ramp, 1.0 + ramp + hold, 1.05 + ramp + hold, 3.0 + ramp + hold])
+    d = np.interp(time, knots, [-1e-3, 0.0, depth, depth, -2e-3, -2e-3])
+    force = force_over_time(model, time, d, np.gradient(d, time), theta, pulls=False)
+    return samples_of(model, time, d, force, seed, skin, drift, known)
+
+
+def samples_of(model, time, d, force, seed, skin, drift, known):
+    """The same from any depth and force over time."""
+    from palpate import Samples
+    from palpate.host import Found
+    from palpate_spectra.recorded import Replayed
+
+    random = np.random.default_rng(seed)
+    height = skin - d
+    contact = (d > 0) & (force > 0)
+    force = force + drift * time / time[-1]
+    if seed is not None:
+        force = force + 0.05 * random.standard_normal(len(time))
+        height = height + 5e-6 * random.standard_normal(len(time))
+    stamp = np.rint(1e9 * time).astype(np.int64)
+    steps = np.diff(time, prepend=0.0)
+    samples = Samples(stamp, time, steps, force, height, np.gradient(height, time), contact, contact)
+    rig = {"tip_mass": 0.0, "tip_mass_std": 0.0, "compliance": 0.0, "compliance_std": 0.0, "timing": 0.0, **known}
+    exact = {"radius": 0.0, "poisson": 0.0}
+    return Replayed("t", model, samples, Found(skin, 1e-5, "m"), rig, exact, ())

@@ -14,6 +14,7 @@ from palpate_trajectories.load_unload import Compression, LoadUnload
 from palpate_trajectories.moved import Moved
 from palpate_trajectories.point import Point
 from palpate_trajectories.press import Press
+from palpate_trajectories.ramp_hold import RampHold
 from palpate_trajectories.raster import Raster
 from palpate_trajectories.shake import Shake
 from palpate_trajectories.stay import Stay
@@ -42,6 +43,10 @@ EXAMPLES = {
         LoadUnload(depth=0.013, speeds=(0.002, 0.0042, 0.02), cycles=2, surface=TILTED, place=(0.01, 0.02)),
     ],
     "compression": [Compression(), Compression(hold=2.0, thickness=0.03, strain=0.2, speed=0.001)],
+    "ramp-hold": [
+        RampHold(depths=(0.003,), hold=2.0),
+        RampHold(depths=(0.002, 0.004), hold=1.5, speed=0.005, turn=0.2, surface=TILTED, place=(0.01, 0.0)),
+    ],
     "multi-sine": [MultiSine(bias=0.004), MultiSine(bias=0.003, amplitudes=(1e-3,), frequencies=(3.0,))],
     "moved": [Moved(of=Point(bias=0.004), by=(0.01, -0.02))],
     "stay": [Stay(), Stay(height=0.02, place=(0.01, 0.0), duration=2.0)],
@@ -203,3 +208,31 @@ def test_a_bad_file_of_waypoints_is_refused(tmp_path, text, word):
     path.write_text(text)
     with pytest.raises(Exception, match=word):
         FromFile(file=path)
+
+
+def test_a_ramp_and_its_holds_are_straight_and_still():
+    """Depths are held exactly, the ramp has its speed, and nothing after the last hold is measured."""
+    motion = RampHold(depths=(0.002, 0.003), hold=2.0, speed=0.01, turn=0.05, standstill=0.5)
+    time = np.arange(0.0, motion.total_duration, 1e-3)
+    found = motion.at(time)
+    depth, speed = -found.position[:, 2], -found.velocity[:, 2]
+    for held in (0.002, 0.003):
+        assert np.count_nonzero(np.abs(depth - held) < 1e-12) == pytest.approx(2000, abs=2)
+    assert speed.max() == pytest.approx(0.01, rel=1e-9)
+    last = np.flatnonzero(np.abs(depth - 0.003) < 1e-12)[-1]
+    assert not found.measuring[last + 1 :].any()
+    assert found.measuring[500:last].all()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"depths": (0.003, 0.002)}, "increase"),
+        ({"depths": ()}, "depths"),
+        ({"depths": (0.003,), "turn": 1.0}, "never reached"),
+        ({"depths": (0.002, 0.0021), "turn": 0.1}, "never reached"),
+    ],
+)
+def test_ramps_that_cannot_be_are_refused(wrong, said):
+    with pytest.raises(ValidationError, match=said):
+        RampHold(**wrong)

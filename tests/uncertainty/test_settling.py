@@ -118,3 +118,12 @@ def test_a_weak_force_is_judged_by_what_the_record_can_tell():
     assert "not-identifiable" not in weak(4.0)
     assert "not-identifiable" in weak(2.2)
     assert "not-identifiable" in weak(1.0)
+
+
+def test_a_number_that_is_known_has_no_way_to_rest_and_keeps_its_digits():
+    """0.3 mm over and over summed to 0.29999999999999989 mm, with a slope that was rounding."""
+    known = np.full(len(TIME), 0.3e-3)
+    assert tail(known).unsettled(known[:, None], 10.0)[0] == 0.0
+    assert float(Tail.mean(known)) == 0.3e-3
+    moving = known + np.linspace(0.0, 1e-6, len(TIME))
+    assert tail(moving).unsettled(moving[:, None], 10.0)[0] > 0.0

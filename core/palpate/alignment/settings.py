@@ -9,7 +9,7 @@ from pydantic import Field, WithJsonSchema, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from palpate.parts import Settings
-from palpate.units import Delay, Force, Quantity, Stiffness, Time, TipMass, quantity_schema, to_si
+from palpate.units import Delay, Force, ForceDrift, Quantity, Stiffness, Time, TipMass, quantity_schema, to_si
 
 # What a role's channel must be in; a channel whose unit nobody knows ("1") is taken at its word.
 SIGNAL_UNITS = {"force": "N", "position": "m", "velocity": "m/s"}
@@ -83,6 +83,11 @@ class AlignmentSettings(Settings):
     )
     touch_force: Force | None = Field(
         default=None, gt=0, description="force that counts as touch; left out: 5 sigma of the free air, or 0.25 N"
+    )
+    drift: ForceDrift = Field(
+        default=1.5 / 3600,
+        ge=0,
+        description="what the sensor's zero may drift by, which touch_force grows by; 1.5 N/h is a six-axis sensor's",
     )
     force_limit: Force | None = Field(
         default=None, gt=0, description="readings at or beyond this magnitude are saturated"

@@ -18,6 +18,7 @@ from palpate.vectors import Floats
 GRAVITY = 9.80665  # [m/s^2], standard
 _PAPER_NOISE = 0.05  # [N], standard deviation of the sensor in the paper; where there is no free air to measure it in
 _TOUCH_SIGMAS = 5.0
+_FOR_DRIFT = 0.1  # of the threshold
 _LEAST_TOUCH = 0.05  # [N]; a sensor without noise still feels the tip's inertia
 _LEAST_RISE = 0.03  # [N] of a tenth of a second's mean
 _BELIEVED = 0.1  # of the rise: what the law of a change point may leave, beside the noise
@@ -66,6 +67,10 @@ class TouchFinder:
             return self._settings.touch_force
         noise = tare.noise if tare and tare.noise else _PAPER_NOISE
         return max(_TOUCH_SIGMAS * noise, _LEAST_TOUCH)
+
+    def _limit(self, time: Floats) -> Floats:
+        """Force (n,) [N] that counts as touch at a time [s]: the threshold, of which a tenth is for drift, or more."""
+        return np.maximum(self.threshold, (1.0 - _FOR_DRIFT) * self.threshold + self._settings.drift * time)
 
     def run(self, samples: Samples, final: bool = False) -> Samples:
         """The samples that can be told to be in contact or not; all that are left where `final`."""
@@ -170,7 +175,7 @@ class TouchFinder:
         if not len(samples):
             return None
         offset = len(held) - len(samples)
-        above = _in_a_row(samples.force > self.threshold, self._above)
+        above = _in_a_row(samples.force > self._limit(samples.time), self._above)
         passed = np.flatnonzero(above >= _IN_A_ROW)
         found = int(passed[0]) if len(passed) else None
         for risen in self._rise.feed(samples.force) if self._rise is not None else ():
@@ -224,8 +229,9 @@ class TouchFinder:
         After a touch that a rise told, it is off only where the tip is above the surface again, until the force has
         passed the threshold once.
         """
-        above = _in_a_row(samples.force > self.threshold, self._above)
-        below = _in_a_row(samples.force < 0.5 * self.threshold, self._below)
+        limit = self._limit(samples.time)
+        above = _in_a_row(samples.force > limit, self._above)
+        below = _in_a_row(samples.force < limit - 0.5 * self.threshold, self._below)
         self._above, self._below = int(above[-1]), int(below[-1])
         event = np.where(above >= _IN_A_ROW, 1, np.where(below >= _IN_A_ROW, -1, 0))
         if self._doubtful:

@@ -114,8 +114,8 @@ class Builder:
         except PalpateError as error:  # a part that looks into its file
             self._note(location, str(error))
             raise _Broken from error
-        if doubted:
-            self.mistakes += doubted
+        self.mistakes += doubted
+        if doubted or broken:  # what is in order without its broken inner table is another part than was meant
             raise _Broken
         return found
 

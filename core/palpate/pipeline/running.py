@@ -97,7 +97,7 @@ def run_pipeline(
         run = _described(pipeline, folder, facts, tracks, interrupt)
         outputs = Outputs(stack, pipeline, run, tracks.online, observer)
         live = any(device.live for device in pipeline.devices.values())
-        latency = Latency(pipeline.ports["position"]) if live else None
+        latency = Latency(pipeline.ports["position"]) if live and pipeline.tracks else None
         path = DataPath(aligner, tracks, outputs, latency)
         backlog = path.backlog
 

@@ -148,13 +148,13 @@ def _no_numbers(model: ContactModel) -> _Numbers:
 def _numbers(
     model: ContactModel, record: TrackRecord, tail: Tail, last: Tail, settings: AlignmentSettings, online: bool
 ) -> _Numbers:
-    values, std = last.values.mean(axis=0).tolist(), last.std[-1].tolist()
+    values, std = last.mean(last.values).tolist(), last.std[-1].tolist()
     # What is left of the way to rest lies between nothing and this: a rectangular distribution.
     tracked = record.tracked if online and not record.is_sweep else 0.0
     settling = (tail.unsettled(tail.values, tracked) / math.sqrt(3)).tolist()
     way = float(tail.unsettled(tail.surface[:, None], tracked)[0]) / math.sqrt(3)
     parameters = {p.name: Found(values[i], std[i], p.unit, settling[i]) for i, p in enumerate(model.parameters)}
-    surface = Found(float(last.surface.mean()), float(last.surface_std[-1]), "m", way)
+    surface = Found(float(last.mean(last.surface)), float(last.surface_std[-1]), "m", way)
     seen = last.nis[np.isfinite(last.nis)]
     nis = float(seen.mean()) if len(seen) else float("nan")
     return _Numbers(parameters, surface, last.force_rms(settings.tip_mass or 0.0), nis)

@@ -44,6 +44,8 @@ class Tail:
     def since(self, begin: float) -> Tail:
         """The part from a time [s] on."""
         rows = self.time >= begin
+        if rows.all():
+            return self
         return Tail(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
     def unsettled(self, values: Floats, tracked: float) -> Floats:
@@ -55,6 +57,7 @@ class Tail:
         """
         if len(self.time) < 10:
             return np.zeros(values.shape[1])
+        values = np.where(np.ptp(values, axis=0) == 0, 0.0, values)  # a slope of one number over and over is rounding
         # Sums, not a linear solve: libraries for that do not promise the same bits twice.
         since = (self.time - self.time.mean())[:, None]
         slopes = (since * (values - values.mean(axis=0))).sum(axis=0) / (since**2).sum()
@@ -62,6 +65,11 @@ class Tail:
             return np.asarray(np.abs(slopes) * tracked)
         chance = _SIGMAS * self.slope_of_a_walk(values)
         return np.asarray(np.where(np.abs(slopes) > chance, np.abs(slopes) * tracked, 0.0))
+
+    @staticmethod
+    def mean(values: Floats) -> Floats:
+        """Mean (k,) of the columns of values (n, k); of one number over and over that number."""
+        return np.asarray(np.where(np.ptp(values, axis=0) == 0, values[0], values.mean(axis=0)))
 
     def slope_of_a_walk(self, values: Floats) -> Floats:
         """Standard deviation (k,) of the slope of a random walk with the steps that the values make.

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 
+_ROUNDING = 1e-12  # of a value; less is no uncertainty
+
 
 def measured(value: float, std: float) -> str:
-    """A value and its uncertainty, to two digits of the uncertainty.
+    """A value and its uncertainty, to two digits of the uncertainty; one that is below rounding is none.
 
-    >>> measured(126.5312, 0.2134)
-    '126.53 ± 0.21'
+    >>> measured(126.5312, 0.2134), measured(0.3, 1.1e-17)
+    ('126.53 ± 0.21', '0.3')
     """
     if not math.isfinite(value):
         return "-"
     if math.isnan(std):  # nobody can tell it
         return f"{unsigned(f'{value:.4g}')} ± ?"
-    if not (math.isfinite(std) and std > 0):
+    if not (math.isfinite(std) and std > _ROUNDING * abs(value)):
         return unsigned(f"{value:.4g}")
     digits = max(0, 1 - math.floor(math.log10(std)))
     return f"{unsigned(f'{value:.{digits}f}')} ± {std:.{digits}f}"

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from palpate import Batch, Estimates, Floats, OutputError, Run, Samples, Sink, Stream, Writer
 from pydantic import Field
 
+from palpate_devices.mcap_blocks import add_messages
 from palpate_devices.mcap_index import keep_index_in
-from palpate_devices.messages import LOG_SCHEMA, STANDARD, MessageType, numbers_type, pack
+from palpate_devices.messages import LOG_SCHEMA, STANDARD, MessageType, numbers_type, packed
 
 _FLUSH_EVERY = 0.15  # [s]; with what is on its way, a kill costs some 0.05 s more, on a busy machine twice that
 _SYNC_EVERY = 1.0  # [s]; what a power cut can cost
@@ -197,9 +198,7 @@ class _Log:
         numbers: Floats,
         joints: tuple[str, ...] = (),
     ) -> None:
-        messages = pack(stamps, frame, numbers, joints)
-        for log_time, stamp, message in zip(logged.tolist(), stamps.tolist(), messages, strict=True):
-            self._log.add_message(channel, log_time=log_time, data=message, publish_time=stamp)
+        add_messages(self._log, channel, logged, stamps, packed(stamps, frame, numbers, joints))
 
     def save(self) -> None:
         """Flush, and sync, where it is time to."""

@@ -115,6 +115,13 @@ def known_type(schema_name: str, definition: str) -> MessageType | None:
 
 def pack(stamps: NDArray[np.int64], frame: str, numbers: Floats, joints: tuple[str, ...] = ()) -> list[bytes]:
     """One CDR message for each stamp [ns] and row of numbers (n, k); of joints (n, 2 j), angles and then speeds."""
+    messages = packed(stamps, frame, numbers, joints)
+    raw, size = messages.tobytes(), messages.shape[1]
+    return [raw[start : start + size] for start in range(0, len(raw), size)]
+
+
+def packed(stamps: NDArray[np.int64], frame: str, numbers: Floats, joints: tuple[str, ...] = ()) -> NDArray[np.uint8]:
+    """The messages of `pack` in one array (n, bytes)."""
     template, runs = _template(frame, numbers.shape[1], joints)
     messages = np.tile(np.frombuffer(template, np.uint8), (len(stamps), 1))
     column(messages, 4, "<i4")[:], column(messages, 8, "<u4")[:] = stamps // _SECOND, stamps % _SECOND
@@ -123,8 +130,7 @@ def pack(stamps: NDArray[np.int64], frame: str, numbers: Floats, joints: tuple[s
         run = np.ascontiguousarray(numbers[:, begin : begin + count], "<f8")
         messages[:, offset : offset + 8 * count] = run.view(np.uint8)
         begin += count
-    raw, size = messages.tobytes(), len(template)
-    return [raw[start : start + size] for start in range(0, len(raw), size)]
+    return messages
 
 
 @cache

@@ -56,18 +56,16 @@ class PositionLoop:
         """The motion that follows setpoints (n, 3), beginning at rest in the first."""
         n = len(position)
         actual, speed, commands = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
-        actual[0] = position[0]
         decay = float(np.exp(-self.period / self.lag))
         slide = self.lag * (1.0 - decay)
         for axis in range(3):
             # Plain floats: a scalar recursion is several times faster than one on numpy rows.
-            z, v = float(actual[0, axis]), 0.0
-            for i, (wanted, rate) in enumerate(
-                zip(position[:, axis].tolist(), velocity[:, axis].tolist(), strict=True)
-            ):
+            z, v, course = float(position[0, axis]), 0.0, []
+            for wanted, rate in zip(position[:, axis].tolist(), velocity[:, axis].tolist(), strict=True):
                 command = self.gain * (wanted - z) + self.damping * (rate - v)
-                actual[i, axis], speed[i, axis], commands[i, axis] = z, v, command
+                course.append((z, v, command))
                 lacking = v - command
                 z += command * self.period + lacking * slide
                 v = command + lacking * decay
+            actual[:, axis], speed[:, axis], commands[:, axis] = np.array(course).T
         return TrackedMotion(actual, speed, commands, self.period, self.lag)

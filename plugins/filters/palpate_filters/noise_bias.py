@@ -1,4 +1,4 @@
-"""The bias of a filter on the inertial process: what its own noise and its time step do to its estimates."""
+"""The bias of a filter: what its own noise and its time step do to its estimates."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ from palpate import (
 from palpate_filters.fit.motion import noise_of, zero_phase_motion
 from palpate_filters.inertial_filter import InertialFilter, PaperStart
 from palpate_filters.kernel import Step, compile_step
+from palpate_filters.kinematic_bias import kinematic_bias
+from palpate_filters.kinematic_settings import KinematicSettings
 from palpate_filters.process import InertialProcess
 from palpate_filters.symmetric import congruence, mirrored
 
@@ -31,7 +33,7 @@ _WARM = 0.25  # of them, which the errors take to become stationary
 # pair is of filters whose gain keeps fading: what their estimates' own scatter adds is not predicted.
 _CONSTANT, _FADING = (0.35, 0.25), (0.08, 1.0)
 _TELLING = 0.005  # of the value; less is not worth a word
-_NOTHING = 0.01  # of the combined uncertainty; less is no bias
+_NOTHING, _KINEMATIC = 0.01, 0.1  # of the combined uncertainty; less is no bias
 _SHALLOWEST = 1e-5  # [m]
 _FIRST = 1e-3  # [m] and [m/s], what the gains begin from
 
@@ -39,13 +41,13 @@ _FIRST = 1e-3  # [m] and [m/s], what the gains begin from
 BIAS_FLAGS = {
     "noise-bias": FlagMeaning(
         "note",
-        "The noise of the force drives this filter's state, which shifts its estimates by what is predicted here.",
-        "Give the corrected value with its own uncertainty, or use a kinematic filter or a fit.",
+        "The noise in this filter's own state shifts its estimates by what is predicted here.",
+        "Give the corrected value with its own uncertainty, or use a fit.",
     ),
     "noise-bias-large": FlagMeaning(
         "doubtful",
-        "The noise of the force drives this filter's state, and shifts its estimates by more than can be predicted.",
-        "Palpate faster or wider, or use a kinematic filter or a fit.",
+        "The noise in this filter's own state shifts its estimates by more than can be predicted.",
+        "Palpate faster or wider, or use a fit (inertial filters: or a kinematic one).",
     ),
 }
 
@@ -59,13 +61,16 @@ class _Noise:
 
 
 def noise_bias(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """The predicted bias of every track of a filter on the inertial process; see docs/uncertainty.md."""
+    """The predicted bias of every track of a filter; see docs/uncertainty.md."""
     return {track.name: _said(track, bias) for track in tracks if (bias := _predicted(track)) is not None}
 
 
 def _predicted(track: TrackEvidence) -> Floats | None:
     """Predicted bias (k,); None where the track has none, or where nobody can tell."""
-    if not isinstance(track.estimator, PaperStart) or not track.tip_mass:
+    if not isinstance(track.estimator, PaperStart | KinematicSettings) or not track.tip_mass:
+        return None
+    kinematic = isinstance(track.estimator, KinematicSettings)
+    if kinematic and (track.estimator.follows_changes or track.model.memory or track.model.adhesive):
         return None
     kept = track.kept
     rows = np.flatnonzero(kept.used & np.isfinite(kept.position) & np.isfinite(kept.velocity))[-_MOST:]
@@ -73,18 +78,13 @@ def _predicted(track: TrackEvidence) -> Floats | None:
     rows = rows[gaps[-1] + 1 :] if len(gaps) else rows
     if len(rows) < _ENOUGH:
         return None
-    return bias_along(track, rows)
+    return (_kinematic_along if kinematic else bias_along)(track, rows)
 
 
-def bias_along(track: TrackEvidence, rows: Any) -> Floats | None:
-    """Predicted bias (k,) over consecutive rows of the kept samples; None where the numbers do not hold."""
-    kept, settings = track.kept, track.estimator
-    assert isinstance(settings, PaperStart)
-    assert track.tip_mass
+def _motion(track: TrackEvidence, rows: Any) -> Floats:
+    """Depth, rate, acceleration and its jump, and the interval (n, 5), without noise as far as that can be had."""
+    kept = track.kept
     time, position, velocity = kept.time[rows], kept.position[rows], kept.velocity[rows]
-    real = _Noise(noise_of(kept.force[rows]), noise_of(velocity))
-    given = not isinstance(settings, InertialFilter) or settings.noise == "given"
-    believed = _Noise(settings.force_std, settings.velocity_std) if given else real
     interval = np.diff(time, append=2 * time[-1] - time[-2])
     always = np.ones(len(rows), bool)
     samples = Samples(
@@ -92,15 +92,42 @@ def bias_along(track: TrackEvidence, rows: Any) -> Floats | None:
     )
     motion = zero_phase_motion(samples, None)
     jump = np.diff(motion.acceleration, append=motion.acceleration[-1])
+    depth = np.maximum(track.surface - position, _SHALLOWEST)
+    return np.column_stack([depth, motion.rate, motion.acceleration, jump, interval])
+
+
+def _kinematic_along(track: TrackEvidence, rows: Any) -> Floats | None:
+    """Predicted bias (k,) of a kinematic filter or smoother over consecutive rows of the kept samples."""
+    kept, settings = track.kept, track.estimator
+    assert isinstance(settings, KinematicSettings)
+    assert track.tip_mass
+    force, velocity = noise_of(kept.force[rows]), noise_of(kept.velocity[rows])
+    real = np.array([force, noise_of(kept.position[rows]), velocity])
+    given = settings.noise == "given"
+    believed = [
+        settings.force_std if given else force,
+        settings.position_std,
+        settings.velocity_std if given else velocity,
+    ]
+    numbers = np.array([*believed, settings.jerk])
+    return kinematic_bias(track.model, track.tip_mass, track.values, _motion(track, rows), numbers, real, _WARM)
+
+
+def bias_along(track: TrackEvidence, rows: Any) -> Floats | None:
+    """Predicted bias (k,) over consecutive rows of the kept samples; None where the numbers do not hold."""
+    kept, settings = track.kept, track.estimator
+    assert isinstance(settings, PaperStart)
+    assert track.tip_mass
+    real = _Noise(noise_of(kept.force[rows]), noise_of(kept.velocity[rows]))
+    given = not isinstance(settings, InertialFilter) or settings.noise == "given"
+    believed = _Noise(settings.force_std, settings.velocity_std) if given else real
     process = InertialProcess(track.model, track.tip_mass)
     step, place = bias_step(process)
-    depth = np.maximum(track.surface - position, _SHALLOWEST)
-    inputs = np.column_stack([depth, motion.rate, motion.acceleration, jump, interval])
     numbers = np.array([*track.values, believed.force, believed.velocity, real.force, real.velocity])
     state = np.zeros(step.state.numel())
     nx = 2 + len(track.model.memory)
     state[: nx * nx] = (_FIRST**2 * np.eye(nx)).ravel()
-    _, outputs = compile_step(step).run(state, inputs, numbers)
+    _, outputs = compile_step(step).run(state, _motion(track, rows), numbers)
     late = outputs[int(_WARM * len(rows)) :]
     k = len(track.values)
     information = late[:, place["information"]].sum(axis=0).reshape(k, k)
@@ -181,11 +208,12 @@ def bias_step(process: InertialProcess) -> tuple[Step, Layout]:
 def _said(track: TrackEvidence, bias: Floats) -> Diagnosed:
     """Flags, biases and a table."""
     limit, trust = _FADING if track.estimator.follows_changes else _CONSTANT
+    nothing = _KINEMATIC if isinstance(track.estimator, KinematicSettings) else _NOTHING
     biases, small, large = {}, [], []
     for parameter, value, shift, combined in zip(
         track.model.parameters, track.values.tolist(), bias.tolist(), track.combined.tolist(), strict=True
     ):
-        if abs(shift) < _NOTHING * combined:
+        if abs(shift) < nothing * combined:
             continue
         std = trust * abs(shift) if abs(shift) <= limit * abs(value) else None
         biases[parameter.name] = Bias(shift, std)

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 from palpate import ContactModel, Floats, Layout, Samples, contact_force
 
+from palpate_filters.local_cubic import cubic_weights
+
 PAUSE = 0.02  # [s]; over a longer one the measured position carries the depth, not the process
-_SPAN = 5  # samples to either side over which acceleration is differenced
+_SPAN = 5  # samples to either side over which acceleration is differenced, and the motion smoothed
 _FEWEST = 30  # samples
 _DEEPEST = 0.012  # [m] of surface above the highest position of the window
 _GRID = 49
@@ -138,17 +140,27 @@ def _with_bias(
 
 
 def _kinematics(mass: float, window: Samples) -> tuple[Floats, Floats, Floats]:
-    """Position [m], depth rate [m/s] and contact force [N] of the samples that have them all."""
+    """Position [m], depth rate [m/s] and contact force [N] of the samples that have them all.
+
+    Position and rate are those of local cubics: noise of a regressor takes from what it multiplies, and a filter that
+    is linearised in the wrong place at first does not forget it.
+    """
     n = _SPAN
     if len(window) <= 2 * n:
         return np.zeros(0), np.zeros(0), np.zeros(0)
     span = window.time[2 * n :] - window.time[: -2 * n]
     acceleration = (window.velocity[2 * n :] - window.velocity[: -2 * n]) / span
     force = window.force[n:-n] + mass * acceleration
-    position, rate = window.position[n:-n], -window.velocity[n:-n]
+    position, rate = _smooth(window.position), -_smooth(window.velocity)
     pauses = np.concatenate([[0], np.cumsum(np.diff(window.time) > PAUSE)])
     known = np.isfinite(force) & np.isfinite(rate) & np.isfinite(position) & (pauses[2 * n :] == pauses[: -2 * n])
     return position[known], rate[known], force[known]
+
+
+def _smooth(values: Floats) -> Floats:
+    """Local cubics (m - 2 n,) of readings (m,); the reading itself beside one that is missing."""
+    smooth = np.convolve(values, cubic_weights(2 * _SPAN + 1), "valid")
+    return np.where(np.isfinite(smooth), smooth, values[_SPAN:-_SPAN])
 
 
 def _misfit(columns: Floats, force: Floats, prior: BiasPrior | None = None) -> tuple[float, Floats, float]:

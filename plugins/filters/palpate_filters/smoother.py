@@ -22,6 +22,7 @@ from palpate_filters.kinematic_settings import KinematicSettings
 from palpate_filters.recursion import Stretch, output_layout, surprises
 from palpate_filters.tracking import RecursiveTracker
 
+_BLOCK = 2048  # samples that are smoothed at once
 _HOPS = 4  # a fixed-lag smoother looks between one lag and one lag and a quarter ahead
 
 
@@ -81,9 +82,8 @@ class _SmoothingTracker:
         if (estimates.status[rows] & Status.DIVERGED).any():
             return
         filtered = outputs[:, place.span("mean", "covariance")]
-        inputs = np.column_stack([filtered[:-1], interval[1:], samples.position[:-1]])
         found = outputs[:, place.span("values", "force")].copy()
-        found[:-1] = self._backwards(filtered, inputs, samples.time)
+        found[:-1] = self._backwards(filtered, interval, samples)
         if not np.isfinite(
             found[:, place.span("values", "variances")]
         ).all():  # where a position is missing, so is the surface above it
@@ -97,20 +97,29 @@ class _SmoothingTracker:
         estimates.nis[rows], estimates.innovation[rows] = surprises(outputs, place)
         estimates.status[rows] &= ~np.uint32(Status.WAITING | Status.IDLE)
 
-    def _backwards(self, filtered: Floats, inputs: Floats, time: Floats) -> Floats:
+    def _backwards(self, filtered: Floats, interval: Floats, samples: Samples) -> Floats:
         """What the smoother says of every sample but the last."""
-        settings = np.array(noises(self._settings, *self._forward.noise))
-        if not len(inputs):
+        settings, time = np.array(noises(self._settings, *self._forward.noise)), samples.time
+        count = len(filtered) - 1
+        if not count:
             return np.zeros((0, self._place.span("values", "force").stop))
-        lag = self._settings.lag
+
+        def ran(state: Floats, first: int, last: int) -> tuple[Floats, Floats]:
+            rows, after = slice(first, last), slice(first + 1, last + 1)
+            inputs = np.column_stack([filtered[rows], interval[after], samples.position[rows]])
+            state, outputs = self._backward.run(state, inputs[::-1], settings)
+            return state, outputs[::-1]
+
+        lag, blocks = self._settings.lag, []
         if lag is None:
-            _, outputs = self._backward.run(filtered[-1], inputs[::-1], settings)
-            return outputs[::-1]
+            state = filtered[-1]
+            for first, last in reversed(list(pairwise([*range(0, count, _BLOCK), count]))):
+                state, outputs = ran(state, first, last)
+                blocks.append(outputs)
+            return np.vstack(blocks[::-1])
         hop = lag / _HOPS
         cuts = np.searchsorted(time, np.arange(time[0] + hop, time[-1], hop)).tolist()
-        blocks = []
-        for first, last in pairwise(sorted({0, *cuts, len(inputs)})):
-            end = min(int(np.searchsorted(time, time[last - 1] + lag)), len(inputs))
-            _, outputs = self._backward.run(filtered[end], inputs[first:end][::-1], settings)
-            blocks.append(outputs[::-1][: last - first])
+        for first, last in pairwise(sorted({0, *cuts, count})):
+            end = min(int(np.searchsorted(time, time[last - 1] + lag)), count)
+            blocks.append(ran(filtered[end], first, end)[1][: last - first])
         return np.vstack(blocks)

@@ -16,6 +16,8 @@ from palpate.host import (
     build_parts,
     build_pipeline,
     carried_by,
+    progress,
+    progressed,
     replay_source,
     run_pipeline,
     suggest,
@@ -51,7 +53,8 @@ def whole_record(place: Path, overrides: Sequence[str], model: str | None) -> Wh
     kept = KeptSamples()
     folder = Path(tempfile.mkdtemp(prefix="palpate-"))
     try:
-        run_pipeline(pipeline, folder, observer=kept).demand_whole()
+        with progress(str(place), "s"):
+            run_pipeline(pipeline, folder, progressed, kept).demand_whole()
     finally:
         withdraw_folder(folder)
     if not kept.blocks:

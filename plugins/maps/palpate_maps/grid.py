@@ -20,6 +20,7 @@ _MOST_FITTED = 250  # sites that the length scale is fitted on; more cost time, 
 _MOST_USED = 1500
 _MOST_CELLS = 250_000
 _LEAST_STD = 1e-3  # of a site's logarithm
+_TOGETHER = 4_000_000  # distances that are held at once
 
 
 @dataclass(frozen=True)
@@ -109,13 +110,21 @@ def line_distance(sites: Sites) -> float:
     For nine sites in ten, the nearest one that was palpated at another time, ten sites away or more, is no farther; so
     lines that were swept twice do not count.
     """
-    order = np.arange(len(sites))
-    apart = np.linalg.norm(sites.place[:, None] - sites.place[None], axis=2)
-    neighbours = np.abs(order[:, None] - order[None]) < (1 if sites.standing.all() else 10)
-    apart[neighbours | (apart < 1e-4)] = np.inf
-    nearest = apart.min(axis=1)
+    order, beside = np.arange(len(sites)), 1 if sites.standing.all() else 10
+
+    def alone(rows: NDArray[np.intp]) -> Floats:
+        apart = np.linalg.norm(sites.place[rows, None] - sites.place[None], axis=2)
+        apart[(np.abs(rows[:, None] - order[None]) < beside) | (apart < 1e-4)] = np.inf
+        return np.asarray(apart.min(axis=1))
+
+    nearest = np.concatenate([alone(rows) for rows in _portions(len(sites), len(sites))])
     known = nearest[np.isfinite(nearest)]
     return float(np.quantile(known, 0.9)) if len(known) else 2e-3
+
+
+def _portions(count: int, others: int) -> list[NDArray[np.intp]]:
+    """Indices of `count` things in portions whose distances to all of the `others` may be held at once."""
+    return np.array_split(np.arange(count), max(count * others // _TOGETHER, 1))
 
 
 def _nearest(places: Floats, nodes: Floats) -> Floats:
@@ -130,12 +139,17 @@ def _average(sites: Sites, nodes: Floats, length: float) -> tuple[Floats, Floats
 
     Both count in full, as if the sites around a node were one observation: their errors are alike.
     """
-    squared = ((nodes[:, None] - sites.place[None]) ** 2).sum(axis=2)
-    weight = np.exp(-0.5 * (squared - squared.min(axis=1, keepdims=True)) / length**2)
-    weight /= weight.sum(axis=1, keepdims=True)
-    mean = weight @ sites.log
-    scatter = weight @ sites.log**2 - mean**2
-    return mean, np.sqrt(np.maximum(scatter, 0.0) + weight @ sites.std**2), length
+
+    def around(rows: NDArray[np.intp]) -> tuple[Floats, Floats]:
+        squared = ((nodes[rows, None] - sites.place[None]) ** 2).sum(axis=2)
+        weight = np.exp(-0.5 * (squared - squared.min(axis=1, keepdims=True)) / length**2)
+        weight /= weight.sum(axis=1, keepdims=True)
+        mean = weight @ sites.log
+        scatter = weight @ sites.log**2 - mean**2
+        return mean, np.sqrt(np.maximum(scatter, 0.0) + weight @ sites.std**2)
+
+    mean, std = zip(*(around(rows) for rows in _portions(len(nodes), len(sites))), strict=True)
+    return np.concatenate(mean), np.concatenate(std), length
 
 
 def gaussian_process(sites: Sites, nodes: Floats, level: float | None = None) -> tuple[Floats, Floats, float]:

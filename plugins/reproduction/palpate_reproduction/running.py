@@ -12,7 +12,18 @@ from pathlib import Path
 from typing import Literal
 
 from palpate import UserError, to_si
-from palpate.host import Found, Result, RunFolder, Source, TrackResult, analysis, build_pipeline, run_pipeline
+from palpate.host import (
+    Found,
+    Result,
+    RunFolder,
+    Source,
+    TrackResult,
+    analysis,
+    build_pipeline,
+    progress,
+    progressed,
+    run_pipeline,
+)
 
 from palpate_reproduction.arithmetic import value_of
 from palpate_reproduction.item import FLAG, Item, Published, Recording
@@ -98,7 +109,8 @@ class Maker:
             for assignment in self._overrides(published):
                 source.override(assignment)
             name = f"{len(self._runs) + 1:03d}-{published.recording or Path(published.pipeline).stem}"
-            result = run_pipeline(build_pipeline(source), self.folder / name)
+            with progress(name, "s"):
+                result = run_pipeline(build_pipeline(source), self.folder / name, progressed)
             result.demand_whole()
             self._runs[key] = result
         return self._runs[key]

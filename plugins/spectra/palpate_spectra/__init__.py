@@ -1,4 +1,4 @@
-"""Spectra: storage and loss modulus over frequency, from recordings of oscillations in contact."""
+"""Spectra: moduli over frequency, from oscillations in contact; over time, from ramps and holds."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ from palpate import Command, FlagMeaning, plugin
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """One command."""
+    """Their commands."""
     return {
+        "relaxation": Command(
+            "palpate_spectra.transient.command:relaxation", "Relaxation modulus or creep compliance."
+        ),
         "spectrum": Command("palpate_spectra.command:spectrum", "Storage and loss modulus over frequency."),
     }
 
@@ -36,6 +39,21 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "doubtful",
             "Under every law that the data support, the force is late by more than the declared timing allows.",
             "Calibrate the delay, or declare it.",
+        ),
+        "not-linear-viscoelastic": FlagMeaning(
+            "doubtful",
+            "No linear material that relaxes, with this tip, makes the ramp and the hold of the record together.",
+            "Check tip, layer and surface; hold two depths: a poroelastic material relaxes more slowly at the larger.",
+        ),
+        "ramp-long": FlagMeaning(
+            "note",
+            "The first points after a ramp are corrected for its duration by more than 5 %, by the fitted spectrum.",
+            "Take the points after some durations of the ramp, or make it faster.",
+        ),
+        "drift-unknown": FlagMeaning(
+            "note",
+            "The record ends before the tip is in free air again, so that nothing tells a drift of the force.",
+            "Record on until the tip has left the material and stood still in air.",
         ),
         "no-law": FlagMeaning(
             "note",

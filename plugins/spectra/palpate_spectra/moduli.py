@@ -180,12 +180,12 @@ def _relative(recorded: Recorded, fit: Fitted, path: tuple[str, ...], step: floa
     angle = 2 * np.pi * (np.arange(64) + 0.5) / 64
     depth = float(fit.level[_DEPTH]) + abs(complex(fit.phasors[0, _DEPTH])) * np.cos(angle)
     before = float(area(recorded.model, depth) @ np.cos(angle))
-    after = float(area(_changed(recorded.model, path, step), depth) @ np.cos(angle))
+    after = float(area(changed(recorded.model, path, step), depth) @ np.cos(angle))
     return (before / after - 1.0) / step if after else 0.0
 
 
-def _changed(part: Any, path: tuple[str, ...], change: float) -> Any:
+def changed(part: Any, path: tuple[str, ...], change: float) -> Any:
     """Settings with a number among their keys changed by so much; not validated, for derivatives."""
     name, *rest = path
     inner = getattr(part, name)
-    return part.model_copy(update={name: _changed(inner, tuple(rest), change) if rest else inner + change})
+    return part.model_copy(update={name: changed(inner, tuple(rest), change) if rest else inner + change})

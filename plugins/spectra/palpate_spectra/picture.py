@@ -35,12 +35,12 @@ def draw(lines: Sequence[Line], fits: Sequence[LawFit], path: Path) -> None:
     moduli.set(xscale="log", yscale="log" if positive else "linear", xlabel="frequency [Hz]", ylabel="modulus [kPa]")
     ratio.set(xscale="log", xlabel="frequency [Hz] (bars: 95 %; lines: with the delay)", ylabel="tan(delta)")
     for axis in (moduli.xaxis, moduli.yaxis, ratio.xaxis):
-        _plain(axis)
+        plain(axis)
     legend_outside(moduli)
     save_figure(figure, path)
 
 
-def _plain(axis: object) -> None:
+def plain(axis: object) -> None:
     """Plain numbers at 1, 2 and 5 of each decade of a logarithmic axis."""
     from matplotlib.axis import Axis
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter

@@ -12,12 +12,15 @@ from typing import Any
 import numpy as np
 from palpate import ConfigurationError, ContactModel, Flag, Floats, LogError, Samples
 from palpate.host import (
+    Found,
     KeptSamples,
     Pipeline,
     RunFolder,
     build_pipeline,
     carried_by,
     load_pipeline,
+    progress,
+    progressed,
     replay_source,
     suggest,
 )
@@ -65,31 +68,53 @@ def read_recorded(path: Path, track: str | None, surface: float | None = None) -
     Its samples are made again from the readings; the height of the skin is that of the track unless a `surface` [m] is
     given. Raises UserError.
     """
+    replayed = replay(path, track)
+    samples, name = replayed.samples, replayed.track
+    known, rows = _stretch(samples, path)
+    found = replayed.surface
+    height = found.value if surface is None else surface
+    if not math.isfinite(height):
+        raise LogError(f"{path}: {name} found no surface; give its height with --surface")
+    return Recorded(
+        str(path), name, replayed.model, known.time[rows], known.force[rows], known.position[rows], height,
+        _surface_std(found.combined, samples, height) if surface is None else 0.0,
+        **replayed.rig, uncertainties=replayed.uncertainties, flags=replayed.flags,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """The samples of a recording, made again, and what its pipeline declares."""
+
+    track: str
+    model: ContactModel
+    samples: Samples
+    surface: Found  # that the track found
+    rig: Mapping[str, Any]  # mass, compliance and timing, as `Recorded` has them
+    uncertainties: Mapping[str, Any]
+    flags: tuple[Flag, ...]  # that concern readings and surface
+
+
+def replay(path: Path, track: str | None) -> Replayed:
+    """A run folder, a log that carries its pipeline, or a pipeline file without a live device; raises UserError."""
     pipeline = _pipeline(path, track)
     if live := [name for name, device in pipeline.devices.items() if device.live]:
         raise ConfigurationError(f"{path}: device {', '.join(live)} is live; record first: palpate run {path}")
     from palpate.host import run_pipeline
 
     kept = KeptSamples()
-    with tempfile.TemporaryDirectory() as folder:
-        result = run_pipeline(pipeline, Path(folder) / "run", observer=kept)
+    with tempfile.TemporaryDirectory() as folder, progress(str(path), "s"):
+        result = run_pipeline(pipeline, Path(folder) / "run", progressed, kept)
         result.demand_whole()
     name = next(iter(result.tracks))
     found = result.tracks[name]
     model = next(one.model for one in pipeline.tracks if str(one.name) == name)
     if not kept.blocks:
         raise LogError(f"{path}: has no samples")
-    samples = Samples.joined(kept.blocks)
-    known, rows = _stretch(samples, path)
-    height = found.surface.value if surface is None else surface
-    if not math.isfinite(height):
-        raise LogError(f"{path}: {name} found no surface; give its height with --surface")
     flags = tuple(flag for flag in (*result.flags, *found.flags) if flag.code in _CONCERNING)
-    return Recorded(
-        str(path), name, model, known.time[rows], known.force[rows], known.position[rows], height,
-        _surface_std(found.surface.combined, samples, height) if surface is None else 0.0,
-        **_rig(pipeline), uncertainties=pipeline.run.uncertainties, flags=flags,
-    )  # fmt: skip
+    return Replayed(
+        name, model, Samples.joined(kept.blocks), found.surface, _rig(pipeline), pipeline.run.uncertainties, flags
+    )
 
 
 def _pipeline(path: Path, track: str | None) -> Pipeline:
@@ -149,24 +174,34 @@ def _surface_std(std: float, samples: Samples, surface: float) -> float:
     """The track's own uncertainty, and how far the skin lay from there when the force first told of it.
 
     A track's surface is that of its model, and a material that relaxes moves it by more than the track's uncertainty.
-    The touch itself is known to the depth at which the force is as large as its noise: some 0.4 of the depth at which
-    it is five times as large (of a force that goes with d^1.5). A record without free air tells nothing of it.
     """
-    std = std if math.isfinite(std) else 0.0
+    return math.hypot(std if math.isfinite(std) else 0.0, beyond(touch_of(samples), surface))
+
+
+def beyond(touch: tuple[float, float] | None, surface: float) -> float:
+    """How much farther [m] than the touch can tell a surface is from there; 0 where nothing tells."""
+    return 0.0 if touch is None else max(abs(touch[0] - surface) - touch[1], 0.0)
+
+
+def touch_of(samples: Samples) -> tuple[float, float] | None:
+    """Height of the first touch [m] and how far off the skin may be [m]; None of a record without free air.
+
+    The touch is known to the depth at which the force is as large as its noise: some 0.4 of the depth at which it is
+    five times as large (of a force that goes with d^1.5).
+    """
     touched = np.flatnonzero(samples.contact)
     if not len(touched) or touched[0] < _AIR:
-        return std
+        return None
     first = int(touched[0])
     air = samples.force[:first][np.isfinite(samples.force[:first])]
     if len(air) < _AIR // 2:
-        return std
+        return None
     noise = float(np.std(np.diff(air)) / math.sqrt(2))
     risen = np.flatnonzero(samples.force[first:] - float(np.median(air)) > 5 * noise)
     if not len(risen):
-        return std
+        return None
     there = float(np.nanmean(samples.position[first - 1 : first + 1]))
-    resolved = _RESOLVED * abs(float(samples.position[first + risen[0]]) - there)
-    return math.hypot(std, max(abs(there - surface) - resolved, 0.0))
+    return there, _RESOLVED * abs(float(samples.position[first + risen[0]]) - there)
 
 
 def _rig(pipeline: Pipeline) -> dict[str, Any]:

@@ -25,6 +25,8 @@ from palpate.host import (
     console,
     pipeline_of,
     print_json,
+    progress,
+    progressed,
     replay_source,
     save_figure,
     suggestion_of,
@@ -71,7 +73,8 @@ def compare(
     names = [track.name for track in pipeline.tracks]
     if reference is not None and reference not in names:
         raise ConfigurationError(f"--reference: there is no track {reference!r} (there are: {', '.join(names)})")
-    result = run_pipeline(pipeline, out)
+    with progress(str(log), "s"):
+        result = run_pipeline(pipeline, out, progressed)
     if as_json:
         print_json({**result.table(), "folder": result.folder})
     else:

@@ -11,6 +11,8 @@ from palpate.host import (
     build_pipeline,
     carried_by,
     make_folder,
+    progress,
+    progressed,
     recording_of,
     replay_source,
     run_pipeline,
@@ -48,5 +50,6 @@ class Estimated:
         folder = self._folder / f"{self._count:03d}-{source.name.split('.')[0]}"
         told = ", ".join(f"{key} = {text}" for key, text in taken_values(pipeline).items())
         typer.echo(f"{source}: estimated by the pipeline of its run, into {folder}; taken for known: {told}", err=True)
-        run_pipeline(pipeline, folder)
+        with progress(str(source), "s"):
+            run_pipeline(pipeline, folder, progressed)
         return folder

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import typer
 from palpate import ConfigurationError, Device, Length, Settings, Time, UserError
-from palpate.host import Pipeline, check_motion, load_pipeline, make_folder, run_pipeline
+from palpate.host import Pipeline, check_motion, load_pipeline, make_folder, progress, progressed, run_pipeline
 from pydantic import Field
 
 
@@ -93,7 +93,8 @@ def perform(path: Path, overrides: Sequence[str], out: Path | None) -> list[Path
         for k, one in enumerate(planned, start=1):
             if done:
                 time.sleep(wait)
-            result = run_pipeline(one, folder / f"{k:0{len(str(len(planned)))}d}")
+            with progress(f"palpation {k} of {len(planned)}", "s"):
+                result = run_pipeline(one, folder / f"{k:0{len(str(len(planned)))}d}", progressed)
             result.demand_whole()
             done.append(result.folder)
             typer.echo(f"palpation {k} of {len(planned)}: {result.folder}", err=True)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from palpate_trajectories.load_unload import Compression, LoadUnload
     from palpate_trajectories.moved import Moved
     from palpate_trajectories.point import Point
+    from palpate_trajectories.ramp_hold import RampHold
     from palpate_trajectories.raster import Raster
     from palpate_trajectories.shake import Shake
     from palpate_trajectories.stay import Stay
@@ -30,6 +31,7 @@ __getattr__ = lazily(
         "palpate_trajectories.load_unload": "Compression LoadUnload",
         "palpate_trajectories.moved": "Moved",
         "palpate_trajectories.point": "Point",
+        "palpate_trajectories.ramp_hold": "RampHold",
         "palpate_trajectories.raster": "Raster",
         "palpate_trajectories.shake": "Shake",
         "palpate_trajectories.stay": "Stay",
@@ -46,6 +48,7 @@ __all__ = [
     "Moved",
     "MultiSine",
     "Point",
+    "RampHold",
     "Raster",
     "Shake",
     "Stay",
@@ -62,6 +65,7 @@ def palpate_trajectories() -> dict[str, type[Trajectory]]:
     from palpate_trajectories.load_unload import Compression, LoadUnload
     from palpate_trajectories.moved import Moved
     from palpate_trajectories.point import Point
+    from palpate_trajectories.ramp_hold import RampHold
     from palpate_trajectories.raster import Raster
     from palpate_trajectories.shake import Shake
     from palpate_trajectories.stay import Stay
@@ -70,6 +74,7 @@ def palpate_trajectories() -> dict[str, type[Trajectory]]:
         "point": Point,
         "load-unload": LoadUnload,
         "compression": Compression,
+        "ramp-hold": RampHold,
         "multi-sine": MultiSine,
         "chirp": Chirp,
         "line-sweep": LineSweep,

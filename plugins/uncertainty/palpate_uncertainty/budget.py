@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import FormatOption, JsonOption, RunFolder, console, people, suggest
+from palpate.host import FormatOption, JsonOption, RunFolder, console, people, progress, progressed, suggest
 
 if TYPE_CHECKING:
     from palpate_uncertainty.monte_carlo import Propagated
@@ -57,18 +57,15 @@ def budget(
 
 
 def _draws(run: Path, tracks: list[str], draws: int, seed: int) -> dict[str, Propagated]:
-    """The draws of every track, with a count on the terminal."""
+    """The draws of every track; says how far they are."""
     from palpate_uncertainty.monte_carlo import cases, propagated
 
     if draws < _FEWEST:
         raise ConfigurationError(f"--monte-carlo: {draws} draws say nothing of a distribution; at least {_FEWEST}")
     found = {}
     for case in cases(run, tracks):
-
-        def tell(done: int, name: str = case.name) -> None:
-            typer.echo(f"\r{name}: {done} of {draws} draws", nl=done == draws, err=True)
-
-        found[case.name] = propagated(case, draws, seed, told=tell)
+        with progress(case.name, "draws", draws):
+            found[case.name] = propagated(case, draws, seed, told=progressed)
     return found
 
 

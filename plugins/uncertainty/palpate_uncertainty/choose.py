@@ -26,6 +26,8 @@ from palpate.host import (
     measured,
     people,
     print_json,
+    progress,
+    progressed,
     replay_source,
     suggest,
 )
@@ -104,8 +106,8 @@ def candidates(path: Path, wanted: Sequence[str]) -> list[Candidate]:
     if any(device.live for device in pipeline.devices.values()):
         raise ConfigurationError(f"{path}: has a live device; record first: palpate run {path}")
     kept = KeptSamples()
-    with tempfile.TemporaryDirectory() as folder:
-        result = run_pipeline(pipeline, Path(folder) / "run", observer=kept)
+    with tempfile.TemporaryDirectory() as folder, progress(str(path), "s"):
+        result = run_pipeline(pipeline, Path(folder) / "run", progressed, kept)
         result.demand_whole()
     if not kept.blocks:
         raise LogError(f"{path}: has no samples")

@@ -13,7 +13,17 @@ from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, ContactModel, Estimator, Floats, Part, Problem, Samples
-from palpate.host import KeptSamples, Pipeline, RunFolder, build_pipeline, carried_by, replay_source, run_pipeline
+from palpate.host import (
+    KeptSamples,
+    Pipeline,
+    RunFolder,
+    build_pipeline,
+    carried_by,
+    progress,
+    progressed,
+    replay_source,
+    run_pipeline,
+)
 
 _UNDECLARED = " (not declared)"
 _HALF_WIDTH = math.sqrt(3)  # of a rectangular distribution, in standard deviations
@@ -76,8 +86,8 @@ def cases(run: Path, tracks: Sequence[str]) -> list[Case]:
         raise ConfigurationError(f"{run}: holds no log of its own; add a [sink.*] to the pipeline, and run it again")
     pipeline = build_pipeline(replay_source(carried, list(tracks)))
     kept = KeptSamples()
-    with tempfile.TemporaryDirectory() as folder:
-        run_pipeline(pipeline, Path(folder) / "replay", observer=kept)
+    with tempfile.TemporaryDirectory() as folder, progress(str(run), "s"):
+        run_pipeline(pipeline, Path(folder) / "replay", progressed, kept)
     samples = Samples.joined(kept.blocks)
     results = RunFolder(run).result["tracks"]
     return [_case(pipeline, track.name, results[str(track.name)], samples) for track in pipeline.tracks]

@@ -1,4 +1,4 @@
-"""A publisher that is not ours: Fast DDS in C++, built where its library is, and tables of messages for it."""
+"""A publisher and a subscriber that are not ours: Fast DDS in C++, built where its library is."""
 
 import contextlib
 import hashlib
@@ -12,19 +12,19 @@ from pathlib import Path
 import pytest
 from palpate_devices.logs.standard_types import STANDARD_TYPES
 
-SOURCE = Path(__file__).with_name("publisher.cpp")
 _numbers = itertools.count()
 
 
-def built():
-    """The program; skips, and says why, where it cannot be built."""
+def built(name):
+    """A program; skips, and says why, where it cannot be built."""
+    source = Path(__file__).with_name(f"{name}.cpp")
     if shutil.which("g++") is None or not Path("/usr/include/fastdds").is_dir():
-        pytest.skip("needs Fast DDS in C++ as publisher: apt install g++ libfastrtps-dev")
-    name = f"palpate-ros2-publisher-{hashlib.sha256(SOURCE.read_bytes()).hexdigest()[:16]}"
+        pytest.skip("needs Fast DDS in C++ as the other end: apt install g++ libfastrtps-dev")
+    name = f"palpate-ros2-{name}-{hashlib.sha256(source.read_bytes()).hexdigest()[:16]}"
     program = Path(tempfile.gettempdir()) / name
     if not program.exists():  # some seconds, once for a machine
         fresh = program.with_suffix(f".{os.getpid()}")
-        command = ["g++", "-std=c++17", str(SOURCE), "-o", str(fresh), "-lfastrtps", "-lfastcdr", "-lpthread"]
+        command = ["g++", "-std=c++17", str(source), "-o", str(fresh), "-lfastrtps", "-lfastcdr", "-lpthread"]
         subprocess.run(command, check=True, capture_output=True)
         fresh.rename(program)
     return program
@@ -39,18 +39,35 @@ def domain():
 
 @pytest.fixture
 def publish(tmp_path, domain):
-    """Starts a publisher of lines; all that were started are killed in the end."""
-    program = built()
+    """Starts a publisher of lines, or of a recorded run's bytes; all that were started are killed in the end."""
+    program = built("publisher")
     with contextlib.ExitStack() as stack:
 
-        def start(lines, offset=0.0, times=1):
-            table = tmp_path / f"table{next(_numbers)}.txt"
-            table.write_text("\n".join(lines) + "\n")
+        def start(lines, offset=0.0, times=1, **environment):
+            table = tmp_path / f"table{next(_numbers)}"
+            table.write_bytes(lines if isinstance(lines, bytes) else ("\n".join(lines) + "\n").encode())
             command = [str(program), str(domain), str(table), str(offset), str(times)]
-            process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+            process = subprocess.Popen(command, stdout=subprocess.DEVNULL, env={**os.environ, **environment})
             stack.callback(process.wait)
             stack.callback(process.kill)
             return process
+
+        yield start
+
+
+@pytest.fixture
+def subscribe(domain):
+    """Starts a subscriber of topics; what it returns ends it, and gives the parts of each message it was sent."""
+    program = built("subscriber")
+    with contextlib.ExitStack() as stack:
+
+        def start(*topics):
+            command = [str(program), str(domain), "60", *topics]
+            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+            assert process.stdout.readline() == "ready\n"
+            return lambda: [line.split("\t") for line in process.communicate("\n")[0].splitlines()]
 
         yield start
 

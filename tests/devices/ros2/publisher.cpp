@@ -2,10 +2,15 @@
 //
 // usage: publisher DOMAIN FILE [OFFSET [TIMES]]
 //
-// FILE holds lines "topic NAME TYPE" and "SECONDS NAME NUMBER...", by increasing time; type is wrench, pose, twist,
-// joints, array, own (nothing but numbers), or raw (bytes as one hexadecimal word). Once somebody listens to all topics, each message is sent at its time, and stamped with that time
-// by the clock, as drivers stamp their ticks, plus OFFSET [s]. TIMES: the file is gone through so often. Says what it has sent.
+// FILE holds lines "topic NAME TYPE [best-effort]" and "SECONDS NAME NUMBER...", by increasing time; type is wrench,
+// bare (a wrench without a header), pose, twist, joints, frames (of "tool0", and of "other" beside it), array, own
+// (nothing but numbers), or raw (bytes as one hexadecimal word). Or it is a recorded run: "PLAYBACK", then the number of
+// topics, of each the lengths of name and type (uint32) and both, then of each message when (float64), the topic, how many
+// numbers (uint32), and the numbers (float64). Once somebody listens to all topics, each message is sent at its time, and
+// stamped with that time by the clock, as drivers stamp their ticks, plus OFFSET [s]. TIMES: the file is gone through so
+// often. With UNICAST in the environment nothing is found by multicast, only on 127.0.0.1. Says what it has sent.
 #include <chrono>
+#include <cstdlib>
 #include <functional>
 #include <cstring>
 #include <fstream>
@@ -27,6 +32,7 @@
 #include <fastdds/dds/topic/TopicDataType.hpp>
 #include <fastdds/dds/topic/TypeSupport.hpp>
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
+#include <fastrtps/utils/IPLocator.h>
 
 using namespace eprosima::fastdds::dds;
 using eprosima::fastrtps::rtps::InstanceHandle_t;
@@ -63,8 +69,14 @@ public:
         cdr.serialize_encapsulation();
         if (message.kind == "array") {
             cdr << uint32_t(0) << uint32_t(0) << message.numbers;  // no dimensions, no offset
-        } else if (message.kind == "own") {
+        } else if (message.kind == "own" || message.kind == "bare") {
             for (double number : message.numbers) cdr << number;
+        } else if (message.kind == "frames") {
+            cdr << uint32_t(2);
+            for (const char* child : {"other", "tool0"}) {
+                cdr << message.sec << message.nanosec << std::string("base") << std::string(child);
+                for (double number : message.numbers) cdr << (child[0] == 'o' ? -number : number);
+            }
         } else {
             cdr << message.sec << message.nanosec << std::string(message.kind == "wrench" ? "ft_frame" : "base");
             if (message.kind == "joints") {
@@ -96,13 +108,49 @@ static const std::map<std::string, std::string> TYPES{
     {"wrench", "geometry_msgs::msg::dds_::WrenchStamped_"}, {"pose", "geometry_msgs::msg::dds_::PoseStamped_"},
     {"twist", "geometry_msgs::msg::dds_::TwistStamped_"},   {"joints", "sensor_msgs::msg::dds_::JointState_"},
     {"array", "std_msgs::msg::dds_::Float64MultiArray_"},   {"raw", "geometry_msgs::msg::dds_::WrenchStamped_"},
-    {"own", "lab_msgs::msg::dds_::Load_"}};
+    {"own", "lab_msgs::msg::dds_::Load_"},                  {"bare", "geometry_msgs::msg::dds_::Wrench_"},
+    {"frames", "tf2_msgs::msg::dds_::TFMessage_"}};
+
+using Writers = std::map<std::string, std::pair<std::string, DataWriter*>>;
+
+static void add_topic(DomainParticipant* participant, Publisher* publisher, Writers& writers, const std::string& name,
+                      const std::string& kind, bool reliable) {
+    TypeSupport type(new Type(TYPES.at(kind)));
+    type.register_type(participant);
+    auto* topic = participant->create_topic("rt" + name, TYPES.at(kind), TOPIC_QOS_DEFAULT);
+    DataWriterQos how = DATAWRITER_QOS_DEFAULT;
+    how.reliability().kind = reliable ? RELIABLE_RELIABILITY_QOS : BEST_EFFORT_RELIABILITY_QOS;
+    how.history().kind = KEEP_LAST_HISTORY_QOS;
+    how.history().depth = 100;
+    how.endpoint().history_memory_policy = eprosima::fastrtps::rtps::PREALLOCATED_WITH_REALLOC_MEMORY_MODE;
+    writers[name] = {kind, publisher->create_datawriter(topic, how)};
+}
 
 struct Entry {
     double at;
     std::string topic;
     Message message;
 };
+
+template <class T>
+static T number_of(std::istream& file) {
+    T value{};
+    file.read(reinterpret_cast<char*>(&value), sizeof value);
+    return value;
+}
+
+static std::string text_of(std::istream& file, uint32_t size) {
+    std::string text(size, ' ');
+    file.read(text.data(), size);
+    return text;
+}
+
+static void only_unicast(DomainParticipantQos& qos) {
+    eprosima::fastrtps::rtps::Locator_t own;
+    eprosima::fastrtps::rtps::IPLocator::setIPv4(own, "127.0.0.1");
+    qos.wire_protocol().builtin.metatrafficUnicastLocatorList.push_back(own);
+    qos.wire_protocol().builtin.initialPeersList.push_back(own);
+}
 
 int main(int count, char** words) {
     const int domain = std::stoi(words[1]);
@@ -114,27 +162,38 @@ int main(int count, char** words) {
     auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
     udp->interfaceWhiteList.push_back("127.0.0.1");
     qos.transport().user_transports.push_back(udp);
+    if (std::getenv("UNICAST")) only_unicast(qos);
     auto* participant = DomainParticipantFactory::get_instance()->create_participant(domain, qos);
     if (!participant) return 1;
     auto* publisher = participant->create_publisher(PUBLISHER_QOS_DEFAULT);
-    std::map<std::string, std::pair<std::string, DataWriter*>> writers;
+    Writers writers;
     std::vector<Entry> entries;
-    std::ifstream file(words[2]);
+    std::ifstream file(words[2], std::ios::binary);
+    if (text_of(file, 8) == "PLAYBACK") {
+        std::vector<std::string> names(number_of<uint32_t>(file));
+        for (auto& name : names) {
+            const auto length = number_of<uint32_t>(file), other = number_of<uint32_t>(file);
+            name = text_of(file, length);
+            add_topic(participant, publisher, writers, name, text_of(file, other), true);
+        }
+        for (double at = number_of<double>(file); file; at = number_of<double>(file)) {
+            Entry entry{at, names.at(number_of<uint32_t>(file)), {}};
+            entry.message.kind = writers.at(entry.topic).first;
+            entry.message.numbers.resize(number_of<uint32_t>(file));
+            for (double& number : entry.message.numbers) number = number_of<double>(file);
+            entries.push_back(entry);
+        }
+    } else {
+        file.seekg(0);
+    }
     for (std::string line; std::getline(file, line);) {
         std::istringstream parts(line);
         std::string first, name, kind;
         parts >> first >> name;
         if (first == "topic") {
-            parts >> kind;
-            TypeSupport type(new Type(TYPES.at(kind)));
-            type.register_type(participant);
-            auto* topic = participant->create_topic("rt" + name, TYPES.at(kind), TOPIC_QOS_DEFAULT);
-            DataWriterQos how = DATAWRITER_QOS_DEFAULT;
-            how.reliability().kind = RELIABLE_RELIABILITY_QOS;
-            how.history().kind = KEEP_LAST_HISTORY_QOS;
-            how.history().depth = 100;
-            how.endpoint().history_memory_policy = eprosima::fastrtps::rtps::PREALLOCATED_WITH_REALLOC_MEMORY_MODE;
-            writers[name] = {kind, publisher->create_datawriter(topic, how)};
+            std::string how;
+            parts >> kind >> how;
+            add_topic(participant, publisher, writers, name, kind, how != "best-effort");
             continue;
         }
         Entry entry{std::stod(first), name, {}};

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import LogError, OutputError
+from palpate.host import progressed
 
 from palpate_devices.logs import mcap_records as records
 from palpate_devices.logs.mcap_definitions import Known
@@ -29,6 +30,7 @@ def recover_mcap(path: Path, out: Path) -> str:
             known = Known(extras=[])
             for known, block in log.everything():
                 saved.block(known, block)
+                progressed(saved.messages)
             for opcode, content in known.extras or ():
                 saved.extra(opcode, content)
             writer.finish()  # type: ignore[no-untyped-call]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import sqlite3
 import struct
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import closing
 from pathlib import Path
 
 from palpate import LogError, OutputError, printable
+from palpate.host import progressed
 
 from palpate_devices.logs.files import regular
 from palpate_devices.logs.scratch import scratch
@@ -18,9 +19,12 @@ Row = tuple[int, int, int, bytes]  # id, topic, time-stamp [ns], message
 
 _LARGEST = 1 << 42  # [bytes]; zeros take no place
 _HEADS = 64  # [bytes] of a page that are no message
-_WINDOW = 4096  # messages asked for at once
-_COARSE = 64  # messages at once, where there have been none for a while
-_PATIENCE = 16  # windows in a row that give nothing, before the end is believed
+_MESSAGES = "SELECT id, topic_id, timestamp, data FROM messages"
+_LAST = (1 << 63) - 1  # the largest number that a message can have
+_TOGETHER = 64  # messages that are held at once
+_WINDOW = 512  # numbers of messages that are asked for at once where something cannot be read
+_COARSE = 64  # of them, where there have been none for a while
+_PATIENCE = 128  # windows in a row that give nothing, before ever more is passed over at once
 
 
 def recover_bag(path: Path, out: Path) -> str:
@@ -131,12 +135,15 @@ def _taken_over(old: sqlite3.Connection, new: sqlite3.Connection, table: str, de
 def _salvage(old: sqlite3.Connection, new: sqlite3.Connection, page: int | None) -> tuple[int, int, int, bool]:
     """Messages that came over, their first and last time-stamps [ns], and whether nothing was amiss."""
     count, stamps, whole = 0, [], True
-    for rows in _windows(old):
+    for rows in _everything(old):
         good = [row for row in rows if _sound(row, page)]
         whole &= len(good) == len(rows)
-        new.executemany("INSERT OR IGNORE INTO messages(id, topic_id, timestamp, data) VALUES (?, ?, ?, ?)", good)
+        done = new.executemany(
+            "INSERT OR IGNORE INTO messages(id, topic_id, timestamp, data) VALUES (?, ?, ?, ?)", good
+        )
         stamps += [pick(row[2] for row in good) for pick in (min, max)] if good else []
-        count += len(good)
+        count += done.rowcount if good else 0  # a damaged page may give the same again
+        progressed(count)
     (check,) = old.execute("PRAGMA quick_check(1)").fetchone() if whole else ("damaged",)
     return count, min(stamps, default=0), max(stamps, default=0), check == "ok"
 
@@ -149,31 +156,54 @@ def _sound(row: Row, page: int | None) -> bool:
     return page is None or len(data) < page - _HEADS or not data.endswith(b"\0")
 
 
-def _windows(old: sqlite3.Connection) -> Iterator[list[Row]]:
-    """Messages by their numbers, around the pages that cannot be read."""
-    end = _largest(old)
-    begin, silent = 0, 0
-    while (silent < _PATIENCE) if end is None else (begin <= end):
-        rows = _between(old, begin, begin + _WINDOW, _COARSE if silent else 1)
-        silent = 0 if rows else silent + 1
-        begin += _WINDOW
+def _everything(old: sqlite3.Connection) -> Iterator[list[Row]]:
+    """Messages in the order of their numbers, around the pages that cannot be read.
+
+    Numbers may be anything, also where a bit of one has changed: where many in a row give nothing, ever more of them
+    are passed over at once, and gone through again once there is something.
+    """
+    begin, end = _bound(old, "MIN", 0), _bound(old, "MAX", _LAST)
+    width, silent = _WINDOW, 0
+    while begin <= end:
+        if width == _WINDOW:
+            begin = yield from _scanned(old, begin)
+            if begin > end:
+                return
+        rows = _between(old, begin, begin + width, max(width // _WINDOW, _COARSE if silent else 1))
+        if rows and width > _WINDOW:
+            width, silent = _WINDOW, 0
+            continue
         yield rows
+        begin += width
+        silent = 0 if rows else silent + 1
+        width = 2 * width if silent >= _PATIENCE else _WINDOW
 
 
-def _largest(old: sqlite3.Connection) -> int | None:
-    """The largest number of a message, where it can be told."""
+def _scanned(old: sqlite3.Connection, begin: int) -> Generator[list[Row], None, int]:
+    """Messages from a number on as far as they can be read in one go; the number behind them, or behind all."""
     try:
-        found = old.execute("SELECT MAX(id) FROM messages").fetchone()[0]
+        found = old.execute(f"{_MESSAGES} WHERE id >= ? ORDER BY id", (begin,))
+        while rows := found.fetchmany(_TOGETHER):
+            yield rows
+            begin = max(begin, *(row[0] + 1 for row in rows))
     except sqlite3.Error:
-        return None
-    return found if isinstance(found, int) else 0
+        return begin
+    return _LAST + 1
+
+
+def _bound(old: sqlite3.Connection, which: str, otherwise: int) -> int:
+    """The smallest or largest number of a message, where it can be told."""
+    try:
+        found = old.execute(f"SELECT {which}(id) FROM messages").fetchone()[0]
+    except sqlite3.Error:
+        return otherwise
+    return found if isinstance(found, int) else otherwise
 
 
 def _between(old: sqlite3.Connection, begin: int, end: int, least: int) -> list[Row]:
     """The messages of [begin, end) that can be read; halves of what cannot be read as a whole are tried."""
-    query = "SELECT id, topic_id, timestamp, data FROM messages WHERE id >= ? AND id < ?"
     try:
-        return old.execute(query, (begin, end)).fetchall()
+        return old.execute(f"{_MESSAGES} WHERE id >= ? AND id <= ?", (begin, min(end - 1, _LAST))).fetchall()
     except sqlite3.Error:
         if end - begin <= least:
             return []

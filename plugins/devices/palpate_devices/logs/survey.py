@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Floats, LogError
+from palpate.host import progressed
 
 from palpate_devices.logs.decoders import decoder_of
 from palpate_devices.logs.field_statistics import Gathered
@@ -123,6 +124,7 @@ class _TopicCounts:
 def survey_of(container: Container, path: Path, kind: str) -> Survey:
     """Read a log once and say what it holds; topics that cannot be decoded are listed with the reason."""
     seen: dict[str, _TopicCounts] = {}
+    count = 0
     for name, topic in container.topics.items():
         try:
             seen[name] = _TopicCounts(topic, decoder_of(topic))
@@ -130,6 +132,8 @@ def survey_of(container: Container, path: Path, kind: str) -> Survey:
             seen[name] = _TopicCounts(topic, None, str(error))
     for name, messages in container.blocks(set(seen)):
         seen[name].add(messages)
+        count += len(messages)
+        progressed(count)
     topics = tuple(entry.survey() for _, entry in sorted(seen.items()))
     return Survey(path, kind, topics, tuple(note for note in (container.trouble,) if note))
 

@@ -17,6 +17,7 @@ from palpate_devices.ros2.names import dds_topic, ros_topic, ros_type
 from palpate_devices.ros2.network import Network, Publication
 
 _TAKEN = 256  # messages at a time
+_LAST = 0.3  # [s] that readers have for what was sent last, before its writer goes
 _CONFIGURED = "CYCLONEDDS_URI"  # whoever has configured Cyclone is not overruled
 
 
@@ -63,6 +64,7 @@ class CycloneParticipant:
     def news(self) -> Iterator[Publication]:
         """Writers of ROS topics that have come or gone since the last call."""
         from cyclonedds.core import InstanceState
+        from cyclonedds.qos import Policy
 
         for entry in self._publications.take(_TAKEN):
             info, key = entry.sample_info, str(entry.key)
@@ -74,7 +76,7 @@ class CycloneParticipant:
             topic = ros_topic(entry.topic_name or "")
             if topic is None or key in self._known:
                 continue
-            reliable = any(type(policy).__name__ == "Reliable" for policy in entry.qos)
+            reliable = any(isinstance(policy, Policy.Reliability.Reliable) for policy in entry.qos)
             self._known[key] = Publication(topic, ros_type(entry.type_name), key, str(entry.participant_key), reliable)
             yield self._known[key]
 
@@ -140,7 +142,9 @@ class CycloneTalker:
         self._writer(topic, type_name, latched).write(message)
 
     def close(self) -> None:
-        """Go."""
+        """Go, once the last messages are on their way."""
+        if self._writers:
+            time.sleep(_LAST)
         self._writers.clear()
 
 

@@ -10,7 +10,7 @@ from palpate import Floats
 from palpate_filters.fit.loss import LossFunction
 from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.residual import Residual
-from palpate_filters.fit.solvers import solve_trf
+from palpate_filters.fit.solvers import descend
 from palpate_filters.fit.uncertainty import ResidualScatter
 from palpate_filters.fit.unknowns import Unknowns
 
@@ -41,7 +41,7 @@ def block_bootstrap(
         drawn = left[(starts[:, None] + np.arange(length)).ravel()[: len(left)] % len(left)]
         force = expected.copy()
         force[used] -= drawn
-        solution = solve_trf(residual, unknowns, record.with_force(force), x, loss)
+        solution = descend(residual, unknowns, record.with_force(force), x, loss)
         values[repeat] = solution.x[list(residual.free)]
     tail = 50.0 * (1.0 - confidence)
     table = {}

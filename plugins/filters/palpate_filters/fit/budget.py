@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from palpate import ConfigurationError, ContactModel, Floats, Part, to_si
 
 from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.residual import Residual, reading
+from palpate_filters.fit.uncertainty import scaled_inverse
 
 _READINGS = {"tip_mass": "kg", "force_scale": "1", "position_scale": "1", "bias": "N"}
 _SAMPLES = 20_000
@@ -85,10 +86,9 @@ class Sensitivities:
         self._record = record if residual.model.memory else record.thinned(_SAMPLES)
         self._x = x
         self.jacobian = residual.whole(self._record, x)[1]
-        moving = np.where(held, 0.0, self.jacobian)
-        lengths = np.sqrt(np.sum(moving**2, axis=0))
-        lengths[lengths == 0] = 1.0
-        self._solve = np.linalg.pinv(moving / lengths) / lengths[:, None]
+        loose = np.where(held, 0.0, 1.0)
+        self._inverse = scaled_inverse((self.jacobian.T @ self.jacobian) * np.outer(loose, loose)) * loose[:, None]
+        self._columns: dict[tuple[int, float], Floats] = {}
 
     def of_model(self, path: tuple[str, ...], std: float) -> Floats:
         """Shift (p,) of the free unknowns for one standard uncertainty of a key of the model."""
@@ -101,11 +101,13 @@ class Sensitivities:
 
     def column(self, place: int, step: float) -> Floats:
         """Derivative (n,) of the residual by a parameter that is not free."""
-        up, down = self._x.copy(), self._x.copy()
-        up[place] += step
-        down[place] -= step
-        model = self._residual.model
-        return (self._errors(model, up) - self._errors(model, down)) / (2 * step)
+        if (place, step) not in self._columns:
+            up, down = self._x.copy(), self._x.copy()
+            up[place] += step
+            down[place] -= step
+            high, low = (self._residual.errors(self._record, x) for x in (up, down))
+            self._columns[place, step] = (high - low) / (2 * step)
+        return self._columns[place, step]
 
     def of_force(self, share: float) -> Floats:
         """Shift for a force that reads too much by a share of itself."""
@@ -113,22 +115,29 @@ class Sensitivities:
 
     def of_position(self, share: float) -> Floats:
         """Shift for a position, rate and acceleration that read too much by a share."""
-        columns = self._record.columns.copy()
-        fixed = float(self._record.height.max())
-        columns[:, 0] = fixed + (columns[:, 0] - fixed) * (1 + share)
-        columns[:, 7] = fixed + (columns[:, 7] - fixed) * (1 + share)
-        columns[:, [1, 2, 8]] *= 1 + share
-        changed = self._errors(self._residual.model, self._x, FitRecord(columns, self._record.transition))
-        return self._shift(changed - self._errors(self._residual.model, self._x))
+        record, history = self._record, self._record.history
+        fixed = float(record.height.max())
+        if history is not None:
+            history = history * np.array([1.0, 1 + share, 1 + share])
+            history[:, 1] -= fixed * share
+        stretched = replace(
+            record,
+            height=fixed + (record.height - fixed) * (1 + share),
+            rate=record.rate * (1 + share),
+            acceleration=record.acceleration * (1 + share),
+            history=history,
+        )
+        return self._shift(self._residual.errors(stretched, self._x) - self._residual.errors(record, self._x))
 
     def _shift(self, change: Floats) -> Floats:
-        return np.asarray(-self._solve @ change)
+        return np.asarray(-self._inverse @ (self.jacobian.T @ change))
 
-    def _errors(self, model: ContactModel, x: Floats, record: FitRecord | None = None) -> Floats:
-        record = record or self._record
+    def _errors(self, model: ContactModel, x: Floats) -> Floats:
+        """Residual of another model, which is not worth compiling."""
+        record = self._record
         if model.memory:
-            return Residual(model, ()).whole(record, x)[0].copy()
-        expected = reading(model, x.tolist(), list(record.columns.T), record.transition)
+            return Residual(model, ()).errors(record, x)
+        expected = reading(model, x.tolist(), list(record.parts), record.transition)
         return np.asarray(record.weight * (expected - record.force))
 
 

@@ -27,6 +27,8 @@ from palpate.host import (
     finite_tree,
     load_pipeline,
     make_folder,
+    progress,
+    progressed,
     replay_source,
     run_pipeline,
     spread,
@@ -169,7 +171,8 @@ def _each(
     curves = curves_by([log.model_copy(update={"file": Path(one.file)}) for one in files], by) if by else files
     told = Reader(pipeline.text, str(pipeline.path), tuple(assignments), device)
     folder = out or make_folder("fit", None, datetime.now(UTC).astimezone())
-    table = fit_each(pipeline, told, curves, folder, workers)
+    with progress("fit", "curves", None if by else len(files)):
+        table = fit_each(pipeline, told, curves, folder, workers)
     found = table.summary()
     if as_json:
         typer.echo(json.dumps({"table": str(table.path), "tracks": found}, indent=2))
@@ -303,7 +306,8 @@ def _offline(pipeline: Pipeline) -> Pipeline:
 
 def _fitted(name: str, pipeline: Pipeline, folder: Path) -> LogFit:
     kept = KeptRun()
-    result = run_pipeline(pipeline, folder, observer=kept)
+    with progress(name, "s"):
+        result = run_pipeline(pipeline, folder, progressed, kept)
     result.demand_whole()
     if not kept.blocks:
         raise UserError(f"{name}: the log holds no samples")

@@ -23,6 +23,7 @@ from palpate import (
     ConfigurationError,
     Device,
     Estimates,
+    Estimator,
     Flag,
     Floats,
     OutputError,
@@ -39,10 +40,12 @@ from palpate.host import (
     build_pipeline,
     differences,
     ports_of,
+    progressed,
     resolved_text,
     write_whole,
 )
 
+from palpate_filters.fit.estimator import CasadiFit
 from palpate_filters.fit.tracker import FitTracker
 
 _TOGETHER = 16  # curves that a process is given at once
@@ -84,10 +87,19 @@ class _Fits:
         if place in self.fits:
             return self.fits[place]
         alignment = self.pipeline.alignment
-        found = track.estimator.start(Problem(track.model, alignment.tip_mass, alignment.timing_uncertainty))
+        found = _for_a_row(track.estimator).start(
+            Problem(track.model, alignment.tip_mass, alignment.timing_uncertainty)
+        )
         if isinstance(found, FitTracker):  # which learns nothing
             self.fits[place] = found
         return found
+
+
+def _for_a_row(estimator: Estimator) -> Estimator:
+    """The estimator without what no column of the table shows and no flag is raised from."""
+    if isinstance(estimator, CasadiFit):
+        return estimator.model_copy(update={"profile": False, "bootstrap": 0})
+    return estimator
 
 
 @cache
@@ -343,6 +355,8 @@ def fit_each(
     """Fit every curve that has no row yet, and append its rows."""
     table = FitTable(folder, pipeline, reader.device)
     left = (curve for curve in curves if curve.name not in table.done)
-    for rows in on_cores(reader, left, workers or len(os.sched_getaffinity(0))):
+    found = len(table.done)
+    for count, rows in enumerate(on_cores(reader, left, workers or len(os.sched_getaffinity(0))), start=found + 1):
         table.add(rows)
+        progressed(count)
     return table

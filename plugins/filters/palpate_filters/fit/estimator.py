@@ -32,8 +32,8 @@ class CasadiFit(Estimator):
     segment: str = Field(
         default="active",
         description='samples to fit, joined by commas: "active" (contact and measuring), "all", "contact", "load", '
-        '"unload", "cycle" (load and unload with air before and after), "0.5 s..2 s", "depth 0 mm..2 mm" (below first '
-        'touch), "cycles 1..3"',
+        '"unload", "hold" (depth or force steady), "cycle" (load and unload with air before and after), "0.5 s..2 s", '
+        '"depth 0 mm..2 mm" (below first touch), "cycles 1..3"',
     )
     contact_point: Literal["free", "threshold", "deviation-from-baseline", "gradient"] = Field(
         default="free",
@@ -64,10 +64,10 @@ class CasadiFit(Estimator):
     )
     loss: Literal["linear", "huber", "soft-l1"] = Field(default="linear", description="how much a residual counts")
     loss_scale: Force = Field(default=0.1, gt=0, description="residual beyond which a robust loss counts less")
-    solver: Literal["auto", "varpro", "trf", "ipopt"] = Field(
+    solver: Literal["auto", "varpro", "lm", "trf", "ipopt"] = Field(
         default="auto",
-        description='"varpro": linear models, surface beside; "trf": anything; "ipopt": exact Hessian; '
-        '"auto": the fastest of them that can',
+        description='"varpro": linear models, surface beside; "lm": models without memory, in little memory; '
+        '"trf": anything; "ipopt": exact Hessian; "auto": the fastest of them that can',
     )
     smoothing: Time | None = Field(
         default=None,
@@ -113,7 +113,7 @@ class CasadiFit(Estimator):
             yield f'contact_point = "{self.contact_point}" finds the surface, so it can be neither fixed nor bounded'
         if self.solver == "varpro" and (self.loss != "linear" or "delay" in (self.unknowns or ())):
             yield 'solver "varpro" needs loss = "linear" and no unknown delay; take "trf" or "auto"'
-        if self.solver == "ipopt" and problem.model.memory:
-            yield 'solver "ipopt" does not take models with memory; take "trf" or "auto"'
+        if self.solver in ("ipopt", "lm") and problem.model.memory:
+            yield f'solver "{self.solver}" does not take models with memory; take "trf" or "auto"'
         if problem.tip_mass is None and "tip_mass" in self.systematic and "tip_mass" not in self.fixed:
             yield "systematic: tip_mass has an uncertainty but no value: set [alignment] tip_mass"

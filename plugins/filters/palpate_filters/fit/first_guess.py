@@ -15,6 +15,7 @@ from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.refusal import NotFitted
 from palpate_filters.fit.residual import Residual, reading
 from palpate_filters.fit.unknowns import EXTRAS, FitUnknown, Unknowns
+from palpate_filters.least_squares import bounded_quadratic
 
 _SAMPLES = 500
 _LINEAR_EXTRAS = ("bias", "slope", "tip_mass")
@@ -66,7 +67,8 @@ def first_guess(
     starts that may be the best are solved.
     """
     thin = record.thinned(_SAMPLES)
-    thin = FitRecord(thin.columns[thin.used], thin.transition)
+    if not thin.used.all():
+        thin = thin.selected(thin.used)
     grids = [_grid(item, place, linear, thin) for place, item in enumerate(unknowns.items)]
     grids.append(grids.pop(unknowns.index("surface")))
     names = [i for i in range(len(unknowns.items)) if i != unknowns.index("surface")]
@@ -89,14 +91,10 @@ def first_guess(
 
 def _least(residual: Residual, record: FitRecord, starts: Floats, linear: Sequence[int]) -> Floats:
     """Costs (m,) that no values of the linear unknowns beside given others (m, P) can fall below; 0: nobody knows."""
-    products = []
-    for start in starts:
-        base = start.copy()
-        base[list(linear)] = 0.0
-        error, columns = residual.whole(record, base)
-        both = np.column_stack([columns, error])
-        products.append(both.T @ both)
-    squares = np.array(products)
+    bases = starts.copy()
+    bases[:, list(linear)] = 0.0
+    last_first = [*range(1, len(linear) + 1), 0]
+    squares = residual.normal(record, bases)[:, last_first][:, :, last_first]
     scale = np.sqrt(np.maximum(np.diagonal(squares, axis1=1, axis2=2), 1e-300))
     known = np.asarray(np.isfinite(squares).all(axis=(1, 2)))
     unit = np.where(known[:, None, None], squares / (scale[:, :, None] * scale[:, None, :]), np.eye(len(linear) + 1))
@@ -126,9 +124,7 @@ def _grid(item: FitUnknown, place: int, linear: Sequence[int], record: FitRecord
 
 def solve_linear(model: ContactModel, unknowns: Unknowns, record: FitRecord, x: Floats, linear: Sequence[int]) -> Guess:
     """The best values of the linear unknowns beside given others, within bounds, and their cost."""
-    from scipy.optimize import lsq_linear
-
-    rows, memory = list(record.columns.T), (0.0,) * len(model.memory)
+    rows, memory = list(record.parts), (0.0,) * len(model.memory)
     base = x.copy()
     base[list(linear)] = 0.0
     with np.errstate(all="ignore"):
@@ -144,18 +140,25 @@ def solve_linear(model: ContactModel, unknowns: Unknowns, record: FitRecord, x: 
     low, high = unknowns.bounds(linear)
     found = np.linalg.lstsq(matrix / scale, -error, rcond=None)[0] / scale
     if np.any(found < low) or np.any(found > high):
-        square: Any = np.linalg.qr(np.column_stack([matrix / scale, -error]), mode="r")
-        solved = lsq_linear(square[:, :-1], square[:, -1], (low * scale, high * scale), method="bvls")
-        found = np.clip(solved.x / scale, low, high)
+        found = np.clip(_within(matrix / scale, error, low * scale, high * scale) / scale, low, high)
     base[list(linear)] = found
     left = error + matrix @ found
     return Guess(base, float(left @ left))
 
 
+def _within(matrix: Floats, error: Floats, low: Floats, high: Floats) -> Floats:
+    """The x (p,) within bounds that makes |A x + b| least, columns of A of length 1."""
+    square = matrix.T @ matrix + 1e-12 * np.eye(len(low))
+    middle = np.clip(0.0, low, high)
+    return np.asarray(middle) + bounded_quadratic(
+        square, matrix.T @ (error + matrix @ middle), low - middle, high - middle
+    )
+
+
 def _columns(
     model: ContactModel, record: FitRecord, base: Floats, linear: Sequence[int], error: Floats, memory: Sequence[float]
 ) -> Iterator[Floats]:
-    rows = list(record.columns.T)
+    rows = list(record.parts)
     for place in linear:
         unit = base.copy()
         unit[place] = 1.0

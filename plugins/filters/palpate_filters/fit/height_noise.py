@@ -27,7 +27,10 @@ def height_noise(record: FitRecord) -> float:
 
 def force_noise(residual: Residual, record: FitRecord, x: Floats, surface: int) -> float:
     """Standard deviation [N] that the noise of the height gives the residual: its own times the RMS of dF/dd."""
-    slope = _by_surface(residual, record.thinned(_SAMPLES), x, surface)[0]
+    thinned, up, down = record.thinned(_SAMPLES), x.copy(), x.copy()
+    up[surface] += _STEP
+    down[surface] -= _STEP
+    slope = (residual.errors(thinned, up) - residual.errors(thinned, down)) / (2 * _STEP)
     return height_noise(record) * float(np.sqrt(np.mean(slope**2)))
 
 
@@ -43,14 +46,15 @@ def unattenuated(residual: Residual, record: FitRecord, unknowns: Unknowns, solu
         return solution
     thinned = record.thinned(_SAMPLES)
     slope, change = _by_surface(residual, thinned, solution.x, unknowns.index("surface"))
-    jacobian = residual.whole(thinned, solution.x)[1].copy()
+    squares = residual.normal(thinned, solution.x)[1:, 1:]
     values, (low, high) = solution.x[free], unknowns.bounds(free)
     sigma = np.sqrt(2.0 * solution.cost / len(record))
-    edge = _AT_EDGE * sigma * np.sqrt(np.maximum(np.diag(scaled_inverse(jacobian.T @ jacobian)), 0.0))
+    edge = _AT_EDGE * sigma * np.sqrt(np.maximum(np.diag(scaled_inverse(squares)), 0.0))
     loose = (values - low > edge) & (high - values > edge)
-    inner = jacobian[:, loose]
     moved = np.zeros(len(free))
-    moved[loose] = scaled_inverse(inner.T @ inner) @ (change[:, loose].T @ slope) * height_noise(record) ** 2
+    moved[loose] = (
+        scaled_inverse(squares[np.ix_(loose, loose)]) @ (change[:, loose].T @ slope) * height_noise(record) ** 2
+    )
     place = unknowns.index("surface")
     relative = [abs(m) / abs(v) for m, v, i in zip(moved, values, free, strict=True) if i != place and v]
     if not np.isfinite(moved).all() or max(relative, default=0.0) > _FARTHEST:
@@ -65,6 +69,6 @@ def _by_surface(residual: Residual, record: FitRecord, x: Floats, place: int) ->
     up, down = x.copy(), x.copy()
     up[place] += _STEP
     down[place] -= _STEP
-    high, rising = (part.copy() for part in residual.whole(record, up))
+    high, rising = residual.whole(record, up)
     low, falling = residual.whole(record, down)
     return (high - low) / (2 * _STEP), (rising - falling) / (2 * _STEP)

@@ -21,7 +21,7 @@ def identifiability(jacobian: Floats, names: list[str], free: int) -> dict[str, 
     lengths = np.sqrt(np.sum(jacobian**2, axis=0))
     blind = [name for name, length in zip(names, lengths, strict=True) if length == 0]
     scaled = jacobian / np.where(lengths > 0, lengths, 1.0)
-    values = np.linalg.svd(scaled[:, :free], compute_uv=False) if free else np.zeros(0)
+    values = np.linalg.svd(np.linalg.qr(scaled[:, :free], mode="r"), compute_uv=False) if free else np.zeros(0)
     pairs = []
     correlation = correlations(scaled[:, :free])
     for i, j in combinations(range(free), 2):

@@ -10,6 +10,7 @@ from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.residual import Residual
 from palpate_filters.fit.uncertainty import scaled_inverse
 from palpate_filters.fit.unknowns import Unknowns
+from palpate_filters.least_squares import bounded_step
 
 _SAMPLES = 4000
 _STEPS = 25
@@ -28,8 +29,7 @@ class ProfileIntervals:
         self._given = x[self._free]
         self._x = x.copy()
         self._minimum, self._cost = self._descend(self._given, None)
-        triangle = self._triangle(self._minimum)[:, :-1]
-        self._inverse = scaled_inverse(triangle.T @ triangle)
+        self._inverse = scaled_inverse(self._normal(self._minimum)[1:, 1:])
 
     def interval(self, place: int, std: float, quantile: float) -> tuple[float, float] | None:
         """Both ends of the interval of the free unknown at a place, or None where they are not found.
@@ -80,36 +80,40 @@ class ProfileIntervals:
             at = at + self._inverse[:, held[0]] / self._inverse[held[0], held[0]] * (held[1] - at[held[0]])
             at[held[0]] = held[1]
             at = np.clip(at, self._low, self._high)
-        triangle = self._triangle(at)
+        square, enough = self._normal(at), 1e-7 / max(len(self._record), 1)
         for _ in range(_STEPS if moving else 0):
-            better = self._better(at, triangle, moving)
+            if not np.isfinite(square).all():
+                break
+            step, gained = self._step(at, square, moving)
+            if gained <= enough * _cost(square) + 1e-300:
+                return at + step, _cost(square) - max(gained, 0.0)
+            better = self._better(at, square, step)
             if better is None:
                 break
-            gained = _cost(triangle) - _cost(better[1])
-            at, triangle = better
-            if gained <= 1e-7 * _cost(triangle) / max(len(self._record), 1) + 1e-300:
-                break
-        return at, _cost(triangle)
+            at, square = better
+        return at, _cost(square)
 
-    def _better(self, at: Floats, triangle: Floats, moving: list[int]) -> tuple[Floats, Floats] | None:
-        """The point after a Gauss-Newton step, shortened until it is no worse, and its triangle; None without one."""
-        if not np.isfinite(triangle).all():
-            return None
-        lengths = np.sqrt(np.sum(triangle[:, moving] ** 2, axis=0))
-        lengths[lengths == 0] = 1.0
-        step = -np.linalg.lstsq(triangle[:, moving] / lengths, triangle[:, -1], rcond=None)[0] / lengths
+    def _step(self, at: Floats, square: Floats, moving: list[int]) -> tuple[Floats, float]:
+        """A step (p,) of Gauss and Newton in the unknowns that move, and what it gains."""
+        rows = [0, *(1 + i for i in moving)]
+        step = np.zeros(len(at))
+        low, high = self._low[moving] - at[moving], self._high[moving] - at[moving]
+        step[moving], gained = bounded_step(square[np.ix_(rows, rows)], low, high)
+        return step, gained
+
+    def _better(self, at: Floats, square: Floats, step: Floats) -> tuple[Floats, Floats] | None:
+        """The point after a step, shortened until it is no worse, and its normal equations; None without one."""
         for share in (1.0, 0.25, 0.0625, 0.0156):
-            trial = at.copy()
-            trial[moving] = np.clip(at[moving] + share * step, self._low[moving], self._high[moving])
-            tried = self._triangle(trial)
-            if _cost(tried) <= _cost(triangle):
+            trial = np.clip(at + share * step, self._low, self._high)
+            tried = self._normal(trial)
+            if _cost(tried) <= _cost(square):
                 return trial, tried
         return None
 
-    def _triangle(self, free: Floats) -> Floats:
+    def _normal(self, free: Floats) -> Floats:
         self._x[self._free] = free
-        return self._residual.triangle(self._record, self._x, self._loss)
+        return self._residual.normal(self._record, self._x, self._loss)
 
 
-def _cost(triangle: Floats) -> float:
-    return 0.5 * float(triangle[:, -1] @ triangle[:, -1])
+def _cost(square: Floats) -> float:
+    return 0.5 * float(square[0, 0])

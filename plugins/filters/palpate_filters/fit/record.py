@@ -2,87 +2,102 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 
-COLUMNS = 9
+from palpate_filters.fit.motion import noise_of
+from palpate_filters.kernel.columns import Table
+
+PARTS = ("height", "rate", "acceleration", "force", "time", "weight")
+COLUMNS = len(PARTS) + 3
 _GOLDEN = 0.6180339887498949  # its multiples fill the interval from 0 to 1 evenly
 _TRANSITION = 1e-3  # of the way that the tip goes in contact
 
 
 @dataclass(frozen=True)
 class FitRecord:
-    """The samples of a fit: columns height [m], rate [m/s], acceleration [m/s^2], force [N], time from the middle [s],
-    weight, interval [s], and height and rate of the sample before."""
+    """The samples of a fit, each (n,), and what a model with memory needs to know of the sample before."""
 
-    columns: Floats  # (n, 9)
+    height: Floats  # [m]
+    rate: Floats  # [m/s]
+    acceleration: Floats  # [m/s^2]
+    force: Floats  # [N]
+    time: Floats  # [s] from the middle
+    weight: (
+        Floats  # square root of the weight in the sum of squares; 0 for samples that are only there for their history
+    )
     transition: float  # [m] over which contact sets in; far below anything that is measured
+    history: Floats | None = None  # (n, 3) interval [s], and height and rate of the sample before
 
     def __len__(self) -> int:
-        return len(self.columns)
+        return len(self.height)
 
     @property
-    def height(self) -> Floats:
-        """(n,) [m]."""
-        return self.columns[:, 0]
+    def parts(self) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+        """As `PARTS` names them."""
+        return self.height, self.rate, self.acceleration, self.force, self.time, self.weight
 
-    @property
-    def force(self) -> Floats:
-        """(n,) [N]."""
-        return self.columns[:, 3]
+    @cached_property
+    def table(self) -> Table:
+        """The parts as a compiled residual reads them."""
+        return Table(self.parts)
 
-    @property
-    def weight(self) -> Floats:
-        """(n,) square root of the weight in the sum of squares; 0 for samples that are only there for their history."""
-        return self.columns[:, 5]
+    @cached_property
+    def columns(self) -> Floats:
+        """(n, 9) the parts and the history, or (n, 6) where there is none."""
+        parts = np.column_stack(self.parts)
+        return parts if self.history is None else np.concatenate([parts, self.history], axis=1)
 
     @cached_property
     def used(self) -> NDArray[np.bool_]:
         """(n,) samples that count."""
         return self.weight > 0
 
+    def selected(self, rows: NDArray[Any]) -> FitRecord:
+        """Some of the samples, which keep their history."""
+        history = None if self.history is None else self.history[rows]
+        height, rate, acceleration, force, time, weight = (part[rows] for part in self.parts)
+        return FitRecord(height, rate, acceleration, force, time, weight, self.transition, history)
+
     def with_force(self, force: Floats) -> FitRecord:
         """The same motion with another force (n,) [N]."""
-        columns = self.columns.copy()
-        columns[:, 3] = force
-        return FitRecord(columns, self.transition)
+        return replace(self, force=force)
 
     def thinned(self, most: int) -> FitRecord:
         """About `most` samples, one from each stretch of equal length, at places that no period of a motion shares."""
         step = len(self) / most
         if step <= 1:
             return self
-        order = np.arange(most)
-        return FitRecord(self.columns[((order + order * _GOLDEN % 1.0) * step).astype(int)], self.transition)
+        if most not in self._thinned:
+            order = np.arange(most)
+            self._thinned[most] = self.selected(((order + order * _GOLDEN % 1.0) * step).astype(int))
+        return self._thinned[most]
+
+    @cached_property
+    def _thinned(self) -> dict[int, FitRecord]:
+        return {}
 
 
-def make_record(
-    height: Floats,
-    rate: Floats,
-    acceleration: Floats,
-    force: Floats,
-    time: Floats,
-    weight: Floats,
-    travel: float | None = None,
-) -> FitRecord:
-    """A record from its columns, each (n,).
+def make_record(columns: Sequence[Floats], travel: float | None = None, remembers: bool = True) -> FitRecord:
+    """A record from its columns as `PARTS` names them, each (n,); with what a model that `remembers` wants.
 
     Contact sets in over a thousandth of the `travel` [m] in contact, or over the noise of the height where that is
     more, and never over more than a thousandth of all heights.
     """
-    n = len(height)
-    columns = np.empty((n, COLUMNS))
-    columns[:, 0], columns[:, 1], columns[:, 2], columns[:, 3] = height, rate, acceleration, force
-    columns[:, 4] = time - 0.5 * (time[0] + time[-1]) if n else time
-    columns[:, 5] = weight
-    columns[:1, 6:9] = 0.0
-    columns[0, 7], columns[0, 8] = height[0], rate[0]
-    columns[1:, 6], columns[1:, 7], columns[1:, 8] = np.diff(time), height[:-1], rate[:-1]
+    height, rate, acceleration, force, time, weight = columns
+    n, history = len(height), None
+    if remembers:
+        history = np.zeros((n, 3))
+        history[:1, 1], history[:1, 2] = height[:1], rate[:1]
+        history[1:, 0], history[1:, 1], history[1:, 2] = np.diff(time), height[:-1], rate[:-1]
+    centred = time - 0.5 * (time[0] + time[-1]) if n else time
     whole = _TRANSITION * max(float(np.ptp(height)), 1e-12)
-    third = np.diff(height, 3)
-    noise = float(np.sqrt(np.mean(third**2) / 20.0)) if len(third) else 0.0
-    return FitRecord(columns, whole if travel is None else min(whole, max(_TRANSITION * travel, noise)))
+    noise = noise_of(height) if n > 3 else 0.0
+    transition = whole if travel is None else min(whole, max(_TRANSITION * travel, noise))
+    return FitRecord(height, rate, acceleration, force, centred, weight, transition, history)

@@ -71,15 +71,14 @@ def estimates_of(fit: Fit) -> Estimates:
 def _reconstruction(fit: Fit) -> tuple[Floats, Floats]:
     """Weighted residual and contact force of the model (m,) at the fitted samples."""
     record, x, k = fit.record, fit.solution.x, len(fit.problem.model.parameters)
-    error = np.concatenate([values[:, 0].copy() for _, values in fit.residual.blocks(record, x)])
+    error = fit.residual.errors(record, x)
     weight = np.where(record.used, record.weight, 1.0)
     bias, slope, mass = (x[k + EXTRAS.index(name)] for name in ("bias", "slope", "tip_mass"))
-    columns = record.columns
-    force = error / weight + columns[:, 3] - mass * columns[:, 2] - bias - slope * columns[:, 4]
+    force = error / weight + record.force - mass * record.acceleration - bias - slope * record.time
     if not fit.problem.model.memory:
         # What the transition leaves of a force above the surface is no force.
         delay = x[k + EXTRAS.index("delay")]
-        depth = x[k] - columns[:, 0] - delay * columns[:, 1] + 0.5 * delay**2 * columns[:, 2]
+        depth = x[k] - record.height - delay * record.rate + 0.5 * delay**2 * record.acceleration
         force = np.where(touching(depth, 0.0, record.transition)[0] > record.transition, force, 0.0)
     return error[record.used], force[record.used]
 
@@ -175,7 +174,7 @@ def _details(judged: _Judged, total: Floats) -> dict[str, Any]:
         "samples": n,
         "cycles": fit.course.cycles,
         "depth": float(depth.max()),
-        "rate_rms": float(np.sqrt(np.mean(fit.record.columns[fit.record.used, 1] ** 2))),
+        "rate_rms": float(np.sqrt(np.mean(fit.record.rate[fit.record.used] ** 2))),
         "smoothing": fit.motion.window,
         "unknowns": _table(judged, total),
         "covariance": {"names": [names[i] for i in free], "matrix": found.covariance.tolist()},

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from palpate import ContactModel, Floats, contact_force
 
+from palpate_filters.fit.fading import faded
 from palpate_filters.fit.loss import LossFunction
-from palpate_filters.fit.record import COLUMNS, FitRecord
+from palpate_filters.fit.record import COLUMNS, PARTS, FitRecord
 from palpate_filters.fit.unknowns import EXTRAS
 from palpate_filters.kernel import CompiledWhenUsed, Step
+from palpate_filters.kernel.columns import ColumnFunction
 
 _BLOCK = 1024  # samples in one call
 _FACTORED = 8192  # samples in one QR factorisation
+_SQUARES = LossFunction()
 
 
 def touching(depth: Any, rate: Any, transition: Any) -> tuple[Any, Any]:
@@ -55,7 +59,7 @@ class Residual:
         self.model = model
         self.free = tuple(free)
         self.parameters = len(model.parameters) + len(EXTRAS)
-        self._evaluate = _Evaluation(self)
+        self._evaluate = _Remembering(self) if model.memory else _Forgetting(self)
 
     def blocks(self, record: FitRecord, x: Floats, length: int = _BLOCK) -> Iterator[tuple[slice, Floats]]:
         """Rows, `length` at most, and, for each of them, residual and Jacobian side by side (n, 1 + p)."""
@@ -63,13 +67,26 @@ class Residual:
 
     def whole(self, record: FitRecord, x: Floats) -> tuple[Floats, Floats]:
         """Residual (n,) and Jacobian (n, p)."""
-        both = np.empty((len(record), 1 + len(self.free)))
-        for rows, values in self.blocks(record, x, _FACTORED):
-            both[rows] = values
-        return both[:, 0], both[:, 1:]
+        both = [values.T for _, values in self.blocks(record, x, max(len(record), 1))]
+        return both[0][0], both[0][1:].T
+
+    def errors(self, record: FitRecord, x: Floats) -> Floats:
+        """Residual (n,) alone."""
+        return (self if not self.free else self._alone).whole(record, x)[0]
+
+    @cached_property
+    def _alone(self) -> Residual:
+        return Residual(self.model, ())
+
+    def normal(self, record: FitRecord, x: Floats, loss: LossFunction = _SQUARES) -> Floats:
+        """[r, J]^T [r, J] (1 + p, 1 + p): all that least squares needs, in memory that does not grow.
+
+        Of several x (m, P) as many matrices (m, 1 + p, 1 + p).
+        """
+        return self._evaluate.normal(record, x, loss)
 
     def triangle(self, record: FitRecord, x: Floats, loss: LossFunction) -> Floats:
-        """R (p + 1, p + 1) of the QR factors of [J, r]: all that least squares needs, in memory that does not grow.
+        """R (p + 1, p + 1) of the QR factors of [J, r]: the same in numbers of half the range, for what is ill-posed.
 
         Its first p columns stand for the Jacobian and its last for the residual: same cost, same gradient, same J^T J.
         """
@@ -93,19 +110,60 @@ def _outputs(residual: Residual, row: Any, x: Any, transition: Any, memory: Any 
     return row[5] * (expected - row[3])
 
 
-class _Evaluation:
-    """Residual and slopes sample by sample, as one step of a kernel.
+class _Forgetting:
+    """Residual and slopes of a model without memory: every sample by itself, as one function over columns."""
 
-    A model with internal states carries them from sample to sample, with their derivatives by the parameters; they
-    follow their rate equation by Runge-Kutta 4 over each interval, depth and rate linear within it.
+    def __init__(self, residual: Residual) -> None:
+        import casadi as ca
+
+        row, x, transition = ca.SX.sym("w", len(PARTS)), ca.SX.sym("x", residual.parameters), ca.SX.sym("eps")
+        error = _outputs(residual, row, x, transition)
+        slopes = [ca.jacobian(error, x[i]) for i in residual.free]
+        self._function = ColumnFunction(row, ca.vertcat(x, transition), ca.vertcat(error, *slopes))
+
+    def blocks(self, record: FitRecord, x: Floats, length: int) -> Iterator[tuple[slice, Floats]]:
+        """See `Residual.blocks`."""
+        for start in range(0, len(record), length):
+            rows = slice(start, min(start + length, len(record)))
+            part = record.table if rows.stop - start == len(record) else record.table.part(start, rows.stop)
+            yield rows, self._function.values(part, x).T
+
+    def normal(self, record: FitRecord, x: Floats, loss: LossFunction) -> Floats:
+        """See `Residual.normal`."""
+        if loss.kind != "linear":
+            return _normal(self, record, x, loss)
+        return self._function.products(record.table, _with_transition(x, record))
+
+
+def _with_transition(x: Floats, record: FitRecord) -> Floats:
+    return np.concatenate([x, np.full((*x.shape[:-1], 1), record.transition)], axis=-1)
+
+
+def _normal(evaluation: _Forgetting | _Remembering, record: FitRecord, x: Floats, loss: LossFunction) -> Floats:
+    """See `Residual.normal`; from the values, for every loss."""
+    if x.ndim == 2:
+        return np.array([_normal(evaluation, record, one, loss) for one in x])
+    found: Floats | float = 0.0
+    with np.errstate(all="ignore"):  # what is not finite is the caller's to see
+        for _, values in evaluation.blocks(record, _with_transition(x, record), _FACTORED):
+            scaled = loss.scaled(values)
+            found = found + scaled.T @ scaled
+    return np.asarray(found)
+
+
+class _Remembering:
+    """Residual and slopes of a model with memory, sample by sample, as one step of a kernel.
+
+    It carries its internal states from sample to sample, with their derivatives by the parameters; they follow their
+    rate equation over each interval, depth and rate linear within it: exactly where each state fades by itself, else by
+    Runge-Kutta 4.
     """
 
     def __init__(self, residual: Residual) -> None:
         import casadi as ca
 
         row, x, transition = ca.SX.sym("w", COLUMNS), ca.SX.sym("x", residual.parameters), ca.SX.sym("eps")
-        build = _remembering if residual.model.memory else _forgetting
-        state, following, values = build(residual, row, x, transition)
+        state, following, values = _remembering(residual, row, x, transition)
         self._states = int(state.numel())
         self._kernel = CompiledWhenUsed(Step(state, row, ca.vertcat(x, transition), following, values))
 
@@ -117,13 +175,9 @@ class _Evaluation:
             state, values = self._kernel.run(state, record.columns[rows], x)
             yield rows, values
 
-
-def _forgetting(residual: Residual, row: Any, x: Any, transition: Any) -> tuple[Any, Any, Any]:
-    """State (none), the one after it, residual and slopes: of a model without memory."""
-    import casadi as ca
-
-    error, none = _outputs(residual, row, x, transition), ca.SX.sym("none")
-    return none, none, ca.vertcat(error, *[ca.jacobian(error, x[i]) for i in residual.free])
+    def normal(self, record: FitRecord, x: Floats, loss: LossFunction) -> Floats:
+        """See `Residual.normal`."""
+        return _normal(self, record, x, loss)
 
 
 def _remembering(residual: Residual, row: Any, x: Any, transition: Any) -> tuple[Any, Any, Any]:
@@ -158,6 +212,8 @@ def _advanced(model: ContactModel, row: Any, x: Any, transition: Any, memory: An
         return ca.vertcat(*model.memory_rate(smooth, smooth_rate, theta, ca.vertsplit(state)))
 
     step = row[6]
+    if (found := faded(slope, step, memory)) is not None:
+        return found
     one = slope(0.0, memory)
     two = slope(0.5, memory + 0.5 * step * one)
     three = slope(0.5, memory + 0.5 * step * two)

@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats, Samples, is_number, to_si
 
+from palpate_filters.fit.holds import held_rows
 from palpate_filters.fit.refusal import NotFitted
 
 Rows = NDArray[np.bool_]
 
-WORDS = ("active", "all", "contact", "load", "unload", "cycle")
+WORDS = ("active", "all", "contact", "load", "unload", "hold", "cycle")
 _ALLOWED = (
-    '"active", "all", "contact", "load", "unload", "cycle", "0.5 s..2 s", "depth 0 mm..2 mm", "cycles 1..3", '
+    '"active", "all", "contact", "load", "unload", "hold", "cycle", "0.5 s..2 s", "depth 0 mm..2 mm", "cycles 1..3", '
     "or several of them joined by commas"
 )
 _MOVING = 0.1  # of the fastest rate; slower is rest
@@ -127,6 +128,8 @@ def _allowed(window: Window, samples: Samples, rate: Floats, course: RecordCours
             return near & (rate > moving)
         case "unload":
             return near & (rate < -moving)
+        case "hold":
+            return held_rows(samples)
         case "cycle":
             return near
         case "time":

@@ -1,4 +1,4 @@
-"""Solvers: three ways to the same minimum."""
+"""Solvers: four ways to the same minimum."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.refusal import NotFitted
 from palpate_filters.fit.residual import Residual, reading
 from palpate_filters.fit.unknowns import Unknowns
+from palpate_filters.least_squares import least_squares
 
 _LARGEST_IPOPT = 2_000_000  # samples; its graph holds every one of them several times
 
@@ -34,6 +35,33 @@ class Solution:
         return self.x if self.moved is None else self.x - self.moved
 
 
+def descend(residual: Residual, unknowns: Unknowns, record: FitRecord, x: Floats, loss: LossFunction) -> Solution:
+    """The minimum near a start, by the fastest solver for the model."""
+    solve = solve_trf if residual.model.memory else solve_lm
+    return solve(residual, unknowns, record, x, loss)
+
+
+def solve_lm(
+    residual: Residual,
+    unknowns: Unknowns,
+    record: FitRecord,
+    x: Floats,
+    loss: LossFunction,
+    gain: float = 1e-22,
+) -> Solution:
+    """Levenberg and Marquardt on the normal equations, which one compiled function sums up over all samples."""
+    free = list(residual.free)
+    full = x.copy()
+
+    def normal(values: Floats) -> Floats:
+        full[free] = values
+        return residual.normal(record, full, loss)
+
+    found = least_squares(normal, x[free], *unknowns.bounds(free), gain=gain)
+    full[free] = found.x
+    return Solution(full, found.cost, found.evaluations, found.converged)
+
+
 def solve_trf(
     residual: Residual, unknowns: Unknowns, record: FitRecord, x: Floats, loss: LossFunction, most: int = 200
 ) -> Solution:
@@ -41,7 +69,7 @@ def solve_trf(
 
     The factor has the cost, the gradient and the J^T J of the whole, so the steps are those of the whole problem.
     """
-    from scipy.optimize import least_squares
+    from scipy import optimize
 
     free = list(residual.free)
     low, high = unknowns.bounds(free)
@@ -51,7 +79,7 @@ def solve_trf(
     first = seen.triangle(x[free])
     # In units of the first residual, so that tolerances mean the same for every record.
     scale, size = _scales(first, x[free]), max(abs(float(first[-1, -1])), 1e-300)
-    solve: Any = least_squares  # its annotations know no function for the Jacobian
+    solve: Any = optimize.least_squares  # its annotations know no function for the Jacobian
     found = solve(
         lambda p: seen.triangle(p * scale)[:, -1] / size,
         _strictly_inside(x[free], low, high) / scale,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -86,6 +87,5 @@ def _coarse(record: FitRecord) -> FitRecord:
     step = -(-len(record) // _SAMPLES)
     if step == 1:
         return record
-    rows = record.columns[::step]
-    coarse = make_record(rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3], rows[:, 4], rows[:, 5])
-    return FitRecord(coarse.columns, record.transition)
+    coarse = make_record([part[::step] for part in record.parts])
+    return replace(coarse, transition=record.transition)

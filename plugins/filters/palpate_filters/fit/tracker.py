@@ -21,11 +21,12 @@ from palpate_filters.fit.first_guess import first_guess, linear_places
 from palpate_filters.fit.height_noise import unattenuated
 from palpate_filters.fit.loss import LossFunction
 from palpate_filters.fit.motion import TipTravel, zero_phase_motion
+from palpate_filters.fit.order import in_order
 from palpate_filters.fit.record import FitRecord, make_record
 from palpate_filters.fit.refusal import NotFitted
 from palpate_filters.fit.residual import Residual
 from palpate_filters.fit.segments import RecordCourse, Rows, Window, passage, segment_rows
-from palpate_filters.fit.solvers import Solution, solve_ipopt, solve_trf, solve_varpro
+from palpate_filters.fit.solvers import Solution, solve_ipopt, solve_lm, solve_trf, solve_varpro
 from palpate_filters.fit.starts import solve_from_many, times_of, with_times_that_show
 from palpate_filters.fit.unknowns import Unknowns
 
@@ -115,10 +116,11 @@ class FitTracker:
         residual = self._residual(tuple(unknowns.free))
         x = first_guess(model, unknowns, record, linear, self._residual)
         if len(record) > 2 * _THIN and not model.memory:
-            x = solve_trf(residual, unknowns, record.thinned(_THIN), x, loss).x
+            x = solve_lm(residual, unknowns, record.thinned(_THIN), x, loss, gain=1e-9).x
         solver, solution = self._solve(unknowns, record, residual, x, linear, loss)
         if not np.isfinite(solution.x).all() or not np.isfinite(solution.cost):
             raise NotFitted("diverged", "the fit ended in numbers that are not finite")
+        solution = in_order(model, unknowns, solution)
         if loss.kind == "linear":
             solution = unattenuated(residual, record, unknowns, solution)
         return Fit(
@@ -174,13 +176,14 @@ class FitTracker:
         weight = rows.astype(float)
         if self._settings.weights == "depth":
             weight[rows] = _by_depth(samples.position[rows])
-        keep = rows.copy()
-        if self._problem.model.memory:
+        keep, remembers = rows.copy(), bool(self._problem.model.memory)
+        if remembers:
             keep[: int(np.flatnonzero(rows)[-1]) + 1] = True
         force = np.where(np.isfinite(samples.force), samples.force, 0.0)
-        columns = (samples.position, motion.rate, motion.acceleration, force, samples.time, weight)
-        height, rate, acceleration, push, time, weights = (column[keep] for column in columns)
-        return make_record(height, rate, acceleration, push, time, weights, max(course.travel, 1e-12))
+        columns: tuple[Floats, ...] = (samples.position, motion.rate, motion.acceleration, force, samples.time, weight)
+        if not keep.all():
+            columns = tuple(column[keep] for column in columns)
+        return make_record(columns, max(course.travel, 1e-12), remembers)
 
     def _linear_places(self, unknowns: Unknowns) -> tuple[int, ...]:
         free = tuple(unknowns.free)
@@ -218,6 +221,8 @@ class FitTracker:
             return wanted, solve_ipopt(residual, unknowns, record, x, loss)
         if self._problem.model.memory and times_of(unknowns):
             return "trf", solve_from_many(self._residual, unknowns, record, x, loss)
+        if wanted in ("auto", "lm") and not self._problem.model.memory:
+            return "lm", solve_lm(residual, unknowns, record, x, loss)
         return "trf", solve_trf(residual, unknowns, record, x, loss)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,9 @@ from palpate_filters.fit.loss import LossFunction
 from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.residual import Residual
 
+_BLOCK = 1024  # neighbours are told within
+_AT_ONCE = 8  # blocks
+_FEW = 40  # lags, up to which sums are faster than Fourier transforms
 _MOST = 200_000  # rows that the correlation sums run over; longer records are added up in pieces before
 _MOST_TAKEN = 0.6  # of the sum of the autocorrelation; more cannot be made good
 _SPAN = 5.0  # the correlation is summed up to so many of its own times (Sokal 1997)
@@ -72,17 +76,25 @@ def _collect(residual: Residual, record: FitRecord, x: Floats, loss: LossFunctio
     rss = neighbours = third = 0.0
     thirds = samples = 0
     kept = np.zeros((0, 1 + p))
-    for rows, values in residual.blocks(record, x):
-        values = values[record.used[rows]]
+    everything = bool(record.used.all())
+    for rows, values in residual.blocks(record, x, _BLOCK * _AT_ONCE if everything else _BLOCK):
+        if not everything:
+            values = values[record.used[rows]]
         samples += len(values)
         r, jacobian = values[:, 0], values[:, 1:]
         influence, curvature = loss.influence(r)
-        normal += jacobian.T @ (jacobian * curvature[:, None])
+        normal += jacobian.T @ (jacobian if loss.kind == "linear" else jacobian * curvature[:, None])
         rss += float(r @ r)
-        neighbours += float(r[1:] @ r[:-1])
-        differences = np.diff(r, 3)
-        third, thirds = third + float(differences @ differences), thirds + len(differences)
-        kept = np.concatenate([kept, np.column_stack([influence, jacobian])])
+        for stretch in _stretches(r):
+            neighbours += float(np.sum(stretch[:, 1:] * stretch[:, :-1]))
+            differences = np.diff(stretch, 3)
+            third, thirds = third + float(np.sum(differences**2)), thirds + differences.size
+        joined = np.column_stack([influence, jacobian])
+        if size == 1:
+            errors.append(joined[:, 0])
+            slopes.append(joined[:, 1:])
+            continue
+        kept = np.concatenate([kept, joined])
         whole = len(kept) // size * size
         cut = kept[:whole].reshape(-1, size, 1 + p)
         errors.append(cut[:, :, 0].sum(axis=1))
@@ -93,18 +105,25 @@ def _collect(residual: Residual, record: FitRecord, x: Floats, loss: LossFunctio
     return _Pieces(np.concatenate(errors), np.concatenate(slopes), normal, size, samples, rss, first, noise)
 
 
+def _stretches(values: Floats) -> Iterator[Floats]:
+    """Values (n,) as stretches (m, _BLOCK) of neighbours, and what is left of them (1, rest)."""
+    whole = len(values) // _BLOCK * _BLOCK
+    if whole:
+        yield values[:whole].reshape(-1, _BLOCK)
+    if whole < len(values):
+        yield values[None, whole:]
+
+
 def _autocovariance(errors: Floats, fitted: int) -> tuple[Floats, int]:
     """Autocovariance (m // 4 + 1,), and the lag up to which it is more than noise (Sokal's window).
 
     A fit takes from its residuals what it can follow: with p parameters each lag is too small by p/m of the sum over
     all lags. That sum over the window is then too small by a factor 1 - p K/m, K the window's area, which is made good.
     """
-    from scipy.fft import irfft, next_fast_len, rfft
-
     m = len(errors)
-    length = next_fast_len(2 * m)
-    spectrum = np.asarray(rfft(errors, length))
-    gamma: Floats = np.asarray(irfft(np.abs(spectrum) ** 2, length))[: max(m // 4, 1) + 1] / m
+    length = _smooth_length(2 * m)
+    spectrum = np.fft.rfft(errors, length)
+    gamma: Floats = np.fft.irfft(np.abs(spectrum) ** 2, length)[: max(m // 4, 1) + 1] / m
     if gamma[0] <= 0:
         return gamma, 0
     time = 1.0 + 2.0 * np.cumsum(gamma[1:]) / gamma[0]
@@ -130,18 +149,37 @@ def _long_run(gamma: Floats, reach: int) -> float:
 
 
 def _pair_sum(slopes: Floats, gamma: Floats, reach: int, tapered: bool = False) -> Floats:
-    from scipy.signal import oaconvolve
-
     if not slopes.shape[1]:
         return np.zeros((0, 0))  # nothing is free: the fit is an evaluation
     weights = _weights(reach, len(gamma), tapered)
     kernel = weights * gamma[: len(weights)]
-    both = np.concatenate([kernel[:0:-1], kernel])
-    if len(both) == 1:
-        return np.asarray(both[0] * slopes.T @ slopes)
-    spread = oaconvolve(slopes, both[:, None], mode="full", axes=0)[len(kernel) - 1 : len(kernel) - 1 + len(slopes)]
-    middle = slopes.T @ spread
-    return np.asarray((middle + middle.T) / 2)
+    middle = kernel[0] * (slopes.T @ slopes)
+    if len(kernel) <= _FEW:
+        for lag in range(1, len(kernel)):
+            across = slopes[lag:].T @ slopes[:-lag]
+            middle += kernel[lag] * (across + across.T)
+        return np.asarray(middle)
+    length = _smooth_length(len(slopes) + len(kernel))
+    both = np.zeros(length)
+    both[: len(kernel)] = kernel
+    both[length - len(kernel) + 1 :] = kernel[:0:-1]
+    share = np.fft.rfft(both).real / length
+    share[1 : (length + 1) // 2] *= 2.0  # what stands for both signs of a frequency
+    spectra = np.fft.rfft(slopes, length, axis=0)
+    return np.asarray((spectra.conj().T @ (share[:, None] * spectra)).real)
+
+
+def _smooth_length(least: int) -> int:
+    """The least 2^a 3^b 5^c from `least` on, over which a Fourier transform is fast."""
+    best = 1 << max(least - 1, 1).bit_length()
+    five = 1
+    while five < best:
+        three = five
+        while three < best:
+            best = min(best, three << max(-(-least // three) - 1, 0).bit_length())
+            three *= 3
+        five *= 5
+    return best
 
 
 def scaled_inverse(normal: Floats) -> Floats:

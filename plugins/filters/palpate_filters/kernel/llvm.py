@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 from palpate import Floats
 
-from palpate_filters.kernel import translation
+from palpate_filters.kernel import column_translation, translation
+from palpate_filters.kernel.column_translation import ColumnTranslation
+from palpate_filters.kernel.columns import LANES, Table
 from palpate_filters.kernel.kept import kept
 from palpate_filters.kernel.translation import LIBRARY, Translation
 
@@ -51,32 +53,77 @@ class CompiledStep:
         return arrays[0], arrays[3]
 
 
+class CompiledColumns:
+    """A function over columns as machine code; see `columns.Kernel`."""
+
+    def __init__(self, function: Any) -> None:
+        self._width = int(function.numel_out(1))
+        with _COMPILING:
+            self._values, self._products = _compiled_columns(function.serialize())
+
+    def values(self, table: Table, settings: Floats) -> Floats:
+        """See `columns.Kernel`."""
+        count = len(table)
+        found = np.empty((self._width, count))
+        if count:
+            columns = found.ctypes.data + np.arange(self._width, dtype=np.uintp) * np.uintp(8 * count)
+            ((_, places),) = table.addresses(count)
+            self._values(count, places.ctypes.data, settings.ctypes.data, columns.ctypes.data)
+        return found
+
+    def lanes(self, table: Table, settings: Floats, length: int) -> Floats:
+        """See `columns.Kernel`."""
+        blocks = [(count, places.ctypes.data) for count, places in table.addresses(length)]
+        sums = np.zeros((len(settings), len(blocks), self._width * (self._width + 1) // 2, LANES))
+        out, step = sums.ctypes.data, 8 * sums.shape[2] * LANES
+        first, width = settings.ctypes.data, 8 * settings.shape[1]
+        for one in range(first, first + width * len(settings), width):
+            for count, places in blocks:
+                self._products(count, places, one, out)
+                out += step
+        return sums
+
+
 @cache
 def _compiled(text: str) -> tuple[Callable[..., None], Callable[[int], None]]:
     """Machine code of a serialised step, over a block and of one sample; one for each step in a process."""
+    engine = _engine("step", text, Translation)
+    pointer = ctypes.c_void_p
+    block = ctypes.CFUNCTYPE(None, ctypes.c_int64, *([pointer] * 4))
+    single = ctypes.PYFUNCTYPE(None, pointer)  # over before another thread could make use of the interpreter
+    return block(engine.get_function_address("run")), single(engine.get_function_address("single"))
+
+
+@cache
+def _compiled_columns(text: str) -> tuple[Callable[..., None], Callable[..., None]]:
+    """Machine code of a serialised function over columns: its values, and the sums of their products."""
+    engine = _engine("columns", text, ColumnTranslation)
+    kind = ctypes.CFUNCTYPE(None, ctypes.c_int64, *([ctypes.c_void_p] * 3))
+    return kind(engine.get_function_address("values")), kind(engine.get_function_address("products"))
+
+
+def _engine(kind: str, text: str, translator: type[Translation]) -> Any:
+    """What runs the machine code of a serialised function."""
     import llvmlite
     import llvmlite.binding as binding
 
     machine = _machine()
     versions = llvmlite.__version__, str(binding.llvm_version_info), _translator()
     processor = binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten(), machine.triple
-    code = kept((text, *versions, *processor), lambda: _translated(text, machine))
+    code = kept((kind, text, *versions, *processor), lambda: _translated(text, machine, translator))
     engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
     engine.add_object_file(binding.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    pointer = ctypes.c_void_p
-    block = ctypes.CFUNCTYPE(None, ctypes.c_int64, *([pointer] * 4))
-    single = ctypes.PYFUNCTYPE(None, pointer)  # over before another thread could make use of the interpreter
     _ENGINES.append(engine)  # the code lives as long as its engine
-    return block(engine.get_function_address("run")), single(engine.get_function_address("single"))
+    return engine
 
 
-def _translated(text: str, machine: Any) -> bytes:
-    """Machine code of a serialised step, as an object file."""
+def _translated(text: str, machine: Any, translator: type[Translation]) -> bytes:
+    """Machine code of a serialised function, as an object file."""
     import casadi
     import llvmlite.binding as binding
 
-    module = binding.parse_assembly(str(Translation(casadi.Function.deserialize(text)).module()))
+    module = binding.parse_assembly(str(translator(casadi.Function.deserialize(text)).module()))
     module.verify()
     tuning = binding.create_pipeline_tuning_options(speed_level=2)
     builder = binding.create_pass_builder(machine, tuning)
@@ -87,7 +134,9 @@ def _translated(text: str, machine: Any) -> bytes:
 @cache
 def _translator() -> str:
     """What stands for the way from a step to its code."""
-    return sha256(b"".join(Path(file).read_bytes() for file in (__file__, translation.__file__))).hexdigest()
+    return sha256(
+        b"".join(Path(file).read_bytes() for file in (__file__, translation.__file__, column_translation.__file__))
+    ).hexdigest()
 
 
 def _machine() -> Any:

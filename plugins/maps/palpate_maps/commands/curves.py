@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError, Floats, LogError, PalpateError, TrackName
-from palpate.host import JsonOption, Points, console, print_json, save_figure
+from palpate.host import JsonOption, Points, console, print_json, progress, progressed, save_figure
 
 if TYPE_CHECKING:
     from palpate_maps.analysis import Lump, Sites
@@ -62,7 +62,8 @@ def points_of(points: Path, folder: Path, parameter: str | None = None) -> tuple
 
         run = folder / "points"
         if not RunFolder(run).finished:
-            run_pipeline(load_pipeline(points), run).demand_whole()
+            with progress(str(points), "s"):
+                run_pipeline(load_pipeline(points), run, progressed).demand_whole()
     sites = maps.sites_along(maps.read_path(run, None, parameter))
     sites = sites[sites.standing]
     along = maps.line_coordinate(sites) if len(sites) > 1 else None

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError, LogError, PalpateError, Simulated, to_si
-from palpate.host import JsonOption, Points, RunFolder, TrackOption, load_pipeline, print_json, save_figure
+from palpate.host import (
+    JsonOption,
+    Points,
+    RunFolder,
+    TrackOption,
+    load_pipeline,
+    print_json,
+    progress,
+    progressed,
+    save_figure,
+)
 
 from palpate_maps.commands.curves import curves_of, points_of, tell_rejected, unit_of
 
@@ -82,7 +92,8 @@ def _run_first(run: Path) -> Path:
 
     if run.suffix != ".toml":
         return run
-    made = run_pipeline(load_pipeline(run))
+    with progress(str(run), "s"):
+        made = run_pipeline(load_pipeline(run), None, progressed)
     made.demand_whole()
     return made.folder
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import JsonOption, TrackOption, aside, print_json
+from palpate.host import JsonOption, TrackOption, aside, print_json, progress, progressed
 
 from palpate_maps.commands.map import Parameter, Run, length
 
@@ -150,7 +150,8 @@ def visit(run: Path, places: list[tuple[float, float]], duration: float) -> floa
         motion = part(places=tuple(places), duration=duration, press=before.press, surface=before.surface)
     except ValueError as error:
         raise ConfigurationError(f"{run}: the places cannot be visited: {error}") from error
-    result = run_pipeline(continued(pipeline, motion, len(folder.parts)), folder.next_part)
+    with progress(f"visit of {len(places)} places", "s"):
+        result = run_pipeline(continued(pipeline, motion, len(folder.parts)), folder.next_part, progressed)
     result.demand_whole()
     return float(motion.total_duration)
 

@@ -26,6 +26,8 @@ from palpate.host import (
     finished,
     make_folder,
     print_json,
+    progress,
+    progressed,
     write_new,
 )
 
@@ -85,19 +87,14 @@ def sweep(
 
 def _carry_out(planned: Sequence[Job], found: dict[int, dict[str, Any]], engine: Engine) -> None:
     """Run what is not `found` yet, until all is done or somebody stops it."""
-    from rich.console import Console
-    from rich.progress import Progress
-
     rest = [job for job in planned if job.number not in found]
-    console = Console(stderr=True, markup=False, emoji=False)
-    with Progress(console=console, disable=not console.is_terminal, transient=True) as bar:
-        task = bar.add_task(f"{len(planned)} combinations", total=len(planned), completed=len(found))
-        with closing(engine(rest)) as running:
-            for job, result in running:
-                if "interrupted" in result:
-                    return
-                found[job.number] = result
-                bar.advance(task)
+    with progress("sweep", "combinations", len(planned)), closing(engine(rest)) as running:
+        progressed(len(found))
+        for job, result in running:
+            if "interrupted" in result:
+                return
+            found[job.number] = result
+            progressed(len(found))
 
 
 def _tell_failures(found: Mapping[int, dict[str, Any]]) -> int:

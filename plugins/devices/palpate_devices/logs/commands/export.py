@@ -14,7 +14,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 from palpate import ConfigurationError, Floats, LogError, OutputError, printable
-from palpate.host import recording_of
+from palpate.host import progress, progressed, recording_of
 
 from palpate_devices.logs.scratch import scratch
 
@@ -57,7 +57,7 @@ def export(
     if out.exists():
         raise OutputError(f"{out}: is there already, and nothing is ever overwritten")
     try:
-        with scratch(out.parent) as folder:
+        with scratch(out.parent) as folder, progress(f"export of {log.name}", "messages"):
             numbers = _numbers(log, topics, folder)
             write(out, numbers)
     except OSError as error:
@@ -71,8 +71,11 @@ def _numbers(log: Path, topics: list[str] | None, folder: Path) -> dict[str, Top
     """The log's topics, in files of the folder."""
     names: dict[str, tuple[str, ...]] = {}
     files: dict[str, tuple[IO[bytes], IO[bytes]]] = {}
+    count = 0
     with ExitStack() as stack:
         for topic, columns, batch in recording_of(log).tables(log):
+            count += len(batch.time)
+            progressed(count)
             names[topic] = columns
             if topics and topic not in topics:
                 continue
@@ -150,7 +153,9 @@ def _part(array: NDArray[Any], begin: int, end: int) -> NDArray[Any]:
 def _windows(numbers: Mapping[str, TopicArrays]) -> Iterator[tuple[NDArray[np.int64], dict[str, Floats]]]:
     """The rows of one table, some ten thousand at a time."""
     at = dict.fromkeys(numbers, 0)
+    whole = sum(len(entry.stamps) for entry in numbers.values())
     while True:
+        progressed(sum(at.values()), whole)
         ends = [int(n.stamps[at[t] + _WINDOW]) for t, n in numbers.items() if at[t] + _WINDOW < len(n.stamps)]
         edge = min(ends, default=None)
         if edge is not None and all(at[t] == len(n.stamps) or n.stamps[at[t]] >= edge for t, n in numbers.items()):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from palpate import OutputError, printable
-from palpate.host import JsonOption, console, print_json
+from palpate.host import JsonOption, console, print_json, progress
 
 from palpate_devices.logs.commands.installation import show_installation
 from palpate_devices.logs.draft import pipeline_of, recording_of, suggestion_of
@@ -49,7 +49,8 @@ def info(
         _suggest(log, {role: text for role, text in given.items() if text is not None}, out, picture, as_json)
         return
     address = address_of(str(log))
-    survey = recording_of(log).survey(log) if address is None else survey_at(address)
+    with progress(f"info of {log.name}", "messages"):
+        survey = recording_of(log).survey(log) if address is None else survey_at(address)
     if as_json:
         print_json(survey)
     else:
@@ -64,7 +65,8 @@ def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path
         typer.echo(f"{log}: tip, models, estimators and alignment are those of its run", err=True)
         _written(carried_text(replay_source(carried), log), out, as_json)
         return
-    suggestion = suggestion_of(log, choices) if address is None else suggestion_at(address, choices)
+    with progress(f"look at {log.name}", "messages"):
+        suggestion = suggestion_of(log, choices) if address is None else suggestion_at(address, choices)
     for text in suggestion.blanks:
         typer.echo(f"fill in: {printable(text)}", err=True)
     for text in suggestion.doubts:

@@ -8,7 +8,17 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import JsonOption, Overrides, Result, console, load_pipeline, print_json, run_pipeline
+from palpate.host import (
+    JsonOption,
+    Overrides,
+    Result,
+    console,
+    load_pipeline,
+    print_json,
+    progress,
+    progressed,
+    run_pipeline,
+)
 
 from palpate_devices.mcap_sink import McapSink
 
@@ -31,7 +41,8 @@ def record(
         if "log" in pipeline.sinks:
             raise ConfigurationError(f"{file}: [sink.log] is no mcap, which a recording is written by: rename it")
         logs = {"log": McapSink()}
-    result = run_pipeline(replace(pipeline, tracks=(), sinks={**pipeline.sinks, **logs}), out)
+    with progress(str(file), "s"):
+        result = run_pipeline(replace(pipeline, tracks=(), sinks={**pipeline.sinks, **logs}), out, progressed)
     if as_json:
         print_json({"folder": result.folder, "streams": result.streams, "flags": [f.table() for f in result.flags]})
     else:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from palpate.host import recording_of
+from palpate.host import progress, recording_of
 
 
 def recover(
@@ -14,4 +14,6 @@ def recover(
     out: Annotated[Path, typer.Option("--out", "-o", help="The new log; must not exist.")],
 ) -> None:
     """Write what is whole of a log that is cut or damaged into a new one, and say what is missing."""
-    typer.echo(recording_of(log).recover(log, out))
+    with progress(f"recover {log.name}", "messages"):
+        said = recording_of(log).recover(log, out)
+    typer.echo(said)

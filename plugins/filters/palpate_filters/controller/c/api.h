@@ -51,6 +51,7 @@ typedef struct {
     double tare_duration; /* [s] */
     double touch_lag;     /* [s] that samples are held back until the first touch, to find where contact began */
     double touch_force;   /* [N] that counts as touch; 0: five standard deviations of the free air */
+    double drift;         /* [N/s] that the zero may drift by, which touch_force grows by */
     double weight;        /* [N] that is added to the tared force */
     double standstill;    /* [s] at the beginning in which the tip is known to hang still; negative: unknown */
     double window;        /* [s] of contact that the filter starts on; 0: it starts at once, from the guess */

@@ -134,9 +134,26 @@ static int contact_forces(palpate_filter *f, int count)
     return known;
 }
 
+/* Position and velocity of a reading by local cubics; as they are beside one that is missing. */
+static void motion_at(const palpate_filter *f, int i, double *position, double *velocity)
+{
+    static const double weights[SPAN + 1] = {89.0 / 429.0, 84.0 / 429.0, 69.0 / 429.0, 44.0 / 429.0, 9.0 / 429.0, -36.0 / 429.0};
+    const palpate_reading *r = &f->window[i];
+    *position = weights[0] * r->position;
+    *velocity = weights[0] * r->velocity;
+    for (int k = 1; k <= SPAN; k++) {
+        *position += weights[k] * (r[-k].position + r[k].position);
+        *velocity += weights[k] * (r[-k].velocity + r[k].velocity);
+    }
+    *position = isfinite(*position) ? *position : r->position;
+    *velocity = isfinite(*velocity) ? *velocity : r->velocity;
+}
+
 static void columns_at(const palpate_filter *f, int i, double surface, double *column)
 {
-    const double point[2] = {surface - f->window[i].position, -f->window[i].velocity};
+    double position, velocity;
+    motion_at(f, i, &position, &velocity);
+    const double point[2] = {surface - position, -velocity};
     force_columns(point, f->settings.start.guess, column);
 }
 
@@ -302,8 +319,10 @@ static double best_surface(const palpate_filter *f, int count)
     int best = 0;
     for (int i = SPAN; i < count - SPAN; i++) {
         if (isfinite(f->contact_force[i])) {
-            lowest = f->window[i].position < lowest ? f->window[i].position : lowest;
-            highest = f->window[i].position > highest ? f->window[i].position : highest;
+            double position, velocity;
+            motion_at(f, i, &position, &velocity);
+            lowest = position < lowest ? position : lowest;
+            highest = position > highest ? position : highest;
         }
     }
     for (int i = 0; i < AMID + GRID; i++) {

@@ -326,6 +326,13 @@ static double touch_threshold(const palpate_filter *f)
     return level > LEAST_TOUCH ? level : LEAST_TOUCH;
 }
 
+/* Force that counts as touch at a time: a tenth of the threshold is for drift. */
+static double touch_limit(const palpate_filter *f, const palpate_touch *touch, double time)
+{
+    const double level = 0.9 * touch->threshold + f->settings.drift * time;
+    return level > touch->threshold ? level : touch->threshold;
+}
+
 static void touch_begin(const palpate_filter *f, palpate_touch *touch, double interval)
 {
     touch->above = touch->below = touch->over = touch->in_contact = touch->doubtful = 0;
@@ -367,7 +374,7 @@ static int touch_change(const palpate_filter *f, const palpate_touch *touch, int
 static int touch_shows(const palpate_filter *f, palpate_touch *touch, int i)
 {
     const double force = tared(f, reading_at(f, i)->force);
-    touch->above = force > touch->threshold ? touch->above + 1 : 0;
+    touch->above = force > touch_limit(f, touch, reading_at(f, i)->time) ? touch->above + 1 : 0;
     const int lasts = touch->rising && rise_lasts(&touch->rise, force);
     if (touch->above >= IN_A_ROW) {
         return 1;
@@ -469,10 +476,11 @@ static int settle(palpate_filter *f)
 /* After the first touch: hysteresis, on after some samples in a row above the threshold, off after as many below half
  * of it. After a touch that a rise told, it is off only where the tip is above the surface again, until the force has
  * passed the threshold once. */
-static int in_contact(palpate_touch *touch, double force, double position)
+static int in_contact(const palpate_filter *f, palpate_touch *touch, double time, double force, double position)
 {
-    touch->above = force > touch->threshold ? touch->above + 1 : 0;
-    touch->below = force < 0.5 * touch->threshold ? touch->below + 1 : 0;
+    const double limit = touch_limit(f, touch, time);
+    touch->above = force > limit ? touch->above + 1 : 0;
+    touch->below = force < limit - 0.5 * touch->threshold ? touch->below + 1 : 0;
     if (touch->doubtful) {
         touch->over = position > touch->surface ? touch->over + 1 : 0;
         if (touch->above >= IN_A_ROW || touch->over >= IN_A_ROW) {

@@ -227,7 +227,7 @@ static int touched(palpate_filter *f)
     failed = release(f, begin_at);
     for (; f->released < f->count && !failed; f->released++) {
         const palpate_reading *r = reading_at(f, f->released);
-        const int contact = f->released <= f->shown || in_contact(&f->touch, tared(f, r->force), r->position);
+        const int contact = f->released <= f->shown || in_contact(f, &f->touch, r->time, tared(f, r->force), r->position);
         failed = deliver(f, r, contact);
     }
     f->phase = TOUCHED;
@@ -300,7 +300,7 @@ int palpate_feed(palpate_filter *f, const palpate_sample *sample, palpate_estima
     f->previous = sample->stamp;
     f->made = 0;
     if (f->phase == TOUCHED) {
-        failed = deliver(f, &r, in_contact(&f->touch, tared(f, r.force), r.position));
+        failed = deliver(f, &r, in_contact(f, &f->touch, r.time, tared(f, r.force), r.position));
     } else if (f->count == PALPATE_RECORD) {
         failed = PALPATE_NO_ROOM;
     } else {

@@ -1,0 +1,122 @@
+"""Bounded least squares for a few unknowns (Levenberg 1944, Marquardt 1963), from the normal equations alone.
+
+The import of `scipy.optimize` takes longer than most fits, and its least squares keep every sample's slopes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from palpate import Floats
+
+_LEAST = 1e-13  # damping, of the scaled squares: what is not told at all stays where it is
+_FIRST, _MOST = 1e-3, 1e12  # damping after a step that led uphill, and where there is nothing left to gain
+_ROUNDING = 1e-13  # of the cost, below which a difference of two of them is none
+_STILL = 1e-13  # of a value
+_SLOW = 0.9  # of the gain before: less than that, and steps no longer come nearer
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Where a sum of squares is least."""
+
+    x: Floats  # (p,)
+    cost: float  # half of the sum
+    evaluations: int
+    converged: bool
+
+
+def least_squares(
+    normal: Callable[[Floats], Floats], x: Floats, low: Floats, high: Floats, most: int = 200, gain: float = 1e-22
+) -> Minimum:
+    """The minimum of r^T r/2 within bounds (p,), from a start x (p,).
+
+    `normal` gives [r, J]^T [r, J] (1 + p, 1 + p) at unknowns (p,). Ends where another step would lower the cost by less
+    than a share `gain` of it, and takes that step: with n independent residuals it is sqrt(n gain) standard deviations
+    long.
+    """
+    x = np.clip(x, low, high)
+    square, evaluations, damping, before = normal(x), 1, 0.0, np.inf
+    while evaluations < most:
+        cost = 0.5 * float(square[0, 0])
+        if not np.isfinite(square).all():
+            return Minimum(x, cost, evaluations, False)
+        step, gained = bounded_step(square, low - x, high - x, damping)
+        if gained <= gain * cost or bool((np.abs(step) <= _STILL * np.abs(x)).all()):
+            if damping <= _FIRST:
+                x, cost = np.clip(x + step, low, high), max(cost - gained, 0.0)
+            return Minimum(x, cost, evaluations, True)
+        there = np.clip(x + step, low, high)
+        tried = normal(there)
+        evaluations += 1
+        fallen = cost - 0.5 * float(tried[0, 0]) if np.isfinite(tried).all() else -np.inf
+        if fallen >= -_ROUNDING * cost and (fallen > 0 or gained <= _ROUNDING * cost):
+            told = gained > _ROUNDING * cost  # by the difference of the costs, whether the step was good
+            slow = not told and gained > _SLOW * before
+            x, square, before = there, tried, gained
+            if slow:
+                return Minimum(x, 0.5 * float(square[0, 0]), evaluations, True)
+            damping = _eased(damping, fallen / gained if told else 1.0)
+        elif damping >= _MOST:
+            return Minimum(x, cost, evaluations, gained <= _ROUNDING * cost)
+        else:
+            damping = max(10.0 * damping, _FIRST)
+    return Minimum(x, 0.5 * float(square[0, 0]), evaluations, False)
+
+
+def _eased(damping: float, ratio: float) -> float:
+    """The damping after a step that gained so much of what it promised."""
+    if ratio < 0.25:
+        return max(2.0 * damping, 1e-2 * _FIRST)
+    return damping if ratio < 0.75 else (0.1 * damping if damping > 1e-3 * _FIRST else 0.0)
+
+
+def bounded_step(square: Floats, low: Floats, high: Floats, damping: float = 0.0) -> tuple[Floats, float]:
+    """The damped step of Gauss and Newton (p,) between `low` and `high`, and by how much it lowers the cost if it is
+    right."""
+    curvature, gradient = square[1:, 1:], square[1:, 0]
+    lengths = np.sqrt(curvature.diagonal())
+    lengths[lengths == 0] = 1.0
+    scaled, slope = curvature / (lengths[:, None] * lengths), gradient / lengths
+    damped = scaled.copy()
+    damped.flat[:: len(slope) + 1] += max(damping, _LEAST)
+    step = bounded_quadratic(damped, slope, low * lengths, high * lengths)
+    gained = -float(step @ slope) - 0.5 * float(step @ scaled @ step)
+    return step / lengths, gained
+
+
+def bounded_quadratic(curvature: Floats, slope: Floats, low: Floats, high: Floats) -> Floats:
+    """The s (p,) that makes s^T A s/2 + b^T s least between bounds, low <= 0 <= high; A (p, p) positive definite.
+
+    Active sets: what leaves its bounds is held there, what pulls inwards is let go (Nocedal and Wright 2006, 16.5).
+    """
+    s = np.asarray(np.linalg.solve(curvature, -slope))
+    if bool(((s >= low) & (s <= high)).all()):
+        return s
+    s, held = np.zeros(len(slope)), np.zeros(len(slope), bool)
+    for _ in range(8 * len(slope)):
+        wanted = s.copy()
+        loose = ~held
+        if loose.any():
+            pull = slope[loose] + curvature[np.ix_(loose, held)] @ s[held]
+            wanted[loose] = np.linalg.solve(curvature[np.ix_(loose, loose)], -pull)
+        way = wanted - s
+        with np.errstate(divide="ignore", invalid="ignore"):
+            room = np.where(way > 0, (high - s) / way, np.where(way < 0, (low - s) / way, np.inf))
+        share = float(min(1.0, np.min(room, initial=np.inf)))
+        s = np.clip(s + share * way, low, high)
+        if share < 1.0:
+            blocking = int(np.argmin(room))
+            s[blocking] = high[blocking] if way[blocking] > 0 else low[blocking]
+            held[blocking] = True
+            continue
+        force = curvature @ s + slope
+        inwards = np.where(held, np.where(s >= high, force, -force), -np.inf)
+        inwards[low == high] = -np.inf
+        loosest = int(np.argmax(inwards))
+        if inwards[loosest] <= 1e-12 * float(np.max(np.abs(slope), initial=1e-300)):
+            return s
+        held[loosest] = False
+    return s

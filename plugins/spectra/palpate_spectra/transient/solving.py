@@ -1,0 +1,176 @@
+"""The spectrum of times and the height of the skin that a press is best described by."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from palpate import Floats
+
+from palpate_spectra.moduli import poisson_of
+from palpate_spectra.recorded import beyond
+from palpate_spectra.transient.fading import Bins, faded, logarithmic
+from palpate_spectra.transient.press import Pressed
+from palpate_spectra.transient.times import Weighing, weighed
+
+_PER_DECADE = 8  # times of the spectrum
+_BINS = 12  # of a decade of a hold
+_RAMP_BINS = 20
+_SHORTEST, _LONGEST = 0.02, 3.0  # times of the spectrum: shares of the first ramp and of the press
+_REACH = 5e-4  # [m] around the place of the touch in which the skin is looked for
+_UNRELATED = 0.05  # autocorrelation of residuals that have nothing to do with each other
+_PIECES = 10  # of the longest hold, in which noise is what is left of a straight line
+_EXACT = 1e-5  # of the largest target: no reading is better
+_CURVED = 5e-6  # [m] over which the chi^2 of a surface is curved
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What is not known of a press before it is solved."""
+
+    surface: float  # [m]
+    compliance: float  # [m/N]
+    offset: float = 0.0  # [N] of the force
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A spectrum for one surface and rig, and what it was fitted to."""
+
+    times: Floats  # (k,) [s]
+    weighing: Weighing
+    columns: Floats  # (n, free + k)
+    target: Floats  # (n,)
+    free: int  # numbers before the spectrum's
+
+    @property
+    def fitted(self) -> Floats:
+        """(n,) the target as the law has it."""
+        return np.asarray(self.columns @ self.weighing.values)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A press as a linear problem.
+
+    Relaxation: F (1 - nu^2)/2 = int E(t - s) dA(s), E(t) = E + sum of E_k exp(-t/tau_k). Creep:
+    A = int J(t - s) dF(s) (1 - nu^2)/2, J(t) = J + t/n + sum of J_k (1 - exp(-t/tau_k)). Both while the contact grows
+    or stays (Lee and Radok 1960).
+    """
+
+    pressed: Pressed
+
+    @cached_property
+    def creeps(self) -> bool:
+        """Whether the force is held, and not the depth."""
+        return self.pressed.holds[0].kind == "creep"
+
+    @cached_property
+    def times(self) -> Floats:
+        """Times (k,) [s] of the spectrum: from a fiftieth of the first ramp, or two samples, to three presses."""
+        time, hold = self.pressed.time, self.pressed.holds[0]
+        touch = float(time[np.argmax(self.pressed.height < self.pressed.touch)])
+        low = max(_SHORTEST * (float(time[hold.begin]) - touch), 2.0 * float(np.median(np.diff(time))))
+        high = _LONGEST * (float(time[-1]) - touch)
+        return np.geomspace(low, high, max(round(_PER_DECADE * math.log10(high / low)) + 1, 4))
+
+    @cached_property
+    def bins(self) -> Bins:
+        """Ramps in twenty pieces each, holds in twelve a decade of the time since their begin."""
+        begins, counts, at = list[int](), list[int](), 0
+        for hold in self.pressed.holds:
+            pieces = np.array_split(np.arange(at, hold.begin), min(_RAMP_BINS, max(hold.begin - at, 1)))
+            begins += [int(piece[0]) for piece in pieces if len(piece)]
+            counts += [len(piece) for piece in pieces if len(piece)]
+            held = logarithmic(self.pressed.time, hold.begin, hold.end, self.origin(hold.begin, at), _BINS)
+            begins += held.begins.tolist()
+            counts += held.counts.tolist()
+            at = hold.end
+        return Bins(np.array(begins), np.array(counts))
+
+    def origin(self, row: int, since: int) -> float:
+        """The middle [s] of a ramp that ends at a row and began after another."""
+        down = np.flatnonzero(self.pressed.height[since:row] < self.pressed.touch)
+        begin = since + (int(down[0]) if len(down) else 0)
+        return 0.5 * float(self.pressed.time[begin] + self.pressed.time[row])
+
+    def solve(self, rig: Rig, std: Floats, smoothing: float | None = None) -> Solved:
+        """The spectrum, where the target's bins have the standard deviations (m,)."""
+        pressed = self.pressed
+        nu, time = poisson_of(pressed.model), pressed.time
+        load = 0.5 * (1.0 - nu**2) * np.where(pressed.depth(rig.surface, 0.0) > 0, pressed.force + rig.offset, 0.0)
+        area = pressed.area(rig.surface, rig.compliance)
+        if self.creeps:
+            flown = np.concatenate([[0.0], np.cumsum(0.5 * (load[1:] + load[:-1]) * np.diff(time))])
+            columns = np.column_stack([load, flown, load[:, None] - faded(load, time, self.times)])
+            free, target = 2, area
+        else:
+            free, target = 1, load
+            columns = np.column_stack([area, faded(area, time, self.times)])
+        found = weighed(self.bins.means(columns), self.bins.means(target), std, free, smoothing)
+        return Solved(self.times, found, columns, target, free)
+
+    def noise_of(self, values: Floats) -> float:
+        """Standard deviation of white noise that would give a target's second differences."""
+        noise = float(np.std(np.diff(values[self.pressed.holds[0].rows], 2)) / math.sqrt(6.0))
+        return max(noise, _EXACT * float(np.abs(values).max()))
+
+    def bins_std(self, solved: Solved) -> Floats:
+        """Standard deviations (m,) of the bins' means, by what is left in the longest hold and its autocorrelation."""
+        hold = max(self.pressed.holds, key=lambda one: one.end - one.begin)
+        left = (solved.target - solved.fitted)[hold.rows]
+        n = len(left)
+        for piece in np.array_split(np.arange(n), _PIECES):  # what is slower is misfit, and no noise
+            line = np.polynomial.Polynomial.fit(piece, left[piece], 1)
+            left[piece] -= line(piece)
+        power = np.fft.rfft(left, 2 * n)
+        correlation = np.fft.irfft(np.abs(power) ** 2)[: n // 4]
+        variance = float(correlation[0]) / n
+        shares = correlation / max(float(correlation[0]), 1e-300)
+        ends = np.flatnonzero(shares < _UNRELATED)
+        related = shares[1 : int(ends[0]) if len(ends) else len(shares)]
+        counts = self.bins.counts
+        exact = (_EXACT * float(np.abs(solved.target).max())) ** 2
+        return np.asarray(
+            np.sqrt(np.maximum(variance * np.minimum((1.0 + 2.0 * related.sum()) / counts, 1.0), exact / counts))
+        )
+
+
+def solved(problem: Problem, surface: float | None) -> tuple[Solved, Rig, float, Floats]:
+    """The spectrum, rig, standard uncertainty of the surface [m], and standard deviations of the bins."""
+    pressed = problem.pressed
+    compliance = float(pressed.rig["compliance"])
+    rig = Rig(pressed.touch if surface is None else surface, compliance)
+    target = problem.solve(rig, np.ones(len(problem.bins.counts)), 1.0).target
+    std = np.full(len(problem.bins.counts), problem.noise_of(target)) / np.sqrt(problem.bins.counts)
+    spread = 0.0
+    for _ in range(2):  # the second time with the noise that the residuals of the first show
+        best = problem.solve(rig, std)
+        if surface is None:
+            place, spread = _least(problem, rig, std, best.weighing.smoothing)
+            rig = Rig(place, compliance)
+            best = problem.solve(rig, std)
+        std = problem.bins_std(best)
+    best = problem.solve(rig, std)
+    if surface is None:
+        hasty = (pressed.rig["timing"] or 0.0) * float(np.max(np.abs(np.gradient(pressed.height, pressed.time))))
+        spread *= math.sqrt(max(best.weighing.chi2 / best.weighing.freedom, 1.0))
+        spread = math.hypot(spread, hasty, beyond(pressed.seen, rig.surface))
+    return best, rig, spread, std
+
+
+def _least(problem: Problem, rig: Rig, std: Floats, smoothing: float) -> tuple[float, float]:
+    """The surface [m] that leaves least, and its standard deviation by the curvature there."""
+    from scipy.optimize import minimize_scalar
+
+    def cost(place: float) -> float:
+        found = problem.solve(Rig(place, rig.compliance), std, smoothing).weighing
+        return found.chi2 + found.roughness
+
+    ends = (rig.surface - _REACH, rig.surface + _REACH)
+    found = minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": 2e-7})
+    place, least = float(found.x), float(found.fun)
+    curved = (cost(place + _CURVED) + cost(place - _CURVED) - 2.0 * least) / _CURVED**2
+    return place, math.sqrt(2.0 / curved) if curved > 0 else _REACH

@@ -1,0 +1,79 @@
+"""Ramps down to one depth or several, each held: relaxation at a constant depth."""
+
+from __future__ import annotations
+
+import itertools
+from functools import cached_property
+from typing import Any
+
+from palpate import Depth, Floats, Length, Setpoint, Speed, Time, Trajectory
+from pydantic import Field, model_validator
+
+from palpate_trajectories.load_unload import refuse_speeds
+from palpate_trajectories.motion import PlannedMotion, through
+from palpate_trajectories.profile import Knot, resting
+from palpate_trajectories.surface import Surface
+
+
+class RampHold(Trajectory):
+    """Down to a depth at constant speed and held there: the force relaxes at a constant depth (stress relaxation).
+
+    Several depths are held one after the other, from the shallowest: a material whose relaxation depends on the contact
+    radius, as a poroelastic one's does, tells itself by two. Speed is constant but for the turns, which take `turn`
+    each. Ramps and holds are measured, the way back is not: there the contact shrinks, which few models know of.
+    """
+
+    depths: tuple[Depth, ...] = Field(min_length=1, description="depths that are held, below the nominal surface")
+    hold: Time = Field(default=30.0, gt=0, le=3600, description="how long each of them is held")
+    speed: Speed = Field(default=0.01, gt=0, description="speed of the ramps, and of the way back")
+    turn: Time = Field(default=0.1, gt=0, description="duration of each turn, and of starting and stopping")
+    clearance: Depth = Field(default=0.001, gt=0, description="height over the nominal surface at both ends")
+    standstill: Time = Field(
+        default=1.0, ge=0, description="standstill in free air before and after it, for tare and drift"
+    )
+    place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
+    surface: Surface = Field(default=Surface(), description="nominal surface")
+
+    @model_validator(mode="after")
+    def _possible(self) -> Any:
+        ways = [b - a for a, b in itertools.pairwise((-self.clearance, *self.depths))]
+        if min(ways) <= 0:
+            raise ValueError(f"depths {', '.join(f'{d:g} m' for d in self.depths)} must be above 0 and increase")
+        for way in ways:
+            refuse_speeds((self.speed,), way, self.turn)
+        return self
+
+    @cached_property
+    def _motion(self) -> PlannedMotion:
+        now, level = self.standstill, -self.clearance
+        knots = [Knot(now, level)]
+        for depth in self.depths:
+            knots += _line(now, level, depth, self.speed, self.turn)
+            now, level = knots[-1].time + self.hold, depth
+            knots.append(Knot(now, level))
+        held = now
+        knots += _line(now, level, -self.clearance, -self.speed, self.turn)
+        x, y = (resting(value) for value in self.place)
+        return PlannedMotion(
+            knots[-1].time + self.standstill, x, y, through(knots), ((self.standstill, held),), self.surface
+        )
+
+    @property
+    def total_duration(self) -> float:
+        """From rest to rest [s]."""
+        return self._motion.duration
+
+    def at(self, time: Floats) -> Setpoint:
+        """Setpoints (n, 3)."""
+        return self._motion.at(time)
+
+
+def _line(start: float, begin: float, end: float, speed: float, turn: float) -> list[Knot]:
+    """From rest to rest at constant speed between two turns, from a time on; the first knot is left out."""
+    part = speed * turn / 2
+    arrive = start + turn + (end - begin - 2 * part) / speed
+    return [
+        Knot(start + turn, begin + part, speed),
+        Knot(arrive, end - part, speed),
+        Knot(arrive + turn, end),
+    ]

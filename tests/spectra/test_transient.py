@@ -1,0 +1,232 @@
+"""E(t) from a ramp and a hold: identities, then noise, then what is refused."""
+
+import csv
+import importlib.util
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from palpate import LogError, force_over_time
+from palpate.host import holds_of
+from palpate_models import (
+    DimensionalityReduction,
+    Flat,
+    GeneralisedMaxwell2,
+    Poroelastic,
+    PowerLaw,
+    Sphere,
+    StandardLinearSolid,
+)
+from palpate_models.thickness import Thickness
+from palpate_spectra.transient.fading import faded
+from palpate_spectra.transient.modulus import curve
+from palpate_spectra.transient.press import pressed
+from palpate_spectra.transient.spectrum import decades, density, flags_of, p_value
+from scipy.stats import chi2
+
+spec = importlib.util.spec_from_file_location("spectra_rig", Path(__file__).with_name("rig.py"))
+rig = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(rig)
+
+TIP = Sphere(radius=5e-3)
+LAYER = Thickness(law="dimitriadis", height=22e-3)
+TWO = (100e3, 40e3, 0.3, 30e3, 4.0)
+
+
+def found(model, theta, **known):
+    """The curve of a simulated press."""
+    return curve(pressed(rig.press(model, theta, **known), "run"))
+
+
+def two_times(t):
+    """E(t) of TWO."""
+    return TWO[0] + TWO[1] * np.exp(-t / TWO[2]) + TWO[3] * np.exp(-t / TWO[4])
+
+
+def test_a_fading_sum_is_the_integral():
+    """x = t: int_0^t exp(-(t - s)/tau) ds = tau (1 - exp(-t/tau)), at uneven instants."""
+    time = np.cumsum(np.random.default_rng(1).uniform(0.001, 0.02, 300)) - 0.001
+    time -= time[0]
+    taus = np.array([0.01, 0.5, 20.0])
+    assert faded(time, time, taus) == pytest.approx(taus * -np.expm1(-time[:, None] / taus), rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("model", "theta", "modulus"),
+    [
+        (DimensionalityReduction(indenter=TIP), (100e3, 0.0), lambda t: 100e3 + 0 * t),
+        (StandardLinearSolid(indenter=TIP, poisson=0.4), (80e3, 60e3, 0.7), lambda t: 80e3 + 60e3 * np.exp(-t / 0.7)),
+        (GeneralisedMaxwell2(indenter=TIP, thickness=LAYER), TWO, two_times),
+        (GeneralisedMaxwell2(indenter=Flat(radius=3e-3)), TWO, two_times),
+        (PowerLaw(indenter=TIP), (100e3, 0.15), lambda t: 100e3 * t**-0.15),
+    ],
+)
+def test_the_modulus_of_every_law_comes_back(model, theta, modulus):
+    """Without noise the points are E(t) within 0.5 % from the ramp's end on, and the skin within 10 um."""
+    one = found(model, theta)
+    assert one.time[0] < 0.6 * 0.3
+    assert one.time[-1] > 4.5
+    assert one.value == pytest.approx(modulus(one.time), rel=5e-3)
+    assert one.rig.surface == pytest.approx(2e-4, abs=1e-5)
+
+
+def test_a_slow_ramp_is_taken_off():
+    """A ramp of 1.5 s: a step from its end would be up to 10 % off, the curve is not."""
+    one = found(GeneralisedMaxwell2(indenter=TIP), TWO, speed=2e-3)
+    seen = one.pressed.force[one.pressed.holds[0].begin] / (2 / 0.75 * one.solved.columns[-1, 0])
+    assert abs(seen / two_times(1e-3) - 1) > 0.15
+    assert one.value == pytest.approx(two_times(one.time), rel=5e-3)
+
+
+def test_noise_is_what_it_says_and_a_drift_is_taken_off():
+    """Over 12 records with 0.05 N of noise and a drift of 0.1 N: squares of errors over their noise, by chi^2."""
+    z = []
+    for seed in range(12):
+        one = found(GeneralisedMaxwell2(indenter=TIP), TWO, seed=seed, drift=0.1)
+        error = (one.value - two_times(one.time)) / np.sqrt(one.noise**2 + one.shifts["surface"] ** 2)
+        z.append(error[[1, 4, -1]])
+    assert np.sum(np.square(z), axis=0).max() < chi2.ppf(0.9995, 12)
+    assert np.mean(np.square(z)) > 0.15  # nor are they far too wide
+    assert one.pressed.drift == pytest.approx(0.1, rel=0.5)
+
+
+def test_the_spectrum_has_its_two_times_and_the_strength_of_its_decades():
+    one = found(GeneralisedMaxwell2(indenter=TIP), TWO, hold=20.0, seed=3)
+    times, height, std = density(one)
+    peaks = times[1:-1][(height[1:-1] >= height[:-2]) & (height[1:-1] > height[2:]) & (height[1:-1] > 3 * std[1:-1])]
+    assert peaks == pytest.approx([0.3, 4.0], rel=0.35)
+    assert (std > 0).all()
+    told = decades(one)
+    for time, strength in ((0.3, 40e3), (4.0, 30e3)):
+        (one,) = [decade for decade in told if decade.low <= time <= decade.high]
+        assert abs(one.strength - strength) < 3 * one.std < 0.5 * strength
+
+
+def test_a_material_that_relaxes_by_the_depth_is_flagged():
+    """A poroelastic gel held at two depths is no linear material; a generalised Maxwell solid there is one."""
+    time = np.arange(0.0, 14.0, 0.005)
+    d = np.interp(time, [0, 1, 1.15, 6, 6.4, 12, 12.05], [-1e-3, 0, 1e-3, 1e-3, 4e-3, 4e-3, -2e-3])
+    told = {}
+    for model, theta in (
+        (Poroelastic(indenter=TIP), (1.5e6, 0.2, 3e-6)),
+        (GeneralisedMaxwell2(indenter=TIP), TWO),
+    ):
+        force = force_over_time(model, time, d, np.gradient(d, time), theta, pulls=False)
+        one = curve(pressed(rig.samples_of(model, time, d, force, 5, 2e-4, 0.0, {}), "run"))
+        assert len(one.pressed.holds) == 2
+        told[type(model).__name__] = p_value(one), {flag.code for flag in flags_of(one)}
+    assert told["Poroelastic"][1] & {"not-linear-viscoelastic", "surface-mismatch"}
+    assert told["GeneralisedMaxwell2"][0] > 1e-3
+    assert told["GeneralisedMaxwell2"][1] <= {"ramp-long"}
+
+
+@pytest.mark.parametrize(
+    ("depth", "force", "kind"),
+    [
+        (lambda t: np.minimum(t / 0.3, 1), lambda t: np.minimum(t / 0.3, 1) * (0.7 + 0.3 * np.exp(-t)), "relaxation"),
+        (lambda t: np.minimum(t / 0.3, 1) * (1.3 - 0.3 * np.exp(-t)), lambda t: np.minimum(t / 0.3, 1), "creep"),
+        (lambda t: 1 + 0.3 * np.sin(12 * t), lambda t: 1 + 0.4 * np.sin(12 * t), None),
+    ],
+)
+def test_what_is_held_is_found(depth, force, kind):
+    t = np.arange(0, 6, 0.002)
+    random = np.random.default_rng(0)
+    held = holds_of(t, 3e-3 * depth(t) + 5e-6 * random.standard_normal(len(t)), 5 * force(t))
+    if kind is None:
+        assert held == []
+        return
+    (one,) = held
+    assert one.kind == kind
+    assert t[one.begin] == pytest.approx(0.3, abs=0.05)
+    assert t[one.end - 1] > 5.9
+
+
+def test_a_record_that_begins_in_contact_is_refused():
+    whole = rig.press(StandardLinearSolid(indenter=TIP), (80e3, 60e3, 0.7))
+    with pytest.raises(LogError, match="begins in contact"):
+        pressed(replace(whole, samples=whole.samples[230:]), "run")
+    with pytest.raises(LogError, match="never touches"):
+        pressed(replace(whole, samples=whole.samples[:150]), "run")
+
+
+PIPELINE = """
+[device.rig]
+type = "sim"
+tip_mass = "140 g"
+specimen = { model = "sls", elasticity = "80 kPa", relaxing_elasticity = "40 kPa", relaxation_time = "0.5 s" }
+[trajectory.press]
+type = "ramp-hold"
+depths = ["3 mm"]
+hold = "3 s"
+[alignment]
+force = { channel = "rig.wrench.z", uncertainty = "0.1 ms" }
+position = { channel = "rig.tip.z", uncertainty = "0.1 ms" }
+measuring = "rig.setpoint.measuring"
+tip_mass = "140 g"
+[indenter.tip]
+type = "sphere"
+radius = "5 mm"
+[model.sls]
+type = "standard-linear-solid"
+indenter = "tip"
+[estimator.fit]
+type = "casadi-fit"
+segment = "hold"
+fixed = { surface = "0 mm" }
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The folder of a run."""
+    from palpate.host import load_pipeline, run_pipeline
+
+    where = tmp_path_factory.mktemp("relaxation")
+    (where / "hold.toml").write_text(PIPELINE)
+    result = run_pipeline(load_pipeline(where / "hold.toml"), where / "run")
+    track = result.tracks["sls/fit"]
+    assert track.parameters["elasticity"].value == pytest.approx(80e3, rel=0.02)
+    assert track.parameters["relaxation_time"].value == pytest.approx(0.5, rel=0.1)
+    return where
+
+
+def test_the_command_on_a_run_folder(palpate, folder, tmp_path):
+    done = palpate("relaxation", folder / "run", "--json", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["held"] == "depth"
+    assert told["flags"] == []
+    for point in told["curve"]:
+        assert abs(point["E_Pa"] - 80e3 - 40e3 * math.exp(-point["time_s"] / 0.5)) < 3 * point["E_std_Pa"]
+    with (tmp_path / "out" / "modulus.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[0]["E_Pa"]) == pytest.approx(told["curve"][0]["E_Pa"])
+    assert (tmp_path / "out" / "relaxation.png").stat().st_size > 5000
+    assert (tmp_path / "out" / "relaxation.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nowhere"], "nowhere"),
+        (["{run}", "--surface", "3 N"], "--surface"),
+        (["{run}", "--track", "sl/fit"], "sls/fit"),
+    ],
+)
+def test_mistakes_are_one_clear_message(palpate, folder, tmp_path, arguments, said):
+    done = palpate(
+        "relaxation", *(a.replace("{run}", str(folder / "run")) for a in arguments), "--out", tmp_path / "out"
+    )
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_sine_has_no_hold(palpate, root, tmp_path):
+    done = palpate("relaxation", root / "pipelines" / "point.toml", "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert "nothing is held" in done.stderr
