@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import json
-import math
 import mmap
 import os
 import sys
@@ -189,8 +188,7 @@ class _Loop:
     def _obey(self, message: dict[str, Any], commander: Commander) -> None:
         match message["say"]:
             case "limits":
-                told = [x for value in message.values() for x in (value if isinstance(value, list) else [value])]
-                if not all(math.isfinite(x) for x in told if not isinstance(x, str)):
+                if not all(np.isfinite(value).all() for key, value in message.items() if key != "say"):
                     self._fail("a limit is not a finite number")
                 self._fence.limits = message
                 self._law = Law(**{**self._law.__dict__, **_slower(self._law, message)})
