@@ -32,9 +32,8 @@ def main() -> None:
             file.unlink(missing_ok=True)
             found.append(cost(sys.argv[1:], file))
         size = file.stat().st_size / 1e3
-    print(
-        f"{statistics.median(found):.2f} s of CPU (largest {max(found):.2f}), {size:.0f} kB, of {len(sys.argv) - 1} runs"
-    )
+    cpu, runs = f"{statistics.median(found):.2f} s of CPU (largest {max(found):.2f})", len(sys.argv) - 1
+    print(f"{cpu}, {size:.0f} kB, of {runs} runs")
 
 
 if __name__ == "__main__":
