@@ -40,7 +40,8 @@ def _settings() -> dict[str, Any]:
     import matplotlib
 
     with as_file(files("palpate") / "palpate.mplstyle") as path:
-        return dict(matplotlib.rc_params_from_file(path, use_default_template=False))
+        found: Any = matplotlib.rc_params_from_file(path, use_default_template=False)
+    return {key: found[key] for key in found}
 
 
 def figure_of(columns: int = 1, rows: int = 1, width: float = WIDTHS["double"], height: float = 55.0) -> Any:
