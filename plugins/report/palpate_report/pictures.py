@@ -35,13 +35,12 @@ def style() -> Iterator[None]:
 
 
 @cache
-def _settings() -> dict[str, Any]:
+def _settings() -> Any:
     """What the style sets; read once, since a page enters it for each of its parts."""
     import matplotlib
 
     with as_file(files("palpate") / "palpate.mplstyle") as path:
-        found: Any = matplotlib.rc_params_from_file(path, use_default_template=False)
-    return {key: found[key] for key in found}
+        return matplotlib.rc_params_from_file(path, use_default_template=False)
 
 
 def figure_of(columns: int = 1, rows: int = 1, width: float = WIDTHS["double"], height: float = 55.0) -> Any:
