@@ -83,6 +83,7 @@ from palpate.hooks import plugin as plugin
 from palpate.limiting import (
     ArmLimits as ArmLimits,
     ForceWatch as ForceWatch,
+    Leadable as Leadable,
     Limited as Limited,
     Retreating as Retreating,
     Shareable as Shareable,
@@ -113,6 +114,8 @@ from palpate.sink import (
 )
 from palpate.track_name import TrackName as TrackName
 from palpate.trajectory import (
+    ForceLaw as ForceLaw,
+    ForceLed as ForceLed,
     OwnMotion as OwnMotion,
     Resumable as Resumable,
     Setpoint as Setpoint,

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from palpate import Trajectory
 
     from palpate_trajectories.excitation import Chirp, MultiSine
+    from palpate_trajectories.force_hold import ForceHold
     from palpate_trajectories.from_file import FromFile
     from palpate_trajectories.grid_points import GridPoints
     from palpate_trajectories.line_sweep import LineSweep
@@ -25,6 +26,7 @@ __getattr__ = lazily(
     __name__,
     {
         "palpate_trajectories.excitation": "Chirp MultiSine",
+        "palpate_trajectories.force_hold": "ForceHold",
         "palpate_trajectories.from_file": "FromFile",
         "palpate_trajectories.grid_points": "GridPoints",
         "palpate_trajectories.line_sweep": "LineSweep",
@@ -41,6 +43,7 @@ __getattr__ = lazily(
 __all__ = [
     "Chirp",
     "Compression",
+    "ForceHold",
     "FromFile",
     "GridPoints",
     "LineSweep",
@@ -59,6 +62,7 @@ __all__ = [
 def palpate_trajectories() -> dict[str, type[Trajectory]]:
     """Motions."""
     from palpate_trajectories.excitation import Chirp, MultiSine
+    from palpate_trajectories.force_hold import ForceHold
     from palpate_trajectories.from_file import FromFile
     from palpate_trajectories.grid_points import GridPoints
     from palpate_trajectories.line_sweep import LineSweep
@@ -75,6 +79,7 @@ def palpate_trajectories() -> dict[str, type[Trajectory]]:
         "load-unload": LoadUnload,
         "compression": Compression,
         "ramp-hold": RampHold,
+        "force-hold": ForceHold,
         "multi-sine": MultiSine,
         "chirp": Chirp,
         "line-sweep": LineSweep,
