@@ -66,7 +66,7 @@ class RiseFinder:
         known = np.isfinite(baseline)
         count = known.sum(axis=1)
         mean = np.where(known, baseline, 0.0).sum(axis=1) / np.maximum(count, 1)
-        likely = (count >= _LEAST) & (now - mean > self._least)
+        likely: NDArray[np.bool_] = np.asarray((count >= _LEAST) & (now - mean > self._least))
         if likely.any():
             likely[likely] = self._beyond(baseline[likely], now[likely])
         return likely
