@@ -18,6 +18,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         # What others judge by holds its terms.
         "budget": Diagnosis("palpate_uncertainty.terms:budgets", order=10, quick=True),
         "late-force": Diagnosis("palpate_uncertainty.late_force:late_force", order=10, quick=True),
+        "self-timed": Diagnosis("palpate_uncertainty.self_timed:self_timed", order=10),
         "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
         "model-choice": Diagnosis("palpate_uncertainty.choice:model_choice"),
         "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability"),
@@ -55,6 +56,16 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "doubtful",
             "A parameter depends on the time between force and motion, of which no uncertainty is declared.",
             "Declare delay and uncertainty in [alignment], or calibrate them.",
+        ),
+        "self-timed": FlagMeaning(
+            "note",
+            "Nobody has declared the timing, and the motion tells the delay of the force, by law.",
+            "Give the corrected value, or declare the delay with its uncertainty in [alignment].",
+        ),
+        "delay-by-law": FlagMeaning(
+            "doubtful",
+            "The motion tells the delay of the force, but the record prefers another law than the model's.",
+            "Calibrate the delay and declare it, or use a model of the law that is named.",
         ),
         "tare-undeclared": FlagMeaning(
             "doubtful",
