@@ -1,112 +1,96 @@
-"""Topics by DDS for a while: lost, late, and what it costs. ``python benchmarks/ros2.py --seconds 60``.
+"""A recorded run by DDS, estimated live: lost, late, and what it costs. ``python benchmarks/ros2.py --seconds 60``.
 
-The publisher is a program in C++ with Fast DDS, the library under rmw_fastrtps (apt install g++ libfastrtps-dev): joint
-states at 500 Hz and a wrench at 800 Hz of a UR3e that presses a 5 mm sphere into S2. Every wrench has its number, so
-that what is lost is known; late is its arrival after it was written, over the least such time (some 0.1 ms). It ends
-with exit code 1 where a message is lost.
+The publisher is a program in C++ with Fast DDS, the library under rmw_fastrtps (apt install g++ libfastrtps-dev): it
+plays a simulated run of palpate's, the tip's way as joint states of a UR3e (500 Hz) and the wrench (800 Hz, noise and
+all, so that every message is another). palpate reads, records and estimates; then its own recording is estimated once
+more. Late is an arrival after the time when it was written, over the least such time (some 0.1 ms). It ends with exit
+code 1 where a message is lost, or the two results are not the same to the bit. ``--faster 6.25`` sends the wrench at
+5 kHz. ``--time stamp`` has the header's stamps, which are the times of the run itself: late is then also what the
+publisher was held up by.
 """
 
 from __future__ import annotations
 
 import argparse
-import hashlib
 import json
 import os
+import resource
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
-from palpate_devices.logs.kinematics import Kinematics
-from palpate_devices.logs.mapping import MappedSignal
-from palpate_devices.ros2.device import Ros2Device
 
-SOURCE = Path(__file__).parents[1] / "tests" / "devices" / "ros2" / "publisher.cpp"
-_BASE = np.array([0.0, -1.5708, -1.5708, -1.5708, 1.5708, 0.0])  # a UR3e that looks down
-_PERIOD = 4.0  # [s] of the table, which is gone through again and again
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))
 
+import pytest  # noqa: E402
+from palpate.host import load_pipeline, run_pipeline  # noqa: E402
+from palpate_devices.mcap_replay import McapReplay  # noqa: E402
 
-def program(folder: Path) -> Path:
-    """The publisher, built."""
-    found = folder / hashlib.sha256(SOURCE.read_bytes()).hexdigest()[:16]
-    if not found.exists():
-        command = ["g++", "-O2", "-std=c++17", str(SOURCE), "-o", str(found), "-lfastrtps", "-lfastcdr", "-lpthread"]
-        subprocess.run(command, check=True)
-    return found
+from tests.devices.ros2 import playing  # noqa: E402
+from tests.devices.ros2.conftest import built  # noqa: E402
+from tests.devices.ros2.test_recorded_run import missed, replayed, streams_of  # noqa: E402
+
+_DOMAIN = 77
 
 
-def table(robot: Kinematics, joint_rate: float, wrench_rate: float) -> list[str]:
-    """Lines for the publisher."""
-    names = [joint.name for joint in robot.chain]
-    order = [names.index(name) for name in sorted(names)]
-
-    def angles(times: np.ndarray) -> np.ndarray:
-        found = np.tile(_BASE, (len(times), 1))
-        found[:, 1] += 0.004 * np.sin(2 * np.pi * times * 2.0)
-        return found
-
-    lines = []
-    for k, row in enumerate(angles(np.arange(0, _PERIOD, 1 / joint_rate)).tolist()):
-        words = " ".join(f"{row[i]!r}" for i in order)
-        lines.append((k / joint_rate, f"/joint_states {words} 0 0 0 0 0 0"))
-    times = np.arange(0, _PERIOD, 1 / wrench_rate)
-    height = robot.pose(angles(times))[:, 2]
-    depth = np.maximum(height.mean() - height, 0)
-    force = 16 / 9 * 112.5e3 * np.sqrt(5e-3) * depth**1.5
-    lines += [(t, f"/wrench {k} 0 {f!r} 0 0 0") for k, (t, f) in enumerate(zip(times.tolist(), force.tolist()))]
-    return ["topic /joint_states joints", "topic /wrench wrench", *(f"{t:.6f} {line}" for t, line in sorted(lines))]
+def cpu(who: int) -> float:
+    """Seconds of processor that this process, or those that it has waited for, have taken."""
+    used = resource.getrusage(who)
+    return used.ru_utime + used.ru_stime
 
 
-def cpu(pid: int) -> float:
-    """Seconds of processor that a process has taken."""
-    words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+def listening(folder: Path, seconds: float, time: str) -> Path:
+    """The pipeline that listens for so long [s]."""
+    text = playing.LISTENING.format(domain=_DOMAIN, seconds=seconds, origin=playing.origin())
+    file = folder / "live.toml"
+    file.write_text(text.replace('clocks = "one"', f'clocks = "one"\ntime = "{time}"'))
+    return file
 
 
-def measure(seconds: float, joint_rate: float, wrench_rate: float, domain: int) -> dict[str, object]:
+def lateness(log: Path) -> list[float]:
+    """Of the wrench's messages [ms], over the least: p50, p99, max."""
+    late = []
+    with McapReplay(file=log, recorded="ros").connect(0) as link:
+        late = [batch.received - batch.time for batch in link.batches() if batch.stream == "wrench"]
+    found = np.concatenate(late) / 1e6
+    return [round(float(x), 3) for x in np.percentile(found - found.min(), (50, 99, 100))]
+
+
+def measure(folder: Path, seconds: float, faster: float, time: str) -> dict[str, object]:
     """What came of it."""
-    robot = Kinematics(topic="/joint_states", robot="ur3e", tcp=(0.0, 0.0, 0.12))
-    number = MappedSignal(topic="/wrench", field="wrench.force.x")
-    device = Ros2Device(
-        domain=domain, interface="lo", kinematics=robot, signals={"number": number}, time="publish", patience=15.0
-    )
-    with tempfile.TemporaryDirectory() as folder:
-        lines = Path(folder) / "table.txt"
-        lines.write_text("\n".join(table(robot, joint_rate, wrench_rate)) + "\n")
-        times = str(int(seconds / _PERIOD) + 3)
-        command = [str(program(Path(tempfile.gettempdir()))), str(domain), str(lines), "0", times]
-        publisher = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    streams = playing.recorded(folder, seconds * faster)
+    streams = {name: (times / faster, values) for name, (times, values) in streams.items()}
+    table = folder / "playback"
+    table.write_bytes(playing.playback(streams))
+    pipeline = load_pipeline(listening(folder, seconds, time))
+    with subprocess.Popen([str(built("publisher")), str(_DOMAIN), str(table)], stdout=subprocess.DEVNULL) as publisher:
         try:
-            with device.connect(0) as link:
-                worker, began, before = link._source.child.pid, time.monotonic(), (cpu(os.getpid()), 0.0)
-                before = (before[0], cpu(worker))
-                batches = {"number": [], "late": []}
-                for batch in link.batches():
-                    if batch.stream == "wrench" and len(batch.time):
-                        batches["number"].append(batch.values[:, 0])
-                        batches["late"].append(batch.received - batch.time)
-                    if time.monotonic() - began > seconds:
-                        break
-                took = time.monotonic() - began
-                spent = cpu(os.getpid()) - before[0], cpu(worker) - before[1]
-                topics = link.health["topics"]
+            before = [cpu(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+            live = run_pipeline(pipeline, folder / "live")
+            spent = [cpu(who) - b for who, b in zip((resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN), before)]
         finally:
             publisher.kill()
-            publisher.wait()
-    numbers, late = np.concatenate(batches["number"]), np.concatenate(batches["late"]) / 1e6
-    count = round(_PERIOD * wrench_rate)
-    lost = int(((np.diff(numbers) - 1) % count).sum())
+    came = streams_of(live.folder / "log.mcap")
+    again = replayed(live, folder)
+    same = [(run.folder / "estimates.csv").read_bytes() for run in (live, again)]
+    parameters = live.tracks["dr/kinematic"].table()["parameters"]
+    topics = live.run["live"]["devices"]["ros"]["topics"]
     return {
-        "seconds": round(took, 1),
-        "load": os.getloadavg()[0],
-        "wrenches": len(numbers),
-        "lost": lost,
-        "joint states": topics["/joint_states"]["messages"],
-        "late over the least [ms], p50, p99, max": [round(float(x), 3) for x in np.percentile(late, (50, 99, 100))],
-        "processor of the listening process [%]": round(100 * spent[1] / took, 1),
-        "processor of the main process [%]": round(100 * spent[0] / took, 1),
+        "seconds": seconds,
+        "load": [round(x, 1) for x in os.getloadavg()],
+        "messages": {name: topic["messages"] for name, topic in topics.items()},
+        "lost": missed(streams["wrench"][1][:, [0, 2]], came["wrench"]),
+        "missing by stamps": {name: topic["missing"] for name, topic in topics.items()},
+        f"late over the least, by {time} [ms], p50, p99, max": lateness(live.folder / "log.mcap"),
+        "from arrival to estimate [s]": live.run["live"].get("estimates"),
+        "processor of the listening process [%]": round(100 * spent[1] / seconds, 1),
+        "processor of the main process, with estimates and recording [%]": round(100 * spent[0] / seconds, 1),
+        "the recording gives the same to the bit": same[0] == same[1],
+        "estimates": {name: (entry["value"], entry["std"]) for name, entry in parameters.items()},
+        "flags": [str(flag.code) for flag in live.flags],
     }
 
 
@@ -114,13 +98,16 @@ def main() -> None:
     """Measure, print, judge."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--joint-rate", type=float, default=500.0)
-    parser.add_argument("--wrench-rate", type=float, default=800.0)
-    parser.add_argument("--domain", type=int, default=77)
+    parser.add_argument("--faster", type=float, default=1.0)
+    parser.add_argument("--time", choices=["publish", "stamp"], default="publish")
     options = parser.parse_args()
-    found = measure(options.seconds, options.joint_rate, options.wrench_rate, options.domain)
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            found = measure(Path(folder), options.seconds, options.faster, options.time)
+    except pytest.skip.Exception as error:
+        sys.exit(str(error))
     print(json.dumps(found, indent=2))
-    sys.exit(bool(found["lost"]))
+    sys.exit(bool(found["lost"]) or not found["the recording gives the same to the bit"])
 
 
 if __name__ == "__main__":

@@ -89,6 +89,8 @@ class ContactModel(Part, ABC):
     kind: ClassVar[str] = "model"
     parameters: ClassVar[tuple[Parameter, ...]]
     memory: ClassVar[tuple[str, ...]] = ()  # names of internal states, for materials that relax
+    # Groups of places in `parameters` that may change places with each other; they are told by rising last value.
+    interchangeable: ClassVar[tuple[tuple[int, ...], ...]] = ()
     adhesive: ClassVar[bool] = False  # it may pull, and its force at rest may fall with depth, from `pull_off_depth` on
 
     @abstractmethod

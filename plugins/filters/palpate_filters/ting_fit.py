@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import combinations
 from typing import Any, ClassVar
 
 import numpy as np
@@ -26,9 +28,14 @@ from palpate import (
 from palpate.host import suggest
 from pydantic import Field
 
+from palpate_filters.fit.identifiability import INDISTINCT
+from palpate_filters.fit.order import places_in_order
+
 _GRID = 400  # instants at which the model is asked
 _FEWEST = 50  # samples
 _AROUND = 0.2  # [s] of air before touch and after lift-off that are fitted, too
+_QUANTILE = 1.96  # std of a value is a part of the wider side of the 95 % interval of its logarithm
+_USELESS = 0.5  # relative standard deviation
 _SURFACE = 1e-4  # [m], the unit of the surface in the solver
 
 
@@ -38,7 +45,8 @@ class TingFit(Estimator):
     Minimises the sum of (F_Ting(t) + m d'' - u)^2 over the model's parameters and the surface, with Ting's force: the
     hereditary integral up to t1(t) only, where the contact was as large on the way in. For every model with a
     relaxation modulus; more than one maximum of the depth is refused by name. The standard deviation counts the
-    residuals' autocorrelation. Assumes constant nu, no adhesion, and a motion that stays on one place.
+    residuals' autocorrelation, and is that of the wider side of an interval that is even over the logarithm. Assumes
+    constant nu, no adhesion, and a motion that stays on one place.
     Source: Ting 1966; Lee and Radok 1960.
     """
 
@@ -150,6 +158,9 @@ class _TingTracker:
     ) -> Estimates:
         """Estimates, flags and report of a fit that has ended."""
         theta, surface = at
+        order = places_in_order(self._problem.model, theta)
+        if self._free.all():
+            theta, found.jac = theta[order], found.jac[:, [*order, len(order)]]
         left, n, count = found.fun, len(found.fun), int(self._free.sum())
         lag = float(left[1:] @ left[:-1]) / max(float(left @ left), 1e-300)
         effective = max(n * (1 - max(lag, 0.0)) / (1 + max(lag, 0.0)), count + 2.0)
@@ -157,7 +168,7 @@ class _TingTracker:
         covariance = np.linalg.pinv(found.jac.T @ found.jac) * power * n / effective
         spread = np.sqrt(np.diag(covariance))
         std = np.zeros(len(theta))
-        std[self._free] = theta[self._free] * spread[:count]
+        std[self._free] = theta[self._free] * np.expm1(_QUANTILE * spread[:count]) / _QUANTILE
         for column, value in ((idle.values, theta), (idle.std, std)):
             column[rows] = value
         idle.surface[rows], idle.surface_std[rows] = surface, _SURFACE * spread[count]
@@ -177,4 +188,18 @@ class _TingTracker:
             rss, n, unknowns, aic=bic + (count + 2) * (2 - math.log(n)), bic=bic, basis="ting", autocorrelation=lag,
             effective_samples=effective,
         )  # fmt: skip
-        return replace(idle, report=report)
+        flags = tuple(self._flags(theta, std, covariance[:count, :count] / np.outer(spread, spread)[:count, :count]))
+        return replace(idle, report=report, flags=flags)
+
+    def _flags(self, theta: Floats, std: Floats, correlation: Floats) -> Iterator[Flag]:
+        """What the record does not tell."""
+        parameters = self._problem.model.parameters
+        for place in np.flatnonzero(std > _USELESS * np.abs(theta)):
+            parameter = parameters[place]
+            told = f"{parameter.name} of {theta[place]:.3g} {parameter.unit} has a std of {std[place]:.2g}"
+            elastic = parameter.role == "elastic"
+            yield Flag("not-identifiable", told) if elastic else Flag("undetermined", told)
+        names = [parameters[place].name for place in np.flatnonzero(self._free)]
+        for i, j in combinations(range(len(names)), 2):
+            if abs(correlation[i, j]) > INDISTINCT:
+                yield Flag("hard-to-tell-apart", f"{names[i]} and {names[j]} (correlation {correlation[i, j]:+.5f})")

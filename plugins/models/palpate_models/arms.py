@@ -50,13 +50,14 @@ class GeneralisedMaxwell2(_GeneralisedMaxwell):
 
     F = 2 E/(1 - nu^2) A(d) + sum of q_k, dq_k/dt = 2 E_k/(1 - nu^2) a(d) d' - q_k/tau_k in contact and -q_k/tau_k out
     of it: the hereditary integral with E(t) = E + sum of E_k exp(-t/tau_k). One arm is `standard-linear-solid`.
-    Assumes what `standard-linear-solid` does. Two times closer than a factor of 3, or outside of what the record
-    spans, cannot be told apart: the fits flag it.
+    Assumes what `standard-linear-solid` does. The arms are told from the fastest. Two times closer than a factor
+    of 3, or outside of what the record spans, cannot be told apart: the fits flag it.
     Source: Lee and Radok 1960; Popov and Hess 2015, chapter on viscoelastic contacts.
     """
 
     memory: ClassVar[tuple[str, ...]] = ("force_1", "force_2")
     parameters: ClassVar[tuple[Parameter, ...]] = (LASTING_ELASTICITY, *_arm(1), *_arm(2))
+    interchangeable: ClassVar[tuple[tuple[int, ...], ...]] = ((1, 2), (3, 4))
 
 
 class GeneralisedMaxwell3(_GeneralisedMaxwell):
@@ -70,6 +71,7 @@ class GeneralisedMaxwell3(_GeneralisedMaxwell):
 
     memory: ClassVar[tuple[str, ...]] = ("force_1", "force_2", "force_3")
     parameters: ClassVar[tuple[Parameter, ...]] = (LASTING_ELASTICITY, *_arm(1), *_arm(2), *_arm(3))
+    interchangeable: ClassVar[tuple[tuple[int, ...], ...]] = ((1, 2), (3, 4), (5, 6))
 
 
 class GeneralisedMaxwell4(_GeneralisedMaxwell):
@@ -83,6 +85,7 @@ class GeneralisedMaxwell4(_GeneralisedMaxwell):
 
     memory: ClassVar[tuple[str, ...]] = ("force_1", "force_2", "force_3", "force_4")
     parameters: ClassVar[tuple[Parameter, ...]] = (LASTING_ELASTICITY, *_arm(1), *_arm(2), *_arm(3), *_arm(4))
+    interchangeable: ClassVar[tuple[tuple[int, ...], ...]] = ((1, 2), (3, 4), (5, 6), (7, 8))
 
 
 class Burgers(Relaxing):

@@ -44,6 +44,7 @@ class TimedRecord:
 
     @classmethod
     def of(cls, track: TrackEvidence) -> TimedRecord:
+        """The record of a track."""
         course = make_course(track, track.kept.used)
         step = float(np.median(np.diff(course.time)))
         rate, bend, width = _motion(track, course, step)

@@ -13,7 +13,7 @@ from palpate_devices.ros2.listening import hear, listener
 from palpate_devices.ros2.network import Network
 
 PERIOD = 0.002  # [s]
-WRENCH, POSE = "topic /wrench wrench", "topic /pose pose"
+WRENCH = "topic /wrench wrench"
 FORCE = {"topic": "/wrench", "field": "wrench.force.z", "unit": "N"}
 HEIGHT = {"topic": "/pose", "field": "pose.position.z", "unit": "mm"}
 
@@ -124,7 +124,8 @@ def test_joints_become_a_tip_and_arrays_and_own_types_are_read(publish, domain):
         "third": MappedSignal(topic="/numbers", field="data", index=2),
         "newtons": MappedSignal(topic="/load", field="newtons", unit="N"),
     }
-    types = {"lab_msgs/msg/Load": "float64 newtons\nfloat64 height"}
+    idl = "module lab_msgs { module msg { struct Load { double newtons; double height; }; }; };"
+    types = {"lab_msgs/msg/Load": idl}  # a .msg would do as well
     publish(lines)
     with device(domain, signals=signals, kinematics=robot, types=types).connect(0) as link:
         found, end = {}, time.monotonic() + 1.0

@@ -29,6 +29,8 @@ def decoder_of(topic: Topic) -> MessageDecoder:
                 return CdrDecoder(topic)
             case "cdr", _ if short_name(topic.type) in STANDARD_TYPES:  # described in IDL, but everybody knows it
                 return CdrDecoder(replace(topic, schema=b""))
+            case "cdr", "ros2idl":
+                return CdrDecoder(topic)
             case "json", _:
                 return ObjectDecoder(topic, json.loads)
             case "protobuf", _:
@@ -41,7 +43,8 @@ def decoder_of(topic: Topic) -> MessageDecoder:
     how = f"{topic.encoding}, described in {topic.schema_encoding or 'nothing'}"
     more = "; ros1 with pip install mcap-ros1-support" if topic.encoding == "ros1" else ""
     raise LogError(
-        f"topic {topic.name}: its messages cannot be read ({how}; what can: cdr with ros2msg, json, protobuf{more})"
+        f"topic {topic.name}: its messages cannot be read ({how}; what can: cdr with ros2msg or ros2idl, json, "
+        f"protobuf{more})"
     )
 
 

@@ -1,14 +1,15 @@
-"""ROS 2 message definitions: the text that a log carries, parsed into fields."""
+"""ROS 2 message definitions: the text that a log or a pipeline carries, parsed into fields."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
 
 from palpate import LogError
 
+from palpate_devices.logs.fields import Field as Field
+from palpate_devices.logs.idl_definitions import is_idl, parse_idl
 from palpate_devices.logs.standard_types import STANDARD_TYPES
 
 # Name -> numpy code; what numpy cannot hold as a number is None.
@@ -33,16 +34,6 @@ _FIELD = re.compile(
     r"(?P<type>[A-Za-z][\w/]*)(?:<=\d+)?(?P<array>\[(?:<=\d+|\d*)\])?\s+(?P<name>[A-Za-z]\w*)\s*(?P<rest>.*)$"
 )
 _SEPARATOR = re.compile(r"^=+\s*$", re.MULTILINE)
-
-
-@dataclass(frozen=True)
-class Field:
-    """One field of a message type."""
-
-    name: str
-    type: str  # a primitive, "string", or the full name of another type
-    count: int | None = 1  # elements; None where each message says how many
-    many: bool = False  # an array or a sequence
 
 
 Definitions = Mapping[str, tuple[Field, ...]]
@@ -71,6 +62,12 @@ def parse_definitions(name: str, text: str) -> Definitions:
         text = STANDARD_TYPES[short_name(name)]
     elif not text.strip() and short_name(name) != "std_msgs/Empty":
         raise LogError(f"the log does not define {name or 'the type'}, and it is no standard type")
+    if is_idl(text):
+        found = parse_idl(name, text)
+        if short_name(name) not in found:
+            raise LogError(f"the IDL does not define {name} (but {', '.join(found) or 'nothing'})")
+        _complete(short_name(name), found)
+        return found
     first, *rest = _SEPARATOR.split(text)
     found = {short_name(name): _fields(first, name)}
     for section in rest:

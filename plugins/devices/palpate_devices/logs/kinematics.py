@@ -7,6 +7,7 @@ column of a turning joint is (axis x (tip - origin), axis).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Literal, Self
 
 import numpy as np
@@ -64,7 +65,7 @@ class Kinematics(Settings):
             raise ValueError("two joints have one name")
         return self
 
-    @property
+    @cached_property
     def chain(self) -> tuple[Joint, ...]:
         """The joints from the base to the tip."""
         if self.joints:
@@ -95,11 +96,15 @@ class Kinematics(Settings):
         return np.asarray((jacobian @ numbers[:, count:, None])[:, :, 0])
 
     def _tips(self, angles: Floats) -> tuple[Floats, Floats]:
-        tool = matrix_of([*self.tcp, *self.tcp_rotation])
+        return tips(angles, self.chain, *self._ends)
+
+    @cached_property
+    def _ends(self) -> tuple[Floats, Floats]:
+        """The base in the frame of the numbers, and the tip on the flange (4, 4)."""
         base: Floats = np.eye(4)
         if self.work is not None:
             base = np.asarray(np.linalg.inv(self.work.matrix), np.float64)
-        return tips(angles, self.chain, base, tool)
+        return base, matrix_of([*self.tcp, *self.tcp_rotation])
 
 
 def tips(angles: Floats, chain: Sequence[Joint], base: Floats, tool: Floats) -> tuple[Floats, Floats]:
@@ -117,7 +122,9 @@ def tips(angles: Floats, chain: Sequence[Joint], base: Floats, tool: Floats) -> 
     pose = pose @ tool
     jacobian = np.empty((len(angles), 6, len(chain)))
     for k, (origin, axis) in enumerate(zip(origins, axes, strict=True)):
-        jacobian[:, :3, k] = np.cross(axis, pose[:, :3, 3] - origin)
+        (ax, ay, az), (x, y, z) = axis.T, (pose[:, :3, 3] - origin).T
+        for row, value in enumerate((ay * z - az * y, az * x - ax * z, ax * y - ay * x)):
+            jacobian[:, row, k] = value
         jacobian[:, 3:, k] = axis
     return pose, jacobian
 
@@ -128,8 +135,10 @@ def _link(angle: Floats, joint: Joint) -> Floats:
     # A quarter turn is meant exactly: 6e-17 for its cosine would tilt nothing, but round zeros into noise.
     ca, sa = round(float(np.cos(joint.alpha)), 15), round(float(np.sin(joint.alpha)), 15)
     link = np.zeros((len(angle), 4, 4))
-    link[:, 0] = np.stack([c, -s * ca, s * sa, joint.a * c], axis=1)
-    link[:, 1] = np.stack([s, c * ca, -c * sa, joint.a * s], axis=1)
+    for column, (first, second) in enumerate(
+        ((c, s), (-s * ca, c * ca), (s * sa, -c * sa), (joint.a * c, joint.a * s))
+    ):
+        link[:, 0, column], link[:, 1, column] = first, second
     link[:, 2, 1:], link[:, 3, 3] = (sa, ca, joint.d), 1.0
     return link
 

@@ -68,7 +68,9 @@ class Ros2Device(Device):
     )
     namespace: str = Field(default="", description="of topics that do not begin with a slash")
     types: dict[str, str] = Field(
-        default={}, description='definitions of types of your own: { "my_msgs/msg/Load" = "float64 newtons" }'
+        default={},
+        description='definitions of types of your own, each the text of its .msg or .idl: { "my_msgs/msg/Load" = '
+        '"float64 newtons" }',
     )
     reliability: Literal["best-effort", "reliable"] = Field(
         default="best-effort",

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from palpate import ContactModel, Floats, contact_force
 
+from palpate_filters.fit.fading import faded
 from palpate_filters.fit.loss import LossFunction
 from palpate_filters.fit.record import COLUMNS, PARTS, FitRecord
 from palpate_filters.fit.unknowns import EXTRAS
@@ -154,7 +155,8 @@ class _Remembering:
     """Residual and slopes of a model with memory, sample by sample, as one step of a kernel.
 
     It carries its internal states from sample to sample, with their derivatives by the parameters; they follow their
-    rate equation by Runge-Kutta 4 over each interval, depth and rate linear within it.
+    rate equation over each interval, depth and rate linear within it: exactly where each state fades by itself, else by
+    Runge-Kutta 4.
     """
 
     def __init__(self, residual: Residual) -> None:
@@ -210,6 +212,8 @@ def _advanced(model: ContactModel, row: Any, x: Any, transition: Any, memory: An
         return ca.vertcat(*model.memory_rate(smooth, smooth_rate, theta, ca.vertsplit(state)))
 
     step = row[6]
+    if (found := faded(slope, step, memory)) is not None:
+        return found
     one = slope(0.0, memory)
     two = slope(0.5, memory + 0.5 * step * one)
     three = slope(0.5, memory + 0.5 * step * two)

@@ -21,6 +21,7 @@ from palpate_filters.fit.first_guess import first_guess, linear_places
 from palpate_filters.fit.height_noise import unattenuated
 from palpate_filters.fit.loss import LossFunction
 from palpate_filters.fit.motion import TipTravel, zero_phase_motion
+from palpate_filters.fit.order import in_order
 from palpate_filters.fit.record import FitRecord, make_record
 from palpate_filters.fit.refusal import NotFitted
 from palpate_filters.fit.residual import Residual
@@ -122,6 +123,7 @@ class FitTracker:
             solver, solution = self._solve(unknowns, record, residual, solution.x, linear, loss)
         if not np.isfinite(solution.x).all() or not np.isfinite(solution.cost):
             raise NotFitted("diverged", "the fit ended in numbers that are not finite")
+        solution = in_order(model, unknowns, solution)
         if loss.kind == "linear":
             solution = unattenuated(residual, record, unknowns, solution)
         return Fit(
