@@ -23,6 +23,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "model-choice": Diagnosis("palpate_uncertainty.choice:model_choice"),
         "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability"),
         "one-frequency": Diagnosis("palpate_uncertainty.one_frequency:one_frequency"),
+        "geometry": Diagnosis("palpate_uncertainty.geometry:geometry", quick=True),
         "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),
         "unloading": Diagnosis("palpate_uncertainty.unloading:unloading"),
     }
@@ -61,6 +62,16 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "note",
             "Nobody has declared the timing, and the motion tells the delay of the force, by law.",
             "Give the corrected value, or declare the delay with its uncertainty in [alignment].",
+        ),
+        "thickness-undeclared": FlagMeaning(
+            "note",
+            "No thickness of the specimen is declared, and a layer is stiffer than the half-space of the model.",
+            'Set thickness of the model: { height = "22 mm", bonded = false }, or "half-space" where it is thick.',
+        ),
+        "one-frequency": FlagMeaning(
+            "note",
+            "At one frequency a stiffness that fades fast looks like viscosity, here like more than half of it.",
+            "Palpate at several frequencies, or call it the viscosity at this frequency.",
         ),
         "delay-by-law": FlagMeaning(
             "doubtful",
