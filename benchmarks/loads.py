@@ -4,7 +4,7 @@
     python benchmarks/loads.py csv [--rows 1e7]          estimate, info and export of a table
     python benchmarks/loads.py sweep [--settings 1000]   one short press with so many settings
     python benchmarks/loads.py raster [--sites 1e4]      a simulated raster, its map and its lumps
-    python benchmarks/loads.py day [--hours 24]          the simulated rig, two filters and a log, as fast as it goes
+    python benchmarks/loads.py day [--hours 24]          so long a record, and a 24th of it on the simulated rig
 
 Every command runs as it does under nohup or in a job of a cluster: without a terminal, its standard error into a pipe
 whose lines are timed. Memory is looked at once a second. `--only COMMAND` (can be repeated) leaves out the others,
@@ -15,26 +15,33 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import io
 import itertools
 import os
 import resource
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
 import threading
 import time
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from palpate import Batch, Channel, Floats, Run, Stream
-from palpate_devices.mcap_sink import McapSink
+from mcap.writer import Writer
+from numpy.typing import NDArray
+from palpate import Floats
+from palpate_devices.logs import mcap_records as records
+from palpate_devices.messages import POSE, WRENCH, pack
 from soak import memory_of
 
 PALPATE = [sys.executable, "-c", "from palpate.cli import main; main()"]
 PIPELINES = Path(__file__).parents[1] / "pipelines"
+Place = tuple[int, int]  # [bytes] of a message in its row, and of its header's stamp
 BLOCK = 20.0  # [s] of a record that are made at a time
 RADIUS, ELASTICITY, VISCOSITY = 5e-3, 112.5e3, 362.0  # [m], [Pa], [Pa s]
 
@@ -136,37 +143,99 @@ def press(time_: Floats, noise: np.random.Generator) -> tuple[Floats, Floats]:
     return force + 0.02 * noise.standard_normal(len(time_)), -depth + 5e-6 * noise.standard_normal(len(time_))
 
 
+def written(path: Path, seconds: float, size: float, rate: float) -> None:
+    """A log of a wrench and a pose [Hz], so long [s] or of so many bytes, in chunks of a block each, not compressed.
+
+    The first block is written by the `mcap` library; every further one is the second again, with later stamps.
+    """
+    begin, step, count = 1_700_000_000 * 10**9, round(1e9 / rate), round(rate * BLOCK)
+    noise = np.random.default_rng(1)
+    with path.open("wb") as file:
+        file.write(records.MAGIC)
+        for number in itertools.count():
+            stamps = begin + (number * count + np.arange(count)) * step
+            if number < 2:
+                force, height = press((stamps - begin) / 1e9, noise)
+                wrench, pose = 0.02 * noise.standard_normal((count, 6)), np.zeros((count, 7))
+                wrench[:, 2], pose[:, 2], pose[:, 6] = force, height, 1.0
+                head, rows, places = laid_out(stamps, wrench, pose)
+                if not number:
+                    file.write(head)
+            for at, stamp in places:
+                for offset in (at + 15, at + 23):
+                    rows[:, offset : offset + 8] = stamps[:, None].view(np.uint8)
+                rows[:, stamp : stamp + 4] = (stamps // 10**9).astype("<i4")[:, None].view(np.uint8)
+                rows[:, stamp + 4 : stamp + 8] = (stamps % 10**9).astype("<u4")[:, None].view(np.uint8)
+            data = rows.tobytes()
+            chunk = struct.pack("<QQQIIQ", stamps[0], stamps[-1], len(data), zlib.crc32(data), 0, len(data))
+            file.write(struct.pack("<BQ", records.CHUNK, len(chunk) + len(data)) + chunk)
+            file.write(data)
+            if (number + 1) * BLOCK >= seconds or file.tell() >= size:
+                break
+        file.write(struct.pack("<BQI", records.DATA_END, 4, 0))
+        file.write(struct.pack("<BQQQI", records.FOOTER, 20, 0, 0, 0) + records.MAGIC)
+    made = (number + 1) * BLOCK
+    print(
+        f"log of {path.stat().st_size / 2**30:.2f} GiB, {made / 3600:.2f} h, {2 * made * rate:.3g} messages", flush=True
+    )
+
+
+def laid_out(stamps: NDArray[np.int64], wrench: Floats, pose: Floats) -> tuple[bytes, NDArray[np.uint8], list[Place]]:
+    """Definitions; a wrench and a pose in each row (n, bytes); where each of them begins, and where its header's stamp.
+
+    A message's record is its opcode, length (8 bytes), channel (2), sequence (4), log and publish time (8 each), data.
+    """
+    whole = io.BytesIO()
+    writer = Writer(whole, use_chunking=False)
+    writer.start(profile="ros2", library="benchmark")
+    channels = []
+    for topic, kind in (("/ft/wrench", WRENCH), ("/tcp/pose", POSE)):
+        schema = writer.register_schema(kind.name, "ros2msg", kind.definition.encode())
+        channels.append(writer.register_channel(topic, "cdr", schema))
+    messages = pack(stamps, "tool0", wrench), pack(stamps, "base", pose)
+    for stamp, *both in zip(stamps.tolist(), *messages, strict=True):
+        for channel, message in zip(channels, both, strict=True):
+            writer.add_message(channel, stamp, message, stamp)
+    writer.finish()
+    raw, sizes = whole.getvalue(), [31 + len(column[0]) for column in messages]
+    begin = len(records.MAGIC)
+    while raw[begin] != records.MESSAGE:
+        begin += 9 + records.RECORD.unpack_from(raw, begin)[1]
+    rows = np.frombuffer(raw[begin : begin + len(stamps) * sum(sizes)], np.uint8).reshape(len(stamps), -1).copy()
+    return raw[len(records.MAGIC) : begin], rows, [(0, 35), (sizes[0], sizes[0] + 35)]
+
+
 def mcap(options: argparse.Namespace) -> None:
-    """A log of a 1 kHz wrench and a 500 Hz pose, written by the sink that records runs."""
-    size, folder = options.gigabytes * 2**30, options.folder
-    wrench = Stream("wrench", tuple(Channel(n, "N") for n in ("x", "y", "z", "tx", "ty", "tz")), 1000.0, "wrench")
-    tip = Stream("tip", tuple(Channel(n, "m") for n in ("x", "y", "z")), 500.0)
-    noise, path, begin = np.random.default_rng(1), folder / "log.mcap", 1_700_000_000 * 10**9
-    seconds, began = 0.0, time.monotonic()
-    with McapSink().open(Run(folder, {"rig": (wrench, tip)}, {}, {}, {})) as writer:
-        while path.stat().st_size < size:
-            stamps = begin + round(seconds * 1e9) + np.arange(round(1000 * BLOCK)) * 1_000_000
-            force, height = press((stamps - begin) / 1e9, noise)
-            values = 0.02 * noise.standard_normal((len(stamps), 6))
-            values[:, 2] = force
-            writer.batch("rig", Batch("wrench", stamps, stamps, values))
-            places = np.column_stack([np.zeros((len(stamps) // 2, 2)), height[::2]])
-            writer.batch("rig", Batch("tip", stamps[::2], stamps[::2], places))
-            seconds += BLOCK
-    made = path.stat().st_size / 2**30
-    print(f"log of {made:.2f} GiB, {seconds:.0f} s, {1500 * seconds:.3g} messages, in {time.monotonic() - began:.0f} s")
-    pipeline = folder / "log.toml"
-    text = READING.replace("FORCE", "wrench.z").replace("HEIGHT", "tip.z")
-    pipeline.write_text(f'[run]\nname = "log"\n[device.log]\ntype = "mcap-replay"\nfile = "log.mcap"\n{text}')
-    damaged = folder / "damaged.mcap"
-    commands: dict[str, Callable[[], object]] = {
-        "run": lambda: watched("run", "run", pipeline, "--out", folder / "run"),
-        "info": lambda: watched("info", "info", path),
-        "parquet": lambda: watched("export .parquet", "export", path, "-o", folder / "x.parquet"),
-        "csv": lambda: watched("export .csv", "export", path, "-o", folder / "x.csv"),
-        "recover": lambda: recovered(path, damaged, folder),
-    }
-    each(commands, options)
+    """A log of a 1 kHz wrench and pose: estimated, looked at, exported, recovered."""
+    path = options.folder / "log.mcap"
+    written(path, np.inf, options.gigabytes * 2**30, 1000.0)
+    pipeline = reading(path)
+    each(
+        {
+            "run": lambda: watched("run", "run", pipeline, "--out", options.folder / "run"),
+            "info": lambda: watched("info", "info", path),
+            "suggest": lambda: watched("info -o", "info", path, "-o", options.folder / "suggested.toml"),
+            "parquet": lambda: watched("export .parquet", "export", path, "-o", options.folder / "x.parquet"),
+            "csv": lambda: watched("export .csv", "export", path, "-o", options.folder / "x.csv"),
+            "recover": lambda: recovered(path, options.folder / "damaged.mcap", options.folder),
+        },
+        options,
+    )
+
+
+def reading(path: Path) -> Path:
+    """A pipeline that estimates from such a log."""
+    signals = (
+        '[device.log.signals]\nforce = { topic = "/ft/wrench", field = "wrench.force.z", unit = "N" }\n'
+        'z = { topic = "/tcp/pose", field = "pose.position.z", unit = "m" }\n'
+    )
+    text = READING.replace("FORCE", "wrench.force").replace("HEIGHT", "pose.z")
+    head = (
+        f'[run]\nname = "log"\nestimates_interval = "1 s"\n[device.log]\ntype = "mcap-replay"\nfile = "{path.name}"\n'
+    )
+    pipeline = path.with_suffix(".toml")
+    pipeline.write_text(head + signals + text)
+    return pipeline
 
 
 def recovered(path: Path, damaged: Path, folder: Path) -> None:
@@ -250,15 +319,23 @@ def raster(options: argparse.Namespace) -> None:
 
 
 def day(options: argparse.Namespace) -> None:
-    """Hours of a point palpation on the simulated rig."""
-    folder = options.folder
-    watched(
-        f"run of {options.hours:g} h",
-        *("run", PIPELINES / "point.toml", "--out", folder / "day"),
-        *("--set", f"trajectory.press.duration={3600 * options.hours} s", "--set", "run.estimates_interval=1 s"),
-    )
-    size = sum(file.stat().st_size for file in (folder / "day").rglob("*") if file.is_file())
-    print(f"the run folder holds {size / 2**30:.2f} GiB")
+    """Hours of a wrench and a pose of 500 Hz through two filters; and hours on the simulated rig, recorded."""
+    path, folder = options.folder / "log.mcap", options.folder
+
+    def estimated() -> None:
+        written(path, 3600 * options.hours, np.inf, 500.0)
+        watched(f"run, {options.hours:g} h of log", "run", reading(path), "--out", folder / "run")
+        path.unlink()
+
+    def recorded() -> None:
+        hours = options.hours / 24
+        watched(
+            f"rig and log, {hours:g} h",
+            *("run", PIPELINES / "point.toml", "--out", folder / "rig"),
+            *("--set", f"trajectory.press.duration={3600 * hours} s", "--set", "run.estimates_interval=1 s"),
+        )
+
+    each({"estimated": estimated, "recorded": recorded}, options)
 
 
 def each(commands: dict[str, Callable[[], object]], options: argparse.Namespace) -> None:

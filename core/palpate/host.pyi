@@ -57,6 +57,10 @@ from palpate_filters.fit.contact_point import (
     contact_point as contact_point,
 )
 from palpate_filters.fit.holds import Hold as Hold, holds_of as holds_of
+from palpate_filters.least_squares import (
+    least_squares as least_squares,
+    normal_by_differences as normal_by_differences,
+)
 from palpate_filters.local_cubic import cubic_weights as cubic_weights, local_cubic as local_cubic
 from palpate_models.ting import ting_force as ting_force
 from palpate_report.pictures import (

@@ -156,6 +156,15 @@ def test_a_page_that_cannot_be_read_costs_what_stands_in_it(tmp_path):
     assert said.startswith(f"{len(after)} messages")
 
 
+def test_a_time_stamp_that_is_no_number_is_refused(tmp_path):
+    bag = bag_of(tmp_path / "bag.db3", [[0.0, float(i)] for i in range(10)])
+    with closing(sqlite3.connect(bag)) as database:
+        database.execute("UPDATE messages SET timestamp = x'00ff' WHERE id = 5")
+        database.commit()
+    with pytest.raises(LogError, match=r"bag\.db3: .* a message has no time-stamp"):
+        _ = device_on(bag).duration
+
+
 def test_only_a_window_of_time(tmp_path):
     path = bag_of(tmp_path / "bag.db3", [[0.0, float(i)] for i in range(100)])
     time, _ = read(device_on(path, begin="20 ms", end="40 ms"))

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import FormatOption, JsonOption, Overrides, build_pipeline, carried_by, replay_source
+from palpate.host import FormatOption, JsonOption, Overrides, build_pipeline, carried_by, progress, replay_source
 
 from palpate_basics.run import execute
 
@@ -34,7 +34,8 @@ def replay(
 
     Devices are replaced by the log; sinks are left out. Nothing that a log carries is executed.
     """
-    carried = carried_by(source)
+    with progress(f"look at {source}"):
+        carried = carried_by(source)
     if carried is None:
         raise ConfigurationError(
             f"{source}: carries no pipeline, so it is no log of palpate's: `palpate info {source} --suggest` writes one"
@@ -42,4 +43,6 @@ def replay(
     text = replay_source(carried, tracks or (), estimators or (), models or ())
     for assignment in overrides or ():
         text.override(assignment)
-    execute(build_pipeline(text), out, as_json)
+    with progress(f"look at {source}"):
+        pipeline = build_pipeline(text)
+    execute(pipeline, out, as_json)

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import FormatOption, Overrides, Pipeline, console, function_of, load_pipeline, run_pipeline
+from palpate.host import FormatOption, Overrides, Pipeline, console, function_of, load_pipeline, progress, run_pipeline
 
 from palpate_basics.layout import layout
 from palpate_basics.rehearsal import rehearse
@@ -40,7 +40,8 @@ def run(
     assignments = [*(overrides or []), *([f"run.seed={seed}"] if seed is not None else [])]
     assignments += ["run.report=true"] if report else []
     assignments += ['sink.live.type="live"'] if live else []
-    pipeline = load_pipeline(file, assignments)
+    with progress(f"look at {file}"):  # a log of gigabytes is passed once for what it holds
+        pipeline = load_pipeline(file, assignments)
     if dry:
         rehearse(pipeline)
         return

@@ -66,7 +66,8 @@ def compare(
 
     given = {"force": force, "position": position, "velocity": velocity, "time": time, "rate": rate}
     choices = {role: text for role, text in given.items() if text is not None}
-    pipeline = _pipeline(_source(log, choices), models, estimators, overrides or [])
+    with progress(f"look at {log}"):
+        pipeline = _pipeline(_source(log, choices), models, estimators, overrides or [])
     if log.suffix != ".toml":
         told = ", ".join(f"{key} = {text}" for key, text in taken_values(pipeline).items())
         typer.echo(f"taken for known: {told}", err=True)

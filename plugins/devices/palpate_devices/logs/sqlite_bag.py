@@ -61,7 +61,11 @@ class SqliteBag:
     def _span(self) -> tuple[int, int] | None:
         with self._open() as database:
             first, last = database.execute("SELECT MIN(timestamp), MAX(timestamp) FROM messages").fetchone()
-        return None if first is None else (int(first), int(last))
+            if first is None:
+                return None
+            if not (isinstance(first, int) and isinstance(last, int)):
+                raise sqlite3.DatabaseError("a message has no time-stamp")
+        return first, last
 
     @staticmethod
     def _definitions(database: sqlite3.Connection) -> Iterator[tuple[str, bytes]]:

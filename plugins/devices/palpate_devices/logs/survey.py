@@ -29,7 +29,7 @@ class Sampled:
 
     def add(self, values: Floats) -> bool:
         """Take in values; whether every other one had to go."""
-        some = values[self._phase :: self._every]
+        some = values[self._phase :: self._every].copy()  # a view would hold all of them
         self._phase = (self._phase - len(values)) % self._every
         self._kept.append(some)
         self._held += len(some)

@@ -115,7 +115,8 @@ def fit(
         _each(sources, pipeline, overrides or [], out, by, workers, as_json)
         return
     failures: dict[str, UserError] = {}
-    loaded = _pipelines(sources, pipeline, overrides or [], failures)
+    with progress(f"look at {len(sources)} sources"):
+        loaded = _pipelines(sources, pipeline, overrides or [], failures)
     folder = make_folder("fit", out, datetime.now(UTC).astimezone())
     logs: list[LogFit] = []
     for name, outcome in _outcomes(loaded, folder, scheduler):
