@@ -27,7 +27,7 @@ from palpate_filters.fit.refusal import NotFitted
 from palpate_filters.fit.residual import Residual
 from palpate_filters.fit.segments import RecordCourse, Rows, Window, passage, segment_rows
 from palpate_filters.fit.solvers import Solution, solve_ipopt, solve_lm, solve_trf, solve_varpro
-from palpate_filters.fit.starts import solve_from_many, times_of, with_times_that_show
+from palpate_filters.fit.starts import solve_from_many, solve_or_try_others, times_of, with_times_that_show
 from palpate_filters.fit.unknowns import Unknowns
 
 if TYPE_CHECKING:
@@ -224,6 +224,8 @@ class FitTracker:
             return wanted, solve_ipopt(residual, unknowns, record, x, loss)
         if self._problem.model.memory and times_of(unknowns):
             return "trf", solve_from_many(self._residual, unknowns, record, x, loss)
+        if self._problem.model.memory:
+            return "trf", solve_or_try_others(self._residual, unknowns, record, x, loss)
         if wanted in ("auto", "lm") and not self._problem.model.memory:
             return "lm", solve_lm(residual, unknowns, record, x, loss)
         return "trf", solve_trf(residual, unknowns, record, x, loss)
