@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -76,6 +77,7 @@ class FitTracker:
     ) -> None:
         self._settings, self._problem, self._windows = settings, problem, windows
         self._unknowns, self._sources = unknowns, sources
+        self.brief = False  # whether what only the details tell is left out
         self._residuals: dict[tuple[int, ...], Residual] = {}
         self._linear: dict[tuple[int, ...], tuple[int, ...]] = {}  # by what is free, which alone it follows from
 
@@ -102,7 +104,8 @@ class FitTracker:
         rows = segment_rows(self._windows, samples, motion.rate, course)
         rows = _without_saturation(samples, rows, notes)
         approach = first_approach(samples, course)
-        points = _contact_points(settings, approach)
+        wanted = CONTACT_METHODS if not self.brief else (settings.contact_point,)
+        points = _contact_points(settings, approach, wanted)
         unknowns = self._prepared(samples, rows, approach, points, notes)
         enough = max(_FEWEST * len(unknowns.free), 10)
         if np.count_nonzero(rows) < enough:
@@ -255,10 +258,11 @@ def _spread(found: Estimates, samples: Samples, known: Rows) -> Estimates:
     )
 
 
-def _contact_points(settings: CasadiFit, approach: Approach | None) -> dict[str, ContactPoint]:
+def _contact_points(settings: CasadiFit, approach: Approach | None, wanted: Sequence[str]) -> dict[str, ContactPoint]:
     if approach is None:
         return {}
-    found = {method: contact_point(method, approach, settings.threshold) for method in CONTACT_METHODS}
+    methods = [method for method in CONTACT_METHODS if method in wanted]
+    found = {method: contact_point(method, approach, settings.threshold) for method in methods}
     return {method: point for method, point in found.items() if point is not None}
 
 
