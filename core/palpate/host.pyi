@@ -73,7 +73,12 @@ from palpate_report.pictures import (
     save_figure as save_figure,
     style as style,
 )
-from palpate_studies.cluster import connected as connected, spread as spread
+from palpate_studies.cluster import (
+    ClusterRun as ClusterRun,
+    cluster_results as cluster_results,
+    connected as connected,
+    spread as spread,
+)
 from palpate_studies.differing import differences as differences
 from palpate_studies.engines import SchedulerOption as SchedulerOption
 from palpate_studies.jobs import (
