@@ -1,4 +1,4 @@
-"""The priority of the page's server: a click is heard at once however busy the computer is; long work waits its turn."""
+"""The priority of the page's server: a click is heard at once on a busy computer, and long work waits its turn."""
 
 from __future__ import annotations
 
