@@ -193,6 +193,9 @@ def test_the_rig_says_where_the_envelope_ends(pipeline, tmp_path):
         run_pipeline(pipeline("device.rig.series_stiffness=30 N/mm"), tmp_path / "other")
 
 
+QUICK = {"duration": 4.0, "speed": 0.008, "standstill": 0.0, "clearance": 0.003}
+
+
 def held(twin, trajectory, *, watched=True, stop=12.0):
     """What the twin's arm did under a force-hold, and why it was stopped."""
     why = []
@@ -220,9 +223,7 @@ def held(twin, trajectory, *, watched=True, stop=12.0):
 
 def test_the_twins_arm_holds_a_force_within_its_envelope(bench, short):
     twin = bench(*short)
-    hold = ForceHold(
-        force=2.0, depth=0.005, stiffness=2000.0, duration=4.0, speed=0.008, standstill=0.0, clearance=0.003
-    )
+    hold = ForceHold(force=2.0, depth=0.005, stiffness=2000.0, **QUICK)
     why, truth = held(twin, hold)
     assert why == ""
     assert truth["peak_force"] == pytest.approx(2.0, abs=0.3)
@@ -234,9 +235,7 @@ def test_the_twins_arm_holds_a_force_within_its_envelope(bench, short):
 def test_the_twins_arm_leaves_where_the_force_is_not_found(bench, short):
     """A force that the envelope's depth does not give: the tip goes no deeper, and comes back."""
     twin = bench(*short)
-    hold = ForceHold(
-        force=8.0, depth=0.001, stiffness=2000.0, duration=4.0, speed=0.008, standstill=0.0, clearance=0.003
-    )
+    hold = ForceHold(force=8.0, depth=0.001, stiffness=2000.0, **QUICK)
     why, truth = held(twin, hold)
     assert "at the end of its envelope" in why
     assert truth["low"][2] > -0.0013
@@ -245,9 +244,7 @@ def test_the_twins_arm_leaves_where_the_force_is_not_found(bench, short):
 
 def test_a_force_that_nobody_tells_leads_nothing(bench, short):
     twin = bench(*short)
-    hold = ForceHold(
-        force=2.0, depth=0.005, stiffness=2000.0, duration=4.0, speed=0.008, standstill=0.0, clearance=0.003
-    )
+    hold = ForceHold(force=2.0, depth=0.005, stiffness=2000.0, **QUICK)
     why, truth = held(twin, hold, watched=False)
     assert "does not share its readings" in why
     assert truth["fastest_tip"] < 1e-3
