@@ -154,8 +154,6 @@ from palpate.pipeline import (
 from palpate.registry import FlagEntry as FlagEntry, Registry as Registry, analysis as analysis, suggest as suggest
 from palpate.result import (
     GIVEN as GIVEN,
-    OFFLINE as OFFLINE,
-    ONLINE as ONLINE,
     PIPELINE as PIPELINE,
     RESULT as RESULT,
     SCHEMA as SCHEMA,

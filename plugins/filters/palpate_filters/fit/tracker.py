@@ -121,6 +121,9 @@ class FitTracker:
         if len(record) > 2 * _THIN and not model.memory:
             x = solve_lm(residual, unknowns, record.thinned(_THIN), x, loss, gain=1e-9).x
         solver, solution = self._solve(unknowns, record, residual, x, linear, loss)
+        if unknowns.index("delay") in unknowns.free and not model.memory:
+            record = _late_inertia(record, unknowns, solution.x)
+            solver, solution = self._solve(unknowns, record, residual, solution.x, linear, loss)
         if not np.isfinite(solution.x).all() or not np.isfinite(solution.cost):
             raise NotFitted("diverged", "the fit ended in numbers that are not finite")
         solution = in_order(model, unknowns, solution)
@@ -229,6 +232,16 @@ class FitTracker:
         if wanted in ("auto", "lm") and not self._problem.model.memory:
             return "lm", solve_lm(residual, unknowns, record, x, loss)
         return "trf", solve_trf(residual, unknowns, record, x, loss)
+
+
+def _late_inertia(record: FitRecord, unknowns: Unknowns, x: Floats) -> FitRecord:
+    """The record with the tip's inertia as late as the rest of the force, to first order in what is left of the delay.
+
+    The residual takes inertia as it is now, since it has no derivative of the acceleration.
+    """
+    mass, late = (float(x[unknowns.index(name)]) for name in ("tip_mass", "delay"))
+    before = np.interp(record.time - late, record.time, record.acceleration)
+    return record.with_force(record.force + mass * (record.acceleration - before))
 
 
 def _spread(found: Estimates, samples: Samples, known: Rows) -> Estimates:
