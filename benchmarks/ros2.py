@@ -33,7 +33,7 @@ from tests.devices.ros2 import playing  # noqa: E402
 from tests.devices.ros2.conftest import built  # noqa: E402
 from tests.devices.ros2.test_recorded_run import missed, replayed, streams_of  # noqa: E402
 
-_DOMAIN = 77
+_DOMAIN, _PORT = 77, 17447
 
 
 def cpu(who: int) -> float:
@@ -42,11 +42,27 @@ def cpu(who: int) -> float:
     return used.ru_utime + used.ru_stime
 
 
-def listening(folder: Path, seconds: float, time: str) -> Path:
+def publisher(folder: Path, streams: dict[str, tuple[np.ndarray, np.ndarray]], middleware: str) -> subprocess.Popen:
+    """The program that plays a run, once somebody listens."""
+    table = folder / "playback"
+    if middleware == "zenoh":
+        table.write_text(json.dumps(playing.zenoh_table(streams)))
+        script = Path(playing.__file__).with_name("zenoh_publisher.py")
+        command = [sys.executable, str(script), str(_PORT), str(_DOMAIN), str(table)]
+    else:
+        table.write_bytes(playing.playback(streams))
+        command = [str(built("publisher")), str(_DOMAIN), str(table)]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL)
+
+
+def listening(folder: Path, seconds: float, time: str, middleware: str) -> Path:
     """The pipeline that listens for so long [s]."""
     text = playing.LISTENING.format(domain=_DOMAIN, seconds=seconds, origin=playing.origin())
     file = folder / "live.toml"
-    file.write_text(text.replace('clocks = "one"', f'clocks = "one"\ntime = "{time}"'))
+    text = text.replace('clocks = "one"', f'clocks = "one"\ntime = "{time}"')
+    if middleware == "zenoh":
+        text = text.replace('interface = "lo"', f'middleware = "zenoh"\npeers = ["127.0.0.1:{_PORT}"]')
+    file.write_text(text)
     return file
 
 
@@ -59,20 +75,18 @@ def lateness(log: Path) -> list[float]:
     return [round(float(x), 3) for x in np.percentile(found - found.min(), (50, 99, 100))]
 
 
-def measure(folder: Path, seconds: float, faster: float, time: str) -> dict[str, object]:
+def measure(folder: Path, seconds: float, faster: float, time: str, middleware: str) -> dict[str, object]:
     """What came of it."""
     streams = playing.recorded(folder, seconds * faster)
     streams = {name: (times / faster, values) for name, (times, values) in streams.items()}
-    table = folder / "playback"
-    table.write_bytes(playing.playback(streams))
-    pipeline = load_pipeline(listening(folder, seconds, time))
-    with subprocess.Popen([str(built("publisher")), str(_DOMAIN), str(table)], stdout=subprocess.DEVNULL) as publisher:
+    pipeline = load_pipeline(listening(folder, seconds, time, middleware))
+    with publisher(folder, streams, middleware) as program:
         try:
             before = [cpu(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
             live = run_pipeline(pipeline, folder / "live")
             spent = [cpu(who) - b for who, b in zip((resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN), before)]
         finally:
-            publisher.kill()
+            program.kill()
     came = streams_of(live.folder / "log.mcap")
     again = replayed(live, folder)
     same = [(run.folder / "estimates.csv").read_bytes() for run in (live, again)]
@@ -100,10 +114,11 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--faster", type=float, default=1.0)
     parser.add_argument("--time", choices=["publish", "stamp"], default="publish")
+    parser.add_argument("--middleware", choices=["dds", "zenoh"], default="dds")
     options = parser.parse_args()
     try:
         with tempfile.TemporaryDirectory() as folder:
-            found = measure(Path(folder), options.seconds, options.faster, options.time)
+            found = measure(Path(folder), options.seconds, options.faster, options.time, options.middleware)
     except pytest.skip.Exception as error:
         sys.exit(str(error))
     print(json.dumps(found, indent=2))

@@ -71,6 +71,7 @@ from palpate.extensions import (
     Diagnosis as Diagnosis,
     Display as Display,
     Fact as Fact,
+    Recorder as Recorder,
     Report as Report,
     ReportSection as ReportSection,
     Summary as Summary,
@@ -102,6 +103,7 @@ from palpate.result.found import Bias as Bias
 from palpate.result.kept import Kept as Kept
 from palpate.result.record import Tail as Tail, TrackSummary as TrackSummary
 from palpate.sink import (
+    EstimatesWriter as EstimatesWriter,
     GuardState as GuardState,
     Run as Run,
     Sink as Sink,

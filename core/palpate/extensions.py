@@ -65,6 +65,17 @@ class Summary:
 
 
 @dataclass(frozen=True)
+class Recorder:
+    """What writes down the estimates of every run: ``function(folder, parameters by track, interval, offline)``.
+
+    It answers a context with an `EstimatesWriter`. `interval` [s] is that of ``[run] estimates_interval``;
+    `offline` tracks, which speak when the record has ended, are opened apart.
+    """
+
+    target: str | Callable[..., Any]  # "module:function", imported when a run begins; or the function
+
+
+@dataclass(frozen=True)
 class Check:
     """A check of parts before anything moves: ``function(parts by kind, registry)`` raises PluginError for a wrong one.
 
@@ -113,7 +124,7 @@ class Template:
             raise PluginError(f"template {self.path} of {self.package} cannot be read: {error}") from error
 
 
-Offer = Command | Report | ReportSection | Diagnosis | Summary | Check | CalibrationReader | Display | Fact
+Offer = Command | Report | ReportSection | Diagnosis | Summary | Recorder | Check | CalibrationReader | Display | Fact
 
 
 def function_of(offer: Offer) -> Callable[..., Any]:

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         Diagnosis,
         Display,
         Fact,
+        Recorder,
         Report,
         ReportSection,
         Summary,
@@ -94,6 +95,11 @@ def palpate_diagnoses() -> Mapping[str, Diagnosis]:  # type: ignore[empty-body]
 @_hook
 def palpate_summaries() -> Mapping[str, Summary]:  # type: ignore[empty-body]
     """What is gathered of every track while it runs, by name, such as values over the places of a sweep."""
+
+
+@_hook
+def palpate_recorders() -> Mapping[str, Recorder]:  # type: ignore[empty-body]
+    """What writes down the estimates of every run, by name, beside the sinks that a pipeline asks for."""
 
 
 @_hook
@@ -163,6 +169,7 @@ _EXTENSIONS = {
     "template": ("palpate_templates", "palpate.extensions:Template"),
     "diagnosis": ("palpate_diagnoses", "palpate.extensions:Diagnosis"),
     "summary": ("palpate_summaries", "palpate.extensions:Summary"),
+    "recorder": ("palpate_recorders", "palpate.extensions:Recorder"),
     "check": ("palpate_checks", "palpate.extensions:Check"),
     "calibration": ("palpate_calibrations", "palpate.extensions:CalibrationReader"),
     "fact": ("palpate_facts", "palpate.extensions:Fact"),

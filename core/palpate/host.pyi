@@ -57,6 +57,10 @@ from palpate_filters.fit.contact_point import (
     contact_point as contact_point,
 )
 from palpate_filters.fit.holds import Hold as Hold, holds_of as holds_of
+from palpate_filters.least_squares import (
+    least_squares as least_squares,
+    normal_by_differences as normal_by_differences,
+)
 from palpate_filters.local_cubic import cubic_weights as cubic_weights, local_cubic as local_cubic
 from palpate_models.ting import ting_force as ting_force
 from palpate_report.pictures import (
@@ -69,7 +73,12 @@ from palpate_report.pictures import (
     save_figure as save_figure,
     style as style,
 )
-from palpate_studies.cluster import connected as connected, spread as spread
+from palpate_studies.cluster import (
+    ClusterRun as ClusterRun,
+    cluster_results as cluster_results,
+    connected as connected,
+    spread as spread,
+)
 from palpate_studies.differing import differences as differences
 from palpate_studies.engines import SchedulerOption as SchedulerOption
 from palpate_studies.jobs import (
@@ -145,8 +154,6 @@ from palpate.pipeline import (
 from palpate.registry import FlagEntry as FlagEntry, Registry as Registry, analysis as analysis, suggest as suggest
 from palpate.result import (
     GIVEN as GIVEN,
-    OFFLINE as OFFLINE,
-    ONLINE as ONLINE,
     PIPELINE as PIPELINE,
     RESULT as RESULT,
     SCHEMA as SCHEMA,

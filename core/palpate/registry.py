@@ -25,6 +25,7 @@ from palpate.extensions import (
     Diagnosis,
     Display,
     Fact,
+    Recorder,
     Report,
     ReportSection,
     Summary,
@@ -87,6 +88,7 @@ class Registry:
     flags: Mapping[str, FlagEntry] = field(default_factory=dict)
     diagnoses: Mapping[str, Diagnosis] = field(default_factory=dict)
     summaries: Mapping[str, Summary] = field(default_factory=dict)
+    recorders: Mapping[str, Recorder] = field(default_factory=dict)
     checks: Mapping[str, Check] = field(default_factory=dict)
     calibrations: Mapping[str, CalibrationReader] = field(default_factory=dict)
     facts: Mapping[str, Fact] = field(default_factory=dict)
@@ -179,6 +181,7 @@ def load(files: Iterable[Path] = ()) -> Registry:
         flags=flags,
         diagnoses=offered["diagnosis"],
         summaries=offered["summary"],
+        recorders=offered["recorder"],
         checks=offered["check"],
         calibrations=offered["calibration"],
         facts=offered["fact"],

@@ -54,6 +54,14 @@ class Writer(Protocol):
         ...
 
 
+class EstimatesWriter(Protocol):
+    """An open table of estimates."""
+
+    def write(self, samples: Samples, estimates: Mapping[str, Estimates]) -> None:
+        """The estimates of some samples, by track; those of offline tracks come once, for the whole record."""
+        ...
+
+
 @runtime_checkable
 class TakesHealth(Protocol):
     """A writer that wants to know how a live run is doing."""

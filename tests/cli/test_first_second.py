@@ -33,6 +33,17 @@ def test_looking_up_imports_neither_numbers_nor_parts(argument):
     assert done.stdout
 
 
+def test_a_run_of_a_simulated_point_imports_no_scipy(tmp_path):
+    script = (
+        "import sys\nfrom palpate.cli import main\n"
+        f"main(['run', {str(ROOT / 'pipelines' / 'point.toml')!r}, '--out', {str(tmp_path / 'run')!r}])\n"
+        "sys.exit(' '.join(name for name in ('scipy', 'pint') if name in sys.modules))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr[-300:]
+    assert (tmp_path / "run" / "result.json").exists()
+
+
 @pytest.mark.parametrize("name", LAZY)
 def test_every_public_name_is_there_and_type_checkers_see_it(name):
     module = importlib.import_module(name)

@@ -1,7 +1,7 @@
 """Limits in the servo process, with the host's checks left out; judged by what the twin's arm truly did."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def rows(*places, count=200):
 
 
 def device(twin, **changes):
-    patient = {"stale": 5.0, "watchdog": 1.0, "host_limit": 10.0}
+    patient = {"stale": 5.0, "watchdog": 1.0, "host_limit": 10.0, "start": 60.0}
     return UR.model_validate({"host": twin.host, "work": WORK, **patient, **changes})
 
 
@@ -109,6 +109,31 @@ def test_illegal_setpoints_move_nothing(restored, positions, velocity, words):
     assert words in why
     assert truth["fastest_tip"] < 1e-3
     assert words in health["own_stop"]["reason"]
+
+
+@pytest.mark.parametrize("ask", [lambda link: link.follow(PRESS), lambda link: link.retreat(0.5e-3, 2e-3)])
+def test_nothing_moves_before_limits_are_told(restored, ask):
+    with device(restored).connect(0) as link:
+        batches = begun(link)
+        restored.fault("mark")
+        ask(link)
+        with pytest.raises(DeviceError, match="no limits were told"):
+            for _ in batches:
+                pass
+    assert restored.state()["fastest_tip"] < 1e-3
+
+
+@pytest.mark.parametrize("changes", [{"speed": float("nan")}, {"low": (0.0, 0.0, float("-inf"))}])
+def test_a_limit_that_is_no_number_is_none(restored, changes):
+    with device(restored).connect(0) as link:
+        batches = begun(link)
+        restored.fault("mark")
+        link.limit(replace(LIMITS.of_an_arm, **changes), print)
+        link.follow(PRESS)
+        with pytest.raises(DeviceError, match="a limit is not a finite number"):
+            for _ in batches:
+                pass
+    assert restored.state()["fastest_tip"] < 1e-3
 
 
 def test_a_joint_that_would_be_too_fast_ends_the_motion(restored):
@@ -294,6 +319,7 @@ def test_looking_leaves_a_running_program_alone(restored):
         assert restored.state()["uploads"] == before
         assert place[2] == pytest.approx(0.004, abs=1e-4)
         assert facts["tool_off_by_deg"] < 0.1
+        link.limit(LIMITS.of_an_arm, print)
         link.follow(PRESS)  # it still commands
         began = time.monotonic()
         for _ in batches:

@@ -6,7 +6,7 @@ import tempfile
 
 import numpy as np
 import pytest
-from palpate import DeviceError
+from palpate import ArmLimits, DeviceError
 from palpate_devices.ur3e.device import UR
 from palpate_devices.ur3e.kinematics import (
     flange,
@@ -23,6 +23,7 @@ from palpate_trajectories.point import Point
 
 WORK = {"origin": (-0.3, -0.13, 0.1)}
 TCP = matrix_of([0.0, 0.0, 0.12, 0.0, 0.0, 0.0])
+WIDE = ArmLimits((-1.0,) * 3, (1.0,) * 3, 2.0, 20.0, 0.3, 0.5)
 PRESS = Point(bias=0.002, amplitude=0.0005, clearance=0.003, standstill=0.0, duration=0.5)
 
 
@@ -121,14 +122,17 @@ def test_it_retracts_along_the_normal_from_any_motion():
 
 def states(device, trajectory=None, count=150):
     with device.connect(0) as link:
-        found = {}
+        found, stopped = {}, []
         for batch in link.batches():
             found.setdefault(batch.stream, []).append(batch)
             if trajectory is not None and sum(len(b.time) for b in found.get("tip", [])) > 5:
+                link.limit(WIDE, stopped.append)
                 link.follow(trajectory)
                 trajectory, count = None, 1 << 30
             if sum(len(b.time) for b in found.get("status", [])) > count:
                 break
+        if stopped:
+            raise DeviceError(stopped[0])
         return {n: (np.concatenate([b.time for b in bs]), np.concatenate([b.values for b in bs])) for n, bs in
                 found.items()}, link.health  # fmt: skip
 
@@ -136,7 +140,7 @@ def states(device, trajectory=None, count=150):
 def device(twin, **changes):
     """The twin's arm, with patience for a machine that is busy."""
     pytest.importorskip("rtde_control", reason="ur-rtde is not installed")
-    patient = {"stale": 5.0, "watchdog": 1.0, "host_limit": 10.0}
+    patient = {"stale": 5.0, "watchdog": 1.0, "host_limit": 10.0, "start": 60.0}
     return UR.model_validate({"host": twin.host, "work": WORK, **patient, **changes})
 
 

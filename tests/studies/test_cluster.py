@@ -2,22 +2,30 @@
 
 import json
 import os
+import re
 import signal
+import threading
+import time
 from contextlib import closing
 from pathlib import Path
 
 import pytest
-from palpate import ConfigurationError
+from palpate import ConfigurationError, UserError
 from palpate.host import RunFolder
 
 distributed = pytest.importorskip("distributed")
-from palpate_studies import cluster  # noqa: E402
+from palpate_studies import cluster, workers  # noqa: E402
 from palpate_studies.jobs import Job, on_all_cores  # noqa: E402
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore"),  # of dask's own, when workers die
     pytest.mark.xdist_group("cluster"),  # one cluster for all
 ]
+
+
+@pytest.fixture(autouse=True)
+def no_long_waiting(monkeypatch):
+    monkeypatch.setattr(workers, "_WITHOUT", 60.0)
 
 
 @pytest.fixture(scope="module")
@@ -102,17 +110,17 @@ def test_a_killed_worker_loses_nothing(scheduler, tmp_path):
 
 
 def test_workers_of_other_versions_are_refused(scheduler, monkeypatch):
-    real = cluster.machine()
-    monkeypatch.setattr(cluster, "machine", lambda: {**real, "casadi": "1.0"})
+    real = workers.machine()
+    monkeypatch.setattr(workers, "machine", lambda: {**real, "casadi": "1.0"})
 
     class Workers:
-        def run(self, function):
+        def run(self, function, workers=None):
             return {"tcp://10.0.0.7:1": real}
 
     with pytest.raises(
         ConfigurationError, match=rf"worker tcp://10.0.0.7:1 has casadi {real['casadi']}, and here is 1.0"
     ):
-        cluster.demand_alike(Workers(), scheduler)
+        workers.demand_alike(Workers(), scheduler)
 
 
 def test_a_folder_that_workers_do_not_see_is_refused(tmp_path):
@@ -150,3 +158,82 @@ def test_no_scheduler_and_both_options_are_mistakes_of_the_user(palpate, point_p
     assert done.returncode == 2
     assert "no scheduler answers there" in done.stderr
     assert not RunFolder(tmp_path / "b").finished
+
+
+def _slow(task):
+    time.sleep(task)
+    return task
+
+
+@pytest.fixture
+def own_cluster():
+    """A scheduler whose workers a test can send away."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parents[2]))
+        with distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, silence_logs=50
+        ) as running:
+            yield running
+
+
+def test_where_all_workers_are_gone_it_is_told_and_then_an_end(own_cluster, monkeypatch, capsys):
+    for name, seconds in (("_AGAIN", 0.05), ("_TELL", 0.2), ("_WITHOUT", 0.9)):
+        monkeypatch.setattr(workers, name, seconds)
+    with distributed.Client(own_cluster.scheduler_address, set_as_default=False) as client:
+        running = cluster.spread(client, _slow, [0.0, 0.0])
+        assert next(running) == (0.0, 0.0)  # what is done has been handed over
+        own_cluster.scale(0)
+        with pytest.raises(
+            UserError, match=r"there has been no worker for 1 s, and nobody else has come; what is fini"
+        ):
+            list(cluster.spread(client, _slow, [0.0, 0.0, 0.0]))
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) >= 2
+    assert re.match(r"there has been no worker since \d\d:\d\d:\d\d: start some, such as `dask worker ", told[0])
+
+
+def test_workers_that_come_later_go_on_and_are_looked_at(own_cluster, monkeypatch):
+    monkeypatch.setattr(workers, "_AGAIN", 0.05)
+    looked = []
+    monkeypatch.setattr(workers, "demand_alike", lambda client, address, only: looked.extend(only))
+    with distributed.Client(own_cluster.scheduler_address, set_as_default=False) as client:
+        own_cluster.scale(0)
+        running = cluster.spread(client, _slow, [0.0] * 6)
+        threading.Timer(0.5, lambda: own_cluster.scale(2)).start()
+        assert len(list(running)) == 6
+    assert looked
+
+
+def test_repeats_compare_and_reproduction_are_those_of_this_machine(scheduler, palpate, point_pipeline, tmp_path):
+    text = point_pipeline.read_text().replace('duration = "10 s"', 'duration = "1 s"')
+    file = tmp_path / "own.toml"
+    file.write_text(text.replace("seed = 1\n", 'seed = 1\ntracks = ["dr/ekf"]\n', 1) + "[repeat]\ncount = 2\n")
+    commands = {
+        "repeat": ("repeat", file, "--track", "dr/ekf"),
+        "compare": ("compare", file, "--estimators", "ekf"),
+        "reproduce": ("reproduce", "loadcycle"),
+    }
+    for name, command in commands.items():
+        found = {}
+        for place, more in (("here", ()), ("there", ("--scheduler", scheduler))):
+            done = palpate(*command, "--json", "--out", tmp_path / f"{name}-{place}", *more)
+            assert done.returncode == 0, done.stderr
+            found[place] = _plain(json.loads(done.stdout))
+        assert found["here"] == found["there"]
+
+
+def _plain(document):
+    """A document without what is of one run: times, places."""
+    if isinstance(document, dict):
+        own = ("folder", "seconds_per_sample", "started", "duration", "command", "host", "pipeline")
+        return {key: _plain(value) for key, value in document.items() if key not in own}
+    return [_plain(value) for value in document] if isinstance(document, list) else document
+
+
+def test_an_arm_is_not_repeated_on_a_cluster(palpate, point_pipeline, tmp_path):
+    text = point_pipeline.read_text().replace('type = "sim"', 'type = "sim"\npace = "real-time"', 1)
+    point_pipeline.write_text(text + "[repeat]\ncount = 3\n")
+    done = palpate("repeat", point_pipeline, "--scheduler", "tcp://127.0.0.1:1", "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert "--scheduler is for simulations that keep no clock" in done.stderr
+    assert not (tmp_path / "out").exists()

@@ -8,7 +8,6 @@ import numpy as np
 
 from palpate.vectors import Floats
 
-_POWER = 1.5  # of the depth: a sphere; free, it would cost more scatter than it takes bias of other tips
 _GRID = 41  # heights that are tried together
 _LEVELS = 4  # each a twentieth of the one before
 _FEWEST = 20  # samples
@@ -20,7 +19,10 @@ _GAIN = 25.0  # of the sum of squares in units of the noise's variance; constant
 
 @dataclass(frozen=True)
 class ChangePoint:
-    """A two-piece law F = b for z >= z_s, b + c (z_s - z)^1.5 below, fitted by least squares."""
+    """A two-piece law F = b for z >= z_s, b + c (z_s - z)^1.5 below, fitted by least squares.
+
+    The power is that of a sphere: free, it would cost more scatter than it takes bias of other tips.
+    """
 
     surface: float  # [m] z_s
     offset: float  # [N] b
@@ -55,7 +57,8 @@ def change_point(position: Floats, force: Floats) -> ChangePoint | None:
         low, high = float(heights[max(at - 1, 0)]), float(heights[min(at + 1, _GRID - 1)])
     left, surface = best
     noise = max(left, 0.0) / (len(z) - 3)  # rounding leaves less than nothing of a law without noise
-    shape = np.maximum(surface - z, 0.0) ** _POWER
+    shape = np.maximum(surface - z, 0.0)
+    shape *= np.sqrt(shape)
     spread = float(((shape - shape.mean()) ** 2).sum())
     slope = float((shape * centred).sum()) / spread if spread > 0 else 0.0
     offset = float(f.mean()) - slope * float(shape.mean())
@@ -73,8 +76,10 @@ def _hanging_together(residual: Floats) -> float:
 
 def _left(z: Floats, centred: Floats, total: float, heights: Floats) -> Floats:
     """Sum of squares that is left (k,) for every height; the total where the force would fall with depth."""
-    depth = np.maximum(heights[:, None] - z, 0.0) ** _POWER
-    depth = depth - depth.mean(axis=1)[:, None]
-    square, product = (depth**2).sum(axis=1), (depth * centred).sum(axis=1)
+    shape = np.maximum(heights[:, None] - z, 0.0)
+    shape *= np.sqrt(shape)
+    # `centred` has no mean, so that none need be taken from the shape for their product.
+    square = np.einsum("ij,ij->i", shape, shape) - shape.sum(axis=1) ** 2 / len(z)
+    product = shape @ centred
     rises = (square > 0) & (product > 0)
     return np.asarray(total - np.where(rises, product**2 / np.where(rises, square, 1.0), 0.0))

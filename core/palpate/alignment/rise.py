@@ -59,14 +59,25 @@ class RiseFinder:
     def _risen(self, last: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Whether the average that ends with each of these blocks is above its baseline."""
         padded = np.concatenate([np.full(_WIDTH, np.nan), self._means])
-        rows = np.ascontiguousarray(padded[(last + 1)[:, None] + np.arange(_WIDTH)])
-        baseline = np.ascontiguousarray(rows[:, : _BEFORE - _APART])
-        mean, square, count = _moments(baseline)
-        parts = baseline.reshape(len(last), -1, _AVERAGED).mean(axis=2)
+        begins = last + 1
+        latest = begins[:, None] + np.arange(_WIDTH - _AVERAGED, _WIDTH)
+        now = np.ascontiguousarray(padded[latest]).mean(axis=1)
+        baseline = np.ascontiguousarray(padded[begins[:, None] + np.arange(_BEFORE - _APART)])
+        known = np.isfinite(baseline)
+        count = known.sum(axis=1)
+        mean = np.where(known, baseline, 0.0).sum(axis=1) / np.maximum(count, 1)
+        likely: NDArray[np.bool_] = np.asarray((count >= _LEAST) & (now - mean > self._least))
+        if likely.any():
+            likely[likely] = self._beyond(baseline[likely], now[likely])
+        return likely
+
+    def _beyond(self, baseline: Floats, now: Floats) -> NDArray[np.bool_]:
+        """Whether averages (n,) are above baselines (n, m) by more than these scatter."""
+        mean, square, _ = _moments(baseline)
+        parts = baseline.reshape(len(now), -1, _AVERAGED).mean(axis=2)
         scatter = np.maximum(_moments(parts)[1], _uneven(baseline, square))
         level = np.maximum(_SIGMAS * np.sqrt(scatter), self._least)
-        now = np.ascontiguousarray(rows[:, -_AVERAGED:]).mean(axis=1)
-        return np.asarray((count >= _LEAST) & (now - mean > level))
+        return np.asarray(now - mean > level)
 
 
 def _moments(rows: Floats) -> tuple[Floats, Floats, Floats]:

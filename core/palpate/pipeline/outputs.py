@@ -8,15 +8,14 @@ from typing import Any
 
 from palpate.config import Pipeline
 from palpate.device import Batch
-from palpate.errors import OutputError
 from palpate.estimation import Estimates, Samples
+from palpate.extensions import function_of
 from palpate.pipeline.tracks import RunningTrack
-from palpate.result import OFFLINE, ONLINE, EstimatesFile
-from palpate.sink import Run, TakesResult, Writer
+from palpate.sink import EstimatesWriter, Run, TakesResult, Writer
 
 
 class Outputs:
-    """Sinks and the table of estimates, all open; it writes, and does nothing else."""
+    """Sinks and the tables of estimates, all open; it writes, and does nothing else."""
 
     def __init__(
         self,
@@ -29,17 +28,14 @@ class Outputs:
         self.writers: list[Writer] = [stack.enter_context(sink.open(run)) for sink in pipeline.sinks.values()]
         self.writers += [observer] if observer is not None else []
         self._interval = pipeline.run.estimates_interval
-        self._folder, self._stack = run.folder, stack
-        self._parameters = run.tracks
-        self._table = self._open_table(ONLINE, [track.track.name for track in online])
+        self._recorders = [function_of(recorder) for recorder in pipeline.registry.recorders.values()]
+        self._run, self._stack = run, stack
+        self._tables = self._opened([track.track.name for track in online])
 
-    def _open_table(self, name: str, tracks: Iterable[str]) -> EstimatesFile:
-        path = self._folder / name
-        try:
-            file = self._stack.enter_context(path.open("x", newline="", encoding="utf-8"))
-        except OSError as error:
-            raise OutputError(f"{path}: cannot write: {error.strerror}") from error
-        return EstimatesFile(file, {track: self._parameters[track] for track in tracks}, self._interval)
+    def _opened(self, tracks: Iterable[str], offline: bool = False) -> list[EstimatesWriter]:
+        wanted = {track: self._run.tracks[track] for track in tracks}
+        opened = (recorder(self._run.folder, wanted, self._interval, offline) for recorder in self._recorders)
+        return [self._stack.enter_context(table) for table in opened]
 
     def record(self, arrivals: Iterable[tuple[str, Batch]]) -> None:
         """Raw readings, each with its device."""
@@ -55,12 +51,14 @@ class Outputs:
             writer.samples(samples)
         if estimates is not None:
             self._hand_out(estimates)
-            self._table.write(samples, estimates)
+            for table in self._tables:
+                table.write(samples, estimates)
 
     def write_offline(self, samples: Samples, estimates: Mapping[str, Estimates]) -> None:
         """Estimates that were made of all samples after the record; they get a table of their own."""
         self._hand_out(estimates)
-        self._open_table(OFFLINE, estimates).write(samples, estimates)
+        for table in self._opened(estimates, offline=True):
+            table.write(samples, estimates)
 
     def _hand_out(self, estimates: Mapping[str, Estimates]) -> None:
         for track, found in estimates.items():

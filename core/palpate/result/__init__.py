@@ -4,12 +4,9 @@ from palpate.result.diagnosing import Diagnosable, Judged, diagnosed
 from palpate.result.flags import track_flags
 from palpate.result.folder import (
     GIVEN,
-    OFFLINE,
-    ONLINE,
     PIPELINE,
     RESULT,
     SCHEMA,
-    EstimatesFile,
     make_folder,
     withdraw_folder,
 )
@@ -19,14 +16,11 @@ from palpate.result.record import TrackRecord, acceleration
 
 __all__ = [
     "GIVEN",
-    "OFFLINE",
-    "ONLINE",
     "PIPELINE",
     "RESULT",
     "SCHEMA",
     "Derived",
     "Diagnosable",
-    "EstimatesFile",
     "Found",
     "Judged",
     "TrackRecord",

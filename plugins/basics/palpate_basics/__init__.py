@@ -1,6 +1,6 @@
 """The commands of every day: run, replay, resume, check, and what looks up parts."""
 
-from palpate import Command, plugin
+from palpate import Command, Recorder, plugin
 
 
 @plugin
@@ -21,3 +21,9 @@ def palpate_commands() -> dict[str, Command]:
             "palpate_basics.inspect:schema", "Print the JSON schema of pipeline files, or of result.json.", "extend"
         ),
     }
+
+
+@plugin
+def palpate_recorders() -> dict[str, Recorder]:
+    """The tables of estimates of every run."""
+    return {"estimates": Recorder("palpate_basics.estimates_file:estimates_file")}

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats, LogError, Status
-from palpate.host import GIVEN, OFFLINE, ONLINE, PIPELINE, RESULT
+from palpate.host import GIVEN, PIPELINE, RESULT
 
+from palpate_basics.estimates_file import OFFLINE, ONLINE
 from palpate_basics.reading import is_whole, read_result
 
 REVIEW = "review.json"

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import io
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import Annotated, Self
 
@@ -24,7 +26,8 @@ from palpate_devices.recording import Recording, Suggestion, Survey
 
 _SECOND = 1_000_000_000  # [ns]
 _BLOCK = 4096  # rows in one batch
-_OF_NUMBERS = str.maketrans("", "", "0123456789+-.eE ")  # takes away what a number is made of
+_CHARACTERS, _LONGEST = 1 << 17, 100_000  # read at once; and to the end of the last line
+_OF_NUMBERS = str.maketrans("", "", "0123456789+-.eE")  # takes away what a number is made of
 
 
 class Column(Settings):
@@ -130,6 +133,8 @@ class _CsvLink:
         self._wanted = [column for column, _ in wanted]
         self._scales = np.array([scale for _, scale in wanted])
         self._header: list[str] | None = None
+        self._at: list[int] | None = None  # places of the wanted columns
+        self._begun = False  # whether the header, if there is one, has been read
         self._width = 0  # cells of the first line
         self._widths = 0, 0, 0  # cells of the longest line, of the latest one, and its number
 
@@ -156,23 +161,64 @@ class _CsvLink:
     def _blocks(self) -> Iterator[Floats]:
         path = self._log.file
         with opened(path) as file:
-            rows = enumerate(csv.reader(bounded(file, path), delimiter=self._log.delimiter), start=1)
-            places: list[int] | None = None
-            while lines := list(islice(rows, _BLOCK)):
-                told: list[tuple[int, list[str]]] = []
-                for line, cells in lines:
-                    if not cells:
-                        continue
-                    if places is None:
-                        places = self._places(cells)
-                        self._width = len(cells)
-                        if self._header is not None:
-                            continue
-                    self._check_width(cells, line)
-                    told.append((line, cells))
-                if told and places is not None:
-                    yield self._numbers(told, places)
+            line = 0  # the last that was read
+            while text := file.read(_CHARACTERS) + file.readline(_LONGEST):
+                numbers = self._plain(text)
+                if numbers is None:  # anything else than plain numbers is read line by line from there on
+                    lines = chain(bounded(io.StringIO(text, newline=""), path), bounded(file, path))
+                    yield from self._by_line(enumerate(csv.reader(lines, delimiter=self._log.delimiter), line + 1))
+                    break
+                line += len(numbers) + (self._header is not None and not self._begun)
+                self._begun = True
+                self._widths = self._width, self._width, line
+                yield numbers
             self._refuse_cut()
+
+    def _plain(self, text: str) -> Floats | None:
+        """The numbers (n, places) of whole lines of nothing but numbers, under a header or not; None for other lines.
+
+        What is left without the characters of numbers must be the same separators in every line.
+        """
+        comma = self._log.delimiter
+        text = text.replace("\r\n", "\n")
+        if self._at is None:
+            first, _, rest = text.partition("\n")
+            if not first.strip() or '"' in text:
+                return None
+            cells = first.split(comma)
+            self._at, self._width = self._places(cells), len(cells)
+            text = rest if self._header is not None else text
+        text = text.removesuffix("\n")
+        count = text.count("\n") + 1
+        separators = ("\n" + comma * (self._width - 1)) * count
+        if not text or text.translate(_OF_NUMBERS) != separators[1:]:
+            return None
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # text that does not end as a number
+            try:
+                found = np.fromstring(text.replace(comma, ",").replace("\n", ","), sep=",")
+            except (DeprecationWarning, ValueError):
+                return None
+        whole = found.size == count * self._width and max(self._at, default=0) < self._width
+        return found.reshape(count, self._width)[:, self._at] if whole else None
+
+    def _by_line(self, rows: Iterator[tuple[int, list[str]]]) -> Iterator[Floats]:
+        """The numbers (n, places) of lines that may hold anything."""
+        while lines := list(islice(rows, _BLOCK)):
+            told: list[tuple[int, list[str]]] = []
+            for line, cells in lines:
+                if not cells:
+                    continue
+                if self._at is None:
+                    self._at = self._places(cells)
+                    self._width = len(cells)
+                if self._header is not None and not self._begun:
+                    self._begun = True
+                    continue
+                self._check_width(cells, line)
+                told.append((line, cells))
+            if told and self._at is not None:
+                yield self._numbers(told, self._at)
 
     def _check_width(self, cells: list[str], line: int) -> None:
         """Refuse a line with more cells than the first: what is behind the one too many is in the wrong column."""
@@ -219,7 +265,7 @@ class _CsvLink:
         """The numbers (n, places) of lines: at once where all cells look like numbers, else one by one."""
         with suppress(ValueError, IndexError):
             texts = [cells[place] for _, cells in told for place in places]
-            if not "".join(texts).translate(_OF_NUMBERS):
+            if not "".join(texts).translate(_OF_NUMBERS).strip(" "):
                 return np.array([float(text) for text in texts]).reshape(len(told), len(places))
         return np.array([[self._number(cells, place, line) for place in places] for line, cells in told])
 

@@ -14,6 +14,7 @@ from palpate import Floats
 _LEAST = 1e-13  # damping, of the scaled squares: what is not told at all stays where it is
 _FIRST, _MOST = 1e-3, 1e12  # damping after a step that led uphill, and where there is nothing left to gain
 _ROUNDING = 1e-13  # of the cost, below which a difference of two of them is none
+_DIFFERENCE = 1.5e-8  # of a value, over which a slope is taken
 _STILL = 1e-13  # of a value
 _SLOW = 0.9  # of the gain before: less than that, and steps no longer come nearer
 
@@ -64,6 +65,23 @@ def least_squares(
         else:
             damping = max(10.0 * damping, _FIRST)
     return Minimum(x, 0.5 * float(square[0, 0]), evaluations, False)
+
+
+def normal_by_differences(residual: Callable[[Floats], Floats], high: Floats) -> Callable[[Floats], Floats]:
+    """The normal equations of a residual (n,) of unknowns (p,) of size 1, its slopes by differences below `high`."""
+
+    def normal(x: Floats) -> Floats:
+        at = residual(x)
+        both = np.empty((1 + len(x), len(at)))
+        both[0] = at
+        for i in range(len(x)):
+            there = x.copy()
+            step = _DIFFERENCE * max(abs(float(x[i])), 1.0)
+            there[i] += step if x[i] + step <= high[i] else -step
+            both[1 + i] = (residual(there) - at) / (there[i] - x[i])
+        return both @ both.T
+
+    return normal
 
 
 def _eased(damping: float, ratio: float) -> float:

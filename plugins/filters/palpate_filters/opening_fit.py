@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
 from palpate import ContactModel, Floats, Layout, Samples, contact_force
 
+from palpate_filters.bounded_minimum import bounded_minimum
 from palpate_filters.local_cubic import cubic_weights
 
 PAUSE = 0.02  # [s]; over a longer one the measured position carries the depth, not the process
@@ -17,6 +19,7 @@ _SPAN = 5  # samples to either side over which acceleration is differenced, and 
 _FEWEST = 30  # samples
 _DEEPEST = 0.012  # [m] of surface above the highest position of the window
 _GRID = 49
+_NEAR = 1e-8  # [m]
 _BITS = 24  # of what a window tells
 
 
@@ -165,33 +168,50 @@ def _smooth(values: Floats) -> Floats:
 
 def _misfit(columns: Floats, force: Floats, prior: BiasPrior | None = None) -> tuple[float, Floats, float]:
     """Sum of squares, parameters (none negative) and, with a prior, bias [N] that explain a force best."""
-    from scipy.optimize import nnls
-
     scale = np.linalg.norm(columns, axis=0)
     if not np.isfinite(columns).all() or not (scale > 0).all():
         return float(force @ force), np.zeros(columns.shape[1]), 0.0
-    if prior is None:
-        theta, residual = nnls(columns / scale, force)
-        return float(residual) ** 2, np.asarray(theta / scale, float), 0.0
-    # The bias may be negative: one column for either sign, and the prior as one more reading.
-    count, ones = columns.shape[1], np.ones((len(force), 1))
-    pull = np.zeros((1, count + 2))
-    pull[0, count:] = prior.noise / prior.std, -prior.noise / prior.std
-    design = np.vstack([np.hstack([columns / scale, ones, -ones]), pull])
-    found, residual = nnls(design, np.append(force, 0.0))
-    up, down = found[count:]
-    return float(residual) ** 2, np.asarray(found[:count] / scale, float), float(up - down)
+    fitted, count = columns.shape[1], columns.shape[1] + (prior is not None)
+    rows = np.empty((len(force) + (prior is not None), count + 1))
+    rows[: len(force), :fitted], rows[: len(force), -1] = columns / scale, force
+    if prior is not None:  # a column for the bias, and the prior as one more reading
+        rows[:-1, fitted], rows[-1] = 1.0, 0.0
+        rows[-1, fitted] = prior.noise / prior.std
+    factor: Floats = np.asarray(np.linalg.qr(rows, mode="r"))
+    left, found = min(_solved(factor, fitted), key=lambda one: one[0])
+    return left, found[:fitted] / scale, float(found[fitted]) if prior is not None else 0.0
+
+
+def _solved(factor: Floats, fitted: int) -> Iterator[tuple[float, Floats]]:
+    """Squares left and unknowns of least squares on a triangular factor [A, b], the first `fitted` not negative.
+
+    With all of its columns where that leaves none negative, else with every choice of them that does.
+    """
+    count = factor.shape[1] - 1
+    for chosen in product((True, False), repeat=fitted):
+        which = np.flatnonzero([*chosen, *[True] * (count - fitted)])
+        small = np.asarray(np.linalg.qr(factor[:, [*which, count]], mode="r")) if len(which) < count else factor
+        found = np.zeros(count)
+        if len(which):
+            size = len(which)
+            square = small[:size, :size]
+            if not square.diagonal().all():
+                continue
+            found[which] = np.linalg.solve(square, small[:size, -1])
+        if (found[:fitted] >= 0).all():
+            rest = small[len(which) :, -1]
+            yield float(rest @ rest), found
+            if all(chosen):
+                return
 
 
 def _search(misfit: Callable[[float], float], position: Floats) -> float:
     """The surface height of the smallest misfit: a grid from amid the motion upwards, then a bounded search."""
-    from scipy.optimize import minimize_scalar
-
     lowest, highest = float(position.min()), float(position.max())
     reach = np.linspace(0.0, 1.0, _GRID) ** 2 * _DEEPEST
     heights = np.concatenate([np.linspace(lowest, highest, 12)[1:-1], highest + reach])
     costs = [misfit(float(height)) for height in heights]
     best = int(np.argmin(costs))
     low, high = heights[max(best - 1, 0)], heights[min(best + 1, len(heights) - 1)]
-    found: Any = minimize_scalar(misfit, bounds=(float(low), float(high)), method="bounded", options={"xatol": 1e-8})
-    return float(found.x) if found.fun <= costs[best] else float(heights[best])
+    found, cost = bounded_minimum(misfit, float(low), float(high), _NEAR)
+    return found if cost <= costs[best] else float(heights[best])

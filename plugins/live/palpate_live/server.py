@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import os
 import socket
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -18,9 +17,9 @@ from websockets.typing import Subprotocol
 
 from palpate_live.gate import answer
 from palpate_live.history import History
+from palpate_live.priority import attend
 from palpate_live.wire import LARGEST, is_text, pack
 
-_NICE = 5  # once it serves: with more, a busy computer would not let it begin
 _MOST = 16  # browsers
 _PATIENCE = 8 << 20  # bytes that wait for one browser, besides the history that it is given
 _DRAIN = 1.0  # [s] for browsers to take what is left when the run has ended
@@ -163,7 +162,8 @@ async def work(
         server_header=None,
         close_timeout=_DRAIN,
     ):
-        os.nice(_NICE)
+        if made is Server:  # once it serves; others have no stop that would have to be heard at once
+            attend(asyncio.get_running_loop())
         await server.over.wait()
         await server.finish()
 

@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from palpate import ContactModel, Indenter, MaterialValue, Parameter
 from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
 from palpate_models.parameters import ELASTICITY, VISCOSITY
-from palpate_models.thickness import Thickness, contact_validity, corrected_contact
+from palpate_models.thickness import HALF_SPACE, Thickness, contact_validity, corrected_contact
 
 
 class _NoneInTheSchema:
-    """Says in the JSON schema that "none" is allowed."""
+    """Says in the JSON schema that "none" and "half-space" are allowed."""
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {"anyOf": [{"const": "none"}, handler(schema)]}
+        return {"anyOf": [{"enum": ["none", HALF_SPACE]}, handler(schema)]}
 
 
 OptionalThickness = Annotated[
-    Thickness | None, BeforeValidator(lambda value: None if value == "none" else value), _NoneInTheSchema()
+    Thickness | Literal["half-space"] | None,
+    BeforeValidator(lambda value: None if value == "none" else value),
+    _NoneInTheSchema(),
 ]
 
 
@@ -43,12 +45,13 @@ class DimensionalityReduction(ContactModel):
     thickness: OptionalThickness = Field(
         default=None,
         description='correction for a layer, such as { law = "dimitriadis", height = "22 mm", bonded = false }; '
-        'laws: dimitriadis, garcia, finite-cylinder; left out or "none": a half-space',
+        'laws: dimitriadis, garcia, finite-cylinder, table; "half-space": the specimen is thick, and nothing is to be '
+        'corrected; left out or "none": the same, though nobody has said so',
     )
 
     @model_validator(mode="after")
     def _known_correction(self) -> Self:
-        if self.thickness is not None:
+        if isinstance(self.thickness, Thickness):
             self.thickness.check(self.indenter, self.poisson)
         return self
 

@@ -19,7 +19,7 @@ from palpate_models.parameters import (
     RELAXATION_TIME,
     RELAXING_ELASTICITY,
 )
-from palpate_models.thickness import contact_validity, corrected_contact
+from palpate_models.thickness import Thickness, contact_validity, corrected_contact
 
 _THICKNESS = 'correction for a layer, as for dimensionality-reduction; left out or "none": a half-space'
 
@@ -46,7 +46,7 @@ class Relaxing(ContactModel):
 
     @model_validator(mode="after")
     def _known_correction(self) -> Self:
-        if self.thickness is not None:
+        if isinstance(self.thickness, Thickness):
             self.thickness.check(self.indenter, self.poisson)
         return self
 

@@ -14,6 +14,7 @@ from palpate_models.thickness_table import read_table
 
 # Coefficients of 1, X, X^2, X^3, X^4 at nu = 0.5; X is contact radius over layer height.
 _DIMITRIADIS = {True: (1.0, 1.133, 1.283, 0.769, 0.0975), False: (1.0, 0.884, 0.781, 0.386, 0.0048)}
+HALF_SPACE = "half-space"
 _HALF_PI = math.pi / 2  # Garcia's variable for the cone is d/(h tan t) = pi/2 times contact radius over height
 _GARCIA = {
     "sphere": (1.0, 1.133, 1.497, 1.469, 0.755),
@@ -176,16 +177,19 @@ class Thickness(Settings):
         return ""
 
 
-def corrected_contact(indenter: Indenter, thickness: Thickness | None, depth: Any) -> tuple[Any, Any]:
+Layer = Thickness | Literal["half-space"] | None  # said to be none, or nothing said
+
+
+def corrected_contact(indenter: Indenter, thickness: Layer, depth: Any) -> tuple[Any, Any]:
     """Area A(d) c(d) [m^2] and its derivative [m]; without a correction the tip's own area and contact radius."""
     area, radius = indenter.profile_area(depth), indenter.contact_radius(depth)
-    if thickness is None:
+    if not isinstance(thickness, Thickness):
         return area, radius
     factor, slope = thickness.factor(indenter, depth)
     return area * factor, radius * factor + area * slope / depth
 
 
-def contact_validity(indenter: Indenter, thickness: Thickness | None, depth: float) -> str:
+def contact_validity(indenter: Indenter, thickness: Layer, depth: float) -> str:
     """What does not hold of a tip or of a thickness correction at a depth [m]; empty where all is well."""
-    layer = thickness.validity(indenter, depth) if thickness is not None else ""
+    layer = thickness.validity(indenter, depth) if isinstance(thickness, Thickness) else ""
     return "; ".join(text for text in (indenter.validity(depth), layer) if text)

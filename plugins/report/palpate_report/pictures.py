@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
+from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +27,20 @@ def style() -> Iterator[None]:
     Raises ConfigurationError without matplotlib.
     """
     try:
-        from matplotlib import style as styles
+        import matplotlib
     except ImportError as error:
         raise ConfigurationError("pictures need matplotlib: pip install matplotlib") from error
-    with styles.context("palpate.palpate"):
+    with matplotlib.rc_context(_settings()):
         yield
+
+
+@cache
+def _settings() -> Any:
+    """What the style sets; read once, since a page enters it for each of its parts."""
+    import matplotlib
+
+    with as_file(files("palpate") / "palpate.mplstyle") as path:
+        return matplotlib.rc_params_from_file(path, use_default_template=False)
 
 
 def figure_of(columns: int = 1, rows: int = 1, width: float = WIDTHS["double"], height: float = 55.0) -> Any:

@@ -22,7 +22,11 @@ def svg_text(figure: Any) -> str:
     import matplotlib
 
     file = io.StringIO()
-    with matplotlib.rc_context({"svg.fonttype": "none"}):
+    # Laid out once: with an engine, saving would draw all of it once more before.
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+    with matplotlib.rc_context({"svg.fonttype": "none", "figure.constrained_layout.use": False}):
+        figure.set_layout_engine(None)
         figure.savefig(file, format="svg", metadata={"Date": None})
     text = _METADATA.sub("", _HEAD.sub("", file.getvalue(), count=1), count=1)
     text = _PATH.sub(lambda path: _NUMBER.sub(lambda number: f"{float(number[0]):.2f}", path[0]), text)

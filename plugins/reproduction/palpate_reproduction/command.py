@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from palpate.host import JsonOption, aside, console, make_folder, print_json, write_new
+from palpate.host import JsonOption, SchedulerOption, aside, console, make_folder, print_json, write_new
 
 from palpate_reproduction import recordings as files
 from palpate_reproduction.item import HERE, Item, Recording, demand_known, load_items, load_recordings
@@ -34,6 +34,7 @@ def reproduce(
         Path, typer.Option(help="Folder of another paper: items/*.toml, pipelines/, recordings.toml.")
     ] = HERE,
     strict: Annotated[bool, typer.Option("--strict", help="End with 1 where a recording is missing, too.")] = False,
+    scheduler: SchedulerOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Make the paper's tables and figures anew and hold them against the published numbers, each with its tolerance.
@@ -48,6 +49,8 @@ def reproduce(
     found = files.find(data, wanted) if data is not None else {}
     folder = make_folder("reproduce", out, datetime.now(UTC).astimezone())
     maker = Maker(paper, folder / "runs", found, known)
+    if scheduler is not None:
+        maker.make_ahead(items, scheduler)
     made: list[tuple[Item, list[Row]]] = []
     with aside(as_json):
         for item in items:

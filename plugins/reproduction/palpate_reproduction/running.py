@@ -6,20 +6,23 @@ import contextlib
 import io
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 from palpate import UserError, to_si
 from palpate.host import (
+    ClusterRun,
     Found,
+    Pipeline,
     Result,
     RunFolder,
     Source,
     TrackResult,
     analysis,
     build_pipeline,
+    cluster_results,
     progress,
     progressed,
     run_pipeline,
@@ -65,7 +68,30 @@ class Maker:
     folder: Path  # for run folders
     files: Mapping[str, Path]  # recordings on this machine
     recordings: Mapping[str, Recording]
-    _runs: dict[str, Result] = field(default_factory=dict)
+    _runs: dict[str, Result | UserError] = field(default_factory=dict)
+
+    def make_ahead(self, items: Sequence[Item], scheduler: str) -> None:
+        """Make the runs of all items on the workers of a scheduler. Raises UserError."""
+        wanted: dict[str, Published] = {}
+        for published in (row for item in items for row in item.published):
+            if published.source != "arithmetic" and (not published.recording or published.recording in self.files):
+                wanted.setdefault(_key(published), published)
+        keys, runs = {}, []
+        for number, (key, published) in enumerate(wanted.items(), start=1):
+            name = _name(number, published)
+            try:
+                runs.append(ClusterRun(name, self._pipeline(published), self.folder / name))
+                keys[name] = key
+            except UserError as error:
+                self._runs[key] = error
+        self.folder.mkdir(parents=True, exist_ok=True)
+        with (
+            progress("runs", "", len(runs)),
+            contextlib.closing(cluster_results(scheduler, self.folder, runs)) as found,
+        ):
+            for done, (run, outcome) in enumerate(found, start=1):
+                self._runs[keys[run.name]] = outcome
+                progressed(done)
 
     def rows(self, item: Item) -> list[Row]:
         """Every row of an item; what fails is a row that says why."""
@@ -103,17 +129,23 @@ class Maker:
         return (found.value / scale if usable else None), found.combined / scale, flags
 
     def _run(self, published: Published) -> Result:
-        key = json.dumps([published.pipeline, published.recording, dict(published.set)], sort_keys=True)
+        key = _key(published)
         if key not in self._runs:
-            source = Source.read(self.paper / "pipelines" / published.pipeline)
-            for assignment in self._overrides(published):
-                source.override(assignment)
-            name = f"{len(self._runs) + 1:03d}-{published.recording or Path(published.pipeline).stem}"
+            name = _name(len(self._runs) + 1, published)
             with progress(name, "s"):
-                result = run_pipeline(build_pipeline(source), self.folder / name, progressed)
+                result = run_pipeline(self._pipeline(published), self.folder / name, progressed)
             result.demand_whole()
             self._runs[key] = result
-        return self._runs[key]
+        found = self._runs[key]
+        if isinstance(found, UserError):
+            raise found
+        return found
+
+    def _pipeline(self, published: Published) -> Pipeline:
+        source = Source.read(self.paper / "pipelines" / published.pipeline)
+        for assignment in self._overrides(published):
+            source.override(assignment)
+        return build_pipeline(source)
 
     def _overrides(self, published: Published) -> list[str]:
         own = [f"{key}={_text(value)}" for key, value in published.set.items()]
@@ -127,6 +159,15 @@ class Maker:
         }
         file = json.dumps(str(self.files[published.recording].resolve()))
         return [f"device.log.file={file}", *(f"alignment.{k}.delay={v}" for k, v in delays.items()), *own]
+
+
+def _key(published: Published) -> str:
+    """What rows share that are of one run."""
+    return json.dumps([published.pipeline, published.recording, dict(published.set)], sort_keys=True)
+
+
+def _name(number: int, published: Published) -> str:
+    return f"{number:03d}-{published.recording or Path(published.pipeline).stem}"
 
 
 def _text(value: object) -> str:

@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import json
-import platform
+import time
 import uuid
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import replace
-from importlib.metadata import PackageNotFoundError, version
-from itertools import islice
+from dataclasses import dataclass, replace
+from itertools import count, islice
 from pathlib import Path
 from typing import Any, TypeVar
 
-from palpate import ConfigurationError
-from palpate.host import write_whole
+from palpate import ConfigurationError, UserError
+from palpate.host import Pipeline, Result, run_pipeline, write_whole
 
 from palpate_studies.jobs import Engine, Job, finished, run_job
+from palpate_studies.workers import GO_ON, Watch, demand_alike, provenance
 
-_MUST_AGREE = ("palpate", "python", "casadi", "numpy", "scipy")  # else nobody knows what was computed
-_TO_THE_BIT = ("machine", "libc", "llvmlite", "cpu")  # where these agree, too, so do the bits
 _AHEAD = 2  # jobs that a worker holds, so that it never waits for the scheduler
 Task = TypeVar("Task")
 _PATIENCE = "10s"  # for a scheduler to answer
+_LOOK = 0.01  # [s] between looks at what is done
 
 
 def on_cluster(address: str, folder: Path) -> Engine:
@@ -60,6 +59,42 @@ def run_or_find(job: Job) -> dict[str, Any]:
     return found if (found := finished(job)) is not None else run_job(job)
 
 
+@dataclass(frozen=True)
+class ClusterRun:
+    """One pipeline to be run as it is, by any process, into a folder that no earlier attempt has used."""
+
+    name: str
+    pipeline: Pipeline
+    folder: Path
+
+
+def cluster_results(
+    address: str, folder: Path, runs: Sequence[ClusterRun]
+) -> Generator[tuple[ClusterRun, Result | UserError]]:
+    """What the workers of a scheduler find, in any order, or why they find nothing; runs are in folders of this one."""
+    with connected(address, folder) as client:
+        everywhere = [replace(run, folder=run.folder.resolve()) for run in runs]
+        for run, outcome in spread(client, run_whole, everywhere):
+            known = isinstance(outcome, Result | UserError)
+            yield run, outcome if known else UserError(f"lost: {_reason(outcome)}")
+
+
+def run_whole(run: ClusterRun) -> Result | UserError:
+    """The result of a run that nobody has stopped."""
+    try:
+        result = run_pipeline(run.pipeline, unused(run.folder))
+        result.demand_whole()
+    except UserError as error:
+        return error
+    return result
+
+
+def unused(folder: Path) -> Path:
+    """The folder, or one beside it where an earlier attempt has left something, as a worker does that was killed."""
+    numbered = (folder.with_name(f"{folder.name}-{attempt}") for attempt in count(2))
+    return folder if not folder.exists() else next(path for path in numbered if not path.exists())
+
+
 def _distributed() -> Any:
     """The package; raises ConfigurationError where it is not installed."""
     try:
@@ -84,10 +119,13 @@ def connected(address: str, folder: Path) -> Iterator[Any]:
 
 
 def spread(client: Any, function: Callable[[Task], Any], tasks: Sequence[Task]) -> Generator[tuple[Task, Any]]:
-    """What a function makes of every task, in any order; an exception where it raised, or where its workers died."""
+    """What a function makes of every task, in any order; an exception where it raised, or where its workers died.
+
+    Raises UserError where nobody has worked for five minutes, and where a worker has come that is not as here.
+    """
     left = iter(tasks)
     running: dict[str, Task] = {}
-    ahead = _AHEAD * max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
+    watch = Watch(client)
 
     def submitted(task: Task) -> Any:
         future = client.submit(function, task, key=f"palpate-{uuid.uuid4().hex}", pure=False)
@@ -96,78 +134,23 @@ def spread(client: Any, function: Callable[[Task], Any], tasks: Sequence[Task]) 
 
     completed = _distributed().as_completed(loop=client.loop)
     try:
-        for task in islice(left, ahead):
-            completed.add(submitted(task))
-        while running:
+        while True:
+            for task in islice(left, max(_AHEAD * max(len(watch.workers), 1) - len(running), 0)):
+                completed.add(submitted(task))
+            if not running:
+                return
+            while not completed.has_ready():
+                watch.look()
+                time.sleep(_LOOK)
             future = next(completed)
+            if future.status in ("cancelled", "lost"):
+                raise UserError(f"--scheduler {client.scheduler.address}: the scheduler has gone; {GO_ON}")
             task = running.pop(future.key)
             yield task, future.result() if future.status == "finished" else future.exception()
             future.release()
-            for following in islice(left, 1):
-                completed.add(submitted(following))
     finally:
         with suppress(Exception):  # it has gone
             client.cancel([*completed.futures], force=True)
-
-
-def demand_alike(client: Any, address: str) -> Mapping[str, Mapping[str, str]]:
-    """What the workers are; raises ConfigurationError where one has other versions, or several threads."""
-    here = machine()
-    workers: Mapping[str, Mapping[str, str]] = client.run(machine)
-    if not workers:
-        raise ConfigurationError(
-            f"--scheduler {address}: has no workers yet: start some, such as `dask worker {address}`"
-        )
-    for name, there in workers.items():
-        for what in _MUST_AGREE:
-            if here[what] != there[what]:
-                raise ConfigurationError(
-                    f"--scheduler {address}: worker {name} has {what} {there[what]}, and here is {here[what]}: results "
-                    "would not be the same; install the same versions everywhere"
-                )
-    for name, told in client.scheduler_info(n_workers=-1)["workers"].items():
-        if told["nthreads"] != 1:
-            raise ConfigurationError(
-                f"--scheduler {address}: worker {name} has {told['nthreads']} threads, and a run wants a process "
-                "of its own: start workers with --nthreads 1"
-            )
-    return workers
-
-
-def provenance(address: str, workers: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Who computes, and whether all of them give the same bits as this machine."""
-    here = machine()
-    alike = all(there[what] == here[what] for there in workers.values() for what in _TO_THE_BIT)
-    return {
-        "scheduler": address,
-        "here": here,
-        "workers": dict(workers),
-        "equal": "to the bit" if alike else "to 1e-10",
-    }
-
-
-def machine() -> dict[str, str]:
-    """What results depend on besides the pipeline: versions, C library, processor."""
-    found = {"palpate": version("palpate"), "python": platform.python_version(), "host": platform.node()}
-    for name in ("casadi", "numpy", "scipy", "llvmlite"):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "none"
-    return found | {
-        "machine": f"{platform.system()} {platform.machine()}",
-        "libc": " ".join(platform.libc_ver()),
-        "cpu": _processor(),
-    }
-
-
-def _processor() -> str:
-    """What the processor can do, as far as its kernel says."""
-    with suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith(("flags", "Features")):
-                return " ".join(sorted(line.partition(":")[2].split()))
-    return platform.processor()
 
 
 def _demand_shared(client: Any, folder: Path) -> None:

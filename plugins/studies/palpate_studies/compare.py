@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import closing
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,6 +25,7 @@ from palpate.host import (
     build_pipeline,
     carried_by,
     console,
+    make_folder,
     pipeline_of,
     print_json,
     progress,
@@ -36,6 +39,7 @@ from palpate.host import (
 )
 
 from palpate_studies import comparison
+from palpate_studies.engines import SchedulerOption
 
 if TYPE_CHECKING:
     from palpate.host import Result
@@ -55,6 +59,7 @@ def compare(
     position: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the position.")] = None,
     velocity: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the velocity.")] = None,
     points: Points = None,
+    scheduler: SchedulerOption = None,
     as_json: JsonOption = False,
     layout: FormatOption = "table",
 ) -> None:
@@ -75,7 +80,7 @@ def compare(
     if reference is not None and reference not in names:
         raise ConfigurationError(f"--reference: there is no track {reference!r} (there are: {', '.join(names)})")
     with progress(str(log), "s"):
-        result = run_pipeline(pipeline, out, progressed)
+        result = run_pipeline(pipeline, out, progressed) if scheduler is None else _there(pipeline, out, scheduler)
     if as_json:
         print_json({**result.table(), "folder": result.folder})
     else:
@@ -85,6 +90,18 @@ def compare(
     with aside(as_json):
         typer.echo(f"picture: {_draw(result, reference)}\nwritten to {result.folder}, all tracks in compare.csv")
         _along(pipeline, result, points)
+
+
+def _there(pipeline: Pipeline, out: Path | None, scheduler: str) -> Result:
+    """The run on a worker of a scheduler: all tracks on one, for they share their samples and are weighed together."""
+    from palpate_studies.cluster import ClusterRun, cluster_results
+
+    folder = make_folder("compare", out, datetime.now(UTC).astimezone())
+    with closing(cluster_results(scheduler, folder, [ClusterRun("compare", pipeline, folder / "run")])) as found:
+        ((_, outcome),) = found
+    if isinstance(outcome, UserError):
+        raise outcome
+    return outcome
 
 
 def _tell(result: Result, reference: str | None) -> None:

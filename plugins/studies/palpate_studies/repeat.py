@@ -13,6 +13,7 @@ import typer
 from palpate import ConfigurationError, LogError, UserError, to_si
 from palpate.host import FormatOption, Overrides, console, finite_tree, measured, people
 
+from palpate_studies.engines import SchedulerOption
 from palpate_studies.estimated import Estimated
 from palpate_studies.force_error import force_error
 from palpate_studies.readings import natural, readings
@@ -91,6 +92,7 @@ def repeat(
         Path | None, typer.Option(help="Folder of the runs of a pipeline file; must be new or empty.")
     ] = None,
     overrides: Overrides = None,
+    scheduler: SchedulerOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
     layout: FormatOption = "table",
 ) -> None:
@@ -99,7 +101,9 @@ def repeat(
     Between two groups Welch's t-test; of three or more Welch's analysis of variance and Games and Howell's test, too.
     """
     files = _groups(sources or [], group or [])
-    files = {name: [run for path in paths for run in _runs(path, overrides, out)] for name, paths in files.items()}
+    files = {
+        name: [run for path in paths for run in _runs(path, overrides, out, scheduler)] for name, paths in files.items()
+    }
     estimated = Estimated()
     groups = {name: _Group(name) for name in files}
     for name, paths in files.items():
@@ -137,10 +141,10 @@ def _show(document: dict[str, Any], as_json: bool) -> None:
         terminal.print(view, highlight=False, markup=False)
 
 
-def _runs(path: Path, overrides: list[str] | None, out: Path | None) -> list[Path]:
+def _runs(path: Path, overrides: list[str] | None, out: Path | None, scheduler: str | None) -> list[Path]:
     """The runs of a source: those in a folder of them, or those made of a pipeline file. Raises UserError."""
     if path.suffix == ".toml" and path.is_file():
-        return perform(path, overrides or [], out)
+        return perform(path, overrides or [], out, scheduler)
     if path.is_dir() and not any((path / name).exists() for name in ("fit.json", "result.json")):
         return sorted((inner.parent for inner in path.glob("*/result.json")), key=natural) or [path]
     return [path]

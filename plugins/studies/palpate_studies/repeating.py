@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -78,23 +79,27 @@ def palpations(pipeline: Pipeline) -> Iterator[Pipeline]:
         yield replace(pipeline, run=run, trajectories={name: there}, devices=devices)
 
 
-def perform(path: Path, overrides: Sequence[str], out: Path | None) -> list[Path]:
+def perform(path: Path, overrides: Sequence[str], out: Path | None, scheduler: str | None = None) -> list[Path]:
     """Make every palpation of a pipeline file; their run folders, in one new folder.
 
     Nothing moves before all of them were checked, and after one that was stopped or failed nothing moves any more: each
-    is a run of its own, with all its limits. Raises UserError.
+    is a run of its own, with all its limits. Simulations can run on the workers of a scheduler. Raises UserError.
     """
     pipeline = load_pipeline(path, overrides)
     planned = list(palpations(pipeline))
+    if scheduler is not None and _by_the_clock(pipeline):
+        raise ConfigurationError(f"{path}: --scheduler is for simulations that keep no clock: an arm moves by itself")
     wait = _settings(pipeline).wait if _by_the_clock(pipeline) else 0.0
     folder = make_folder(f"{pipeline.run.name}-repeated", out, datetime.now(UTC).astimezone())
+    if scheduler is not None:
+        return _spread(planned, folder, scheduler)
     done: list[Path] = []
     try:
         for k, one in enumerate(planned, start=1):
             if done:
                 time.sleep(wait)
             with progress(f"palpation {k} of {len(planned)}", "s"):
-                result = run_pipeline(one, folder / f"{k:0{len(str(len(planned)))}d}", progressed)
+                result = run_pipeline(one, _place(folder, k, len(planned)), progressed)
             result.demand_whole()
             done.append(result.folder)
             typer.echo(f"palpation {k} of {len(planned)}: {result.folder}", err=True)
@@ -103,3 +108,28 @@ def perform(path: Path, overrides: Sequence[str], out: Path | None) -> list[Path
         raise
     typer.echo(f"to hand on: palpate report {folder}/*", err=True)
     return done
+
+
+def _place(folder: Path, number: int, count: int) -> Path:
+    return folder / f"{number:0{len(str(count))}d}"
+
+
+def _spread(planned: Sequence[Pipeline], folder: Path, scheduler: str) -> list[Path]:
+    """Every palpation on the workers of a scheduler; raises UserError where one failed, when all have ended."""
+    from palpate_studies.cluster import ClusterRun, cluster_results
+
+    count = len(planned)
+    runs = [ClusterRun(str(k), pipeline, _place(folder, k, count)) for k, pipeline in enumerate(planned, start=1)]
+    done: dict[int, Path] = {}
+    failures: dict[int, UserError] = {}
+    with progress("palpations", "", count), closing(cluster_results(scheduler, folder, runs)) as found:
+        for run, outcome in found:
+            if isinstance(outcome, UserError):
+                failures[int(run.name)] = outcome
+            else:
+                done[int(run.name)] = outcome.folder
+            progressed(len(done) + len(failures))
+    typer.echo(f"{len(done)} of {count} palpations are whole, in {folder}", err=True)
+    if failures:
+        raise failures[min(failures)]
+    return [done[k] for k in sorted(done)]

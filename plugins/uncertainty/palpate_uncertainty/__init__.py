@@ -18,10 +18,12 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         # What others judge by holds its terms.
         "budget": Diagnosis("palpate_uncertainty.terms:budgets", order=10, quick=True),
         "late-force": Diagnosis("palpate_uncertainty.late_force:late_force", order=10, quick=True),
+        "self-timed": Diagnosis("palpate_uncertainty.self_timed:self_timed", order=10),
         "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
         "model-choice": Diagnosis("palpate_uncertainty.choice:model_choice"),
         "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability"),
         "one-frequency": Diagnosis("palpate_uncertainty.one_frequency:one_frequency"),
+        "geometry": Diagnosis("palpate_uncertainty.geometry:geometry", quick=True),
         "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),
         "unloading": Diagnosis("palpate_uncertainty.unloading:unloading"),
     }
@@ -55,6 +57,26 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "doubtful",
             "A parameter depends on the time between force and motion, of which no uncertainty is declared.",
             "Declare delay and uncertainty in [alignment], or calibrate them.",
+        ),
+        "self-timed": FlagMeaning(
+            "note",
+            "Nobody has declared the timing, and the motion tells the delay of the force, by law.",
+            "Give the corrected value, or declare the delay with its uncertainty in [alignment].",
+        ),
+        "thickness-undeclared": FlagMeaning(
+            "note",
+            "No thickness of the specimen is declared, and a layer is stiffer than the half-space of the model.",
+            'Set thickness of the model: { height = "22 mm", bonded = false }, or "half-space" where it is thick.',
+        ),
+        "one-frequency": FlagMeaning(
+            "note",
+            "At one frequency a stiffness that fades fast looks like viscosity, here like more than half of it.",
+            "Palpate at several frequencies, or call it the viscosity at this frequency.",
+        ),
+        "delay-by-law": FlagMeaning(
+            "doubtful",
+            "The motion tells the delay of the force, but the record prefers another law than the model's.",
+            "Calibrate the delay and declare it, or use a model of the law that is named.",
         ),
         "tare-undeclared": FlagMeaning(
             "doubtful",

@@ -56,7 +56,7 @@ def unchanged(course: Course) -> Alternative:
 
 def refit(course: Course, theta: Floats, surface: float, make: Maker = unchanged) -> Refit:
     """A model fitted from a start, parameters within its bounds."""
-    from scipy.optimize import least_squares
+    from palpate.host import least_squares, normal_by_differences
 
     small = course if course.model.memory else course.reduced(_MOST)
     made, k = make(small), len(theta)
@@ -81,7 +81,7 @@ def refit(course: Course, theta: Floats, surface: float, make: Maker = unchanged
             return np.full(len(rows), _TOO_MUCH)
         return np.clip(np.where(np.isfinite(error), error, _TOO_MUCH), -_TOO_MUCH, _TOO_MUCH)
 
-    found = least_squares(residual, start, bounds=(lower, upper), x_scale="jac", ftol=1e-7, xtol=1e-7, max_nfev=40)
+    found = least_squares(normal_by_differences(residual, upper), start, lower, upper, most=40, gain=1e-12)
     numbers, full = parts(found.x), made if small is course else make(course)
     error = (course.force - full.force(*numbers))[course.used]
     return Refit(made.reason, numbers[0], numbers[1], full.candidates(*numbers), error)

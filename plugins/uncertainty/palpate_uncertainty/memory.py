@@ -66,7 +66,7 @@ def _columns(course: Course, theta: Floats, surface: float, place: int, times: l
         alone[i] = theta[i]
         columns.append(course.forces(alone, surface))
     step = float(np.median(np.diff(course.time)))
-    columns += [_relaxing(columns[place], step / time) for time in times]
+    columns += [relaxing(columns[place], step / time) for time in times]
     if not course.from_air:
         first = course.runs == course.runs[0]
         for time in times:
@@ -80,7 +80,7 @@ def _scaled(columns: Floats) -> tuple[Floats, Floats]:
     return columns / sizes, sizes
 
 
-def _relaxing(force: Floats, ratio: float) -> Floats:
+def relaxing(force: Floats, ratio: float) -> Floats:
     """What is left of a force that dies away, by the ratio of step to time constant; exact for steady change."""
     from scipy.signal import lfilter
 

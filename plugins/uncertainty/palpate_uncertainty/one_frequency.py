@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
-from palpate import Diagnosed, TrackEvidence
+from palpate import Diagnosed, Flag, TrackEvidence
 
 from palpate_uncertainty.along import along
 from palpate_uncertainty.timing import delay_shifts, is_viscous
 from palpate_uncertainty.whiteness import oscillation
 
 FADING = 0.1  # of the stiffness
+_MATTERS = 0.5  # of a viscosity
 
 
 def one_frequency(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -22,10 +24,23 @@ def one_frequency(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     at this frequency, and only another one tells the two apart. Models that have a memory are left out.
     """
     found = {track.name: _of(track) for track in tracks if track.ending is not None and not track.model.memory}
-    return {name: Diagnosed(table=table) for name, table in found.items() if table}
+    return {track.name: _said(track, found[track.name]) for track in tracks if found.get(track.name)}
 
 
-def _of(track: TrackEvidence) -> Mapping[str, object]:
+def _said(track: TrackEvidence, table: Mapping[str, Any]) -> Diagnosed:
+    """The table, and a flag where it is more than half of the value."""
+    values = {p.name: v for p, v in zip(track.model.parameters, track.values.tolist(), strict=True)}
+    parts = [
+        f"{100 * FADING:.0f} % of the stiffness that fade within {1e3 * table['time']:.2g} ms would be "
+        f"{like['value']:.3g} of {values[name]:.3g} {like['unit']} of {name}"
+        for name, like in table["looks_like"].items()
+        if like["value"] > _MATTERS * abs(values[name])
+    ]
+    text = f"found at {table['frequency']:.3g} Hz only: {', '.join(parts)}"
+    return Diagnosed((Flag("one-frequency", text),) if parts else (), table=table)
+
+
+def _of(track: TrackEvidence) -> Mapping[str, Any]:
     end, used = track.ending, track.kept.used & np.isfinite(track.kept.position)
     viscous = [parameter for parameter in track.model.parameters if is_viscous(parameter)]
     if end is None or not viscous or not np.isfinite(track.values).all():

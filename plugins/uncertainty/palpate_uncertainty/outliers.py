@@ -10,6 +10,7 @@ from palpate import Diagnosed, Flag, Floats, TrackEvidence
 _REACH = 5  # samples to either side, of the running median
 _SIGMAS = 8.0
 _FEWEST = 100  # samples
+_AT_ONCE = 65_536  # windows that are sorted together
 
 
 def outliers(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -34,15 +35,24 @@ def spikes_of(force: Floats) -> Floats:
     Noise by the median size of second differences, 6 times its variance in white noise; not below the least step of the
     readings. Source: Hampel 1974.
     """
-    from scipy.ndimage import median_filter
-
     force = force[np.isfinite(force)]
     if len(force) < _FEWEST:
         return np.zeros(0)
-    off = force - median_filter(force, 2 * _REACH + 1, mode="nearest")
+    off = force - _running_median(force)
     steps = np.abs(np.diff(force))
     least = float(steps[steps > 0].min()) if (steps > 0).any() else 0.0
     scale = max(1.4826 * float(np.median(np.abs(np.diff(force, 2)))) / np.sqrt(6.0), least)
     # A fast motion is no spike: what the readings beside it do as well.
-    bend = _SIGMAS * scale + 2.0 * median_filter(np.abs(np.gradient(force)), 2 * _REACH + 1, mode="nearest") * _REACH
+    bend = _SIGMAS * scale + 2.0 * _running_median(np.abs(np.gradient(force))) * _REACH
     return off[np.abs(off) > bend] if scale > 0 else np.zeros(0)
+
+
+def _running_median(values: Floats) -> Floats:
+    """Median (n,) of each value and its neighbours, the outermost repeated beyond both ends."""
+    found = np.empty(len(values))
+    padded = np.pad(values, _REACH, mode="edge")
+    for start in range(0, len(values), _AT_ONCE):
+        part = padded[start : start + _AT_ONCE + 2 * _REACH]
+        windows = np.lib.stride_tricks.sliding_window_view(part, 2 * _REACH + 1)
+        found[start : start + len(windows)] = np.partition(windows, _REACH, axis=1)[:, _REACH]
+    return found

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 
+from palpate_uncertainty.chi_square import chance_of_more
 from palpate_uncertainty.whitening import Null, Runs
 
 LAGS, PHASES, BLOCKS, DEPTHS = 50, 32, 20, 10
@@ -71,8 +72,6 @@ def _memory(white: Floats, runs: Runs, null: Null) -> tuple[float, float]:
     the others by 1 + 2 sum r_k^2. A sine of power s in noise of power 1 - s correlates by s cos(w k): over m lags the
     sum is n m s^2/2.
     """
-    from scipy.special import chdtrc
-
     n, power = len(white), float((white**2).sum())
     total = near = 0.0
     for lag in range(1, _NEAR + LAGS + 1):
@@ -88,19 +87,17 @@ def _memory(white: Floats, runs: Runs, null: Null) -> tuple[float, float]:
     total /= 1.0 + 2.0 * near
     if len(null.coefficients):
         total /= 1.0 + n / max(null.samples, 1)
-    return float(chdtrc(LAGS, total)), float(np.sqrt(max(2.0 * (total - LAGS), 0.0) / (n * LAGS)))
+    return float(chance_of_more(LAGS, total)), float(np.sqrt(max(2.0 * (total - LAGS), 0.0) / (n * LAGS)))
 
 
 def _means(white: Floats, bins: NDArray[np.int64], count: int, excess: float) -> tuple[float, float]:
     """p of the means over bins, of values of variance 1 and mean 0 under the null, and the power of their pattern."""
-    from scipy.special import chdtrc
-
     number = np.bincount(bins, minlength=count)
     sums = np.bincount(bins, weights=white, minlength=count)
     enough = number >= _FEWEST
     freedom = max(int(np.count_nonzero(enough)), 1)
     total = float((sums[enough] ** 2 / number[enough]).sum())
-    return float(chdtrc(freedom, total / excess)), max(total - excess * freedom, 0.0) / len(white)
+    return float(chance_of_more(freedom, total / excess)), max(total - excess * freedom, 0.0) / len(white)
 
 
 def oscillation(time: Floats, position: Floats) -> tuple[float, Floats] | None:
@@ -128,11 +125,31 @@ def _oscillation(times: bytes, positions: bytes) -> tuple[float, Floats] | None:
     spectrum = np.abs(np.fft.rfft(level * np.hanning(len(level)), 4 * len(level)))
     peak = int(np.argmax(spectrum[1:])) + 1
     lines = (peak + np.linspace(-4, 4, 81)) / (4 * span)
-    best = max(lines.tolist(), key=lambda line: _sine(even, level, line)[0])
+    best = float(lines[int(np.argmax(_powers(even, level, lines)))])
     power, angle = _sine(even, level, best)
     if power < _SHARE * variance or best * span < _CYCLES:
         return None
     return best, np.mod(2 * np.pi * best * (time - even[0]) + angle, 2 * np.pi)
+
+
+def _powers(time: Floats, level: Floats, lines: Floats) -> Floats:
+    """Variance that a sine takes (m,) of each of frequencies at equal steps, by least squares."""
+    since = 2j * np.pi * (time - time[0])
+    wave, turn = np.exp(lines[0] * since), np.exp((lines[1] - lines[0]) * since)
+    found = np.empty(len(lines))
+    for k in range(len(lines)):
+        square, product = wave @ wave, wave @ level
+        even, odd, mixed = 0.5 * (len(time) + square.real), 0.5 * (len(time) - square.real), 0.5 * square.imag
+        left, right = product.real, product.imag
+        across = even * odd - mixed**2
+        if across > 0:
+            cosine = (odd * left - mixed * right) / across
+            sine = (even * right - mixed * left) / across
+            found[k] = (cosine**2 + sine**2) / 2
+        else:
+            found[k] = 0.0
+        wave = wave * turn
+    return found
 
 
 def _sine(time: Floats, level: Floats, frequency: float) -> tuple[float, float]:

@@ -58,12 +58,11 @@ def _excess(noise: Floats, coefficients: Floats) -> float:
 
     The coefficients' covariance is s^2 R^-1/n (Brockwell and Davis 1991, section 8.10).
     """
-    from scipy.linalg import solve_toeplitz
-
     n, order = len(noise), len(coefficients)
+    lags = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
     gamma = np.array([float((noise[lag:] * noise[: n - lag]).sum()) / n for lag in range(order + 1)])
     power = max(float(gamma[0] - coefficients @ gamma[1:]), 0.0)
-    error = np.sqrt(max(power * float(solve_toeplitz(gamma[:-1], np.ones(order)).sum()), 0.0) / n)
+    error = np.sqrt(max(power * float(np.linalg.solve(gamma[lags], np.ones(order)).sum()), 0.0) / n)
     rest = max(1.0 - float(coefficients.sum()), 1e-3)
     return float(((rest + 2.5 * error) / rest) ** 2)
 

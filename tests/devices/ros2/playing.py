@@ -9,6 +9,7 @@ import numpy as np
 from palpate.host import load_pipeline, run_pipeline
 from palpate_devices.logs.kinematics import Kinematics, tips
 from palpate_devices.mcap_replay import McapReplay
+from palpate_devices.messages import pack
 from palpate_devices.ur3e.kinematics import matrix_of
 
 SPECIMEN = """
@@ -92,6 +93,26 @@ def recorded(folder, seconds):
     return {name: ((times - first) / 1e9, values) for name, (times, values) in streams.items()}
 
 
+def zenoh_table(streams):
+    """A recorded run as topics for zenoh_publisher.py; messages are stamped when they are sent."""
+    chain = [joint.name for joint in Kinematics(topic="/joint_states", robot="ur3e", tcp=_TCP).chain]
+    kinds = {
+        "/joint_states": ("sensor_msgs::msg::dds_::JointState_", streams["tip"][0], _joints(streams), tuple(chain)),
+        "/wrench": ("geometry_msgs::msg::dds_::WrenchStamped_", *streams["wrench"], ()),
+    }
+    found = []
+    for name, (kind, times, values, joints_) in kinds.items():
+        packed = pack(np.zeros(len(times), np.int64), "base", values, joints_)
+        rows = [[float(t), raw.hex()] for t, raw in zip(times, packed, strict=True)]
+        found.append({"name": name, "type": kind, "hash": "RIHS01_0", "qos": "::,7:,:,:,,", "stamped": True})
+        found[-1]["messages"] = rows
+    return found
+
+
+def _joints(streams):
+    return joints(streams["tip"][1], streams["twist"][1])
+
+
 def origin():
     """Where the surface is in the base [m], with the robot looking down on it."""
     robot = Kinematics(topic="/joint_states", robot="ur3e", tcp=_TCP)
@@ -119,8 +140,8 @@ def playback(streams):
     """A recorded run as bytes for the publisher: joint states by the alphabet, as ROS sends them, and the wrench."""
     names = [joint.name for joint in Kinematics(topic="/joint_states", robot="ur3e", tcp=_TCP).chain]
     order = [names.index(name) for name in sorted(names)]
-    times, tip = streams["tip"]
-    moved = joints(tip, streams["twist"][1])[:, [*order, *(6 + k for k in order)]]
+    times = streams["tip"][0]
+    moved = _joints(streams)[:, [*order, *(6 + k for k in order)]]
     rows = [(t, 0, row) for t, row in zip(times, moved, strict=True)]
     rows += [(t, 1, row) for t, row in zip(*streams["wrench"], strict=True)]
     rows.sort(key=lambda entry: entry[:2])

@@ -3,7 +3,8 @@
 // usage: publisher DOMAIN FILE [OFFSET [TIMES]]
 //
 // FILE holds lines "topic NAME TYPE [best-effort]" and "SECONDS NAME NUMBER...", by increasing time; type is wrench,
-// bare (a wrench without a header), pose, twist, joints, frames (of "tool0", and of "other" beside it), array, own
+// bare (a wrench without a header), number (std_msgs/Float64), pose, twist, joints, frames (of "tool0", and of "other"
+// beside it), array, own
 // (nothing but numbers), or raw (bytes as one hexadecimal word). Or it is a recorded run: "PLAYBACK", then the number of
 // topics, of each the lengths of name and type (uint32) and both, then of each message when (float64), the topic, how many
 // numbers (uint32), and the numbers (float64). Once somebody listens to all topics, each message is sent at its time, and
@@ -69,7 +70,7 @@ public:
         cdr.serialize_encapsulation();
         if (message.kind == "array") {
             cdr << uint32_t(0) << uint32_t(0) << message.numbers;  // no dimensions, no offset
-        } else if (message.kind == "own" || message.kind == "bare") {
+        } else if (message.kind == "own" || message.kind == "bare" || message.kind == "number") {
             for (double number : message.numbers) cdr << number;
         } else if (message.kind == "frames") {
             cdr << uint32_t(2);
@@ -109,7 +110,7 @@ static const std::map<std::string, std::string> TYPES{
     {"twist", "geometry_msgs::msg::dds_::TwistStamped_"},   {"joints", "sensor_msgs::msg::dds_::JointState_"},
     {"array", "std_msgs::msg::dds_::Float64MultiArray_"},   {"raw", "geometry_msgs::msg::dds_::WrenchStamped_"},
     {"own", "lab_msgs::msg::dds_::Load_"},                  {"bare", "geometry_msgs::msg::dds_::Wrench_"},
-    {"frames", "tf2_msgs::msg::dds_::TFMessage_"}};
+    {"frames", "tf2_msgs::msg::dds_::TFMessage_"},          {"number", "std_msgs::msg::dds_::Float64_"}};
 
 using Writers = std::map<std::string, std::pair<std::string, DataWriter*>>;
 

@@ -40,6 +40,7 @@ def lines(name, kind, numbers, count=2000, how=""):
         ("wrench", lambda k: f"0 0 0 {k} 0 0", "wrench.torque.x", None),
         ("twist", lambda k: f"0 0 {k} 0 0 0", "twist.linear.z", None),
         ("pose", lambda k: f"0 {k} 0 0 0 0 1", "pose.position.y", None),
+        ("number", lambda k: f"{k}", "data", None),
         ("array", lambda k: f"5 6 {k}", "data", {"index": 2}),
         ("joints", lambda k: f"0 0 0 {k} 0 0 0 0 0 0 0 0", "position", {"select": "wrist_1_joint"}),
         ("frames", lambda k: f"0 0 {k} 0 0 0 1", "transforms.transform.translation.z", {"select": "tool0"}),

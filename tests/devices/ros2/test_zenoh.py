@@ -101,7 +101,7 @@ def publish(tmp_path, port):
     """Starts a publisher of topics; all that were started are killed in the end."""
     with contextlib.ExitStack() as stack:
 
-        def start(*topics, offset=0.0, domain=3):
+        def start(*topics, offset=0.0, domain=3, port=port):
             table = tmp_path / f"table{time.monotonic_ns()}.json"
             table.write_text(json.dumps(topics))
             command = [sys.executable, str(SOURCE), str(port), str(domain), str(table), str(offset)]
@@ -151,6 +151,20 @@ def test_what_humble_writes_in_place_of_hashes_is_read_and_looked_at(publish, po
     (topic,) = survey.topics
     assert (topic.name, topic.type) == ("/ft/wrench", "geometry_msgs/msg/WrenchStamped")
     assert topic.interval[1] == pytest.approx(PERIOD, rel=0.1)
+
+
+@pytest.mark.live
+def test_a_node_behind_a_router_is_found_by_it(publish, port):
+    """As in a laboratory: a router, nodes that know nothing but it, and palpate told where it is."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"router"')
+    config.insert_json5("listen/endpoints", json.dumps([f"tcp/127.0.0.1:{port}"]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    with zenoh.open(config):
+        publish(wrenches(6.0), port=-port)
+        with device(port, peers=(f"127.0.0.1:{port}",)).connect(0) as link:
+            _, _, values = heard(link, 500)
+    assert (np.diff(values[:, 0]) == 1.0).all()
 
 
 def test_nobody_is_told_with_the_router_to_look_for(port):

@@ -4,7 +4,8 @@ usage: python zenoh_publisher.py PORT DOMAIN TABLE [OFFSET]
 
 It imports nothing of palpate. TABLE is a JSON list of topics: name, type by its name in DDS, hash, qos, messages
 [[seconds, hexadecimal], ...], `stamped` (whether seconds and nanoseconds of the header are set at sending). It listens
-at tcp/127.0.0.1:PORT, waits for a subscriber of every topic, and sends each message at its time.
+at tcp/127.0.0.1:PORT, or, with a port below 0, is a node as rmw_zenoh configures it, that knows a router at -PORT. It
+waits for a subscriber of every topic, and sends each message at its time.
 """
 
 import json
@@ -24,7 +25,8 @@ def main():
     config = zenoh.Config()
     settings = {
         "mode": "peer",
-        "listen/endpoints": [f"tcp/127.0.0.1:{port}"],
+        "listen/endpoints": ["tcp/localhost:0" if port.startswith("-") else f"tcp/127.0.0.1:{port}"],
+        "connect/endpoints": [f"tcp/127.0.0.1:{port[1:]}"] if port.startswith("-") else [],
         "scouting/multicast/enabled": False,
         "timestamping/enabled": True,
     }

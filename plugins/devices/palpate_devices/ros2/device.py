@@ -36,8 +36,7 @@ class WatchedRange(Settings):
 
 
 class Ros2Device(Device):
-    """Topics of a running ROS 2 system, by DDS or zenoh and without a ROS installation; needs ``palpate[ros2]``
-    or ``palpate[zenoh]``.
+    """Topics of a running ROS 2 system, by DDS (``palpate[ros2]``) or zenoh (``palpate[zenoh]``), without ROS.
 
     `signals` and `kinematics` say which numbers of which topics are the channels, with the keys of mcap-replay: a
     pipeline for a bag becomes live when the type of its device does. Stamps are mapped to the host's clock by the

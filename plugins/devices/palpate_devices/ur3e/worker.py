@@ -188,11 +188,15 @@ class _Loop:
     def _obey(self, message: dict[str, Any], commander: Commander) -> None:
         match message["say"]:
             case "limits":
+                if not all(np.isfinite(value).all() for key, value in message.items() if key != "say"):
+                    self._fail("a limit is not a finite number")
                 self._fence.limits = message
                 self._law = Law(**{**self._law.__dict__, **_slower(self._law, message)})
                 commander.law = self._law
             case "watch":
                 self._eye = ForceEye(self._parent.descriptors.pop(0), message)
+            case "retreat" | "follow" if self._fence.limits is None:
+                self._refuse("no limits were told: `link.limit` comes before a motion", commander)
             case "retreat" | "follow":
                 commander.settle(self._robot.look().position, self._robot.turn())
                 self._fence.begin(commander.command)
@@ -201,10 +205,14 @@ class _Loop:
                     return
                 table = _table(self._parent.descriptors.pop(0), message["rows"])
                 if (verdict := self._fence.table(table)) is not None:
-                    self._parent.tell("limit", text=verdict.text, at=time.monotonic_ns())
-                    commander.mode = "done"
+                    self._refuse(verdict.text, commander)
                 else:
                     commander.follow(table)
+
+    def _refuse(self, text: str, commander: Commander) -> None:
+        """Nothing of a motion is done."""
+        self._parent.tell("limit", text=text, at=time.monotonic_ns())
+        commander.mode = "done"
 
     def _finish(self) -> NoReturn:
         """The motion is over, one way or the other."""

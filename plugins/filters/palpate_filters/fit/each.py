@@ -91,6 +91,7 @@ class _Fits:
             Problem(track.model, alignment.tip_mass, alignment.timing_uncertainty)
         )
         if isinstance(found, FitTracker):  # which learns nothing
+            found.brief = True
             self.fits[place] = found
         return found
 

@@ -15,6 +15,7 @@ from palpate_filters.fit.budget import Sensitivities, row, shift_of
 from palpate_filters.fit.height_noise import force_noise
 from palpate_filters.fit.identifiability import INDISTINCT, identifiability
 from palpate_filters.fit.profile import ProfileIntervals
+from palpate_filters.fit.refusal import NotFitted
 from palpate_filters.fit.residual import touching
 from palpate_filters.fit.summary import fit_report
 from palpate_filters.fit.tracker import Fit
@@ -88,7 +89,10 @@ def _judge(fit: Fit) -> _Judged:
 
     found = scatter(fit.residual, fit.record, fit.solution.least, fit.loss)
     free = list(fit.residual.free)
-    random = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    variance = np.diag(found.covariance)
+    if not (variance >= 0).all():  # the unknowns cannot be told apart to the last digit
+        raise NotFitted("diverged", "the fit ended where the force hardly depends on its unknowns")
+    random = np.sqrt(variance)
     low, high = fit.unknowns.bounds(free)
     x = fit.solution.x[free]
     held = (x - low < _AT_EDGE * random) | (high - x < _AT_EDGE * random)

@@ -205,13 +205,14 @@ def _advanced(model: ContactModel, row: Any, x: Any, transition: Any, memory: An
     parameters = ca.vertsplit(x)
     theta, surface, delay = parameters[: -len(EXTRAS)], parameters[-len(EXTRAS)], parameters[-1]
 
+    step = row[6]
+
     def slope(share: float, state: Any) -> Any:
         height = row[7] + share * (row[0] - row[7])
         rate = row[8] + share * (row[1] - row[8])
         smooth, smooth_rate = touching(surface - height - delay * rate, rate, transition)
         return ca.vertcat(*model.memory_rate(smooth, smooth_rate, theta, ca.vertsplit(state)))
 
-    step = row[6]
     if (found := faded(slope, step, memory)) is not None:
         return found
     one = slope(0.0, memory)

@@ -20,6 +20,7 @@ _SAMPLES = 1500  # of the record that is searched on
 _SHORTEST, _LONGEST = 2.0, 0.5  # relaxation times tried: sample intervals, shares of the record
 _BEYOND = 10.0  # lengths of the record
 _ROUGH = 15  # evaluations of each start
+_VISCOUS = (0.1, 1.0, 10.0)
 _FINISHED = 2  # starts that are followed to the end
 
 
@@ -67,6 +68,29 @@ def solve_from_many(
     residual = residual_of(tuple(unknowns.free))
     ended = [solve_trf(residual, unknowns, record, start, loss) for _, _, start in found[:_FINISHED]]
     return min(ended, key=lambda solution: solution.cost) if ended else solve_trf(residual, unknowns, record, x, loss)
+
+
+def solve_or_try_others(
+    residual_of: Callable[[tuple[int, ...]], Residual],
+    unknowns: Unknowns,
+    record: FitRecord,
+    x: Floats,
+    loss: LossFunction,
+) -> Solution:
+    """The minimum from one start; where that leads to none, the best from viscosities ten times smaller and larger."""
+    residual = residual_of(tuple(unknowns.free))
+    found = solve_trf(residual, unknowns, record, x, loss)
+    places = [i for i in unknowns.free if unknowns.items[i].unit == "Pa*s" and unknowns.items[i].value is None]
+    if found.converged or not places:
+        return found
+    coarse, tried = _coarse(record), list[Solution]()
+    for factors in product(_VISCOUS, repeat=len(places)):
+        start = x.copy()
+        start[places] *= factors
+        tried.append(solve_trf(residual, unknowns, coarse, start, loss, _ROUGH))
+    best = min((one for one in tried if np.isfinite(one.cost)), key=lambda one: one.cost, default=found)
+    other = solve_trf(residual, unknowns, record, best.x, loss)
+    return other if other.cost < found.cost or not np.isfinite(found.cost) else found
 
 
 def _span(record: FitRecord) -> float:

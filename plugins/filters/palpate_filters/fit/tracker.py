@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -27,7 +28,7 @@ from palpate_filters.fit.refusal import NotFitted
 from palpate_filters.fit.residual import Residual
 from palpate_filters.fit.segments import RecordCourse, Rows, Window, passage, segment_rows
 from palpate_filters.fit.solvers import Solution, solve_ipopt, solve_lm, solve_trf, solve_varpro
-from palpate_filters.fit.starts import solve_from_many, times_of, with_times_that_show
+from palpate_filters.fit.starts import solve_from_many, solve_or_try_others, times_of, with_times_that_show
 from palpate_filters.fit.unknowns import Unknowns
 
 if TYPE_CHECKING:
@@ -76,6 +77,7 @@ class FitTracker:
     ) -> None:
         self._settings, self._problem, self._windows = settings, problem, windows
         self._unknowns, self._sources = unknowns, sources
+        self.brief = False  # whether what only the details tell is left out
         self._residuals: dict[tuple[int, ...], Residual] = {}
         self._linear: dict[tuple[int, ...], tuple[int, ...]] = {}  # by what is free, which alone it follows from
 
@@ -102,7 +104,8 @@ class FitTracker:
         rows = segment_rows(self._windows, samples, motion.rate, course)
         rows = _without_saturation(samples, rows, notes)
         approach = first_approach(samples, course)
-        points = _contact_points(settings, approach)
+        wanted = CONTACT_METHODS if not self.brief else (settings.contact_point,)
+        points = _contact_points(settings, approach, wanted)
         unknowns = self._prepared(samples, rows, approach, points, notes)
         enough = max(_FEWEST * len(unknowns.free), 10)
         if np.count_nonzero(rows) < enough:
@@ -118,6 +121,9 @@ class FitTracker:
         if len(record) > 2 * _THIN and not model.memory:
             x = solve_lm(residual, unknowns, record.thinned(_THIN), x, loss, gain=1e-9).x
         solver, solution = self._solve(unknowns, record, residual, x, linear, loss)
+        if unknowns.index("delay") in unknowns.free and not model.memory:
+            record = _late_inertia(record, unknowns, solution.x)
+            solver, solution = self._solve(unknowns, record, residual, solution.x, linear, loss)
         if not np.isfinite(solution.x).all() or not np.isfinite(solution.cost):
             raise NotFitted("diverged", "the fit ended in numbers that are not finite")
         solution = in_order(model, unknowns, solution)
@@ -221,9 +227,21 @@ class FitTracker:
             return wanted, solve_ipopt(residual, unknowns, record, x, loss)
         if self._problem.model.memory and times_of(unknowns):
             return "trf", solve_from_many(self._residual, unknowns, record, x, loss)
+        if self._problem.model.memory:
+            return "trf", solve_or_try_others(self._residual, unknowns, record, x, loss)
         if wanted in ("auto", "lm") and not self._problem.model.memory:
             return "lm", solve_lm(residual, unknowns, record, x, loss)
         return "trf", solve_trf(residual, unknowns, record, x, loss)
+
+
+def _late_inertia(record: FitRecord, unknowns: Unknowns, x: Floats) -> FitRecord:
+    """The record with the tip's inertia as late as the rest of the force, to first order in what is left of the delay.
+
+    The residual takes inertia as it is now, since it has no derivative of the acceleration.
+    """
+    mass, late = (float(x[unknowns.index(name)]) for name in ("tip_mass", "delay"))
+    before = np.interp(record.time - late, record.time, record.acceleration)
+    return record.with_force(record.force + mass * (record.acceleration - before))
 
 
 def _spread(found: Estimates, samples: Samples, known: Rows) -> Estimates:
@@ -240,10 +258,11 @@ def _spread(found: Estimates, samples: Samples, known: Rows) -> Estimates:
     )
 
 
-def _contact_points(settings: CasadiFit, approach: Approach | None) -> dict[str, ContactPoint]:
+def _contact_points(settings: CasadiFit, approach: Approach | None, wanted: Sequence[str]) -> dict[str, ContactPoint]:
     if approach is None:
         return {}
-    found = {method: contact_point(method, approach, settings.threshold) for method in CONTACT_METHODS}
+    methods = [method for method in CONTACT_METHODS if method in wanted]
+    found = {method: contact_point(method, approach, settings.threshold) for method in methods}
     return {method: point for method, point in found.items() if point is not None}
 
 

@@ -61,10 +61,16 @@ def sweep(
     planned = _planned(source, combinations, overrides or [], folder)
     found = {job.number: done for job in planned if (done := finished(job)) is not None}
     earlier = len(found)
-    _carry_out(planned, found, engine_of(scheduler, jobs, folder))
+    gone: UserError | None = None
+    try:
+        _carry_out(planned, found, engine_of(scheduler, jobs, folder))
+    except UserError as error:
+        gone = error
     rows = [row for job in planned if job.number in found for row in rows_of(job, found[job.number])]
     write_rows(folder, rows)
     failed = _tell_failures(found)
+    if gone is not None:
+        raise gone
     if len(found) < len(planned):
         typer.echo(f"stopped after {len(found)} of {len(planned)} combinations; go on with --out {folder}", err=True)
         raise typer.Exit(130)

@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-
-from palpate.vectors import Floats
+from palpate import Floats
 
 Words = NDArray[np.uint64]  # of eight characters each, the first in the lowest byte; those that are zero are left out
 

@@ -1,0 +1,53 @@
+"""What nobody has said of the specimen: how thick it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from palpate import Diagnosed, Flag, Indenter, TrackEvidence
+
+_BONDED = (1.133, 1.283, 0.769, 0.0975)  # of X, X^2, ...: Dimitriadis et al. 2002, eq. 13
+_MATTERS = 0.05  # of the elasticity
+_THIN = 30e-3  # [m]; who needs less than this for 5 % need not be asked
+_USUAL = 22e-3  # [m]
+
+
+def geometry(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
+    """Of every track whose model could correct for a thickness, and of which none is declared.
+
+    On a layer of height h the force of the half-space is 1 + 1.133 X + ... times as large, X = a/h, bonded to its base,
+    and so is an elasticity that knows nothing of it. Nobody knows h, so there is no uncertainty: what is told is how
+    thick the specimen has to be.
+    """
+    found = {track.name: _of(track) for track in tracks}
+    return {name: diagnosed for name, diagnosed in found.items() if diagnosed is not None}
+
+
+def stiffer_by(radius: float, height: float) -> float:
+    """By what share a layer of a height [m] is stiffer under a contact of a radius [m] than the half-space."""
+    share = radius / height
+    return share * (_BONDED[0] + share * (_BONDED[1] + share * (_BONDED[2] + share * _BONDED[3])))
+
+
+def _of(track: TrackEvidence) -> Diagnosed | None:
+    tip = getattr(track.model, "indenter", None)
+    if "thickness" not in type(track.model).model_fields or not isinstance(tip, Indenter):
+        return None
+    if getattr(track.model, "thickness", None) is not None:
+        return None
+    depth = track.surface - track.kept.position[track.kept.used]
+    depth = depth[np.isfinite(depth) & (depth > 0)]
+    if not len(depth):
+        return None
+    radius = float(tip.contact_radius(float(np.mean(depth))))
+    needed = radius * _BONDED[0] / _MATTERS
+    if not np.isfinite(needed) or needed < _THIN:
+        return None
+    usual = f"at {1e3 * _USUAL:.0f} mm by {100 * stiffer_by(radius, _USUAL):.0f} %"
+    text = (
+        f"no thickness of the specimen is declared: below {1e3 * needed:.2g} mm an elasticity is over 5 % too high, "
+        f"{usual} (contact radius {1e3 * radius:.2g} mm)"
+    )
+    table = {"contact_radius": radius, "half_space_from": needed}
+    return Diagnosed((Flag("thickness-undeclared", text),), table=table)

@@ -1,0 +1,205 @@
+"""The delay of the force that a rich motion tells by itself, under several laws of the material."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from palpate import Bias, Diagnosed, Flag, Floats, TrackEvidence
+
+from palpate_uncertainty.course import Course, possible, sweeps
+from palpate_uncertainty.memory import relaxing
+from palpate_uncertainty.timed_record import LATEST, Law, TimedRecord, spread_of
+from palpate_uncertainty.timing import is_viscous
+
+_ENOUGH = 1000  # samples
+_TELLING = 0.3  # of a viscosity: its standard deviation with an unknown delay, below which the motion is rich
+_REJECTED = 10.0  # of BIC
+_LAGS = 50
+_FARTHEST = 1e-3  # [m] that the surface may move
+_PER_DECADE = 4
+_TELLS = 0.005  # of a value; less is not worth a word
+
+
+@dataclass(frozen=True)
+class Told:
+    """A law with a delay, fitted to a record."""
+
+    law: str
+    delay: float  # [s]
+    std: float  # [s]
+    values: Floats  # (k,) of the Kelvin-Voigt model that gives the law's force without the delay
+    values_std: Floats  # (k,)
+    surface: float  # [m]
+    bic: float
+
+
+def self_timed(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
+    """Of every track whose timing nobody has declared, or that looks for it, on a motion that tells it."""
+    found: dict[str, Diagnosed] = {}
+    for track in tracks:
+        if is_rich(track):
+            found[track.name] = _judged(track)
+    return found
+
+
+def is_rich(track: TrackEvidence) -> bool:
+    """Whether a track's motion tells delay and viscosity apart, and nobody has declared its timing."""
+    end, model = track.ending, track.model
+    if end is None or end.settings.timing_uncertainty is not None or model.memory or model.adhesive:
+        return False
+    roles = [parameter.role for parameter in model.parameters]
+    if sorted(str(role) for role in roles) != ["elastic", "viscous"] or not (track.values > 0).all():
+        return False
+    if np.count_nonzero(track.kept.used) < _ENOUGH or sweeps(track) or not possible(track):
+        return False
+    record = TimedRecord.of(track)
+    sigma, slopes = record.slopes(kelvin_voigt(), record.surface, 0.0, np.zeros(0), track.values)
+    viscous = next(i for i, parameter in enumerate(model.parameters) if is_viscous(parameter))
+    return float(spread_of(slopes)[viscous]) * sigma < _TELLING * float(track.values[viscous])
+
+
+def kelvin_voigt() -> Law:
+    """The track's own law: an elastic and a viscous force."""
+    return Law("kelvin-voigt", lambda course, surface, numbers: _units(course, surface))
+
+
+def _units(course: Course, surface: float) -> Floats:
+    """Forces (n, 2) of one unit of each parameter; none out of contact."""
+    touching = course.depth(surface) > 0
+    found = [course.forces(np.where(np.arange(2) == i, 1.0, 0.0), surface) for i in range(2)]
+    return np.where(touching[:, None], np.nan_to_num(np.column_stack(found)), 0.0)
+
+
+def _laws(record: TimedRecord, elastic: int) -> list[Law]:
+    """Kelvin and Voigt's law, a power law of time (constant loss angle), and one branch that relaxes."""
+    span, step = record.course.span, record.step
+    times = 10.0 ** np.arange(np.log10(step / 10.0), np.log10(10.0 * span), 1.0 / _PER_DECADE)
+
+    def power(course: Course, surface: float, numbers: Floats) -> Floats:
+        area = _units(course, surface)[:, elastic]
+        shares = times ** -float(numbers[0])
+        parts = np.column_stack([relaxing(area, step / time) for time in times])
+        return np.asarray(parts @ (shares / shares.sum()))[:, None]
+
+    def branch(course: Course, surface: float, numbers: Floats) -> Floats:
+        area = _units(course, surface)[:, elastic]
+        return np.column_stack([area, relaxing(area, step / float(np.exp(numbers[0])))])
+
+    fastest, slowest = float(np.log(step)), float(np.log(span))
+    return [
+        kelvin_voigt(),
+        Law("power-law", power, (0.1,), (0.005,), (0.7,)),
+        Law("one-branch", branch, (float(np.log(0.02)),), (fastest,), (slowest,)),
+    ]
+
+
+def _fitted(record: TimedRecord, law: Law, delay: float | None, inflation: float) -> Told:
+    """A law fitted with an unknown delay, or with a given one."""
+    from scipy.optimize import least_squares
+
+    free = delay is None
+    scale = np.array([1e-4, *([1e-3] if free else []), *([1.0] * len(law.start))])
+    lower = np.array([-_FARTHEST, *([-LATEST] if free else []), *law.lower]) / scale
+    upper = np.array([_FARTHEST, *([LATEST] if free else []), *law.upper]) / scale
+    start = np.array([0.0, *([0.0] if free else []), *law.start]) / scale
+
+    def parts(x: Floats) -> tuple[float, float, Floats]:
+        numbers = x * scale
+        late = float(numbers[1]) if delay is None else delay
+        return record.surface + float(numbers[0]), late, numbers[1 + free :]
+
+    found = least_squares(
+        lambda x: record.solved(law, *parts(x))[1], np.clip(start, lower, upper), bounds=(lower, upper),
+        diff_step=1e-4, max_nfev=30,
+    )  # fmt: skip
+    surface, late, numbers = parts(found.x)
+    weights, left = record.solved(law, surface, late, numbers)
+    _, slopes = record.slopes(law, surface, late, numbers, weights)
+    count = len(weights)
+    if not free:
+        slopes = np.delete(slopes, count + 1, axis=1)
+    n, p = len(left) / inflation, slopes.shape[1]
+    spread = spread_of(slopes) * np.sqrt(float(left @ left) / (len(left) - p) * inflation)
+    values, stds = _as_kelvin_voigt(record, law, surface, numbers, weights), spread[:2]
+    bic = n * float(np.log(left @ left / len(left))) + p * float(np.log(n))
+    return Told(law.name, late, float(spread[count + 1]) if free else 0.0, values, stds, surface, bic)
+
+
+def _as_kelvin_voigt(record: TimedRecord, law: Law, surface: float, numbers: Floats, weights: Floats) -> Floats:
+    """Parameters (2,) that Kelvin and Voigt's law needs for the force of another one, as it is without a delay."""
+    if law.name == "kelvin-voigt":
+        return weights
+    target = (law.columns(record.course, surface, numbers) @ weights)[record.rows]
+    units = _units(record.course, surface)[record.rows]
+    up, down = (_units(record.course, surface + side)[record.rows] for side in (1e-6, -1e-6))
+    values = np.linalg.lstsq(units, target, rcond=None)[0]
+    columns = np.column_stack([units, (up - down) @ values / 2e-6])
+    size = np.linalg.norm(columns, axis=0)
+    return np.asarray((np.linalg.lstsq(columns / size, target, rcond=None)[0] / size)[:2])
+
+
+def _inflation(left: Floats) -> float:
+    """How many times the variance of a mean of residuals is that of white ones."""
+    power = float(left @ left)
+    lags = range(1, min(_LAGS, len(left) // 4))
+    return max(1.0, 1.0 + 2.0 * sum(float(left[lag:] @ left[:-lag]) for lag in lags) / power) if power else 1.0
+
+
+def _judged(track: TrackEvidence) -> Diagnosed:
+    record = TimedRecord.of(track)
+    elastic = next(i for i, parameter in enumerate(track.model.parameters) if parameter.role == "elastic")
+    plain = kelvin_voigt()
+    first = _fitted(record, plain, None, 1.0)
+    record = record.with_inertia(first.delay)
+    inflation = _inflation(record.solved(plain, first.surface, first.delay, np.zeros(0))[1])
+    told = [_fitted(record, law, None, inflation) for law in _laws(record, elastic)]
+    own, best = told[0], min(one.bic for one in told)
+    admitted = [one for one in told if one.bic - best < _REJECTED]
+    names = [parameter.name for parameter in track.model.parameters]
+    evidence = np.array([np.exp(0.5 * (best - one.bic)) for one in admitted])
+    shares = evidence / evidence.sum()
+    between = float(np.sqrt(shares @ np.array([one.delay - own.delay for one in admitted]) ** 2))
+    spread = np.sqrt(shares @ np.array([one.values - own.values for one in admitted]) ** 2)
+    table: dict[str, Any] = {
+        "delay": own.delay, "delay_std": float(np.hypot(own.std, between)), "law": own.law,
+        "laws": {
+            one.law: {"delay": one.delay, "std": one.std, "bic": one.bic - best, "admitted": one in admitted}
+            | dict(zip(names, one.values.tolist(), strict=True))
+            for one in told
+        },
+    }  # fmt: skip
+    by_law = ", ".join(f"{one.law} {1e3 * one.delay:.3g} +- {1e3 * one.std:.2g} ms" for one in admitted)
+    wrong = own not in admitted
+    included = track.ending is not None and "timing" in track.ending.included
+    if wrong:
+        text = f"the record is not {own.law}: by the laws that it admits the delay is {by_law}; {_beside(own)}"
+        terms = dict(zip(names, spread.tolist(), strict=True))
+        return Diagnosed((Flag("delay-by-law", text),), terms, table=table)
+    if included:
+        terms = {name: share for name, share in zip(names, spread.tolist(), strict=True) if share > 0}
+        return Diagnosed((Flag("self-timed", f"the delay of the force, by law: {by_law}"),), terms, table=table)
+    timed = _fitted(record.with_inertia(0.0), plain, 0.0, inflation)
+    shifts, left = timed.values - own.values, np.hypot(own.values_std, spread)
+    # What the estimator's own scatter holds already is not counted twice.
+    rest = np.sqrt(np.maximum(left**2 - timed.values_std**2, 0.0))
+    biases = {
+        name: Bias(float(shift), float(std))
+        for name, shift, std in zip(names, shifts.tolist(), rest.tolist(), strict=True)
+    }
+    said = [
+        f"{name} {value - bias.shift:.4g} +- {np.hypot(combined, bias.std or 0.0):.2g} {parameter.unit}"
+        for (name, bias), parameter, value, combined in zip(
+            biases.items(), track.model.parameters, track.values.tolist(), track.combined.tolist(), strict=True
+        )
+        if abs(bias.shift) > _TELLS * abs(value)
+    ]
+    corrected = f"; corrected: {', '.join(said)}" if said else ""
+    text = f"the motion tells the delay of the force, by law: {by_law}{corrected}"
+    return Diagnosed((Flag("self-timed", text),), biases=biases, table=table)
+
+
+def _beside(own: Told) -> str:
+    return f"as {own.law} it would be {1e3 * own.delay:.3g} +- {1e3 * own.std:.2g} ms"

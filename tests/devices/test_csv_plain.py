@@ -1,0 +1,72 @@
+"""A CSV file of plain numbers is read at once, any other line by line: with the same numbers and the same refusals."""
+
+import numpy as np
+import pytest
+from palpate import LogError
+from palpate_devices.csv_replay import CsvReplay, _CsvLink
+
+ROWS = "".join(f"{i},{i * 0.25:.8g},{-i}e-3\n" for i in range(30))
+LONG = "".join(f"{i},{i / 7:.17g},{np.sin(i):.17g}\n" for i in range(9000))
+TEXTS = {
+    "plain": ROWS,
+    "windows": ROWS.replace("\n", "\r\n"),
+    "old mac": ROWS.replace("\n", "\r"),
+    "no end": ROWS.rstrip("\n"),
+    "header": "a,b,c\n" + ROWS,
+    "header alone": "a,b,c\n",
+    "long": LONG,
+    "long with header": "a,b,c\n" + LONG,
+    "late blank line": LONG + "\n" + ROWS,
+    "late text": LONG + "1,x,2\n",
+    "late quotes": LONG + '1,"2",3\n',
+    "quoted header": '"a","b","c"\n' + ROWS,
+    "quoted line end": '1,2,"3\n"\n' + ROWS,
+    "blank lines": "\n\n" + ROWS + "\n1,2,3\n",
+    "spaces": ROWS.replace(",", ", "),
+    "empty cell": ROWS + "1,,3\n",
+    "cut cell": ROWS + "1,2e,3\n",
+    "two signs": ROWS + "1,2-5,3\n",
+    "cut line": ROWS + "1,2\n",
+    "cell too many": ROWS + "1,2,3,4\n",
+    "empty cell too many": ROWS + "1,2,3,\n",
+    "infinite": ROWS + "inf,nan,3\n",
+    "overflow": ROWS + "1e999,2,3\n",
+    "nothing": "",
+    "only line ends": "\n\n",
+    "one column": "1\n2\n",
+}
+
+
+def read(path, delimiter):
+    log = CsvReplay(
+        file=path, delimiter=delimiter, rate="500 Hz",
+        columns={"a": {"column": 0, "unit": "mm"}, "c": {"column": 2, "unit": "N"}},
+    )  # fmt: skip
+    try:
+        with log.connect(0) as link:
+            batches = list(link.batches())
+    except LogError as error:
+        return str(error)
+    return np.concatenate([b.values for b in batches]), np.concatenate([b.time for b in batches])
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"], ids=["comma", "semicolon", "tab"])
+@pytest.mark.parametrize("name", TEXTS)
+def test_both_ways_read_the_same(tmp_path, monkeypatch, name, delimiter):
+    path = tmp_path / "log.csv"
+    path.write_bytes(TEXTS[name].replace(",", delimiter).encode())
+    found = read(path, delimiter)
+    monkeypatch.setattr(_CsvLink, "_plain", lambda self, text: None)
+    expected = read(path, delimiter)
+    if isinstance(expected, str):
+        assert found == expected
+    else:
+        np.testing.assert_array_equal(found[0], expected[0])
+        np.testing.assert_array_equal(found[1], expected[1])
+
+
+def test_plain_numbers_are_not_read_line_by_line(tmp_path, monkeypatch):
+    path = tmp_path / "log.csv"
+    path.write_text("a,b,c\n" + LONG)
+    monkeypatch.setattr(_CsvLink, "_by_line", None)
+    assert len(read(path, ",")[0]) == 9000
