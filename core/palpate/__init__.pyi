@@ -34,6 +34,7 @@ from palpate.device import (
     Batch as Batch,
     Channel as Channel,
     Device as Device,
+    Leadable as Leadable,
     Link as Link,
     Observable as Observable,
     Refusing as Refusing,
@@ -84,7 +85,6 @@ from palpate.hooks import plugin as plugin
 from palpate.limiting import (
     ArmLimits as ArmLimits,
     ForceWatch as ForceWatch,
-    Leadable as Leadable,
     Limited as Limited,
     Retreating as Retreating,
     Shareable as Shareable,

@@ -6,8 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from palpate.trajectory import ForceLaw
-
 
 @dataclass(frozen=True)
 class ArmLimits:
@@ -60,15 +58,6 @@ class Limited(Protocol):
 
     def watch_force(self, watch: ForceWatch) -> None:
         """Stop by itself, host or no host, where a channel differs by more than `stop` from its tare, or is NaN."""
-        ...
-
-
-@runtime_checkable
-class Leadable(Protocol):
-    """An arm that closes the loop of a `ForceLed` motion by itself, where its commands are sent."""
-
-    def refuse_law(self, law: ForceLaw) -> None:
-        """Raise ConfigurationError where it cannot be led like this; nothing moves for it."""
         ...
 
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from palpate.alignment import Port
 from palpate.config import Pipeline
-from palpate.device import Arm, Batch, Link
+from palpate.device import Arm, Batch, Leadable, Link
 from palpate.errors import ConfigurationError, DeviceError
-from palpate.limiting import ForceWatch, Leadable, Limited, Retreating, Sharing
+from palpate.limiting import ForceWatch, Limited, Retreating, Sharing
 from palpate.pipeline.guard import Guard
 from palpate.pipeline.live import LiveLinks
 from palpate.pipeline.rig import Rig
