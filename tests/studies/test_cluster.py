@@ -9,12 +9,13 @@ import time
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import pytest
 from palpate import ConfigurationError, UserError
 from palpate.host import RunFolder
 
 distributed = pytest.importorskip("distributed")
-from palpate_studies import cluster, workers  # noqa: E402
+from palpate_studies import cluster, staging, workers  # noqa: E402
 from palpate_studies.jobs import Job, on_all_cores  # noqa: E402
 
 pytestmark = [
@@ -29,7 +30,28 @@ def no_long_waiting(monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def scheduler():
+def store():
+    """A server of S3 on this machine, for this process and the workers that it starts; None where there is none."""
+    try:
+        import s3fs  # noqa: F401
+        from moto.server import ThreadedMotoServer
+    except ImportError:
+        yield None
+        return
+    server = ThreadedMotoServer("127.0.0.1", 0, verbose=False)
+    server.start()
+    address, port = server.get_host_and_port()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("AWS_ENDPOINT_URL", f"http://{address}:{port}")
+        for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
+            patch.setenv(name, "test")
+        patch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+        yield address
+    server.stop()
+
+
+@pytest.fixture(scope="module")
+def scheduler(store):
     """Two workers on this machine; by address, as any others. They import what this file sends them."""
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(Path(__file__).parents[2]))
@@ -237,3 +259,99 @@ def test_an_arm_is_not_repeated_on_a_cluster(palpate, point_pipeline, tmp_path):
     assert done.returncode == 2
     assert "--scheduler is for simulations that keep no clock" in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+def _csv_pipeline(folder):
+    """A pipeline that reads a log of a short press, and both files."""
+    run = """
+[run]
+name = "staged"
+[device.log]
+type = "csv-replay"
+file = "press.csv"
+rate = "500 Hz"
+columns.z = { column = 0, unit = "m" }
+columns.fz = { column = 1, unit = "N" }
+[alignment]
+force = "log.fz"
+position = "log.z"
+tare = "none"
+tip_mass = "140 g"
+[indenter.tip]
+type = "sphere"
+radius = "5 mm"
+[model.dr]
+type = "dimensionality-reduction"
+indenter = "tip"
+poisson = 0.5
+[estimator.ekf]
+type = "ekf"
+[sweep]
+"estimator.ekf.force_std" = ["0.02 N", "0.05 N"]
+"""
+    time = np.arange(0.0, 4.0, 0.002)
+    height = 0.001 - 0.004 * np.clip(time - 1.0, 0.0, 1.0) + 3e-4 * np.sin(4 * np.pi * time) * (time > 2)
+    force = 16 / 9 * 112e3 * np.sqrt(0.005) * np.maximum(-height, 0.0) ** 1.5
+    folder.mkdir()
+    np.savetxt(folder / "press.csv", np.column_stack([height, force]), delimiter=",", header="z,fz", comments="")
+    (folder / "sweep.toml").write_text(run)
+    return folder / "sweep.toml"
+
+
+def test_workers_that_share_no_folder_get_inputs_and_give_runs_by_way_of_s3(scheduler, store, palpate, tmp_path):
+    if store is None:
+        pytest.skip("no S3 server here: pip install 'moto[server]' s3fs")
+    import s3fs
+
+    s3fs.S3FileSystem().mkdir("bucket")
+    file = _csv_pipeline(tmp_path / "own")
+    here = palpate("sweep", file, "--jobs", 1, "--json", "--out", tmp_path / "here")
+    assert here.returncode == 0, here.stderr
+    command = ("sweep", file, "--json", "--scheduler", scheduler, "--stage", "s3://bucket/sweep")
+    there = palpate(*command, "--out", tmp_path / "there")
+    assert there.returncode == 0, there.stderr
+    assert _plain(json.loads(there.stdout))["rows"] == _plain(json.loads(here.stdout))["rows"]
+    for number in ("00001", "00002"):
+        one, other = (tmp_path / place / number for place in ("here", "there"))
+        assert (one / "estimates.csv").read_bytes() == (other / "estimates.csv").read_bytes()
+        assert (one / "pipeline.toml").read_bytes() == (other / "pipeline.toml").read_bytes()
+    assert not [path for path in (tmp_path / "there").iterdir() if path.name.startswith(".")]
+    # Elsewhere they are brought from the store, and other settings are no part of that sweep.
+    again = palpate(*command, "--out", tmp_path / "again")
+    assert again.returncode == 0, again.stderr
+    one, other = (RunFolder(tmp_path / place / "00001").result["run"]["started"] for place in ("there", "again"))
+    assert one == other
+    other = palpate(*command, "--set", "run.seed=7", "--out", tmp_path / "other")
+    assert other.returncode == 2
+    assert "combination 1 was run with other settings" in other.stderr or "combination 2 was" in other.stderr
+
+
+def test_an_input_is_put_where_it_belongs_and_nothing_is_written_over(tmp_path):
+    stage = staging.Stage(f"file://{tmp_path}/stage")
+    file = _csv_pipeline(tmp_path / "own")
+    job = Job(1, file.read_text(), str(file), (), {}, str(tmp_path))
+    inputs = stage.put_inputs([job])
+    log = tmp_path / "own" / "press.csv"
+    assert list(inputs) == [str(log)]
+    content = log.read_bytes()
+    log.unlink()
+    stage.get_inputs(inputs)
+    assert log.read_bytes() == content
+    log.write_text("something else")
+    told = staging.run_staged(staging.StagedJob(job, stage, inputs))
+    assert "this worker has another file of that name" in told["error"]
+    assert log.read_text() == "something else"
+    log.unlink()
+    (stored,) = (tmp_path / "stage" / "inputs").iterdir()
+    stored.write_bytes(content[:100])
+    assert "press.csv is not whole there" in staging.run_staged(staging.StagedJob(job, stage, inputs))["error"]
+    assert not list(log.parent.glob("tmp*"))
+
+
+def test_a_stage_without_a_scheduler_or_of_no_kind_is_a_mistake(palpate, point_pipeline, tmp_path):
+    point_pipeline.write_text(point_pipeline.read_text() + '[sweep]\n"run.seed" = [1, 2]\n')
+    done = palpate("sweep", point_pipeline, "--stage", "s3://bucket/x", "--out", tmp_path / "a")
+    assert done.returncode == 2
+    assert "give --scheduler" in done.stderr
+    with pytest.raises(ConfigurationError, match="--stage nowhere://x: Protocol not known"):
+        staging.Stage("nowhere://x").put_inputs([])

@@ -6,7 +6,7 @@ import json
 import time
 import uuid
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import count, islice
 from pathlib import Path
@@ -24,17 +24,18 @@ _PATIENCE = "10s"  # for a scheduler to answer
 _LOOK = 0.01  # [s] between looks at what is done
 
 
-def on_cluster(address: str, folder: Path) -> Engine:
+def on_cluster(address: str, folder: Path, stage: str | None = None) -> Engine:
     """The engine of a scheduler at an address such as ``tcp://10.0.0.5:8786``, for jobs whose runs go into a folder.
 
-    Where a worker is killed its jobs go to others, and one that has killed three is given up. Raises
-    ConfigurationError where nobody answers, or where the workers are not what is here.
+    The folder is one that all workers see, or, with a `stage`, runs come into it by way of that place. Where a worker
+    is killed its jobs go to others, and one that has killed three is given up. Raises ConfigurationError where nobody
+    answers, or where the workers are not what is here.
     """
 
     def engine(jobs: Sequence[Job]) -> Generator[tuple[Job, dict[str, Any]]]:
-        with connected(address, folder) as client:
+        with connected(address, folder, shared=stage is None) as client:
             everywhere = [_placed(job) for job in jobs]
-            done = spread(client, run_or_find, everywhere)
+            done = spread(client, run_or_find, everywhere) if stage is None else _by_way_of(stage, client, everywhere)
             try:
                 for job, outcome in done:
                     if isinstance(outcome, BaseException):
@@ -47,6 +48,18 @@ def on_cluster(address: str, folder: Path) -> Engine:
                 done.close()
 
     return engine
+
+
+def _by_way_of(url: str, client: Any, jobs: Sequence[Job]) -> Generator[tuple[Job, Any]]:
+    """What workers find that share no folder with this machine, with the run folders brought here."""
+    from palpate_studies.staging import Stage, StagedJob, fetched, run_staged
+
+    stage = Stage(url)
+    inputs = stage.put_inputs(jobs)
+    done = spread(client, run_staged, [StagedJob(job, stage, inputs) for job in jobs])
+    with closing(done):
+        for staged, outcome in done:
+            yield staged.job, outcome if isinstance(outcome, BaseException) else fetched(staged, outcome)
 
 
 def _placed(job: Job) -> Job:
@@ -105,15 +118,16 @@ def _distributed() -> Any:
 
 
 @contextmanager
-def connected(address: str, folder: Path) -> Iterator[Any]:
-    """A client of a scheduler whose workers are as here and see the folder."""
+def connected(address: str, folder: Path, shared: bool = True) -> Iterator[Any]:
+    """A client of a scheduler whose workers are as here and see the folder, where it is to be shared."""
     try:
         client = _distributed().Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise ConfigurationError(f"--scheduler {address}: no scheduler answers there: {error}") from error
     with client:
         workers = demand_alike(client, address)
-        _demand_shared(client, folder)
+        if shared:
+            _demand_shared(client, folder)
         write_whole(folder / "workers.json", json.dumps(provenance(address, workers), indent=2) + "\n")
         yield client
 
@@ -164,7 +178,8 @@ def _demand_shared(client: Any, folder: Path) -> None:
     for worker, sees in seen.items():
         if not sees:
             raise ConfigurationError(
-                f"{folder}: worker {worker} does not see this folder: give --out a path that all machines share"
+                f"{folder}: worker {worker} does not see this folder: give --out a path that all machines share, "
+                "or a sweep --stage, such as s3://bucket/sweep"
             )
 
 

@@ -21,12 +21,24 @@ SchedulerOption = Annotated[
 ]
 
 
-def engine_of(scheduler: str | None, jobs: int | None, folder: Path) -> Engine:
-    """The engine that the options ask for; raises ConfigurationError where both are given."""
+StageOption = Annotated[
+    str | None,
+    typer.Option(
+        "--stage",
+        metavar="URL",
+        help='With --scheduler, where no folder is shared: inputs and runs go by way of this, such as "s3://bucket/a".',
+    ),
+]
+
+
+def engine_of(scheduler: str | None, jobs: int | None, folder: Path, stage: str | None = None) -> Engine:
+    """The engine that the options ask for; raises ConfigurationError where they contradict each other."""
     if scheduler is None:
+        if stage is not None:
+            raise ConfigurationError("--stage is for workers that share no folder with this machine: give --scheduler")
         return partial(on_all_cores, workers=jobs)
     if jobs is not None:
         raise ConfigurationError("--jobs is of this machine: with --scheduler, its workers say how many run at a time")
     from palpate_studies.cluster import on_cluster
 
-    return on_cluster(scheduler, folder)
+    return on_cluster(scheduler, folder, stage)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -29,6 +30,7 @@ _UNDECLARED = " (not declared)"
 _HALF_WIDTH = math.sqrt(3)  # of a rectangular distribution, in standard deviations
 _SLOPE = 10  # samples to either side that the slope of the force is taken over
 _CHUNK = 8
+_LONG = 100_000  # samples, from which on machine code for one draw is worth its compilation
 _GRAVITY = 9.80665  # [m/s^2]
 
 
@@ -118,11 +120,16 @@ def propagated(
     """So many draws of a track, the same for the same seed however many processes share them."""
     chunks = [range(first, min(first + _CHUNK, draws)) for first in range(0, draws, _CHUNK)]
     found: list[Floats] = []
-    with ProcessPoolExecutor(workers) as pool:
+    with ProcessPoolExecutor(workers, initializer=_lightly if len(case.samples) < _LONG else None) as pool:
         for values in pool.map(partial(_chunk, case, seed), chunks):
             found.append(values)
             told(sum(map(len, found)))
     return Propagated(case.name, np.concatenate(found), case.parameters)
+
+
+def _lightly() -> None:
+    """Run filters on the virtual machine, with the same bits: a draw's tip is compiled for one short run only."""
+    os.environ.setdefault("PALPATE_KERNEL", "vm")
 
 
 def _chunk(case: Case, seed: int, numbers: range) -> Floats:

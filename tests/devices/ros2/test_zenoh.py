@@ -14,7 +14,7 @@ import pytest
 from palpate.errors import ConfigurationError, DeviceError
 from palpate.host import load_pipeline, run_pipeline
 from palpate_devices.logs.mapping import MappedSignal
-from palpate_devices.ros2.device import Ros2Device
+from palpate_devices.ros2.device import Ros2Device, WatchedRange
 from palpate_devices.ros2.looking import address_of, survey_at
 from palpate_devices.ros2.network import Network, Publication
 from palpate_devices.ros2.sink import Ros2Sink
@@ -23,6 +23,7 @@ from palpate_devices.ros2.zenoh_names import attached, attachment, identity, pub
 from pydantic import ValidationError
 
 zenoh = pytest.importorskip("zenoh")
+pytest.importorskip("zenoh.ext")
 pytestmark = pytest.mark.talks
 SOURCE = Path(__file__).with_name("zenoh_publisher.py")
 WRENCH = {
@@ -165,6 +166,30 @@ def test_a_node_behind_a_router_is_found_by_it(publish, port):
         with device(port, peers=(f"127.0.0.1:{port}",)).connect(0) as link:
             _, _, values = heard(link, 500)
     assert (np.diff(values[:, 0]) == 1.0).all()
+
+
+@pytest.mark.live
+def test_an_alarm_is_latched(publish, port):
+    """Who subscribes as rmw_zenoh does to what is latched gets the last of it, however late it comes."""
+    publish(wrenches(6.0))
+    alarm = {"limits": {"force": WatchedRange(greatest="100 N")}, "alarm": "/palpate/alarm"}
+    config = zenoh.Config()
+    config.insert_json5("connect/endpoints", json.dumps([f"tcp/127.0.0.1:{port}"]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    key = f"3/palpate/alarm/std_msgs::msg::dds_::Bool_/{type_hash('std_msgs/msg/Bool')}"
+    said = []
+    with device(port, **alarm).connect(0) as link:
+        heard(link, 500)
+        with zenoh.open(config) as session:
+            latest = zenoh.ext.HistoryConfig(detect_late_publishers=True)
+            zenoh.ext.declare_advanced_subscriber(
+                session, key, lambda sample: said.append(sample.payload.to_bytes()), history=latest
+            )
+            until = time.monotonic() + 5
+            while not said and time.monotonic() < until:
+                time.sleep(0.01)
+    assert said[-1] == b"\0\1\0\0\1"  # true
+    assert "ros2-limit" in link.health["flags"]
 
 
 def test_nobody_is_told_with_the_router_to_look_for(port):

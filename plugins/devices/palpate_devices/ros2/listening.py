@@ -19,7 +19,7 @@ from palpate_devices.ros2.heard import Heard
 from palpate_devices.ros2.network import Network
 
 _MODULE = "palpate_devices.ros2.worker"
-_READY = 15.0  # [s]
+_READY = 30.0  # [s]; a busy host takes seconds to start a process
 _LOOK = 0.005  # [s]
 
 

@@ -31,7 +31,7 @@ from palpate.host import (
     write_new,
 )
 
-from palpate_studies.engines import SchedulerOption, engine_of
+from palpate_studies.engines import SchedulerOption, StageOption, engine_of
 from palpate_studies.sweep.combinations import combinations_of
 from palpate_studies.sweep.table import best_rows, rows_of, write_rows
 
@@ -45,6 +45,7 @@ def sweep(
     overrides: Overrides = None,
     jobs: Annotated[int | None, typer.Option(help="Runs at a time. [default: one per core]", min=1)] = None,
     scheduler: SchedulerOption = None,
+    stage: StageOption = None,
     picture: Annotated[
         bool, typer.Option("--picture", help="Draw the estimates along the way of all combinations, with their lumps.")
     ] = False,
@@ -63,7 +64,7 @@ def sweep(
     earlier = len(found)
     gone: UserError | None = None
     try:
-        _carry_out(planned, found, engine_of(scheduler, jobs, folder))
+        _carry_out(planned, found, engine_of(scheduler, jobs, folder, stage))
     except UserError as error:
         gone = error
     rows = [row for job in planned if job.number in found for row in rows_of(job, found[job.number])]

@@ -1,0 +1,164 @@
+"""Jobs where no folder is shared: inputs and run folders go by way of an object store, or whatever fsspec reaches."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from palpate import ConfigurationError, OutputError
+from palpate.host import RESULT, Pipeline
+from pydantic import BaseModel
+
+from palpate_studies.jobs import Job, built, finished, run_job
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A place such as ``s3://bucket/sweep`` that this machine and all workers reach; nothing else is common to them."""
+
+    url: str
+
+    def _reached(self) -> tuple[Any, str]:
+        """The file system of the place, and where in it; raises ConfigurationError."""
+        try:
+            import fsspec
+
+            files, root = fsspec.core.url_to_fs(self.url)
+        except ImportError as error:
+            raise ConfigurationError(f'--stage {self.url}: {error}; pip install "palpate[cluster]"') from error
+        except ValueError as error:
+            raise ConfigurationError(f"--stage {self.url}: {error}") from error
+        return files, root.rstrip("/")
+
+    def put_inputs(self, jobs: Iterable[Job]) -> dict[str, str]:
+        """Put every file that the pipelines of jobs name into the place, once; SHA-256 by path.
+
+        Raises ConfigurationError where the place cannot be written to.
+        """
+        files, root = self._reached()
+        digests: dict[str, str] = {}
+        for path in (path for job in jobs for path in input_files(built(job))):
+            if str(path) in digests:
+                continue
+            digests[str(path)] = digest = _digest(path)
+            try:
+                if not files.exists(f"{root}/inputs/{digest}"):
+                    _put(files, path, f"{root}/inputs/{digest}")
+            except OSError as error:
+                raise ConfigurationError(f"--stage {self.url}: cannot be written to: {error}") from error
+        return digests
+
+    def get_inputs(self, digests: Mapping[str, str]) -> None:
+        """Put inputs to where they are on the machine that asks; raises OutputError where something else is there."""
+        files, root = self._reached()
+        for text, digest in digests.items():
+            path = Path(text)
+            if path.exists():
+                if _digest(path) != digest:
+                    raise OutputError(f"{path}: this worker has another file of that name")
+                continue
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as partial:
+                files.get_file(f"{root}/inputs/{digest}", partial.name)
+            if _digest(Path(partial.name)) != digest:
+                os.unlink(partial.name)
+                raise OutputError(f"--stage {self.url}: {path} is not whole there: remove inputs/{digest}")
+            os.replace(partial.name, path)
+
+    def find(self, job: Job) -> dict[str, Any] | None:
+        """What a run that is whole in the place has found."""
+        files, root = self._reached()
+        path = f"{root}/runs/{job.number:05d}/{RESULT}"
+        found: dict[str, Any] | None = json.loads(files.cat_file(path)) if files.exists(path) else None
+        return found
+
+    def put_run(self, folder: Path, number: int) -> None:
+        """Put a run folder into the place, its result last."""
+        files, root = self._reached()
+        inside = sorted((path for path in folder.rglob("*") if path.is_file()), key=lambda path: path.name == RESULT)
+        for path in inside:
+            _put(files, path, f"{root}/runs/{number:05d}/{path.relative_to(folder).as_posix()}")
+
+    def get_run(self, job: Job) -> None:
+        """Bring a job's run folder here, whole or not at all."""
+        files, root = self._reached()
+        source = f"{root}/runs/{job.number:05d}"
+        with tempfile.TemporaryDirectory(dir=job.folder, prefix=".") as partial:
+            for path in files.find(source):
+                target = Path(partial, "run", path.removeprefix(source).lstrip("/"))
+                target.parent.mkdir(parents=True, exist_ok=True)
+                files.get_file(path, str(target))
+            os.replace(Path(partial, "run"), Path(job.folder, f"{job.number:05d}"))
+
+
+@dataclass(frozen=True)
+class StagedJob:
+    """A job with the place of its inputs and of its run folder."""
+
+    job: Job
+    stage: Stage
+    inputs: Mapping[str, str]  # SHA-256 by path
+
+
+def run_staged(staged: StagedJob) -> dict[str, Any]:
+    """What a job finds, on a worker that shares no folder; it is looked for in the place first."""
+    stage, job = staged.stage, staged.job
+    if (found := stage.find(job)) is not None:
+        return found
+    try:
+        stage.get_inputs(staged.inputs)
+    except OSError as error:
+        return {"error": f"inputs cannot be put where they belong: {error}"}
+    except OutputError as error:
+        return {"error": str(error)}
+    with tempfile.TemporaryDirectory(prefix="palpate-") as folder:
+        outcome = run_job(replace(job, folder=folder))
+        if "error" not in outcome and "interrupted" not in outcome:
+            (run,) = Path(folder).iterdir()
+            stage.put_run(run, job.number)
+    return outcome
+
+
+def fetched(staged: StagedJob, outcome: dict[str, Any]) -> dict[str, Any]:
+    """What a job has found, with its run folder brought here; raises OutputError where it is another sweep's."""
+    if "error" in outcome or "interrupted" in outcome:
+        return outcome
+    staged.stage.get_run(staged.job)
+    found = finished(staged.job)
+    return outcome if found is None else found
+
+
+def input_files(pipeline: Pipeline) -> Iterator[Path]:
+    """Every file that a pipeline's settings name and that is there; of a folder, such as a bag, all that is in it."""
+    parts = (pipeline.devices, pipeline.indenters, pipeline.models, pipeline.estimators, pipeline.trajectories)
+    for path in _paths([pipeline.run, pipeline.safety, *parts, pipeline.sinks, pipeline.tables]):
+        whole = Path(os.path.abspath(path))
+        yield from filter(Path.is_file, sorted(whole.rglob("*")) if whole.is_dir() else [whole])
+
+
+def _paths(value: Any) -> Iterator[Path]:
+    if isinstance(value, Path):
+        yield value
+    elif isinstance(value, BaseModel):
+        yield from _paths([getattr(value, name) for name in type(value).model_fields])
+    elif isinstance(value, Mapping):
+        yield from _paths(list(value.values()))
+    elif isinstance(value, list | tuple | set | frozenset):
+        for item in value:
+            yield from _paths(item)
+
+
+def _put(files: Any, path: Path, target: str) -> None:
+    files.makedirs(target.rpartition("/")[0], exist_ok=True)
+    files.put_file(str(path), target)
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
