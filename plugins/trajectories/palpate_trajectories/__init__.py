@@ -8,6 +8,7 @@ from palpate import Command, Migration, lazily, plugin
 
 if TYPE_CHECKING:
     from palpate_trajectories.excitation import Chirp, MultiSine
+    from palpate_trajectories.force_hold import ForceHold
     from palpate_trajectories.from_file import FromFile
     from palpate_trajectories.grid_points import GridPoints
     from palpate_trajectories.line_sweep import LineSweep
@@ -23,6 +24,7 @@ __getattr__ = lazily(
     __name__,
     {
         "palpate_trajectories.excitation": "Chirp MultiSine",
+        "palpate_trajectories.force_hold": "ForceHold",
         "palpate_trajectories.from_file": "FromFile",
         "palpate_trajectories.grid_points": "GridPoints",
         "palpate_trajectories.line_sweep": "LineSweep",
@@ -39,6 +41,7 @@ __getattr__ = lazily(
 __all__ = [
     "Chirp",
     "Compression",
+    "ForceHold",
     "FromFile",
     "GridPoints",
     "LineSweep",
@@ -61,6 +64,7 @@ def palpate_trajectories() -> dict[str, str]:
         "load-unload": "palpate_trajectories.load_unload:LoadUnload",
         "compression": "palpate_trajectories.load_unload:Compression",
         "ramp-hold": "palpate_trajectories.ramp_hold:RampHold",
+        "force-hold": "palpate_trajectories.force_hold:ForceHold",
         "multi-sine": "palpate_trajectories.excitation:MultiSine",
         "chirp": "palpate_trajectories.excitation:Chirp",
         "line-sweep": "palpate_trajectories.line_sweep:LineSweep",
