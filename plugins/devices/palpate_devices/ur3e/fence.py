@@ -270,7 +270,7 @@ def is_singular(jacobian: Floats) -> bool:
         return True
 
 
-def _against_one_another(jacobian: Floats, inverse: Floats) -> float:
+def _against_one_another(jacobian: Floats, inverse: Any) -> float:
     """How much faster than the tip its joints would move it, each by itself: 2 to 5 in an ordinary posture.
 
     The root of the sum of squares over the joints and the three directions of the tip. Near a singular posture they
