@@ -127,6 +127,8 @@ def outcomes(options: argparse.Namespace) -> None:
     signal.signal(signal.SIGALRM, _hang)
     with tempfile.TemporaryDirectory() as root:
         for number, (name, made) in enumerate(kinds_of_logs(Path(root)).items()):
+            if options.only and name not in options.only:
+                continue
             row, slowest = Counter[str](), 0.0
             truth = _read(made)
             assert truth is not None, name
@@ -282,6 +284,8 @@ def main() -> None:
         kind = kinds.add_parser(function.__name__, help=function.__doc__)
         kind.add_argument("--count", type=int, default=count, help="logs of each kind and each damage")
         kind.add_argument("--seed", type=int, default=1)
+        if function is outcomes:
+            kind.add_argument("--only", action="append", metavar="KIND", help="only this kind of log")
         kind.set_defaults(function=function)
     options = parser.parse_args()
     options.function(options)

@@ -131,7 +131,7 @@ def by_relaxation(model, theta, records):
         for i, at in enumerate((0.3, 1.0, 4.0)):
             truth = np.interp(math.log(at), np.log(exact.time), exact.value)
             value = np.interp(math.log(at), np.log(found.time), found.value)
-            spread = np.hypot(found.noise, found.shifts.get("surface", 0.0) * np.ones(len(found.time)))
+            spread = np.sqrt(found.noise**2 + sum(found.shifts.get(name, 0.0) ** 2 for name in ("surface", "offset")))
             inside[i] += abs(value - truth) < 1.96 * np.interp(math.log(at), np.log(found.time), spread)
     return inside, 0, (time.process_time() - began) / records
 

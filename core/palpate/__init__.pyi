@@ -34,6 +34,7 @@ from palpate.device import (
     Batch as Batch,
     Channel as Channel,
     Device as Device,
+    Leadable as Leadable,
     Link as Link,
     Observable as Observable,
     Refusing as Refusing,
@@ -115,6 +116,8 @@ from palpate.sink import (
 )
 from palpate.track_name import TrackName as TrackName
 from palpate.trajectory import (
+    ForceLaw as ForceLaw,
+    ForceLed as ForceLed,
     OwnMotion as OwnMotion,
     Resumable as Resumable,
     Setpoint as Setpoint,

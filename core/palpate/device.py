@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.parts import Part
-from palpate.trajectory import OwnMotion, Setpoint, Trajectory
+from palpate.trajectory import ForceLaw, OwnMotion, Setpoint, Trajectory
 from palpate.vectors import Floats
 
 
@@ -98,6 +98,15 @@ class Retractable(Protocol):
 
     def retract(self) -> None:
         """Stop and go back along the normal to where the motion began: from any thread, any number of times."""
+        ...
+
+
+@runtime_checkable
+class Leadable(Protocol):
+    """An arm that closes the loop of a `ForceLed` motion by itself, where its commands are sent."""
+
+    def refuse_law(self, law: ForceLaw) -> None:
+        """Raise ConfigurationError where it cannot be led like this; nothing moves for it."""
         ...
 
 

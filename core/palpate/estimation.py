@@ -38,7 +38,7 @@ class Samples:
 
     def __post_init__(self) -> None:
         if len(self.lateral) != len(self.time):
-            object.__setattr__(self, "lateral", np.full((len(self.time), 2), np.nan))
+            object.__setattr__(self, "lateral", np.broadcast_to(np.nan, (len(self.time), 2)))
 
     def __len__(self) -> int:
         return len(self.time)

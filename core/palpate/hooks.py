@@ -50,37 +50,40 @@ _hook = pluggy.HookspecMarker(PROJECT)
 
 
 @_hook
-def palpate_indenters() -> Mapping[str, type[Indenter]]:  # type: ignore[empty-body]
-    """Tips, by the name that ``[indenter.*] type = "..."`` gives them."""
+def palpate_indenters() -> Mapping[str, type[Indenter] | str]:  # type: ignore[empty-body]
+    """Tips, by the name that ``[indenter.*] type = "..."`` gives them.
+
+    Like every part, a class, or ``"module:Class"``, which is imported when a pipeline asks for it.
+    """
 
 
 @_hook
-def palpate_models() -> Mapping[str, type[ContactModel]]:  # type: ignore[empty-body]
+def palpate_models() -> Mapping[str, type[ContactModel] | str]:  # type: ignore[empty-body]
     """Contact models, by the name that ``[model.*] type = "..."`` gives them."""
 
 
 @_hook
-def palpate_estimators() -> Mapping[str, type[Estimator]]:  # type: ignore[empty-body]
+def palpate_estimators() -> Mapping[str, type[Estimator] | str]:  # type: ignore[empty-body]
     """Filters and fits, by the name that ``[estimator.*] type = "..."`` gives them."""
 
 
 @_hook
-def palpate_devices() -> Mapping[str, type[Device]]:  # type: ignore[empty-body]
+def palpate_devices() -> Mapping[str, type[Device] | str]:  # type: ignore[empty-body]
     """Robots, sensors, simulated rigs and logs, by the name that ``[device.*] type = "..."`` gives them."""
 
 
 @_hook
-def palpate_trajectories() -> Mapping[str, type[Trajectory]]:  # type: ignore[empty-body]
+def palpate_trajectories() -> Mapping[str, type[Trajectory] | str]:  # type: ignore[empty-body]
     """Motions, by the name that ``[trajectory.*] type = "..."`` gives them."""
 
 
 @_hook
-def palpate_sinks() -> Mapping[str, type[Sink]]:  # type: ignore[empty-body]
+def palpate_sinks() -> Mapping[str, type[Sink] | str]:  # type: ignore[empty-body]
     """Places to write to, by the name that ``[sink.*] type = "..."`` gives them."""
 
 
 @_hook
-def palpate_twins() -> Mapping[str, type[Twin]]:  # type: ignore[empty-body]
+def palpate_twins() -> Mapping[str, type[Twin] | str]:  # type: ignore[empty-body]
     """Devices in software, by the name that ``[twin.*] type = "..."`` gives them."""
 
 

@@ -44,6 +44,8 @@ class ForceWatch:
     tare: tuple[float, ...]  # [N] of each
     stop: float  # [N]
     name: str
+    normal: int = 0  # which of the channels is the force along the normal
+    sign: float = 1.0  # of that channel, where the tip is pushed out
 
 
 @runtime_checkable

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
-from functools import cache
+from functools import cache, cached_property
 from inspect import isabstract, isfunction
 from pathlib import Path
 from types import ModuleType
@@ -31,6 +31,7 @@ from palpate.extensions import (
     Summary,
     Template,
     function_of,
+    imported,
 )
 from palpate.flags import Flag, FlagMeaning
 from palpate.migration import Migration
@@ -59,8 +60,25 @@ _CORE = {core_flags: Plugin(_DISTRIBUTION)}
 class Entry:
     """One part that can be named in a pipeline."""
 
-    part: type[Part]
+    name: str
+    offered: type[Part] | str  # or "module:Class", which is imported when it is asked for
     plugin: Plugin
+    root: type[Part]
+
+    @cached_property
+    def part(self) -> type[Part]:
+        """The part; raises PluginError where what the plugin names cannot be imported or is none."""
+        found: Any = imported(self.offered) if isinstance(self.offered, str) else self.offered
+        if not (isinstance(found, type) and issubclass(found, self.root)):
+            raise PluginError(f"plugin {self.plugin.name}: {self.name!r} ({self.offered}) is no {self.root.__name__}")
+        _refuse_abstract(self.name, found, self.plugin)
+        return found
+
+    def is_of(self, part: type[Part]) -> bool:
+        """Whether this is the entry of a part; imports nothing of another name."""
+        if isinstance(self.offered, str):
+            return self.offered.rpartition(":")[2] == part.__qualname__ and self.part is part
+        return self.offered is part
 
 
 @dataclass(frozen=True)
@@ -130,7 +148,7 @@ class Registry:
 
     def name_of(self, part: type[Part]) -> str:
         """The name by which a pipeline asks for a part."""
-        return next(name for name, entry in self.parts[part.kind].items() if entry.part is part)
+        return next(name for name, entry in self.parts[part.kind].items() if entry.is_of(part))
 
 
 def suggest(given: str, allowed: Iterable[str]) -> str:
@@ -150,12 +168,12 @@ def load(files: Iterable[Path] = ()) -> Registry:
     """
     manager, failures = _loaded(files)
     plugins = _plugins(manager)
-    parts = {
-        kind: _collect(manager, plugins, hook, root, kind, _refuse_abstract)
-        for kind, (hook, root) in hooks.KINDS.items()
-    }
     entries = {
-        kind: {name: Entry(part, plugin) for name, (part, plugin) in found.items()} for kind, found in parts.items()
+        kind: {
+            name: Entry(name, part, plugin, root)
+            for name, (part, plugin) in _collect(manager, plugins, hook, root, kind, _refuse_abstract).items()
+        }
+        for kind, (hook, root) in hooks.KINDS.items()
     }
     offered = {
         kind: _offered(manager, plugins, hook, root, kind)
@@ -322,12 +340,14 @@ def _checked(offer: Any, hook: str, root: type, plugin: Plugin) -> Iterable[tupl
     if not isinstance(offer, Mapping):
         raise PluginError(f"plugin {plugin.name}: {hook} returns {offer!r}, not a mapping of names")
     for name, item in offer.items():
+        if isinstance(item, str) and root in (part for _, part in hooks.KINDS.values()) and ":" in item:
+            continue  # a part that is imported when it is asked for
         if not (isinstance(item, root) or (isinstance(item, type) and issubclass(item, root))):
             raise PluginError(f"plugin {plugin.name}: {hook} offers {name!r}, which is no {root.__name__}")
     return list(offer.items())
 
 
 def _refuse_abstract(name: str, part: Any, plugin: Plugin) -> None:
-    if isabstract(part):
+    if not isinstance(part, str) and isabstract(part):
         missing = ", ".join(sorted(part.__abstractmethods__))
         raise PluginError(f"plugin {plugin.name}: {name!r} ({part.__name__}) does not define {missing}")

@@ -54,6 +54,28 @@ class Trajectory(Part, ABC):
         """Setpoints at times (n,) [s] since the start; before it and after the end, the resting places."""
 
 
+@dataclass(frozen=True)
+class ForceLaw:
+    """How a force leads the tip along the normal; the setpoints are then the envelope, below which it never goes."""
+
+    force: float  # [N] that is held, positive where the tip is pushed out
+    begin: float  # [s] of the motion from which on the force leads
+    end: float  # [s] from which on the tip leaves
+    speed: float  # [m/s] at most, in and out
+    acceleration: float  # [m/s^2] at most
+    gain: float  # [m/s] for each newton that is missing
+
+
+@runtime_checkable
+class ForceLed(Protocol):
+    """A trajectory that a force leads: only an arm that closes this loop by itself, under all limits, can follow it."""
+
+    @property
+    def force_law(self) -> ForceLaw:
+        """The law."""
+        ...
+
+
 @runtime_checkable
 class Resumable(Protocol):
     """A trajectory that can be gone on with where it was stopped; others can only be done as one."""

@@ -35,6 +35,7 @@ def limits(**changes):
 def test_a_motion_within_its_limits():
     report = demand_safe(PRESS, limits(), "here")
     assert report.problems == ()
+    assert report.duration == pytest.approx(PRESS.total_duration, abs=2e-3)
     assert report.low[2] == pytest.approx(-0.005, abs=1e-5)
     assert report.inward_speed == pytest.approx(report.speed)
     expected = 12 + 3000 * (report.inward_speed * 0.06 + report.inward_speed**2 / 2)
@@ -189,6 +190,11 @@ def test_the_way_in_is_judged_by_where_the_tip_is_at_last(guard):
         guard.check("r", Batch("tip", stamps, stamps, np.linspace(first, last, 20)[:, None]))
     guard.check("s", force(1.0, -12.0))
     assert "force sign" not in guard.reason
+
+
+def test_without_readings_there_was_no_force():
+    untouched = Guard(limits(), PORTS)
+    assert (untouched.peak, untouched.peak_untared) == (0.0, 0.0)
 
 
 def test_the_guard_lets_pass_what_is_in_order(guard):

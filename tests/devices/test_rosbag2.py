@@ -156,6 +156,16 @@ def test_a_page_that_cannot_be_read_costs_what_stands_in_it(tmp_path):
     assert said.startswith(f"{len(after)} messages")
 
 
+@pytest.mark.parametrize("missing", [1, 1000, 3000])
+def test_a_database_without_its_last_bytes_is_refused(tmp_path, missing):
+    """SQLite reads the rest of a page that is cut as zeros, and its messages as if they had never been."""
+    bag = bag_of(tmp_path / "bag.db3", [[0.0, float(i)] for i in range(2000)])
+    bag.write_bytes(bag.read_bytes()[:-missing])
+    with pytest.raises(LogError, match=rf"bag\.db3: the database is damaged: its last {missing} bytes are missing"):
+        read(device_on(bag))
+    assert "; what could not be read is lost" in Rosbag2Replay.recover(bag, tmp_path / "good.db3")
+
+
 def test_a_time_stamp_that_is_no_number_is_refused(tmp_path):
     bag = bag_of(tmp_path / "bag.db3", [[0.0, float(i)] for i in range(10)])
     with closing(sqlite3.connect(bag)) as database:

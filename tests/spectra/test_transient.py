@@ -21,6 +21,7 @@ from palpate_models import (
     StandardLinearSolid,
 )
 from palpate_models.thickness import Thickness
+from palpate_spectra.transient.conversion import relaxing
 from palpate_spectra.transient.fading import faded
 from palpate_spectra.transient.modulus import curve
 from palpate_spectra.transient.press import pressed
@@ -230,3 +231,22 @@ def test_a_sine_has_no_hold(palpate, root, tmp_path):
     done = palpate("relaxation", root / "pipelines" / "point.toml", "--out", tmp_path / "out")
     assert done.returncode == 2
     assert "nothing is held" in done.stderr
+
+
+def test_a_creep_spectrum_becomes_the_modulus_of_the_same_material():
+    """SLS and Maxwell by their textbook pairs: tau_E = tau_J E/(E + E_1), and E exp(-t E/n)."""
+    t = np.geomspace(0.01, 10, 30)
+    instant, rest, tau = 1 / 140e3, 1 / 80e3, 1.75
+    found = relaxing(instant, 0.0, np.array([rest - instant, 0.0]), np.array([tau, 5.0]), t)
+    assert found == pytest.approx(80e3 + 60e3 * np.exp(-t / (tau * 80 / 140)), rel=1e-9)
+    assert relaxing(1 / 1e5, 1 / 2e5, np.zeros(2), np.ones(2), t) == pytest.approx(1e5 * np.exp(-t / 2), rel=1e-9)
+
+
+def test_a_converted_modulus_is_the_inverse_operator():
+    """int E(t - s) dJ(s) = 1 for any spectrum, by trapezoids."""
+    t = np.linspace(0, 20, 4001)
+    strengths, times = np.array([2e-6, 5e-6, 1e-6]), np.array([0.3, 2.0, 9.0])
+    creep = 6e-6 + 1e-7 * t + (strengths * (1 - np.exp(-t[:, None] / times))).sum(axis=1)
+    modulus = relaxing(6e-6, 1e-7, strengths, times, t)
+    middle = 0.5 * (modulus[1:] + modulus[:-1])
+    assert modulus[-1] * creep[0] + middle[::-1] @ np.diff(creep) == pytest.approx(1.0, rel=1e-4)

@@ -7,6 +7,7 @@ import pytest
 from palpate_testing import check_trajectory
 from palpate_trajectories import palpate_trajectories
 from palpate_trajectories.excitation import Chirp, MultiSine
+from palpate_trajectories.force_hold import ForceHold
 from palpate_trajectories.from_file import FromFile
 from palpate_trajectories.grid_points import GridPoints, short_way
 from palpate_trajectories.line_sweep import LineSweep
@@ -43,6 +44,10 @@ EXAMPLES = {
         LoadUnload(depth=0.013, speeds=(0.002, 0.0042, 0.02), cycles=2, surface=TILTED, place=(0.01, 0.02)),
     ],
     "compression": [Compression(), Compression(hold=2.0, thickness=0.03, strain=0.2, speed=0.001)],
+    "force-hold": [
+        ForceHold(force=2.0, depth=0.005, stiffness=2000.0, duration=8.0),
+        ForceHold(force=1.0, depth=0.003, stiffness=5000.0, duration=6.0, speed=0.003, surface=TILTED),
+    ],
     "ramp-hold": [
         RampHold(depths=(0.003,), hold=2.0),
         RampHold(depths=(0.002, 0.004), hold=1.5, speed=0.005, turn=0.2, surface=TILTED, place=(0.01, 0.0)),

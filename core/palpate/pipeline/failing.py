@@ -42,7 +42,7 @@ class Blame:
     def _named(self, part: Part) -> str:
         """``estimator 'mine' of plugin my_filter.py``."""
         entries = self.registry.parts.get(part.kind, {}).items()
-        found = next(((name, entry) for name, entry in entries if entry.part is type(part)), None)
+        found = next(((name, entry) for name, entry in entries if entry.is_of(type(part))), None)
         if found is None:
             return f"{part.kind} {type(part).__name__}"
         return f"{part.kind} {found[0]!r} of plugin {found[1].plugin.name}"

@@ -17,7 +17,7 @@ from palpate.errors import ConfigurationError, DeviceError
 from palpate.pipeline.guard import Guard
 from palpate.pipeline.interrupt import Interrupt
 from palpate.pipeline.live import LiveLinks
-from palpate.pipeline.readying import feel, hand_limits, ready, refuse_preload, stored_offset
+from palpate.pipeline.readying import feel, hand_limits, ready, refuse_leading, refuse_preload, stored_offset
 from palpate.pipeline.rig import Rig
 from palpate.pipeline.scheduling import undisturbed
 from palpate.pipeline.start import refuse_own_motion
@@ -84,6 +84,7 @@ class Flow:
                 _demand_willing(pipeline, trajectory)
                 for arm in arms:
                     stack.callback(arm.stop)
+                    refuse_leading(arm, trajectory)
                     arm.follow(trajectory)
             else:
                 durations = [d.duration for d in pipeline.devices.values() if d.duration is not None]

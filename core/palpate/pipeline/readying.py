@@ -11,15 +11,15 @@ import numpy as np
 
 from palpate.alignment import Port
 from palpate.config import Pipeline
-from palpate.device import Arm, Batch, Link
-from palpate.errors import DeviceError
+from palpate.device import Arm, Batch, Leadable, Link
+from palpate.errors import ConfigurationError, DeviceError
 from palpate.limiting import ForceWatch, Limited, Retreating, Sharing
 from palpate.pipeline.guard import Guard
 from palpate.pipeline.live import LiveLinks
 from palpate.pipeline.rig import Rig
 from palpate.pipeline.start import check_way
 from palpate.safety import SafetySettings
-from palpate.trajectory import Trajectory
+from palpate.trajectory import ForceLed, Trajectory
 from palpate.vectors import Floats
 
 _RETREAT, _SPEED = 0.5e-3, 2e-3  # [m], [m/s] of the way that is felt along
@@ -41,7 +41,8 @@ def hand_limits(links: Mapping[str, Link], guard: Guard, limits: SafetySettings)
         if isinstance(arm, Limited):
             arm.limit(limits.of_an_arm, guard.trip)
             if shared is not None:
-                arm.watch_force(ForceWatch(shared, channels, tare, limits.stop_force, port.signal.channel))
+                normal = channels.index(port.column), float(port.signal.sign)
+                arm.watch_force(ForceWatch(shared, channels, tare, limits.stop_force, port.signal.channel, *normal))
 
 
 @dataclass(frozen=True)
@@ -172,4 +173,13 @@ def compared(before: Floats, after: Floats, sign: float) -> Felt | None:
 def ready(arms: list[Arm], trajectory: Trajectory, limits: SafetySettings) -> None:
     """Raise DeviceError where the way of an arm to the start breaks a limit."""
     for arm in arms:
+        refuse_leading(arm, trajectory)
         check_way(arm, trajectory, limits)
+
+
+def refuse_leading(arm: Arm, trajectory: Trajectory) -> None:
+    """Raise ConfigurationError where a force leads the motion, and the arm cannot be led so."""
+    if isinstance(trajectory, ForceLed):
+        if not isinstance(arm, Leadable):
+            raise ConfigurationError(f"a force leads this motion, and {type(arm).__name__} cannot be led by one")
+        arm.refuse_law(trajectory.force_law)

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 from palpate import Command, Fact, FlagMeaning, lazily, plugin
 
 if TYPE_CHECKING:
-    from palpate import Device, Sink, Twin
-
     from palpate_devices.afm_replay import AfmReplay
     from palpate_devices.bota.device import BotaSensor
     from palpate_devices.csv_replay import CsvReplay
@@ -60,43 +58,36 @@ __all__ = [
 
 
 @plugin
-def palpate_devices() -> dict[str, type[Device]]:
+def palpate_devices() -> dict[str, str]:
     """Robots, sensors, simulated rigs and logs."""
-    from palpate_devices.afm_replay import AfmReplay
-    from palpate_devices.bota.device import BotaSensor
-    from palpate_devices.csv_replay import CsvReplay
-    from palpate_devices.mcap_replay import McapReplay
-    from palpate_devices.rdt.device import RdtSensor
-    from palpate_devices.ros2.device import Ros2Device
-    from palpate_devices.rosbag2_replay import Rosbag2Replay
-    from palpate_devices.sim import SimulatedRig
-    from palpate_devices.ur3e.device import UR
-
-    logs: dict[str, type[Device]] = {
-        "afm-replay": AfmReplay,
-        "csv-replay": CsvReplay,
-        "mcap-replay": McapReplay,
-        "rosbag2-replay": Rosbag2Replay,
+    return {
+        "sim": "palpate_devices.sim:SimulatedRig",
+        "ur": "palpate_devices.ur3e.device:UR",
+        "ur3e": "palpate_devices.ur3e.device:UR",
+        "bota": "palpate_devices.bota.device:BotaSensor",
+        "rdt": "palpate_devices.rdt.device:RdtSensor",
+        "ros2": "palpate_devices.ros2.device:Ros2Device",
+        "afm-replay": "palpate_devices.afm_replay:AfmReplay",
+        "csv-replay": "palpate_devices.csv_replay:CsvReplay",
+        "mcap-replay": "palpate_devices.mcap_replay:McapReplay",
+        "rosbag2-replay": "palpate_devices.rosbag2_replay:Rosbag2Replay",
     }
-    return {"sim": SimulatedRig, "ur": UR, "ur3e": UR, "bota": BotaSensor, "rdt": RdtSensor, "ros2": Ros2Device, **logs}
 
 
 @plugin
-def palpate_sinks() -> dict[str, type[Sink]]:
+def palpate_sinks() -> dict[str, str]:
     """Places to write to."""
-    from palpate_devices.csv_sink import CsvSink
-    from palpate_devices.mcap_sink import McapSink
-    from palpate_devices.ros2.sink import Ros2Sink
-
-    return {"mcap": McapSink, "csv": CsvSink, "ros2": Ros2Sink}
+    return {
+        "mcap": "palpate_devices.mcap_sink:McapSink",
+        "csv": "palpate_devices.csv_sink:CsvSink",
+        "ros2": "palpate_devices.ros2.sink:Ros2Sink",
+    }
 
 
 @plugin
-def palpate_twins() -> dict[str, type[Twin]]:
+def palpate_twins() -> dict[str, str]:
     """Robots and sensors in software that speak the protocols of the real ones."""
-    from palpate_devices.twins.bench import VirtualBench
-
-    return {"ur3e-bota": VirtualBench}
+    return {"ur3e-bota": "palpate_devices.twins.bench:VirtualBench"}
 
 
 @plugin

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping
@@ -12,11 +13,14 @@ import numpy as np
 from palpate import (
     Batch,
     Channel,
+    ConfigurationError,
     Delay,
     Device,
     Floats,
     Force,
     ForceDrift,
+    ForceLaw,
+    ForceLed,
     Frequency,
     Length,
     Link,
@@ -31,6 +35,8 @@ from palpate import (
 from pydantic import Field
 
 from palpate_devices.giving import giving_way
+from palpate_devices.leading import refusal
+from palpate_devices.led import led_motion
 from palpate_devices.motion import PositionLoop, TrackedMotion
 from palpate_devices.sensing import sensed_wrench
 from palpate_devices.specimen import Specimen
@@ -148,10 +154,19 @@ class _Rig:
 
     def __init__(self, settings: SimulatedRig, seed: int) -> None:
         self._settings = settings
-        streams = np.random.SeedSequence(seed).spawn(3)
-        self._force_noise, self._position_noise, self._velocity_noise = map(np.random.default_rng, streams)
+        streams = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(4))
+        self._force_noise, self._position_noise, self._velocity_noise, self._led_noise = streams
         self._stopped = threading.Event()
         self._trajectory: Trajectory | None = None
+
+    def refuse_law(self, law: ForceLaw) -> None:
+        """Whether a force may lead; see `palpate.Leadable`."""
+        settings = self._settings
+        text = refusal(law, math.inf, math.inf, math.inf, law.end)
+        if settings.specimen.unloading == "ting" or settings.series_stiffness is not None:
+            text = 'a force cannot lead with series_stiffness, nor on a specimen with unloading = "ting"'
+        if text is not None:
+            raise ConfigurationError(f"device sim: {text}")
 
     def follow(self, trajectory: Trajectory) -> None:
         """Start a motion."""
@@ -171,7 +186,12 @@ class _Rig:
         ticks = np.arange(int(np.floor(end * settings.rate)) + 1) / settings.rate
         setpoint = self._trajectory.at(ticks)
         loop = PositionLoop(settings.gain, settings.damping, settings.lag, 1.0 / settings.rate)
-        motion = loop.track(setpoint.position, setpoint.velocity)
+        if isinstance(self._trajectory, ForceLed):
+            noise = self._led_noise.standard_normal(len(ticks)) * settings.force_std
+            law = self._trajectory.force_law
+            motion, setpoint = led_motion(settings.specimen, loop, ticks, setpoint, law, noise)
+        else:
+            motion = loop.track(setpoint.position, setpoint.velocity)
         readings = np.arange(int(np.floor(ticks[-1] * settings.sensor_rate)) + 1) / settings.sensor_rate
         contact = self._contact(readings, motion)
         origin = time.time_ns() if settings.pace == "real-time" else 0

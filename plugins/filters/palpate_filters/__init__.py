@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from palpate import Command, Diagnosis, Fact, ReportSection, Template, lazily, plugin
 
 if TYPE_CHECKING:
-    from palpate import Estimator, FlagMeaning, Migration
+    from palpate import FlagMeaning, Migration
 
     from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
     from palpate_filters.filterpy_filter import FilterpyFilter
@@ -57,26 +57,18 @@ __all__ = [
 
 
 @plugin
-def palpate_estimators() -> dict[str, type[Estimator]]:
+def palpate_estimators() -> dict[str, str]:
     """Filters and fits."""
-    from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
-    from palpate_filters.filterpy_filter import FilterpyFilter
-    from palpate_filters.fit import CasadiFit
-    from palpate_filters.kinematic_filter import KinematicFilter
-    from palpate_filters.smoother import KinematicSmoother
-    from palpate_filters.ting_fit import TingFit
-    from palpate_filters.ukf import AdaptiveFadingUkf, UnscentedKalmanFilter
-
     return {
-        "ekf": ExtendedKalmanFilter,
-        "afekf": AdaptiveFadingEkf,
-        "ukf": UnscentedKalmanFilter,
-        "afukf": AdaptiveFadingUkf,
-        "filterpy": FilterpyFilter,
-        "kinematic-ekf": KinematicFilter,
-        "kinematic-smoother": KinematicSmoother,
-        "casadi-fit": CasadiFit,
-        "ting-fit": TingFit,
+        "ekf": "palpate_filters.ekf:ExtendedKalmanFilter",
+        "afekf": "palpate_filters.ekf:AdaptiveFadingEkf",
+        "ukf": "palpate_filters.ukf:UnscentedKalmanFilter",
+        "afukf": "palpate_filters.ukf:AdaptiveFadingUkf",
+        "filterpy": "palpate_filters.filterpy_filter:FilterpyFilter",
+        "kinematic-ekf": "palpate_filters.kinematic_filter:KinematicFilter",
+        "kinematic-smoother": "palpate_filters.smoother:KinematicSmoother",
+        "casadi-fit": "palpate_filters.fit.estimator:CasadiFit",
+        "ting-fit": "palpate_filters.ting_fit:TingFit",
     }
 
 

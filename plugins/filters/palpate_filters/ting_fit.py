@@ -166,7 +166,7 @@ class _TingTracker:
         effective = max(n * (1 - max(lag, 0.0)) / (1 + max(lag, 0.0)), count + 2.0)
         power = float(left @ left) / max(n - count - 1, 1)
         covariance = np.linalg.pinv(found.jac.T @ found.jac) * power * n / effective
-        spread = np.sqrt(np.diag(covariance))
+        spread = np.sqrt(np.where(np.diag(covariance) > 0, np.diag(covariance), np.inf))
         std = np.zeros(len(theta))
         std[self._free] = theta[self._free] * np.expm1(_QUANTILE * spread[:count]) / _QUANTILE
         for column, value in ((idle.values, theta), (idle.std, std)):

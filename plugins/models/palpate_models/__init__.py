@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from palpate import Command, lazily, plugin
 
 if TYPE_CHECKING:
-    from palpate import ContactModel, Indenter
+    from palpate import Indenter
 
     from palpate_models.adhesion import DerjaguinMullerToporov, JohnsonKendallRoberts
     from palpate_models.arms import Burgers, GeneralisedMaxwell2, GeneralisedMaxwell3, GeneralisedMaxwell4
@@ -122,36 +122,26 @@ def palpate_indenters() -> dict[str, type[Indenter]]:
 
 
 @plugin
-def palpate_models() -> dict[str, type[ContactModel]]:
+def palpate_models() -> dict[str, str]:
     """Contact models."""
-    from palpate_models.adhesion import DerjaguinMullerToporov, JohnsonKendallRoberts
-    from palpate_models.arms import Burgers, GeneralisedMaxwell2, GeneralisedMaxwell3, GeneralisedMaxwell4
-    from palpate_models.compression import Compression
-    from palpate_models.dimensionality_reduction import DimensionalityReduction
-    from palpate_models.fractional import FractionalKelvinVoigt, PowerLaw
-    from palpate_models.hunt_crossley import FreeHuntCrossley, HuntCrossley
-    from palpate_models.kelvin_voigt import KelvinVoigt
-    from palpate_models.poroelastic import Poroelastic
-    from palpate_models.relaxation import DimensionalityReductionMaxwell, Maxwell, StandardLinearSolid
-
     return {
-        "dimensionality-reduction": DimensionalityReduction,
-        "standard-linear-solid": StandardLinearSolid,
-        "dimensionality-reduction-maxwell": DimensionalityReductionMaxwell,
-        "maxwell": Maxwell,
-        "generalised-maxwell-2": GeneralisedMaxwell2,
-        "generalised-maxwell-3": GeneralisedMaxwell3,
-        "generalised-maxwell-4": GeneralisedMaxwell4,
-        "burgers": Burgers,
-        "power-law": PowerLaw,
-        "fractional-kelvin-voigt": FractionalKelvinVoigt,
-        "poroelastic": Poroelastic,
-        "kelvin-voigt": KelvinVoigt,
-        "hunt-crossley": HuntCrossley,
-        "hunt-crossley-free": FreeHuntCrossley,
-        "compression": Compression,
-        "dmt": DerjaguinMullerToporov,
-        "jkr": JohnsonKendallRoberts,
+        "dimensionality-reduction": "palpate_models.dimensionality_reduction:DimensionalityReduction",
+        "standard-linear-solid": "palpate_models.relaxation:StandardLinearSolid",
+        "dimensionality-reduction-maxwell": "palpate_models.relaxation:DimensionalityReductionMaxwell",
+        "maxwell": "palpate_models.relaxation:Maxwell",
+        "generalised-maxwell-2": "palpate_models.arms:GeneralisedMaxwell2",
+        "generalised-maxwell-3": "palpate_models.arms:GeneralisedMaxwell3",
+        "generalised-maxwell-4": "palpate_models.arms:GeneralisedMaxwell4",
+        "burgers": "palpate_models.arms:Burgers",
+        "power-law": "palpate_models.fractional:PowerLaw",
+        "fractional-kelvin-voigt": "palpate_models.fractional:FractionalKelvinVoigt",
+        "poroelastic": "palpate_models.poroelastic:Poroelastic",
+        "kelvin-voigt": "palpate_models.kelvin_voigt:KelvinVoigt",
+        "hunt-crossley": "palpate_models.hunt_crossley:HuntCrossley",
+        "hunt-crossley-free": "palpate_models.hunt_crossley:FreeHuntCrossley",
+        "compression": "palpate_models.compression:Compression",
+        "dmt": "palpate_models.adhesion:DerjaguinMullerToporov",
+        "jkr": "palpate_models.adhesion:JohnsonKendallRoberts",
     }
 
 

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 from palpate import Command, Migration, lazily, plugin
 
 if TYPE_CHECKING:
-    from palpate import Trajectory
-
     from palpate_trajectories.excitation import Chirp, MultiSine
+    from palpate_trajectories.force_hold import ForceHold
     from palpate_trajectories.from_file import FromFile
     from palpate_trajectories.grid_points import GridPoints
     from palpate_trajectories.line_sweep import LineSweep
@@ -25,6 +24,7 @@ __getattr__ = lazily(
     __name__,
     {
         "palpate_trajectories.excitation": "Chirp MultiSine",
+        "palpate_trajectories.force_hold": "ForceHold",
         "palpate_trajectories.from_file": "FromFile",
         "palpate_trajectories.grid_points": "GridPoints",
         "palpate_trajectories.line_sweep": "LineSweep",
@@ -41,6 +41,7 @@ __getattr__ = lazily(
 __all__ = [
     "Chirp",
     "Compression",
+    "ForceHold",
     "FromFile",
     "GridPoints",
     "LineSweep",
@@ -56,34 +57,23 @@ __all__ = [
 
 
 @plugin
-def palpate_trajectories() -> dict[str, type[Trajectory]]:
+def palpate_trajectories() -> dict[str, str]:
     """Motions."""
-    from palpate_trajectories.excitation import Chirp, MultiSine
-    from palpate_trajectories.from_file import FromFile
-    from palpate_trajectories.grid_points import GridPoints
-    from palpate_trajectories.line_sweep import LineSweep
-    from palpate_trajectories.load_unload import Compression, LoadUnload
-    from palpate_trajectories.moved import Moved
-    from palpate_trajectories.point import Point
-    from palpate_trajectories.ramp_hold import RampHold
-    from palpate_trajectories.raster import Raster
-    from palpate_trajectories.shake import Shake
-    from palpate_trajectories.stay import Stay
-
     return {
-        "point": Point,
-        "load-unload": LoadUnload,
-        "compression": Compression,
-        "ramp-hold": RampHold,
-        "multi-sine": MultiSine,
-        "chirp": Chirp,
-        "line-sweep": LineSweep,
-        "raster": Raster,
-        "grid-points": GridPoints,
-        "from-file": FromFile,
-        "shake": Shake,
-        "stay": Stay,
-        "moved": Moved,
+        "point": "palpate_trajectories.point:Point",
+        "load-unload": "palpate_trajectories.load_unload:LoadUnload",
+        "compression": "palpate_trajectories.load_unload:Compression",
+        "ramp-hold": "palpate_trajectories.ramp_hold:RampHold",
+        "force-hold": "palpate_trajectories.force_hold:ForceHold",
+        "multi-sine": "palpate_trajectories.excitation:MultiSine",
+        "chirp": "palpate_trajectories.excitation:Chirp",
+        "line-sweep": "palpate_trajectories.line_sweep:LineSweep",
+        "raster": "palpate_trajectories.raster:Raster",
+        "grid-points": "palpate_trajectories.grid_points:GridPoints",
+        "from-file": "palpate_trajectories.from_file:FromFile",
+        "shake": "palpate_trajectories.shake:Shake",
+        "stay": "palpate_trajectories.stay:Stay",
+        "moved": "palpate_trajectories.moved:Moved",
     }
 
 

@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+import time
 from pathlib import Path
 
 import pytest
@@ -56,18 +57,27 @@ def publish(tmp_path, domain):
 
 
 @pytest.fixture
-def subscribe(domain):
+def subscribe(tmp_path, domain):
     """Starts a subscriber of topics; what it returns ends it, and gives the parts of each message it was sent."""
     program = built("subscriber")
     with contextlib.ExitStack() as stack:
 
         def start(*topics):
             command = [str(program), str(domain), "60", *topics]
-            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+            heard = tmp_path / f"heard{next(_numbers)}"  # a pipe that nobody empties would hold it up
+            with heard.open("w") as file:
+                process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=file, text=True)
             stack.callback(process.wait)
             stack.callback(process.kill)
-            assert process.stdout.readline() == "ready\n"
-            return lambda: [line.split("\t") for line in process.communicate("\n")[0].splitlines()]
+            while not heard.read_text().startswith("ready\n"):
+                assert process.poll() is None
+                time.sleep(0.01)
+
+            def end():
+                process.communicate("\n")
+                return [line.split("\t") for line in heard.read_text().splitlines()[1:]]
+
+            return end
 
         yield start
 

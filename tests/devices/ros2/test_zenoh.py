@@ -200,6 +200,14 @@ def test_nobody_is_told_with_the_router_to_look_for(port):
         pass
 
 
+def test_a_peer_that_is_none_is_told_without_zenohs_own_source(port):
+    with (
+        pytest.raises(DeviceError, match=r"zenoh does not come up: .* foo protocol; peers are \['foo/bar:1'\]$"),
+        device(port, peers=("foo/bar:1",)).connect(0),
+    ):
+        pass
+
+
 @pytest.mark.live
 def test_a_publisher_that_is_killed_and_comes_back_with_another_type(publish, port):
     first = publish(wrenches(10.0))

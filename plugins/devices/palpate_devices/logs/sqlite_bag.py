@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+import struct
 from collections.abc import Iterator, Mapping, Set
 from contextlib import closing, contextmanager
 from functools import cached_property
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from palpate import LogError, printable
@@ -108,6 +110,8 @@ class SqliteBag:
                 with path.open("rb") as file:
                     if file.read(len(_MAGIC)) != _MAGIC:
                         raise LogError(f"{self.path}: is no rosbag2 database")
+                    if (missing := _missing(file)) and not journals(self.path):
+                        raise sqlite3.DatabaseError(f"its last {missing} bytes are missing")
                 with closing(_connected(path, "mode=ro&immutable=1" if path == self.path else "mode=rw")) as database:
                     check_tables(database, self.path)
                     yield database
@@ -126,6 +130,16 @@ class SqliteBag:
         else:
             unpack(self.path, target, kind, _MAGIC)
         return target
+
+
+def _missing(file: IO[bytes]) -> int:
+    """How many bytes a database is shorter than it says [bytes]: SQLite takes what a cut page lacks for zeros."""
+    file.seek(0)
+    head = file.read(100)
+    if len(head) < 100 or head[24:28] != head[92:96]:  # the number of pages is out of date
+        return 0
+    page, pages = struct.unpack_from(">H10xI", head, 16)
+    return max((65536 if page == 1 else int(page)) * int(pages) - file.seek(0, 2), 0)
 
 
 def _connected(path: Path, mode: str) -> sqlite3.Connection:

@@ -159,7 +159,9 @@ def session(network: Network) -> Any:
     try:
         return zenoh.open(_configuration(network))
     except (zenoh.ZError, OSError) as error:
-        raise DeviceError(f"zenoh does not come up: {error}") from error
+        why = str(error).partition(" at /")[0]  # and where in zenoh's source
+        where = f" as {_CONFIGURED} says ({os.environ[_CONFIGURED]})" if _CONFIGURED in os.environ else ""
+        raise DeviceError(f"zenoh does not come up{where}: {why}; peers are {_peers(network)}") from error
 
 
 def _configuration(network: Network) -> Any:
@@ -170,7 +172,7 @@ def _configuration(network: Network) -> Any:
     config = Config()
     settings = {
         "mode": "peer",
-        "connect/endpoints": [endpoint(peer) for peer in network.peers] or [_ROUTER],
+        "connect/endpoints": _peers(network),
         "connect/timeout_ms": _CONNECTING,
         "connect/exit_on_failure": False,
         "listen/endpoints": ["tcp/localhost:0"],
@@ -180,6 +182,10 @@ def _configuration(network: Network) -> Any:
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
+
+
+def _peers(network: Network) -> list[str]:
+    return [endpoint(peer) for peer in network.peers] or [_ROUTER]
 
 
 def endpoint(peer: str) -> str:

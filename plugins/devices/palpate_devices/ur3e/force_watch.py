@@ -18,7 +18,9 @@ class ForceEye:
     def __init__(self, descriptor: int, facts: dict[str, Any]) -> None:
         self._ring = Ring(descriptor, facts["columns"], facts["rows"])
         self._columns = [facts["first"] + channel for channel in facts["channels"]]
-        self._tare, self._stop, self._name = np.array(facts["tare"]), facts["stop"], facts["name"]
+        self._tare, self.stop, self._name = np.array(facts["tare"]), facts["stop"], facts["name"]
+        self._normal, self._sign = facts.get("normal", 0), facts.get("sign", 1.0)
+        self.felt: float | None = None  # [N] along the normal, mean of the latest look; None where nothing had come
         self._ring.read()
         self._began = self._heard = self._count = 0
 
@@ -32,13 +34,15 @@ class ForceEye:
         self._began = self._began or now
         self._heard = self._heard or now
         rows = self._ring.read()
+        self.felt = None
         if not len(rows):
             return None
         self._heard, self._count = now, self._count + len(rows)
-        felt = np.abs(rows[:, self._columns] - self._tare)
-        largest = float(felt.max())
-        if not largest <= self._stop:
+        tared = rows[:, self._columns] - self._tare
+        largest = float(np.abs(tared).max())
+        self.felt = self._sign * float(tared[:, self._normal].mean())
+        if not largest <= self.stop:
             if largest != largest:
                 return f"a reading of {self._name} is over range or invalid"
-            return f"the force is {largest:.1f} N, over the limit of {self._stop:g} N that stops the motion"
+            return f"the force is {largest:.1f} N, over the limit of {self.stop:g} N that stops the motion"
         return None

@@ -10,8 +10,20 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from palpate import ArmLimits, Batch, DeviceError, Floats, ForceWatch, Setpoint, Trajectory
+from palpate import (
+    ArmLimits,
+    Batch,
+    ConfigurationError,
+    DeviceError,
+    Floats,
+    ForceLaw,
+    ForceLed,
+    ForceWatch,
+    Setpoint,
+    Trajectory,
+)
 
+from palpate_devices.leading import refusal
 from palpate_devices.process.child import Child
 from palpate_devices.process.clock import ClockMap, epoch_offset
 from palpate_devices.process.lateness import lateness_table
@@ -45,6 +57,7 @@ class URLink:
         self._position: Floats | None = None
         self._rotation = np.eye(3)  # of the tool in the base, the latest
         self._limits: ArmLimits | None = None
+        self._stop_force: float | None = None
         self._trip: Callable[[str], None] | None = None
         self._stopped: dict[str, Any] = {}  # why it stopped by itself, and when
         self._turned = np.array([1.0, 1e-3, 1e-6, 1e-9])  # the first quaternion's largest part is positive
@@ -61,7 +74,18 @@ class URLink:
         """Stop by itself at a force; see `palpate.Limited`."""
         readings = asdict(watch.readings)
         facts = {"channels": watch.channels, "tare": watch.tare, "stop": watch.stop, "name": watch.name}
+        facts |= {"normal": watch.normal, "sign": watch.sign}
+        self._stop_force = watch.stop
         self._child.hand_over("watch", readings.pop("descriptor"), **readings, **facts)
+
+    def refuse_law(self, law: ForceLaw) -> None:
+        """Whether a force may lead; see `palpate.Leadable`. The process that sends the commands asks again."""
+        limits = self._limits
+        if limits is None:
+            raise ConfigurationError(f"{self._child.name}: a force leads under the limits of [safety] only")
+        text = refusal(law, self._stop_force, limits.speed, limits.acceleration, law.end)
+        if text is not None:
+            raise ConfigurationError(f"{self._child.name}: {text}")
 
     def retreat(self, way: float, speed: float) -> float:
         """Go outwards by at most so much; see `palpate.Retreating`."""
@@ -121,7 +145,8 @@ class URLink:
         memory = shared_memory(table.nbytes)
         try:
             os.pwrite(memory, np.ascontiguousarray(table).tobytes(), 0)
-            self._child.hand_over("follow", memory, rows=len(table))
+            law = asdict(trajectory.force_law) if isinstance(trajectory, ForceLed) else None
+            self._child.hand_over("follow", memory, rows=len(table), law=law)
         finally:
             os.close(memory)
 

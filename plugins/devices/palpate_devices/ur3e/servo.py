@@ -6,11 +6,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from palpate import Floats
+from palpate import Floats, ForceLaw
 
+from palpate_devices.leading import ForceLead
 from palpate_devices.ur3e.layout import SETPOINT
 
 PERIOD = 0.002  # [s]
+_Z, _VZ = SETPOINT["position"].start + 2, SETPOINT["velocity"].start + 2
 _SHORTEST = 0.15  # [s] of a way, however short
 _MOST_BEHIND = 25.0  # periods; what is later is not made up for
 _HASTE = 0.1  # by so large a part a motion may be faster than planned, to make up for what the host held up
@@ -80,6 +82,7 @@ class Commander:
         self._table: Floats = np.zeros((0, SETPOINT.size))
         self._row, self._haste, self._behind = 0.0, 0.0, 0.0  # periods
         self._way: list[tuple[Floats, Floats]] = []
+        self.lead: ForceLead | None = None  # what the force makes of the table, which then is an envelope
         self.home: Floats | None = None  # where the motion began
         self.mode = "hold"  # "hold", "retreat", "stay", "approach", "follow", "retract", "done"
 
@@ -87,7 +90,10 @@ class Commander:
     def setpoint(self) -> Floats:
         """Position, velocity (3 + 3) and whether it is meant for estimation, as of now."""
         if self.mode == "follow" and len(self._table):
-            return self._in_table()
+            row = self._in_table()
+            if self.lead is not None:
+                row[_Z], row[_VZ] = self.lead.height, self.lead.speed
+            return row
         return np.array([*self.command, *self._speed, 0.0])
 
     def held_up(self, periods: int) -> None:
@@ -120,8 +126,12 @@ class Commander:
         self._set_out(self.command + np.array([0.0, 0.0, length]), law, 0.0)
         self.mode = "retreat"
 
-    def follow(self, table: Floats) -> None:
-        """Go to the first setpoint, then through the table (n, 7): position, velocity, measuring."""
+    def follow(self, table: Floats, law: ForceLaw | None = None) -> None:
+        """Go to the first setpoint, then through the table (n, 7): position, velocity, measuring.
+
+        With a law the force leads, and the table is the envelope.
+        """
+        self.lead = None if law is None else ForceLead.of(law, table[:, _Z], PERIOD)
         self._table, self._row, self._behind, self.mode = table, 0.0, 0.0, "approach"
         fastest = (
             float(np.linalg.norm(np.diff(table[:, SETPOINT["position"]], axis=0), axis=1).max(initial=0.0)) / PERIOD
@@ -141,6 +151,12 @@ class Commander:
             self.mode = "retract"
         elif self.mode == "hold":
             self.mode = "done"
+
+    def led_astray(self, height: float) -> str | None:
+        """Why the force must not lead on, with the tip at a height [m]; None where it may, or does not lead."""
+        if self.lead is None or self.mode != "follow":
+            return None
+        return self.lead.fault(self._row * PERIOD, height)
 
     def take_back(self) -> None:
         """The latest command was not sent."""
@@ -167,6 +183,8 @@ class Commander:
     def _follow(self, position: Floats, velocity: Floats) -> None:
         law = self.law
         row, before = self._in_table(), self.command
+        if self.lead is not None:
+            row[_Z], row[_VZ] = self.lead.next(self._row * PERIOD, float(row[_Z]))
         faster = min(self._haste, self._behind)
         if law.control == "pd":
             wanted, rate = row[SETPOINT["position"]], row[SETPOINT["velocity"]] * (1.0 + faster)

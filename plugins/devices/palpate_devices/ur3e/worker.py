@@ -12,8 +12,9 @@ import time
 from typing import Any, NoReturn
 
 import numpy as np
-from palpate import Floats
+from palpate import Floats, ForceLaw
 
+from palpate_devices.leading import refusal
 from palpate_devices.process.child import Parent, real_time
 from palpate_devices.process.ring import Ring
 from palpate_devices.ur3e.client import missing
@@ -117,6 +118,8 @@ class _Loop:
             self._fence.taken_back()
         elif commander.mode in _MOVING:
             verdict = self._fence.in_motion(commander.command, seen)
+            if verdict is None and (text := commander.led_astray(float(seen.position[2]))) is not None:
+                verdict = Verdict(text)
         if verdict is not None:
             self._stop_for(verdict, commander)
 
@@ -130,7 +133,10 @@ class _Loop:
     def _look_at_force(self, commander: Commander, now: int) -> None:
         if self._eye is None or commander.mode not in _MOVING:
             return
-        if (text := self._eye.look(now)) is not None:
+        text = self._eye.look(now)
+        if commander.lead is not None:
+            commander.lead.hear(self._eye.felt)
+        if text is not None:
             self._parent.tell("limit", text=text, at=time.monotonic_ns())
             commander.retract()
 
@@ -204,10 +210,21 @@ class _Loop:
                     commander.retreat(message["way"], message["speed"])
                     return
                 table = _table(self._parent.descriptors.pop(0), message["rows"])
-                if (verdict := self._fence.table(table)) is not None:
-                    self._refuse(verdict.text, commander)
+                law = None if message.get("law") is None else ForceLaw(**message["law"])
+                verdict = self._fence.table(table)
+                text = verdict.text if verdict is not None else self._refusal(law, len(table) * PERIOD)
+                if text is not None:
+                    self._refuse(text, commander)
                 else:
-                    commander.follow(table)
+                    commander.follow(table, law)
+
+    def _refusal(self, law: ForceLaw | None, duration: float) -> str | None:
+        """Why a force must not lead; None where it may, or none does."""
+        limits = self._fence.limits
+        if law is None or limits is None:  # without limits nothing moves at all
+            return None
+        stop = None if self._eye is None else self._eye.stop
+        return refusal(law, stop, limits["speed"], limits["acceleration"], duration)
 
     def _refuse(self, text: str, commander: Commander) -> None:
         """Nothing of a motion is done."""

@@ -22,7 +22,7 @@ _FARTHEST = 0.1  # of a value; a correction beyond that is no first order
 
 def height_noise(record: FitRecord) -> float:
     """Standard deviation [m] of white noise on the height, by its third differences."""
-    return noise_of(record.height[record.used])
+    return noise_of(record.height if record.used.all() else record.height[record.used])
 
 
 def force_noise(residual: Residual, record: FitRecord, x: Floats, surface: int) -> float:

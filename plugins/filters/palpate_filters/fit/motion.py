@@ -14,6 +14,7 @@ _SHORTEST = 5  # samples
 _LONGEST = 0.2  # [s] that the window is widened to by itself
 _NOISE_SHARE = 0.02  # of the RMS rate, below which noise of the rate no longer bends an estimate
 _GAP = 5.0  # median intervals
+_AT_ONCE = 65_536  # samples whose differences are taken at once
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,13 @@ def _odd(width: float) -> int:
 
 def noise_of(values: Floats) -> float:
     """Standard deviation [as values] of white noise that would give the third differences of a record."""
-    differences = np.diff(values, 3)
-    differences = differences[np.isfinite(differences)]
-    return float(np.sqrt(np.mean(differences**2) / 20.0)) if len(differences) else np.inf
+    total, count = 0.0, 0
+    for start in range(0, max(len(values) - 3, 0), _AT_ONCE):
+        differences = np.diff(values[start : start + _AT_ONCE + 3], 3)
+        known = np.isfinite(differences)
+        differences = differences if known.all() else differences[known]
+        total, count = total + float(np.sum(differences**2)), count + len(differences)
+    return float(np.sqrt(total / count / 20.0)) if count else np.inf
 
 
 def _variances(noise: tuple[float, float], width: int, interval: float) -> tuple[float, float]:
@@ -85,8 +90,11 @@ def _motion(samples: Samples, interval: float, width: int) -> TipTravel:
         velocity = samples.velocity[rows]
         smooth[rows] = local_cubic(np.where(np.isfinite(velocity), velocity, slope[rows]), fitting, 0)
         acceleration[rows] = local_cubic((1 - share) * slope[rows] + share * smooth[rows], fitting, 1) / step
-    rate = (1 - share) * slope + share * smooth
-    return TipTravel(-rate, -acceleration, width * interval)
+    slope *= share - 1
+    smooth *= share
+    slope -= smooth  # minus the rate of the height
+    np.negative(acceleration, out=acceleration)
+    return TipTravel(slope, acceleration, width * interval)
 
 
 def _stretches(intervals: Floats, usual: float) -> Iterator[slice]:

@@ -59,7 +59,7 @@ class FitRecord:
         """(n,) samples that count."""
         return self.weight > 0
 
-    def selected(self, rows: NDArray[Any]) -> FitRecord:
+    def selected(self, rows: NDArray[Any] | slice) -> FitRecord:
         """Some of the samples, which keep their history."""
         history = None if self.history is None else self.history[rows]
         height, rate, acceleration, force, time, weight = (part[rows] for part in self.parts)

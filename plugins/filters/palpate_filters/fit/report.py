@@ -15,6 +15,7 @@ from palpate_filters.fit.budget import Sensitivities, row, shift_of
 from palpate_filters.fit.height_noise import force_noise
 from palpate_filters.fit.identifiability import INDISTINCT, identifiability
 from palpate_filters.fit.profile import ProfileIntervals
+from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.refusal import NotFitted
 from palpate_filters.fit.residual import touching
 from palpate_filters.fit.summary import fit_report
@@ -27,6 +28,7 @@ _LONG_CORRELATION = 50.0  # samples
 _AT_EDGE = 1e-3  # standard deviations
 _USELESS = 0.5  # relative standard deviation of an elastic parameter
 _PROBE = 1e-4  # [s]
+_AT_ONCE = 65_536  # samples
 
 
 @dataclass(frozen=True)
@@ -53,11 +55,8 @@ def estimates_of(fit: Fit) -> Estimates:
     values, std = empty.values, empty.std
     values[rows], std[rows] = x[:k], total[:k]
     empty.surface[rows], empty.surface_std[rows] = x[k], total[k]
-    error, force = _reconstruction(fit)
-    empty.force[rows] = force
-    noise = judged.scatter.rss / max(judged.scatter.samples - len(fit.residual.free), 1)
-    empty.nis[rows] = error**2 / noise if noise > 0 else np.nan
-    empty.innovation[rows] = error / np.sqrt(noise) if noise > 0 else np.nan  # of a fit: its residual
+    freedom = max(judged.scatter.samples - len(fit.residual.free), 1)
+    _reconstruct(fit, judged.scatter.rss / freedom, empty)
     empty.status[rows] = 0
     details = _details(judged, total)
     return replace(
@@ -69,10 +68,29 @@ def estimates_of(fit: Fit) -> Estimates:
     )
 
 
-def _reconstruction(fit: Fit) -> tuple[Floats, Floats]:
-    """Weighted residual and contact force of the model (m,) at the fitted samples."""
-    record, x, k = fit.record, fit.solution.x, len(fit.problem.model.parameters)
-    error = fit.residual.errors(record, x)
+def _reconstruct(fit: Fit, noise: float, estimates: Estimates) -> None:
+    """Write contact force, NIS and residual over its size of the fitted samples, some thousand at a time."""
+    record, x = fit.record, fit.solution.x
+    if record.history is not None or not record.used.all():
+        parts: Iterator[tuple[FitRecord, Floats]] = iter([(record, fit.residual.errors(record, x))])
+    else:
+        pieces = (record.selected(slice(i, i + _AT_ONCE)) for i in range(0, len(record), _AT_ONCE))
+        parts = ((piece, fit.residual.errors(piece, x)) for piece in pieces)
+    everything, begin = bool(fit.rows.all()), 0
+    places = None if everything else np.flatnonzero(fit.rows)
+    for part, errors in parts:
+        error, force = _reconstruction(fit, part, errors)
+        end = begin + len(error)
+        rows: Any = slice(begin, end) if places is None else places[begin:end]
+        begin = end
+        estimates.force[rows] = force
+        estimates.nis[rows] = error**2 / noise if noise > 0 else np.nan
+        estimates.innovation[rows] = error / np.sqrt(noise) if noise > 0 else np.nan  # of a fit: its residual
+
+
+def _reconstruction(fit: Fit, record: FitRecord, error: Floats) -> tuple[Floats, Floats]:
+    """Weighted residual and contact force of the model (m,) at the fitted samples of a part of the record."""
+    x, k = fit.solution.x, len(fit.problem.model.parameters)
     weight = np.where(record.used, record.weight, 1.0)
     bias, slope, mass = (x[k + EXTRAS.index(name)] for name in ("bias", "slope", "tip_mass"))
     force = error / weight + record.force - mass * record.acceleration - bias - slope * record.time
@@ -170,15 +188,16 @@ def _details(judged: _Judged, total: Floats) -> dict[str, Any]:
     free, names = list(fit.residual.free), fit.unknowns.names
     count, n = len(free) + 1, found.samples  # the noise is a parameter, too
     likelihood = n * float(np.log(max(found.rss / n, 1e-300)))
-    depth = fit.solution.x[fit.unknowns.index("surface")] - fit.record.height[fit.record.used]
+    record, used = fit.record, fit.record.used
+    lowest = float(np.min(record.height, where=used, initial=np.inf))
     details = {
         "solver": fit.solver,
         "evaluations": fit.solution.evaluations,
         "segment": fit.settings.segment,
         "samples": n,
         "cycles": fit.course.cycles,
-        "depth": float(depth.max()),
-        "rate_rms": float(np.sqrt(np.mean(fit.record.rate[fit.record.used] ** 2))),
+        "depth": float(fit.solution.x[fit.unknowns.index("surface")]) - lowest,
+        "rate_rms": _rms(record.rate if used.all() else record.rate[used]),
         "smoothing": fit.motion.window,
         "unknowns": _table(judged, total),
         "covariance": {"names": [names[i] for i in free], "matrix": found.covariance.tolist()},
@@ -205,6 +224,10 @@ def _details(judged: _Judged, total: Floats) -> dict[str, Any]:
             fit.settings.seed, fit.settings.confidence,
         )  # fmt: skip
     return details
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(values @ values / len(values)))
 
 
 def _table(judged: _Judged, total: Floats) -> dict[str, Any]:

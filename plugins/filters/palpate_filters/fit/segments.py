@@ -62,7 +62,7 @@ class RecordCourse:
 
     touch: float  # [m] height of the tip at the first sample in contact
     deepest: float  # [m] lowest height in contact
-    cycle: NDArray[np.int64]  # (n,) from 1; 0 before the first
+    cycle: NDArray[np.int32]  # (n,) from 1; 0 before the first
 
     @property
     def travel(self) -> float:
@@ -92,14 +92,14 @@ def passage(samples: Samples) -> RecordCourse:
     first = int(np.argmax(touching))
     begins = touching & ~np.concatenate([[False], touching[:-1]])
     # A new cycle begins halfway in the air between two touches, so that each has its approach.
-    cycle = np.zeros(len(samples), np.int64)
+    cycle = np.zeros(len(samples), np.int32)
     starts = np.flatnonzero(begins)
     ends = np.flatnonzero(touching & ~np.concatenate([touching[1:], [False]]))
     middle = (ends[:-1] + starts[1:] + 1) // 2
     cycle[0] = 1
     cycle[middle] += 1
     return RecordCourse(
-        float(samples.position[first]), float(samples.position[touching].min()), np.cumsum(cycle, dtype=np.int64)
+        float(samples.position[first]), float(samples.position[touching].min()), np.cumsum(cycle, dtype=np.int32)
     )
 
 

@@ -185,7 +185,8 @@ class FitTracker:
         keep, remembers = rows.copy(), bool(self._problem.model.memory)
         if remembers:
             keep[: int(np.flatnonzero(rows)[-1]) + 1] = True
-        force = np.where(np.isfinite(samples.force), samples.force, 0.0)
+        known = np.isfinite(samples.force)
+        force = samples.force if known.all() else np.where(known, samples.force, 0.0)
         columns: tuple[Floats, ...] = (samples.position, motion.rate, motion.acceleration, force, samples.time, weight)
         if not keep.all():
             columns = tuple(column[keep] for column in columns)

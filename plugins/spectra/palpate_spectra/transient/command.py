@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from palpate import ConfigurationError, Flag, to_si
+from palpate import ConfigurationError, Flag, Floats, to_si
 from palpate.host import (
     FormatOption,
     JsonOption,
@@ -84,6 +84,7 @@ def _unit(found: Curve) -> tuple[float, str, str]:
 def curve_table(found: Curve) -> Table:
     """The curve with its uncertainty, and that of the noise alone."""
     factor, unit, letter = _unit(found)
+    moduli = [[measured(1e-3 * value, 1e-3 * std)] for value, std in zip(*(part.tolist() for part in found.modulus))]
     rows = [
         [f"{t:.3g}", measured(factor * value, factor * std), f"{factor * noise:.2g}", f"{100 * (step - 1):+.2g}"]
         for t, value, std, noise, step in zip(
@@ -95,7 +96,10 @@ def curve_table(found: Curve) -> Table:
     depth = found.pressed.depth(found.rig.surface, found.rig.compliance)[hold.rows]
     force = found.pressed.force[hold.rows]
     at = f"a force of {force.mean():.3g} N" if found.creeps else f"a depth of {1e3 * depth.mean():.3g} mm"
-    return Table.of(f"held at {at}", ["t\ns", f"{letter}(t)\n{unit}", f"noise\n{unit}", "ramp\n%"], rows, [])
+    heads = ["t\ns", f"{letter}(t)\n{unit}", f"noise\n{unit}", "ramp\n%"]
+    if found.creeps:
+        heads, rows = [*heads, "E(t)\nkPa"], [[*row, *more] for row, more in zip(rows, moduli, strict=True)]
+    return Table.of(f"held at {at}", heads, rows, [])
 
 
 def decade_table(found: Curve) -> Table:
@@ -123,7 +127,9 @@ def sentence(found: Curve) -> str:
 def _curve_rows(found: Curve) -> tuple[list[str], list[list[float]]]:
     name, unit = ("J", "per_Pa") if found.creeps else ("E", "Pa")
     heads = ["time_s", f"{name}_{unit}", f"{name}_std_{unit}", f"{name}_noise_std_{unit}", "ramp_correction"]
-    columns = (found.time, found.value, found.std, found.noise, found.correction)
+    columns: tuple[Floats, ...] = (found.time, found.value, found.std, found.noise, found.correction)
+    if found.creeps:
+        heads, columns = [*heads, "E_Pa", "E_std_Pa"], (*columns, *found.modulus)
     return heads, [list(row) for row in zip(*(column.tolist() for column in columns), strict=True)]
 
 

@@ -45,9 +45,14 @@ class Bins:
         return np.repeat(np.arange(len(self.begins)), self.counts)
 
 
-def logarithmic(time: Floats, first: int, end: int, origin: float, per_decade: int) -> Bins:
-    """Bins of the rows from `first` to `end`, so many for each decade of the time since an origin [s]."""
+def logarithmic(time: Floats, first: int, end: int, origin: float, per_decade: int, least: int = 1) -> Bins:
+    """Bins of the rows from `first` to `end`, so many a decade of the time since an origin [s], of `least` rows."""
     place = np.floor(per_decade * np.log10(np.maximum(time[first:end] - origin, 1e-9))).astype(int)
     begins = np.concatenate([[0], np.flatnonzero(np.diff(place) != 0) + 1])
+    kept = [0]
+    for begin in begins[1:].tolist():
+        if begin - kept[-1] >= least and end - first - begin >= least:
+            kept.append(begin)
+    begins = np.array(kept)
     counts = np.diff(np.append(begins, end - first))
     return Bins(first + begins, counts)

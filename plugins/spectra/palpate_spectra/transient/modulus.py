@@ -11,6 +11,7 @@ from palpate import Floats
 from palpate.host import sources_of
 
 from palpate_spectra.moduli import area, changed, poisson_of
+from palpate_spectra.transient.conversion import relaxing
 from palpate_spectra.transient.fading import Bins, logarithmic
 from palpate_spectra.transient.press import Pressed
 from palpate_spectra.transient.solving import Problem, Rig, Solved, solved
@@ -43,6 +44,18 @@ class Curve:
     def std(self) -> Floats:
         """Standard uncertainty (m,), all sources together."""
         return np.asarray(np.sqrt(self.noise**2 + sum((shift**2 for shift in self.shifts.values()), np.zeros(1))))
+
+    @property
+    def modulus(self) -> tuple[Floats, Floats]:
+        """E (m,) [Pa] at the curve's times, and its standard uncertainty: itself, or of a creep by its spectrum.
+
+        The relative uncertainty of a converted E is that of J, whose inverse it nearly is.
+        """
+        if not self.creeps:
+            return self.value, self.std
+        found = self.solved.weighing.values
+        value = relaxing(float(found[0]), float(found[1]), found[2:], self.solved.times, self.time)
+        return value, value * self.std / self.value
 
     def fitted(self, time: Floats) -> tuple[Floats, Floats]:
         """The curve of the spectrum at times (m,) [s], and its standard uncertainty by noise and smoothing."""
@@ -86,7 +99,7 @@ def _bins(problem: Problem, found: Solved) -> Bins:
     """The rows of each point, in the longest hold."""
     hold = max(problem.pressed.holds, key=lambda one: one.end - one.begin)
     centre = float(_since(problem, found)[hold.begin])
-    return logarithmic(problem.pressed.time, hold.begin, hold.end, centre, _PER_DECADE)
+    return logarithmic(problem.pressed.time, hold.begin, hold.end, centre, _PER_DECADE, problem.width)
 
 
 def _points(problem: Problem, best: Solved, std: Floats, bins: Bins) -> tuple[Floats, Floats, Floats, Floats, Floats]:

@@ -70,6 +70,8 @@ def pressed(replayed: Replayed, name: str) -> Pressed:
     if not found:
         raise LogError(f"{name}: nothing is held: neither depth nor force is steady for half a second in contact")
     end = found[-1].end
+    if found[0].kind == "creep":  # of one force, however often it left its band
+        found = [Hold("creep", found[0].begin, end)]
     return Pressed(
         name, replayed.model, time[rows][:end], contact[rows][:end], height[rows][:end], tuple(found), touch,
         touch_of(samples), offset_std, drift, replayed.rig, replayed.uncertainties, replayed.flags,

@@ -18,6 +18,7 @@ from palpate_spectra.transient.times import Weighing, weighed
 _PER_DECADE = 8  # times of the spectrum
 _BINS = 12  # of a decade of a hold
 _RAMP_BINS = 20
+_AVERAGED = 0.1  # [s]
 _SHORTEST, _LONGEST = 0.02, 3.0  # times of the spectrum: shares of the first ramp and of the press
 _REACH = 5e-4  # [m] around the place of the touch in which the skin is looked for
 _UNRELATED = 0.05  # autocorrelation of residuals that have nothing to do with each other
@@ -68,6 +69,22 @@ class Problem:
         return self.pressed.holds[0].kind == "creep"
 
     @cached_property
+    def width(self) -> int:
+        """Samples over which load and area are averaged before they are compared.
+
+        What drives a creep is the measured force, whose noise would lower J (errors in variables). An average of both
+        sides leaves the hereditary integral what it is.
+        """
+        return max(round(_AVERAGED / float(np.median(np.diff(self.pressed.time)))), 1) if self.creeps else 1
+
+    def averaged(self, values: Floats) -> Floats:
+        """Values (n,) with each the mean of those around it."""
+        before = self.width // 2
+        padded = np.pad(values, (before, self.width - 1 - before), "edge")
+        sums = np.cumsum(np.concatenate([[0.0], padded]))
+        return np.asarray((sums[self.width :] - sums[: -self.width]) / self.width)
+
+    @cached_property
     def times(self) -> Floats:
         """Times (k,) [s] of the spectrum: from a fiftieth of the first ramp, or two samples, to three presses."""
         time, hold = self.pressed.time, self.pressed.holds[0]
@@ -84,7 +101,7 @@ class Problem:
             pieces = np.array_split(np.arange(at, hold.begin), min(_RAMP_BINS, max(hold.begin - at, 1)))
             begins += [int(piece[0]) for piece in pieces if len(piece)]
             counts += [len(piece) for piece in pieces if len(piece)]
-            held = logarithmic(self.pressed.time, hold.begin, hold.end, self.origin(hold.begin, at), _BINS)
+            held = logarithmic(self.pressed.time, hold.begin, hold.end, self.origin(hold.begin, at), _BINS, self.width)
             begins += held.begins.tolist()
             counts += held.counts.tolist()
             at = hold.end
@@ -103,6 +120,7 @@ class Problem:
         load = 0.5 * (1.0 - nu**2) * np.where(pressed.depth(rig.surface, 0.0) > 0, pressed.force + rig.offset, 0.0)
         area = pressed.area(rig.surface, rig.compliance)
         if self.creeps:
+            load, area = self.averaged(load), self.averaged(area)
             flown = np.concatenate([[0.0], np.cumsum(0.5 * (load[1:] + load[:-1]) * np.diff(time))])
             columns = np.column_stack([load, flown, load[:, None] - faded(load, time, self.times)])
             free, target = 2, area

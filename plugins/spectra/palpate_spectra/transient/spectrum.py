@@ -13,6 +13,7 @@ from palpate_spectra.recorded import beyond
 from palpate_spectra.transient.modulus import Curve
 
 _UNLIKELY = 1e-3
+_UNLIKELY_CREEP = 1e-6  # its force has noise, too, of which the bins' does not know all
 _AWAY = 2e-5  # [m]
 _RAMP = 0.05  # of the value, by which a ramp's correction is told
 _OF_ITS_TRACK = {"surface-mismatch", "diverged", "implausible"}  # whose surface and material are not used here
@@ -64,7 +65,7 @@ def p_value(curve: Curve) -> float:
 def flags_of(curve: Curve) -> Iterator[Flag]:
     """Flags of the record, then of the curve."""
     yield from (flag for flag in curve.pressed.flags if flag.code not in _OF_ITS_TRACK)
-    if (p := p_value(curve)) < _UNLIKELY:
+    if (p := p_value(curve)) < (_UNLIKELY_CREEP if curve.creeps else _UNLIKELY):
         found = curve.solved.weighing
         yield Flag(
             "not-linear-viscoelastic",

@@ -1,0 +1,94 @@
+"""A tip that is led by the force: creep at a constant force."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+from palpate import Acceleration, Depth, Floats, Force, ForceLaw, Length, Setpoint, Speed, Stiffness, Time, Trajectory
+from pydantic import Field, model_validator
+
+from palpate_trajectories.motion import PlannedMotion, through
+from palpate_trajectories.profile import Knot, resting
+from palpate_trajectories.surface import Surface
+
+_PEAK = 2.0  # a turn takes at least so many times what constant acceleration would
+
+
+class ForceHold(Trajectory):
+    """Down to a force and held there, by a closed loop in the arm's own process: the tip creeps at a constant force.
+
+    The tip's speed along the normal is gain (force - what is felt), at most `speed`, with gain = 1/(response
+    stiffness): in a material of that stiffness the lacking force falls to 1/e in the time `response`, in a softer one
+    more slowly. What is declared here is the envelope: never deeper than `depth`, never faster than `speed`, and no
+    longer than `duration` from the approach on; the tip is stopped and leaves where it would have to go deeper. As
+    setpoints, `at` gives that envelope: the deepest way that the tip could go.
+    """
+
+    force: Force = Field(gt=0, description="force that is held")
+    depth: Depth = Field(gt=0, description="envelope: deepest that the tip may go, below the nominal surface")
+    duration: Time = Field(default=30.0, gt=0, le=3600, description="envelope: how long the force leads, with approach")
+    speed: Speed = Field(default=0.005, gt=0, le=0.02, description="envelope: fastest, in and out")
+    acceleration: Acceleration = Field(default=0.1, gt=0, le=0.5, description="largest, in and out")
+    stiffness: Stiffness = Field(gt=0, description="stiffest material that the tip may meet, force per depth")
+    response: Time = Field(default=0.4, ge=0.2, description="time constant of the loop in that material")
+    clearance: Depth = Field(default=0.002, gt=0, description="height over the nominal surface at both ends")
+    standstill: Time = Field(default=1.0, ge=0, description="standstill in free air before and after it")
+    place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
+    surface: Surface = Field(default=Surface(), description="nominal surface")
+
+    @model_validator(mode="after")
+    def _possible(self) -> Any:
+        way = self.depth + self.clearance
+        if way <= self.speed * self._turn:
+            raise ValueError(f"speed {self.speed:g} m/s is never reached on a way of {way:g} m: lower it")
+        if self.duration <= 2 * self._way_time:
+            raise ValueError(
+                f"duration {self.duration:g} s is too short: the way down and up at {self.speed:g} m/s takes up to "
+                f"{2 * self._way_time:.3g} s"
+            )
+        return self
+
+    @property
+    def _turn(self) -> float:
+        return _PEAK * self.speed / self.acceleration
+
+    @property
+    def _way_time(self) -> float:
+        """How long the whole way takes at that speed [s]."""
+        return (self.depth + self.clearance) / self.speed + self._turn
+
+    @property
+    def force_law(self) -> ForceLaw:
+        """How the force leads."""
+        gain = 1.0 / (self.response * self.stiffness)
+        begin = self.standstill
+        return ForceLaw(self.force, begin, begin + self.duration, self.speed, self.acceleration, gain)
+
+    @cached_property
+    def _motion(self) -> PlannedMotion:
+        law, top, turn = self.force_law, -self.clearance, self._turn
+        part = self.speed * turn / 2
+        down, up = law.begin, law.end
+        knots = [
+            Knot(down, top),
+            Knot(down + turn, top + part, self.speed),
+            Knot(down + self._way_time - turn, self.depth - part, self.speed),
+            Knot(down + self._way_time, self.depth),
+            Knot(up, self.depth),
+            Knot(up + turn, self.depth - part, -self.speed),
+            Knot(up + self._way_time - turn, top + part, -self.speed),
+            Knot(up + self._way_time, top),
+        ]
+        x, y = (resting(value) for value in self.place)
+        end = knots[-1].time + self.standstill
+        return PlannedMotion(end, x, y, through(knots), ((law.begin, law.end),), self.surface)
+
+    @property
+    def total_duration(self) -> float:
+        """From rest to rest [s]."""
+        return self._motion.duration
+
+    def at(self, time: Floats) -> Setpoint:
+        """Setpoints (n, 3) of the envelope."""
+        return self._motion.at(time)
