@@ -113,17 +113,16 @@ def whole(n: int = 20_000) -> None:
     samples = palpation(n)
     default = CasadiFit().start(Problem(model, None))
     plain = CasadiFit(profile=False).start(Problem(model, None))
-    exact = CasadiFit(profile=False, solver="ipopt").start(Problem(model, None))
     found = interleaved(
         {
             "curve_fit by hand, from its start": lambda: curve_fit(
                 by_hand, np.array([samples.position, -samples.velocity]), samples.force, [1.0, 3.0, 0.1]
             ),
             "samples to minimum, default solver": lambda: plain.fit(samples),  # type: ignore[attr-defined]
-            "samples to minimum, ipopt": lambda: exact.fit(samples),  # type: ignore[attr-defined]
             "samples to report, no profile": lambda: plain.run(samples),
             "samples to report": lambda: default.run(samples),
-        }
+        },
+        repeats=60,
     )
     show(f"whole fits, {n} samples, 3 unknowns", found, "curve_fit by hand, from its start")
 

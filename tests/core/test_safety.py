@@ -192,6 +192,26 @@ def test_the_way_in_is_judged_by_where_the_tip_is_at_last(guard):
     assert "force sign" not in guard.reason
 
 
+def test_an_arm_that_cannot_retract_is_stopped():
+    class Plain:
+        stopped = 0
+
+        def batches(self):
+            return iter(())
+
+        def follow(self, trajectory):
+            pass
+
+        def stop(self):
+            self.stopped += 1
+
+    guard, arm = Guard(limits(), PORTS), Plain()
+    guard.trip("somebody asks")
+    guard.begin({"r": arm})  # it was asked before there was an arm
+    guard.close()
+    assert arm.stopped
+
+
 def test_without_readings_there_was_no_force():
     untouched = Guard(limits(), PORTS)
     assert (untouched.peak, untouched.peak_untared) == (0.0, 0.0)

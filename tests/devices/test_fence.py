@@ -88,6 +88,21 @@ def test_a_table_of_setpoints_is_judged_whole(rows, words):
     assert (verdict is None) if words is None else (words in verdict.text and verdict.trusted)
 
 
+def test_a_tool_is_not_turned_beyond_its_limit():
+    turned = np.array([1.2 * fence().limits["orientation"], 0.0, 0.0])
+    said, _ = commanded(fence(), [np.zeros(3)] * 3, [turned] * 3)
+    assert said is not None
+    assert "deg off the work frame, over" in said
+
+
+def test_a_long_motion_that_keeps_its_limits_passes():
+    """Each instant counts by itself, and not all of them together: six tenths of the acceleration for two seconds."""
+    guard, time = fence(), np.arange(1000) * 2e-3
+    rate = 0.6 * guard.limits["acceleration"] / 0.03  # [rad/s] at 30 mm/s
+    swing = np.column_stack([np.zeros((1000, 2)), 0.03 / rate * np.sin(rate * time)])
+    assert guard.table(table(swing)) is None
+
+
 def commanded(guard, commands, turns=None, look=None, leaving=False):
     """Command after command to an arm that is where it was told to be; the first verdict, and its number."""
     guard.begin(commands[0])

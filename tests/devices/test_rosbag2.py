@@ -7,7 +7,7 @@ from contextlib import closing
 
 import numpy as np
 import pytest
-from palpate import LogError
+from palpate import LogError, OutputError
 from palpate_devices.rosbag2_replay import Rosbag2Replay
 from palpate_testing import check_device
 
@@ -136,12 +136,14 @@ def test_a_message_may_have_any_number(tmp_path, number):
     assert rows_of(tmp_path / "good.db3") == rows_of(bag)
 
 
-def test_a_page_that_cannot_be_read_costs_what_stands_in_it(tmp_path):
-    """A page in the middle, and one of the inner ones, which lead to many, with a message of a far number besides."""
+@pytest.mark.parametrize("far", [1, 2**30], ids=["in a row", "far apart"])
+def test_a_page_that_cannot_be_read_costs_what_stands_in_it(tmp_path, far):
+    """A page in the middle, also where the numbers of its messages are so far apart that none is found by counting."""
     bag = bag_of(tmp_path / "bag.db3", [[float(i)] * 20 for i in range(3000)])
     with closing(sqlite3.connect(bag)) as database:
-        database.execute("UPDATE messages SET id = ? WHERE id = (SELECT MAX(id) FROM messages)", (2**60,))
+        database.execute("UPDATE messages SET id = id * ?", (far,))
         database.commit()
+        database.execute("VACUUM")
         (size,) = database.execute("PRAGMA page_size").fetchone()
     raw, before = bytearray(bag.read_bytes()), rows_of(bag)
     leaves = [at for at in range(size, len(raw), size) if raw[at] == 13]
@@ -164,6 +166,14 @@ def test_a_database_without_its_last_bytes_is_refused(tmp_path, missing):
     with pytest.raises(LogError, match=rf"bag\.db3: the database is damaged: its last {missing} bytes are missing"):
         read(device_on(bag))
     assert "; what could not be read is lost" in Rosbag2Replay.recover(bag, tmp_path / "good.db3")
+
+
+def test_a_recovery_overwrites_nothing(tmp_path):
+    bag = bag_of(tmp_path / "bag.db3", [[0.0, 1.0]])
+    (tmp_path / "good.db3").write_text("mine")
+    with pytest.raises(OutputError, match=r"good\.db3: is there already, and nothing is ever overwritten"):
+        Rosbag2Replay.recover(bag, tmp_path / "good.db3")
+    assert (tmp_path / "good.db3").read_text() == "mine"
 
 
 def test_a_time_stamp_that_is_no_number_is_refused(tmp_path):

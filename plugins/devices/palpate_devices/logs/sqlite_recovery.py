@@ -24,7 +24,7 @@ _LAST = (1 << 63) - 1  # the largest number that a message can have
 _TOGETHER = 64  # messages that are held at once
 _WINDOW = 512  # numbers of messages that are asked for at once where something cannot be read
 _COARSE = 64  # of them, where there have been none for a while
-_PATIENCE = 128  # windows in a row that give nothing, before ever more is passed over at once
+_PATIENCE = 16  # windows in a row that give nothing, before ever more is passed over at once
 
 
 def recover_bag(path: Path, out: Path) -> str:
