@@ -142,6 +142,32 @@ def test_a_joint_that_would_be_too_fast_ends_the_motion(restored):
     assert truth["fastest_joint"] < np.radians(3.0)
 
 
+@pytest.mark.parametrize("asked", [True, False])
+def test_a_singular_posture_is_no_place_to_move(bench, short, monkeypatch, asked):
+    """An elbow that is stretched: joints that cancel one another out would drive the tip astray as one of them lags."""
+    frame = {"origin": (-0.3, -0.25, 0.2), "rotation": (np.radians(-30.0), 0.0, 0.0)}
+    sets = [f"twin.bench.work.{key}={[f'{x} {unit}' for x in frame[key]]}" for key, unit in
+            (("origin", "m"), ("rotation", "rad"))]  # fmt: skip
+    if not asked:  # the host's own check left out
+        monkeypatch.setattr("palpate_devices.ur3e.link.is_singular", lambda jacobian: False)
+    twin = bench(*short, *sets)
+    why, truth = [], {}
+    with device(twin, work=frame).connect(0) as link:
+        batches = begun(link)
+        link.limit(LIMITS.of_an_arm, why.append)
+        twin.fault("mark")
+        try:
+            link.follow(PRESS)
+            for _ in batches:
+                pass
+        except DeviceError as error:
+            why.append(str(error))
+        truth = twin.state()
+    assert "near a singular posture" in why[0]
+    assert truth["fastest_tip"] < 0.01
+    assert np.ptp([truth["low"], truth["high"]], axis=0).max() < 1e-4
+
+
 def test_links_out_of_their_box_end_the_motion(restored):
     why, truth, _ = moved(restored, PRESS, links_low=("-2 m", "-2 m", "0.3 m"))
     assert "out of the box of [device.*] links_low" in why

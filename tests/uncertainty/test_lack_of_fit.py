@@ -155,7 +155,9 @@ def test_a_drifting_sensor_is_told_from_a_relaxing_material(evidence):
 
 def test_a_sweep_is_not_judged_as_a_point(evidence):
     track = evidence("clean", KinematicFilter(sweep_speed=4e-3))
-    assert lack_of_fit([track]) == {}
+    found = judged(track)  # by its innovations along the way
+    assert not found.flags
+    assert "alternatives" not in found.table
     lateral = np.column_stack([np.linspace(0, 0.02, len(track.kept.time)), np.zeros(len(track.kept.time))])
     point = evidence("clean", KinematicFilter())
     assert lack_of_fit([replace(point, kept=replace(point.kept, lateral=lateral))]) == {}

@@ -11,12 +11,14 @@ from palpate import Bias, Diagnosed, Flag, Floats, TrackEvidence
 
 from palpate_uncertainty.course import Course, possible, sweeps
 from palpate_uncertainty.memory import relaxing
-from palpate_uncertainty.timed_record import LATEST, Law, TimedRecord, spread_of
+from palpate_uncertainty.timed_record import LATEST, Law, TimedRecord, spread_of, white_noise
 from palpate_uncertainty.timing import is_viscous
+from palpate_uncertainty.whiteness import oscillation
 
 _ENOUGH = 1000  # samples
 _TELLING = 0.3  # of a viscosity: its standard deviation with an unknown delay, below which the motion is rich
 _REJECTED = 10.0  # of BIC
+_OTHERS = 0.2  # of the rate's variance, that more than one line must hold
 _LAGS = 50
 _FARTHEST = 1e-3  # [m] that the surface may move
 _PER_DECADE = 4
@@ -55,6 +57,8 @@ def is_rich(track: TrackEvidence) -> bool:
         return False
     if np.count_nonzero(track.kept.used) < _ENOUGH or sweeps(track) or not possible(track):
         return False
+    if _one_line(track):
+        return False
     record = TimedRecord.of(track)
     sigma, slopes = record.slopes(kelvin_voigt(), record.surface, 0.0, np.zeros(0), track.values)
     viscous = next(i for i, parameter in enumerate(model.parameters) if is_viscous(parameter))
@@ -71,6 +75,19 @@ def _units(course: Course, surface: float) -> Floats:
     touching = course.depth(surface) > 0
     found = [course.forces(np.where(np.arange(2) == i, 1.0, 0.0), surface) for i in range(2)]
     return np.where(touching[:, None], np.nan_to_num(np.column_stack(found)), 0.0)
+
+
+def _one_line(track: TrackEvidence) -> bool:
+    """Whether the tip oscillates with one frequency and little else: what that tells is the noise of the motion."""
+    used = track.kept.used & np.isfinite(track.kept.position) & np.isfinite(track.kept.velocity)
+    time, speed = track.kept.time[used], track.kept.velocity[used]
+    rhythm = oscillation(time, track.kept.position[used])
+    if rhythm is None:
+        return False
+    noise = white_noise(speed) ** 2
+    columns = np.column_stack([np.sin(rhythm[1]), np.cos(rhythm[1]), np.ones(len(speed))])
+    left = speed - columns @ np.linalg.lstsq(columns, speed, rcond=None)[0]
+    return float(np.var(left)) - noise < _OTHERS * (float(np.var(speed)) - noise)
 
 
 def _laws(record: TimedRecord, elastic: int) -> list[Law]:

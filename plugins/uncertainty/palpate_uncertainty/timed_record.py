@@ -96,7 +96,7 @@ def _motion(track: TrackEvidence, course: Course, step: float) -> tuple[Floats, 
     """Rate and acceleration (n,) of the depth, from height and velocity by their noise, and the window [samples]."""
     height, speed = -track.kept.position, -track.kept.velocity
     usual = _NOISE * float(np.sqrt(np.mean(speed[course.used] ** 2)))
-    of_height, of_speed = _white_noise(height) / step, _white_noise(speed)
+    of_height, of_speed = white_noise(height) / step, white_noise(speed)
     for width in _WINDOWS:
         slope = (of_height * float(np.linalg.norm(cubic_weights(width, 1)))) ** 2
         value = (of_speed * float(np.linalg.norm(cubic_weights(width)))) ** 2
@@ -116,7 +116,7 @@ def _motion(track: TrackEvidence, course: Course, step: float) -> tuple[Floats, 
     return np.concatenate(rates), np.concatenate(bends), width
 
 
-def _white_noise(values: Floats) -> float:
+def white_noise(values: Floats) -> float:
     """Standard deviation of white noise that would give the third differences of a record."""
     return float(np.sqrt(np.mean(np.diff(values, 3) ** 2) / 20.0))
 

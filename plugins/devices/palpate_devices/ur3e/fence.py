@@ -24,6 +24,8 @@ _SUDDEN = 1.5
 _FARTHEST = 0.15  # [rad] that a joint may have to go from where it is to where the command is
 _STILL = 10  # states that are the same to the last bit
 _STILL_WAY = 0.1e-3  # [m] that commands go on meanwhile
+_CANCELLED = 12.0  # times the tip's speed
+SINGULAR = "the arm is near a singular posture: bring the specimen elsewhere in its reach"
 _LINKS = ("elbow", "wrist 1", "wrist 2", "wrist 3", "flange")
 _STUCK, _STUCK_WAY, _STUCK_PART = 40, 0.8e-3, 0.1  # periods, [m], part of the commanded way
 
@@ -194,10 +196,12 @@ class Fence:
         twist = np.concatenate([work @ (command - before[0]), tool @ (turn - before[1])]) / PERIOD
         error = np.concatenate([work @ (command - seen.position), askew])
         try:
-            speeds, ways = np.linalg.solve(jacobian, np.column_stack([twist, error])).T
+            inverse = np.linalg.inv(jacobian)
         except np.linalg.LinAlgError:
-            return Verdict("the arm is in a singular posture: bring the specimen elsewhere in its reach")
-        speeds, ways = speeds.tolist(), ways.tolist()
+            return Verdict(SINGULAR, not leaving)
+        if not leaving and _against_one_another(jacobian, inverse[:, :3]) > _CANCELLED:
+            return Verdict(SINGULAR)
+        speeds, ways = (inverse @ twist).tolist(), (inverse @ error).tolist()
         joint = max(range(6), key=lambda i: abs(speeds[i]))
         if abs(speeds[joint]) > self._joint_speed:
             most = math.degrees(self._joint_speed)
@@ -256,6 +260,23 @@ class Fence:
         if done < _STUCK_PART * told:
             return Verdict(f"the arm was told to move by {_mm(told)} and has moved by {_mm(done)}", False)
         return None
+
+
+def is_singular(jacobian: Floats) -> bool:
+    """Whether joints near this Jacobian (6, 6) of the tip have to move by much to move it a little."""
+    try:
+        return _against_one_another(jacobian, np.linalg.inv(jacobian)[:, :3]) > _CANCELLED
+    except np.linalg.LinAlgError:
+        return True
+
+
+def _against_one_another(jacobian: Floats, inverse: Any) -> float:
+    """How much faster than the tip its joints would move it, each by itself: 2 to 5 in an ordinary posture.
+
+    The root of the sum of squares over the joints and the three directions of the tip. Near a singular posture they
+    cancel out, and where one of them lags, brakes or is at its limit, the tip goes astray.
+    """
+    return float(np.linalg.norm(np.linalg.norm(jacobian[:3], axis=0)[:, None] * inverse))
 
 
 def _length(vector: Floats) -> float:

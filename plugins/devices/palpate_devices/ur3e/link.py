@@ -29,6 +29,7 @@ from palpate_devices.process.clock import ClockMap, epoch_offset
 from palpate_devices.process.lateness import lateness_table
 from palpate_devices.process.ring import integers, shared_memory
 from palpate_devices.ur3e import layout
+from palpate_devices.ur3e.fence import SINGULAR, is_singular
 from palpate_devices.ur3e.frame import agreement
 from palpate_devices.ur3e.kinematics import MODELS, UR3E, matrix_of, quaternion, tip
 from palpate_devices.ur3e.layout import ROW
@@ -55,6 +56,7 @@ class URLink:
         self._tool = matrix_of(identity["tcp"])
         self._model = MODELS.get(identity.get("model", ""), UR3E)
         self._position: Floats | None = None
+        self._joints: list[float] = []  # the latest
         self._rotation = np.eye(3)  # of the tool in the base, the latest
         self._limits: ArmLimits | None = None
         self._stop_force: float | None = None
@@ -121,6 +123,8 @@ class URLink:
                 f"{name}: the tip is at ({here}) mm in the work frame, {1e3 * away:.1f} mm from where the "
                 f"motion starts; bring it within {1e3 * settings.start_tolerance:g} mm by hand"
             )
+        if is_singular(tip(self._joints, self._tool, self._model)[1]):
+            raise DeviceError(f"{name}: {SINGULAR}")
         turn, advice = agreement(settings.work, self._rotation)
         law = settings.law
         if self._limits is not None:
@@ -190,7 +194,7 @@ class URLink:
         stamps = self._clock.to_host(controller, received)
         pose, twist = self._kinematics(rows)
         if len(rows):
-            self._position = pose[-1, :3]
+            self._position, self._joints = pose[-1, :3], rows[-1, ROW["joints"]].tolist()
             self._rotation = matrix_of(rows[-1, _POSE].tolist())[:3, :3]
             self._first, self._last = self._first or int(controller[0]), int(controller[-1])
         self._states += len(rows)
