@@ -87,7 +87,8 @@ def test_noise_is_what_it_says_and_a_drift_is_taken_off():
     z = []
     for seed in range(12):
         one = found(GeneralisedMaxwell2(indenter=TIP), TWO, seed=seed, drift=0.1)
-        error = (one.value - two_times(one.time)) / np.sqrt(one.noise**2 + one.shifts["surface"] ** 2)
+        std = np.sqrt(one.noise**2 + one.shifts["surface"] ** 2 + one.shifts["offset"] ** 2)
+        error = (one.value - two_times(one.time)) / std
         z.append(error[[1, 4, -1]])
     assert np.sum(np.square(z), axis=0).max() < chi2.ppf(0.9995, 12)
     assert np.mean(np.square(z)) > 0.15  # nor are they far too wide

@@ -24,7 +24,8 @@ _REACH = 5e-4  # [m] around the place of the touch in which the skin is looked f
 _UNRELATED = 0.05  # autocorrelation of residuals that have nothing to do with each other
 _PIECES = 10  # of the longest hold, in which noise is what is left of a straight line
 _EXACT = 1e-5  # of the largest target: no reading is better
-_CURVED = 5e-6  # [m] over which the chi^2 of a surface is curved
+_CURVED = 1e-5  # [m] over which the chi^2 of a surface is curved, at least
+_RISE = 4.0  # of chi^2 over which its curvature is taken
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,8 @@ class Problem:
         hold = max(self.pressed.holds, key=lambda one: one.end - one.begin)
         left = (solved.target - solved.fitted)[hold.rows]
         n = len(left)
-        for piece in np.array_split(np.arange(n), _PIECES):  # what is slower is misfit, and no noise
+        pieces = min(_PIECES, max(n // (_PIECES * self.width), 1))
+        for piece in np.array_split(np.arange(n), pieces):  # what is slower is misfit, and no noise
             line = np.polynomial.Polynomial.fit(piece, left[piece], 1)
             left[piece] -= line(piece)
         power = np.fft.rfft(left, 2 * n)
@@ -190,5 +192,10 @@ def _least(problem: Problem, rig: Rig, std: Floats, smoothing: float) -> tuple[f
     ends = (rig.surface - _REACH, rig.surface + _REACH)
     found = minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": 2e-7})
     place, least = float(found.x), float(found.fun)
-    curved = (cost(place + _CURVED) + cost(place - _CURVED) - 2.0 * least) / _CURVED**2
-    return place, math.sqrt(2.0 / curved) if curved > 0 else _REACH
+    step, rise = _CURVED, 0.0
+    while step < _REACH:  # the cost has corners, so its curvature is taken over some standard deviations
+        rise = 0.5 * (cost(place + step) + cost(place - step)) - least
+        if rise > _RISE:
+            break
+        step *= 2.0
+    return place, min(step / math.sqrt(rise), _REACH) if rise > 0 else _REACH

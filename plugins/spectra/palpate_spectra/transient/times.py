@@ -27,16 +27,17 @@ def weighed(columns: Floats, target: Floats, std: Floats, free: int, smoothing: 
     """Numbers x >= 0 with columns @ x near the target (m,), whose noise has the standard deviations (m,).
 
     All but the first `free` numbers are a spectrum over evenly spaced logarithms of time: |(C x - y)/s|^2 + w |D2 x|^2,
-    D2 the second difference of the spectrum, which is 0 beyond both ends (Honerkamp and Weese 1989). The weight w is
-    that of the largest evidence unless `smoothing` gives it. The covariance is that of the posterior, which holds the
-    truth as often as it says on average over the spectrum (Wahba 1983); it is that of a noise that the residuals show,
-    where this is larger than what was given.
+    D2 the second difference of the spectrum, which is 0 beyond its longest time (Honerkamp and Weese 1989). The weight
+    w is that of the largest evidence unless `smoothing` gives it. The covariance is that of the posterior, which holds
+    the truth as often as it says on average over the spectrum (Wahba 1983); it is that of a noise that the residuals
+    show, where this is larger than what was given.
     """
     a, y = columns / std[:, None], target / std
     k = columns.shape[1] - free
     rough = np.zeros((k + 2, columns.shape[1]))
     for i in range(k):
         rough[i : i + 3, free + i] = (1.0, -2.0, 1.0)
+    rough = rough[2:]  # what goes on below the shortest time is not known
     size = max(float(np.abs(y).max() / np.abs(a).max()), 1e-300)
     weights = _SEARCHED / size**2 if smoothing is None else [smoothing]
     tried = [_at(a, y, rough, float(weight), k) for weight in weights]
