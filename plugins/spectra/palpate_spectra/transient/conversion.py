@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from palpate import Floats
 
@@ -32,6 +34,8 @@ def _zeros(instant: float, fluidity: float, strengths: Floats, poles: Floats) ->
     """Rates x = -s [1/s] at which s J^(s) is 0: one above each pole, and one above 0 where the material flows."""
     from scipy.optimize import brentq
 
+    solve: Any = brentq  # its annotations want numpy's floats
+
     def carson(x: float) -> float:
         return instant - fluidity / x + float(np.sum(strengths / (1.0 - x / poles)))
 
@@ -47,5 +51,6 @@ def _zeros(instant: float, fluidity: float, strengths: Floats, poles: Floats) ->
             while carson(end) < 0:
                 end *= 2.0
         if carson(begin) < 0 < carson(end):
-            zeros.append(float(brentq(carson, begin, end, xtol=1e-15 * end, rtol=1e-12)))
+            zero: Any = solve(carson, begin, end, xtol=1e-15 * end, rtol=1e-12)
+            zeros.append(float(zero))
     return zeros

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from palpate import Floats
@@ -190,7 +191,7 @@ def _least(problem: Problem, rig: Rig, std: Floats, smoothing: float) -> tuple[f
         return found.chi2 + found.roughness
 
     ends = (rig.surface - _REACH, rig.surface + _REACH)
-    found = minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": 2e-7})
+    found: Any = minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": 2e-7})
     place, least = float(found.x), float(found.fun)
     step, rise = _CURVED, 0.0
     while step < _REACH:  # the cost has corners, so its curvature is taken over some standard deviations
