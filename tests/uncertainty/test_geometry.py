@@ -56,3 +56,6 @@ def test_one_frequency_is_a_flag_where_a_tenth_of_the_stiffness_is_more_than_hal
     assert not found.flags
     little = replace(TRACK, values=np.array([112.5e3, 200.0]))
     assert [flag.code for flag in one_frequency([little])["t"].flags] == ["one-frequency"]
+    several = palpations.evidence(palpations.MULTI, 0.0, 2)
+    several = one_frequency([replace(several, values=np.array([112.5e3, 100.0]))])
+    assert not any(found.flags for found in several.values())

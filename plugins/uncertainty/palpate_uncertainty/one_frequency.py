@@ -9,6 +9,7 @@ import numpy as np
 from palpate import Diagnosed, Flag, TrackEvidence
 
 from palpate_uncertainty.along import along
+from palpate_uncertainty.self_timed import one_line
 from palpate_uncertainty.timing import delay_shifts, is_viscous
 from palpate_uncertainty.whiteness import oscillation
 
@@ -37,7 +38,7 @@ def _said(track: TrackEvidence, table: Mapping[str, Any]) -> Diagnosed:
         if like["value"] > _MATTERS * abs(values[name])
     ]
     text = f"found at {table['frequency']:.3g} Hz only: {', '.join(parts)}"
-    return Diagnosed((Flag("one-frequency", text),) if parts else (), table=table)
+    return Diagnosed((Flag("one-frequency", text),) if parts and one_line(track) else (), table=table)
 
 
 def _of(track: TrackEvidence) -> Mapping[str, Any]:

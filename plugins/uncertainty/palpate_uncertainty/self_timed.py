@@ -57,7 +57,7 @@ def is_rich(track: TrackEvidence) -> bool:
         return False
     if np.count_nonzero(track.kept.used) < _ENOUGH or sweeps(track) or not possible(track):
         return False
-    if _one_line(track):
+    if one_line(track):
         return False
     record = TimedRecord.of(track)
     sigma, slopes = record.slopes(kelvin_voigt(), record.surface, 0.0, np.zeros(0), track.values)
@@ -77,7 +77,7 @@ def _units(course: Course, surface: float) -> Floats:
     return np.where(touching[:, None], np.nan_to_num(np.column_stack(found)), 0.0)
 
 
-def _one_line(track: TrackEvidence) -> bool:
+def one_line(track: TrackEvidence) -> bool:
     """Whether the tip oscillates with one frequency and little else: what that tells is the noise of the motion."""
     used = track.kept.used & np.isfinite(track.kept.position) & np.isfinite(track.kept.velocity)
     time, speed = track.kept.time[used], track.kept.velocity[used]

@@ -97,6 +97,7 @@ def _motion(track: TrackEvidence, course: Course, step: float) -> tuple[Floats, 
     height, speed = -track.kept.position, -track.kept.velocity
     usual = _NOISE * float(np.sqrt(np.mean(speed[course.used] ** 2)))
     of_height, of_speed = white_noise(height) / step, white_noise(speed)
+    width, slope, value = 1, 0.0, 0.0
     for width in _WINDOWS:
         slope = (of_height * float(np.linalg.norm(cubic_weights(width, 1)))) ** 2
         value = (of_speed * float(np.linalg.norm(cubic_weights(width)))) ** 2
