@@ -110,7 +110,7 @@ def bounded_quadratic(curvature: Floats, slope: Floats, low: Floats, high: Float
 
     Active sets: what leaves its bounds is held there, what pulls inwards is let go (Nocedal and Wright 2006, 16.5).
     """
-    s = np.asarray(np.linalg.solve(curvature, -slope))
+    s = np.asarray(np.linalg.solve(curvature, -slope), np.float64)
     if bool(((s >= low) & (s <= high)).all()):
         return s
     s, held = np.zeros(len(slope)), np.zeros(len(slope), bool)

@@ -27,7 +27,8 @@ from palpate_devices.ur3e.robot import Robot, by_joints
 from palpate_devices.ur3e.servo import PERIOD, Commander, Law
 from palpate_devices.ur3e.states import NORMAL, STOPPED, complaint
 
-_BLIND = 12_000_000  # [ns] without a new state
+_BLIND = 2_300_000  # [ns] without a new state: of more commands than two on their way only the last would count
+_OWN = 0.85  # of the speed limit, for what the arm does by itself: two steps in one tick are still below 1.2 of it
 _EXPLAIN = 10  # periods
 _MUTE = 25  # periods in which a stop has to reach the other connection, too
 _HEARD = 0.25  # [s] for a stop to be carried out
@@ -272,8 +273,8 @@ class _Loop:
 def _slower(law: Law, limits: dict[str, Any]) -> dict[str, float]:
     """What the arm does by itself, and what the law makes of setpoints, keeps the limits of the motion."""
     return {
-        "approach_speed": min(law.approach_speed, limits["speed"]),
-        "retract_speed": min(law.retract_speed, limits["speed"]),
+        "approach_speed": min(law.approach_speed, _OWN * limits["speed"]),
+        "retract_speed": min(law.retract_speed, _OWN * limits["speed"]),
         "angular_speed": limits["angular_speed"],
         "most": limits["speed"],
     }
