@@ -74,3 +74,14 @@ type = "casadi-fit"
     assert line["frequency_Hz"] == pytest.approx(2.0, abs=0.05)
     assert line["E_storage_Pa"] == pytest.approx(126e3, rel=0.05)
     assert line["G_loss_Pa"] / (12.566 * 350) == pytest.approx(1.0, abs=0.2)
+
+
+def test_a_thick_specimen_is_the_same_said_or_not(tmp_path):
+    import numpy as np
+    from palpate_models import DimensionalityReduction, Poroelastic, Sphere
+    from palpate_spectra.moduli import area
+
+    tip, depth = Sphere(radius="5 mm"), np.linspace(0.0, 3e-3, 7)
+    said = DimensionalityReduction(indenter=tip, thickness="half-space")
+    np.testing.assert_array_equal(area(said, depth), area(DimensionalityReduction(indenter=tip), depth))
+    assert Poroelastic(indenter=tip, thickness="half-space").thickness == "half-space"

@@ -12,6 +12,7 @@ from pydantic import model_validator
 from palpate_models.indenters import Cone, Ellipsoid, ExactSphere, Flat, Paraboloid, Sphere
 from palpate_models.parameters import LASTING_ELASTICITY
 from palpate_models.relaxation import Relaxing, Spectrum
+from palpate_models.thickness import Thickness
 
 # g = w_1 exp(-c_1 sqrt(x)) + w_2 exp(-c_2 x), x = D t/a^2.
 _SPHERE = (0.491, 0.908, 0.509, 1.679)
@@ -65,7 +66,7 @@ class Poroelastic(Relaxing):
         _master(self.indenter)
         if self.poisson != 0.5:
             raise ValueError("poroelastic: poisson is that of the first moment, 0.5; drained_poisson is a parameter")
-        if self.thickness is not None:
+        if isinstance(self.thickness, Thickness):
             raise ValueError("poroelastic: is known for a half-space only, without thickness")
         return self
 

@@ -87,7 +87,7 @@ def area(model: ContactModel, depth: Floats) -> Floats:
     inside = np.maximum(depth, 1e-9)
     found = np.asarray(held.indenter.profile_area(inside))
     thickness = getattr(held, "thickness", None)
-    if thickness is not None:
+    if thickness is not None and not isinstance(thickness, str):  # "half-space"
         found = found * np.asarray(thickness.factor(held.indenter, inside)[0])
     return np.where(depth > 0, found, 0.0)
 

@@ -52,6 +52,8 @@ def is_rich(track: TrackEvidence) -> bool:
     end, model = track.ending, track.model
     if end is None or end.settings.timing_uncertainty is not None or model.memory or model.adhesive:
         return False
+    if track.tip_mass is None:  # an inertia that nobody takes off looks like a delay, too
+        return False
     roles = [parameter.role for parameter in model.parameters]
     if sorted(str(role) for role in roles) != ["elastic", "viscous"] or not (track.values > 0).all():
         return False
@@ -194,7 +196,8 @@ def _judged(track: TrackEvidence) -> Diagnosed:
     if wrong:
         text = f"the record is not {own.law}: by the laws that it admits the delay is {by_law}; {_beside(own)}"
         terms = dict(zip(names, spread.tolist(), strict=True))
-        return Diagnosed((Flag("delay-by-law", text),), terms, table=table)
+        undeclared = Flag("timing-undeclared", "no timing uncertainty is declared, and the motion does not tell it")
+        return Diagnosed((Flag("delay-by-law", text), *(() if included else (undeclared,))), terms, table=table)
     if included:
         terms = {name: share for name, share in zip(names, spread.tolist(), strict=True) if share > 0}
         return Diagnosed((Flag("self-timed", f"the delay of the force, by law: {by_law}"),), terms, table=table)
