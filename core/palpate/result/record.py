@@ -202,6 +202,8 @@ class TrackRecord:
         """The last seconds of tracked samples; None where nothing was tracked."""
         if not self._blocks:
             return None
-        names = Tail.__dataclass_fields__
-        joined = Tail(*(np.concatenate([getattr(block, name) for block in self._blocks]) for name in names))
-        return joined.since(float(joined.time[-1]) - self.keep)
+        if len(self._blocks) > 1:  # joined once: a live run asks every second
+            names = Tail.__dataclass_fields__
+            joined = Tail(*(np.concatenate([getattr(block, name) for block in self._blocks]) for name in names))
+            self._blocks = [joined.since(float(joined.time[-1]) - self.keep)]
+        return self._blocks[0].since(float(self._blocks[0].time[-1]) - self.keep)
