@@ -62,8 +62,9 @@ def sink_cost(seconds: int = 60) -> dict[str, float]:
         samples = Samples(np.rint(1e9 * time_).astype(np.int64), time_, ones, ones, ones, ones, yes, yes)
         blocks.append((samples, Estimates(time_, table, table, ones, ones, ones, ones, np.zeros(n, np.uint32))))
     took, before = [], time.thread_time()
-    for samples, found in blocks:
-        feed._next = 0.0  # a message in 10 ms of the record, as in real time
+    for k, (samples, found) in enumerate(blocks):
+        if k % 2 == 0:
+            feed._next = 0.0  # a message in 20 ms of the record, as in real time
         began = time.perf_counter()
         feed.samples(samples)
         feed.estimates("dr/ekf", found)

@@ -15,7 +15,7 @@ from palpate.host import finite_tree, people
 from palpate_live.columns import Columns, Table, beyond, described, rows_of
 from palpate_live.wire import pack, pack_rows, pieces
 
-_EVERY = 0.01  # [s] between two messages with rows
+_EVERY = 0.02  # [s] between two messages with rows
 
 Send = Callable[[bytes], object]
 
