@@ -204,7 +204,7 @@ def facts(scene: Scene, seed: int) -> dict[str, Any]:
 
 def work(seeds: list[int], file: Path) -> None:
     """The runs that are left, each written as it ends."""
-    module, folder = conftest(), file.with_suffix("")
+    module, folder = conftest(), file.resolve().with_suffix("")
     folder.mkdir(exist_ok=True)
     while seeds:
         twin = module.Bench(folder, module.SHORT)
