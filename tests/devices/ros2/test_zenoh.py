@@ -22,6 +22,8 @@ from palpate_devices.ros2.type_hash import type_hash
 from palpate_devices.ros2.zenoh_names import attached, attachment, identity, publication_of, publisher_token
 from pydantic import ValidationError
 
+from tests.devices.ros2 import playing
+
 zenoh = pytest.importorskip("zenoh")
 pytest.importorskip("zenoh.ext")
 pytestmark = pytest.mark.talks
@@ -250,36 +252,7 @@ def test_hostile_messages_are_left_out_and_counted(publish, port):
     assert "ros2-damaged" in health["flags"]
 
 
-SIMULATED = """
-[run]
-estimates_interval = 0
-[device.rig]
-type = "sim"
-tip_mass = "140 g"
-[device.rig.specimen]
-model = "dr"
-elasticity = "112.5 kPa"
-viscosity = "362 Pa*s"
-[trajectory.press]
-type = "point"
-bias = "4 mm"
-amplitude = "1 mm"
-frequency = "2 Hz"
-duration = "6 s"
-[alignment]
-force = {{ channel = "rig.wrench.z", uncertainty = "0.1 ms" }}
-position = "rig.tip.z"
-velocity = "rig.twist.z"
-tip_mass = "140 g"
-[indenter.tip]
-type = "sphere"
-radius = "5 mm"
-[model.dr]
-type = "dimensionality-reduction"
-indenter = "tip"
-poisson = 0.5
-[estimator.kinematic]
-type = "kinematic-ekf"
+SINK = """
 [sink.ros]
 type = "ros2"
 domain = 5
@@ -304,7 +277,8 @@ def listening(port):
 def test_what_is_found_is_published_where_rmw_zenoh_looks(listening, port, tmp_path):
     found, tokens = listening
     file = tmp_path / "simulated.toml"
-    file.write_text(SIMULATED.format(port=port))
+    simulated = playing.SPECIMEN.format(seconds=6) + playing.MODEL + SINK.format(port=port)
+    file.write_text(simulated)
     result = run_pipeline(load_pipeline(file), tmp_path / "run")
     key = (
         "5/palpate/dr/kinematic/elasticity/geometry_msgs::msg::dds_::Vector3Stamped_/"
