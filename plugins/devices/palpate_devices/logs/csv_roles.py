@@ -164,7 +164,9 @@ def survey_csv(path: Path) -> Survey:
         gathered.add(block)
     columns = list(gathered.names)
     kind = f"{len(sheet.names)} columns, {'a header' if sheet.header else 'no header'}, {sheet.delimiter!r} between"
-    notes = () if clock else ("no column holds the time: give the rate, --rate '500 Hz', or the column, --time",)
+    notes: tuple[str, ...] = (
+        () if clock else ("no column holds the time: give the rate, --rate '500 Hz', or the column, --time",)
+    )
     if (cut := cut_number(path, sheet.delimiter)) is not None:
         notes += (f"the file was cut within its last number, {cut}: its line has no end, and all above it more digits",)
     if clock is None:
