@@ -158,11 +158,11 @@ def _checked(offer: Any, kind: str, hook: str, root: type, plugin: Plugin) -> It
     if not isinstance(offer, Mapping):
         raise PluginError(f"plugin {plugin.name}: {hook} returns {offer!r}, not a mapping of names")
     for name, item in offer.items():
-        if kind in hooks.KINDS and isinstance(item, str) and ":" in item:
+        if isinstance(item, str) and ":" in item and kind in hooks.KINDS:
             yield name, item  # a part that is imported when it is asked for
             continue
         if not (isinstance(item, root) or (isinstance(item, type) and issubclass(item, root))):
             raise PluginError(f"plugin {plugin.name}: {hook} offers {name!r}, which is no {root.__name__}")
-        if kind in hooks.KINDS:
+        if isinstance(item, type):
             refuse_abstract(name, item, plugin)
         yield name, item
