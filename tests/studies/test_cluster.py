@@ -424,4 +424,4 @@ def test_a_killed_worker_loses_nothing(scheduler, tmp_path):  # the last of this
         assert sorted(found) == list(range(8))
         assert all((tmp_path / str(n)).read_text() == "done\n" for n in range(8))
         ((_, outcome),) = cluster.spread(client, _die, ["x"])
-    assert "killed several times" in cluster._reason(outcome)
+    assert "killed several times" in cluster.lost(outcome)
