@@ -111,9 +111,7 @@ class _SmoothingTracker:
             found[same] = states[rows[same]]
         return found
 
-    def _smooth(
-        self, stretches: list[Stretch], noise: tuple[float | None, float | None], estimates: Estimates
-    ) -> None:
+    def _smooth(self, stretches: list[Stretch], noise: tuple[float | None, float | None], estimates: Estimates) -> None:
         place, at = self._place, self._place.at
         samples = Samples.joined([stretch.samples for stretch in stretches])
         outputs = np.vstack([stretch.outputs for stretch in stretches])

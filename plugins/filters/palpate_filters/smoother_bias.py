@@ -46,7 +46,9 @@ def smoother_bias(
     told = (1 / position + w**2 / velocity + h_h / force) / interval
     told_ = (position_ / position**2 + w**2 * velocity_ / velocity**2 + h_h * force_ / force**2) / interval
     whole = w**6 / jerk + told
-    pull = np.sum(across * (force_ / force / whole - told_ / whole**2), axis=0) * float(w[1, 0] - w[0, 0]) / np.pi / force
+    pull = (
+        np.sum(across * (force_ / force / whole - told_ / whole**2), axis=0) * float(w[1, 0] - w[0, 0]) / np.pi / force
+    )
     information = (psi / (force + by_height**2 * position)[:, None]).T @ psi
     scale = np.sqrt(np.diag(information))
     if not (np.isfinite(pull).all() and np.isfinite(scale).all() and (scale > 0).all()):
