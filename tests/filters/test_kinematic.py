@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import ContactModel, Problem, Samples, contact_force
+from palpate_filters import CasadiFit
 from palpate_filters.kinematic_filter import KinematicFilter
 from palpate_filters.opening_fit import fit_start
 from palpate_filters.process import KinematicProcess
-from palpate_filters import CasadiFit
 from palpate_filters.smoother import KinematicSmoother
 from palpate_models import DimensionalityReduction, Sphere
 from palpate_testing import synthetic_samples
@@ -112,7 +112,7 @@ def test_the_smoother_ends_where_the_filter_ends_and_begins_at_the_first_sample(
 
 
 def faint(seed: int) -> Samples:
-    """A viscosity that the record hardly tells: 0.15 mm at 0.7 Hz around 0.8 mm; its force is 0.02 N, the noise 0.05."""
+    """A viscosity that the record hardly tells: 0.15 mm at 0.7 Hz around 0.8 mm; 0.02 N of it in 0.05 N of noise."""
     random = np.random.default_rng(seed)
     time = np.arange(4000) / 500.0
     angle = 1.4 * np.pi * time + random.uniform(0, 2 * np.pi)
