@@ -22,6 +22,7 @@ _AHEAD = 2  # jobs that a worker holds, so that it never waits for the scheduler
 Task = TypeVar("Task")
 _PATIENCE = "10s"  # for a scheduler to answer
 _LOOK = 0.01  # [s] between looks at what is done
+_GATHER = 120.0  # [s] for a result to come here from its worker; then it is asked for again
 
 
 def on_cluster(address: str, folder: Path, stage: str | None = None) -> Engine:
@@ -157,14 +158,34 @@ def spread(client: Any, function: Callable[[Task], Any], tasks: Sequence[Task]) 
                 watch.look()
                 time.sleep(_LOOK)
             future = next(completed)
-            if future.status in ("cancelled", "lost"):
+            try:
+                outcome = _outcome(future)
+            except _LostError:
+                completed.add(future)
+                continue
+            if future.status == "cancelled":
                 raise UserError(f"--scheduler {client.scheduler.address}: the scheduler has gone; {GO_ON}")
-            task = running.pop(future.key)
-            yield task, future.result() if future.status == "finished" else future.exception()
+            yield running.pop(future.key), outcome
             future.release()
     finally:
         with suppress(Exception):  # it has gone
             client.cancel([*completed.futures], force=True)
+
+
+class _LostError(Exception):
+    """The result of a task has died with its worker before it was here: the scheduler has the task done again."""
+
+
+def _outcome(future: Any) -> Any:
+    """What a task has come to: its result, or the exception that it raised or that ended it. Raises _LostError."""
+    if future.status in ("lost", "pending"):
+        raise _LostError
+    try:
+        return future.result(timeout=_GATHER)
+    except Exception as error:
+        if future.status in ("lost", "pending") or (future.status == "finished" and isinstance(error, TimeoutError)):
+            raise _LostError from error
+        return error
 
 
 def _demand_shared(client: Any, folder: Path) -> None:
