@@ -129,6 +129,7 @@ from palpate.device import (
     own_motions as own_motions,
     truth_of as truth_of,
 )
+from palpate.errors import suggest as suggest
 from palpate.extensions import function_of as function_of
 from palpate.flags import SEVERITIES as SEVERITIES, verdict as verdict
 from palpate.hooks import KINDS as KINDS
@@ -151,7 +152,7 @@ from palpate.pipeline import (
     start_tracks as start_tracks,
     the_trajectory as the_trajectory,
 )
-from palpate.registry import FlagEntry as FlagEntry, Registry as Registry, analysis as analysis, suggest as suggest
+from palpate.registry import FlagEntry as FlagEntry, Registry as Registry, analysis as analysis
 from palpate.result import (
     GIVEN as GIVEN,
     PIPELINE as PIPELINE,
