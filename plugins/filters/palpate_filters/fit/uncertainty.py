@@ -189,7 +189,7 @@ def scaled_inverse(normal: Floats) -> Floats:
     lengths = np.sqrt(np.diag(normal))
     lengths = np.where(lengths > 0, lengths, 1.0)
     across = np.outer(lengths, lengths)
-    return symmetric_inverse(normal / across, 1e-14) / across
+    return np.asarray(symmetric_inverse(normal / across, 1e-14) / across)
 
 
 def symmetric_inverse(square: Floats, least: float) -> Floats:
