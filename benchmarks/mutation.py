@@ -36,8 +36,10 @@ _KERNEL, _LOGS = "plugins/filters/palpate_filters/kernel", "plugins/devices/palp
 _LACK = "uncertainty/test_lack_of_fit.py uncertainty/test_lack_of_fit_of_sweeps.py uncertainty/test_whitening.py"
 _BUDGET = "uncertainty/test_budget.py uncertainty/test_budget_command.py uncertainty/test_geometry.py"
 _SPREAD = "uncertainty/test_settling.py uncertainty/test_stretches.py uncertainty/test_timing.py"
-_READ = ("devices/test_mcap_reader.py devices/test_mcap_index.py devices/test_recovery.py devices/test_damage.py "
-         "devices/test_mcap.py devices/test_corpus.py")
+_READ = (
+    "devices/test_mcap_reader.py devices/test_mcap_index.py devices/test_recovery.py devices/test_damage.py "
+    "devices/test_mcap.py devices/test_corpus.py"
+)
 AREAS = {  # by area: modules and the tests that hold them; of several patterns that match, the first counts
     "alignment": {
         f"{_ALIGNMENT}/[cr][hi]*.py {_ALIGNMENT}/touch.py": "core/test_touch.py core/test_alignment.py",
