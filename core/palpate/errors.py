@@ -12,6 +12,13 @@
         └── OutputError         a result cannot be written where it is wanted
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+_SHOWN = 12  # names in a message
+
 
 class PalpateError(Exception):
     """Anything that palpate raises on purpose."""
@@ -51,3 +58,12 @@ class LogError(UserError):
 
 class OutputError(UserError):
     """A result cannot be written where it is wanted."""
+
+
+def suggest(given: str, allowed: Iterable[str]) -> str:
+    """``; did you mean 'x'? (there are: x, y)`` for messages about an unknown name."""
+    names = sorted(allowed)
+    close = get_close_matches(given, names, n=_SHOWN, cutoff=0.6)
+    meant = f"; did you mean {close[0]!r}?" if close else ""
+    shown = names if len(names) <= _SHOWN else [*(close or names[:_SHOWN]), "..."]
+    return f"{meant} (there {'is' if len(names) == 1 else 'are'}: {', '.join(shown) or 'none'})"

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import IntFlag
+from operator import attrgetter
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -44,12 +45,18 @@ class Samples:
         return len(self.time)
 
     def __getitem__(self, rows: slice | NDArray[Any]) -> Samples:
-        return Samples(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        return Samples(*[column[rows] for column in _columns(self)])
 
     @classmethod
     def joined(cls, blocks: Sequence[Samples]) -> Samples:
         """One block from several in their order."""
-        return cls(**{f.name: np.concatenate([getattr(block, f.name) for block in blocks]) for f in fields(cls)})
+        filled = [block for block in blocks if len(block)] or blocks[:1]
+        if len(filled) == 1:
+            return filled[0]
+        return cls(*[np.concatenate(columns) for columns in zip(*map(_columns, filled), strict=True)])
+
+
+_columns = attrgetter(*(f.name for f in fields(Samples)))
 
 
 class Status(IntFlag):

@@ -66,10 +66,10 @@ class Summary:
 
 @dataclass(frozen=True)
 class Recorder:
-    """What writes down the estimates of every run: ``function(folder, parameters by track, interval, offline)``.
+    """What writes down the estimates of every run: ``function(folder, parameters by track, pipeline, offline)``.
 
-    It answers a context with an `EstimatesWriter`. `interval` [s] is that of ``[run] estimates_interval``;
-    `offline` tracks, which speak when the record has ended, are opened apart.
+    It answers a context with an `EstimatesWriter`. `pipeline` has what its own table says, and ``[run]
+    estimates_interval``; `offline` tracks, which speak when the record has ended, are opened apart.
     """
 
     target: str | Callable[..., Any]  # "module:function", imported when a run begins; or the function

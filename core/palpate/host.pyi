@@ -73,14 +73,20 @@ from palpate_report.pictures import (
     save_figure as save_figure,
     style as style,
 )
-from palpate_studies.cluster import (
+from palpate_studies.answers import keep as keep
+from palpate_studies.cluster_runs import (
+    Answer as Answer,
     ClusterRun as ClusterRun,
     cluster_results as cluster_results,
-    connected as connected,
-    spread as spread,
+    found_before as found_before,
+    unused as unused,
 )
 from palpate_studies.differing import differences as differences
-from palpate_studies.engines import SchedulerOption as SchedulerOption
+from palpate_studies.engines import (
+    SchedulerOption as SchedulerOption,
+    StageOption as StageOption,
+    demand_scheduler as demand_scheduler,
+)
 from palpate_studies.jobs import (
     Engine as Engine,
     Job as Job,
@@ -129,6 +135,7 @@ from palpate.device import (
     own_motions as own_motions,
     truth_of as truth_of,
 )
+from palpate.errors import suggest as suggest
 from palpate.extensions import function_of as function_of
 from palpate.flags import SEVERITIES as SEVERITIES, verdict as verdict
 from palpate.hooks import KINDS as KINDS
@@ -151,7 +158,7 @@ from palpate.pipeline import (
     start_tracks as start_tracks,
     the_trajectory as the_trajectory,
 )
-from palpate.registry import FlagEntry as FlagEntry, Registry as Registry, analysis as analysis, suggest as suggest
+from palpate.registry import FlagEntry as FlagEntry, Registry as Registry, analysis as analysis
 from palpate.result import (
     GIVEN as GIVEN,
     PIPELINE as PIPELINE,

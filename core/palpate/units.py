@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
@@ -22,63 +23,43 @@ _NAME = r"\(*[A-Za-zµμΩ°%_][A-Za-z0-9µμΩ°%_]*(?:(?:\*\*|\^)\s*[+-]?\d(?:
 _UNIT = re.compile(rf"{_NAME}(?:(?:\s*[*/·]\s*|\s+){_NAME})*")
 _LONGEST = 100  # characters of a quantity
 
-# What the dimension of a unit is called when a message has to say so.
-_NAMES = {
-    "m": "length",
-    "kg": "mass",
-    "s": "time",
-    "N": "force",
-    "Pa": "pressure",
-    "Pa*s": "viscosity",
-    "Hz": "frequency",
-    "m/s": "speed",
-    "m/s^2": "acceleration",
-    "N*s/m": "damping",
-    "N/m": "stiffness",
-    "N/s": "force drift",
-    "N/s^0.5": "random walk of a force",
-    "rad": "angle",
-    "rad/s": "angular speed",
-    "1": "pure number",
-}
-_EXAMPLES = {
-    "m": "5 mm",
-    "kg": "140 g",
-    "s": "22 ms",
-    "N": "0.05 N",
-    "Pa": "112 kPa",
-    "Pa*s": "362 Pa*s",
-    "Hz": "500 Hz",
-    "m/s": "4 mm/s",
-    "m/s^2": "0.5 m/s^2",
-    "N*s/m": "10 N*s/m",
-    "N/m": "100 N/mm",
-    "N/s": "1.5 N/h",
-    "N/s^0.5": "0.1 N/sqrt(h)",
-    "rad": "30 deg",
-    "rad/s": "10 deg/s",
-    "1": "1.5",
-}
-
-
-# What people write for each SI unit, and how many SI units one of it is, by pint: these are read without its registry.
 _MILLI, _MICRO, _DEGREE = 1e-3, 1e-6, math.pi / 180
-_WRITTEN = {
-    "m": {"m": 1.0, "mm": _MILLI, "cm": 1e-2, "um": _MICRO, "µm": _MICRO},
-    "kg": {"kg": 1.0, "g": _MILLI, "mg": _MICRO},
-    "s": {"s": 1.0, "ms": _MILLI, "us": _MICRO, "µs": _MICRO, "min": 60.0, "h": 3600.0},
-    "N": {"N": 1.0, "mN": _MILLI, "kN": 1e3},
-    "Pa": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6},
-    "Pa*s": {"Pa*s": 1.0, "kPa*s": 1e3},
-    "Hz": {"Hz": 1.0, "kHz": 1e3},
-    "m/s": {"m/s": 1.0, "mm/s": _MILLI, "um/s": _MICRO, "cm/s": 1e-2},
-    "m/s^2": {"m/s^2": 1.0, "mm/s^2": _MILLI},
-    "N*s/m": {"N*s/m": 1.0},
-    "N/m": {"N/m": 1.0, "N/mm": 1e3},
-    "N/s": {"N/s": 1.0, "N/h": 1 / 3600},
-    "rad": {"rad": 1.0, "deg": _DEGREE},
-    "rad/s": {"rad/s": 1.0, "deg/s": _DEGREE},
+
+
+class _Unit(NamedTuple):
+    """What people call an SI unit's dimension, and what they write for it."""
+
+    dimension: str
+    example: str
+    written: Mapping[str, float] = {}  # SI units in one of each, by pint: these are read without its registry
+    plausible: tuple[float, float] = (0.0, math.inf)  # what who writes no unit may well have meant, 0 aside
+    meant: str = ""  # what who wrote an implausible number perhaps meant
+
+
+_UNITS = {
+    "m": _Unit("length", "5 mm", {"m": 1.0, "mm": _MILLI, "cm": 1e-2, "um": _MICRO, "µm": _MICRO}, (0.0, 2.0), "mm"),
+    "kg": _Unit("mass", "140 g", {"kg": 1.0, "g": _MILLI, "mg": _MICRO}, (0.0, 20.0), "g"),
+    "s": _Unit(
+        "time", "22 ms", {"s": 1.0, "ms": _MILLI, "us": _MICRO, "µs": _MICRO, "min": 60.0, "h": 3600.0}, meant="ms"
+    ),
+    "N": _Unit("force", "0.05 N", {"N": 1.0, "mN": _MILLI, "kN": 1e3}, (0.0, 2e3), "mN"),
+    "Pa": _Unit("pressure", "112 kPa", {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6}, (500.0, 1e12), "kPa"),
+    "Pa*s": _Unit("viscosity", "362 Pa*s", {"Pa*s": 1.0, "kPa*s": 1e3}),
+    "Hz": _Unit("frequency", "500 Hz", {"Hz": 1.0, "kHz": 1e3}),
+    "m/s": _Unit("speed", "4 mm/s", {"m/s": 1.0, "mm/s": _MILLI, "um/s": _MICRO, "cm/s": 1e-2}, (0.0, 2.0), "mm/s"),
+    "m/s^2": _Unit("acceleration", "0.5 m/s^2", {"m/s^2": 1.0, "mm/s^2": _MILLI}, (0.0, 100.0), "mm/s^2"),
+    "N*s/m": _Unit("damping", "10 N*s/m", {"N*s/m": 1.0}),
+    "N/m": _Unit("stiffness", "100 N/mm", {"N/m": 1.0, "N/mm": 1e3}, (1.0, 1e9), "N/mm"),
+    "N/s": _Unit("force drift", "1.5 N/h", {"N/s": 1.0, "N/h": 1 / 3600}),
+    "N/s^0.5": _Unit("random walk of a force", "0.1 N/sqrt(h)"),
+    "rad": _Unit("angle", "30 deg", {"rad": 1.0, "deg": _DEGREE}, (0.0, 6.3), "deg"),
+    "rad/s": _Unit("angular speed", "10 deg/s", {"rad/s": 1.0, "deg/s": _DEGREE}, (0.0, 6.3), "deg/s"),
+    "1": _Unit("pure number", "1.5"),
 }
+
+
+def _unit(unit: str) -> _Unit:
+    return _UNITS.get(unit) or _Unit(f"quantity in {unit}", f"1 {unit}")
 
 
 @cache
@@ -94,12 +75,12 @@ def dimension(unit: str) -> str:
     >>> dimension("Pa*s")
     'viscosity'
     """
-    return _NAMES.get(unit, f"quantity in {unit}")
+    return _unit(unit).dimension
 
 
 def example(unit: str) -> str:
     """A quantity that a person would write for an SI unit, for messages."""
-    return _EXAMPLES.get(unit, f"1 {unit}")
+    return _unit(unit).example
 
 
 def is_number(text: str) -> bool:
@@ -157,7 +138,7 @@ def _parse(text: str, unit: str) -> float:
     written = _SQUARE_ROOT.sub(r"\1^0.5", written)
     if not _UNIT.fullmatch(written):
         raise ValueError(f"{text!r}: {written!r} is not one unit; {wanted}")
-    if (factor := _WRITTEN.get(unit, {}).get(written)) is not None:
+    if (factor := _unit(unit).written.get(written)) is not None:
         return number * factor
     registry = _registry()
     try:
@@ -171,27 +152,10 @@ def _parse(text: str, unit: str) -> float:
 
 def _dimension_of(given: pint.Unit) -> str:
     registry = _registry()
-    for unit, name in _NAMES.items():
+    for unit, (name, *_) in _UNITS.items():
         if registry.Unit(unit).dimensionality == given.dimensionality:
             return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
     return f"in {given}"
-
-
-# SI unit -> the smallest and largest number that somebody who writes no unit may well have meant, 0 aside.
-_PLAUSIBLE = {
-    "m": (0.0, 2.0),
-    "kg": (0.0, 20.0),
-    "N": (0.0, 2e3),
-    "Pa": (500.0, 1e12),
-    "m/s": (0.0, 2.0),
-    "m/s^2": (0.0, 100.0),
-    "N/m": (1.0, 1e9),
-    "rad": (0.0, 6.3),
-    "rad/s": (0.0, 6.3),
-}
-# SI unit -> the unit that was perhaps meant.
-_MEANT = {"m": "mm", "kg": "g", "s": "ms", "N": "mN", "Pa": "kPa", "m/s": "mm/s", "m/s^2": "mm/s^2", "N/m": "N/mm"}
-_MEANT |= {"rad": "deg", "rad/s": "deg/s"}
 
 
 class Quantity:
@@ -210,14 +174,16 @@ class Quantity:
         >>> Quantity("m").doubt(4)
         '4 without a unit is 4 m; did you mean "4 mm"? (write "4 m" where it is meant)'
         """
-        least, most = _PLAUSIBLE.get(self.unit, (0.0, math.inf))
+        own = _unit(self.unit)
+        least, most = own.plausible
         most = most if self.most is None else self.most
         size = abs(number)
         if size == 0 or least <= size <= most or not math.isfinite(size):
             return ""
-        unit = _MEANT.get(self.unit, "")
-        factor = _WRITTEN.get(self.unit, {}).get(unit, 0.0)
-        meant = f'; did you mean "{number:g} {unit}"?' if least <= size * factor <= most else ", which is implausible"
+        factor = own.written.get(own.meant, 0.0)
+        meant = (
+            f'; did you mean "{number:g} {own.meant}"?' if least <= size * factor <= most else ", which is implausible"
+        )
         read = f"{number:g} {self.unit}"
         return f'{number:g} without a unit is {read}{meant} (write "{read}" where it is meant)'
 
@@ -239,7 +205,7 @@ class Quantity:
 def quantity_schema(unit: str) -> JsonSchemaValue:
     """JSON schema of what `to_si` reads: a number, or a text with a unit that is not one of another dimension."""
     number = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*"
-    others = "|".join(re.escape(text) for other in _WRITTEN if other != unit for text in _WRITTEN[other])
+    others = "|".join(re.escape(text) for other, row in _UNITS.items() if other != unit for text in row.written)
     text = {
         "pattern": number + ("" if unit == "1" else "[A-Za-zµμΩ°%]"),
         "not": {"pattern": f"{number}({others})\\s*$"},

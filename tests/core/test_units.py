@@ -52,11 +52,11 @@ def test_anything_else_is_refused_in_words(written, unit, complaint):
 
 def test_what_people_write_is_read_as_pint_reads_it_to_the_bit():
     import pint
-    from palpate.units import _WRITTEN
+    from palpate.units import _UNITS
 
     registry = pint.UnitRegistry()
-    for unit, names in _WRITTEN.items():
-        for written in names:
+    for unit, row in _UNITS.items():
+        for written in row.written:
             expected = registry.Quantity(0.37, registry.Unit(written)).to(unit).magnitude
             assert to_si(f"0.37 {written}", unit) == expected, written
 

@@ -172,6 +172,9 @@ def files():
         b"t,force_N,z_m\n"
         + b"".join(b"%s,1,0.1\n" % (b"inf" if i % 5 == 0 else b"nan" if i % 7 == 0 else b"%d" % i) for i in range(100)),
     )
+    rows = b"".join(b"%.3f,%.2f,%.4f\n" % (i / 500, i % 7, i / 1e4) for i in range(400))
+    yield "cut_within_its_last_number.csv", (b"time_s,force_N,z_m\n" + rows)[:-4]
+    yield "no_last_end_of_line.csv", (b"time_s,force_N,z_m\n" + rows)[:-1]
     yield "commas.csv", b"t;z\n0,1;1,5\n0,2;1,6\n"
     yield "ragged.csv", b"t,force_N,z_m\n0.1,1\n0.2,1,2,3,4\n\n,,\n"
     yield "bytes.csv", bytes(range(256))

@@ -1,6 +1,7 @@
 """CSV logs: what is read, and what is refused."""
 
 import gzip
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,9 +12,11 @@ from pydantic import ValidationError
 
 
 def log(path, text, **changes):
+    """The device; what is in its file, or None for what is there already."""
     opener = gzip.open if path.suffix == ".gz" else open
-    with opener(path, "wt") as file:
-        file.write(text)
+    if text is not None:
+        with opener(path, "wt") as file:
+            file.write(text)
     columns = {"z": {"column": 0, "unit": "mm"}, "fz": {"column": 1, "unit": "N"}}
     return CsvReplay.model_validate({"file": path, "rate": 500.0, "columns": columns, **changes})
 
@@ -143,3 +146,60 @@ def test_a_file_that_is_cut_within_a_line_is_refused(tmp_path):
     assert len(rows(log(tmp_path / "whole.csv", whole))[0]) == 100
     with pytest.raises(LogError, match=r"cut\.csv:100: the last line has 3 of 4 cells, so the file was cut there"):
         rows(log(tmp_path / "cut.csv", whole[:-3]))
+
+
+FIXED = [f"{i},{np.sin(i):.4f}" for i in range(300)]
+SHORTEST = [f"{i},{round(float(np.sin(i)), 3)!r}" for i in range(300)]
+POWERS = [f"{i},{np.sin(i) * 1e-5:.3e}" for i in range(300)]
+COUNTS = [f"{i},{8000 + (i * 37) % 500}" for i in range(300)]
+
+
+@pytest.mark.parametrize(
+    ("lines", "cut"),
+    [
+        ([*FIXED, "300,0.12"], True),
+        ([*FIXED, "300,0.123\n"], False),  # its line has an end
+        ([*FIXED, "300,-0.1234"], False),  # hand-written tables have no last end of line
+        ([*FIXED, "300,0."], True),
+        ([*FIXED, "300,12"], True),
+        ([*FIXED, "300,"], False),  # an empty cell is an invalid reading as ever
+        (["a,b", *FIXED[:50], "300,0.1"], False),  # too few above it to tell
+        ([*SHORTEST, "300,0.5"], False),  # as short as others are
+        ([*SHORTEST, "300,12.51"], False),
+        ([*POWERS, "300,1.234e-0"], True),
+        ([*POWERS, "300,1.234"], True),
+        ([*POWERS, "300,1.234e-06"], False),
+        ([*COUNTS, "300,81"], True),
+        ([*COUNTS, "300,8111"], False),
+        ([*COUNTS, "300,12345"], False),
+    ],
+)
+@pytest.mark.parametrize("line_end", ["\n", "\r\n"], ids=["unix", "windows"])
+def test_a_number_that_is_cut_is_left_out_and_said(tmp_path, lines, cut, line_end):
+    device = log(tmp_path / "a.csv", line_end.join(lines), columns={"z": {"column": 1, "unit": "m"}})
+    count = len(lines) - lines[0].startswith("a")
+    assert len(rows(device)[0]) == count - cut
+    assert len(device.warnings) == cut
+    if cut:
+        assert f"its last number, {lines[-1].partition(',')[2]}, fewer digits" in device.warnings[0]
+    notes = [note for note in CsvReplay.survey(device.file).notes if "cut within its last number" in note]
+    assert len(notes) == cut
+
+
+def test_a_number_that_nobody_reads_may_be_cut(tmp_path):
+    device = log(tmp_path / "a.csv", "\n".join([*FIXED, "300,0.12"]), columns={"z": {"column": 0, "unit": "m"}})
+    assert len(rows(device)[0]) == 301
+    assert device.warnings == ()
+
+
+def test_a_packed_table_is_whole(tmp_path):
+    device = log(tmp_path / "a.csv.gz", "\n".join([*FIXED, "300,0.12"]), columns={"z": {"column": 1, "unit": "m"}})
+    assert len(rows(device)[0]) == 301
+
+
+def test_of_the_corpus_only_the_cut_one_loses_a_row():
+    corpus = Path(__file__).parent / "corpus"
+    for name, count in (("cut_within_its_last_number.csv", 399), ("no_last_end_of_line.csv", 400)):
+        device = log(corpus / name, None, columns={"z": {"column": "z_m", "unit": "m"}})
+        assert len(rows(device)[0]) == count
+        assert len(device.warnings) == 400 - count

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.vectors import Floats
 
 _GRID = 41  # heights that are tried together
+_STEPS = np.arange(float(_GRID))
 _LEVELS = 4  # each a twentieth of the one before
 _FEWEST = 20  # samples
 _MOST = 4000  # samples; more are thinned
@@ -37,7 +39,7 @@ def change_point(position: Floats, force: Floats) -> ChangePoint | None:
     1973). Readings that are not finite are left out.
     """
     known = np.isfinite(position) & np.isfinite(force)
-    z, f = position[known], force[known]
+    z, f = (position, force) if known.all() else (position[known], force[known])
     if len(z) < _FEWEST:
         return None
     step = -(-len(z) // _MOST)
@@ -50,8 +52,10 @@ def change_point(position: Floats, force: Floats) -> ChangePoint | None:
     best = (total, top)
     low, high = bottom, top
     for _ in range(_LEVELS):
-        heights = np.linspace(low, high, _GRID)
-        sums = _left(z, centred, total, heights)
+        heights = _STEPS * ((high - low) / (_GRID - 1)) + low
+        heights[-1] = high
+        below = z < high  # the law is none for the others, whatever the height
+        sums = _left(z[below], centred[below], len(z), total, heights)
         at = int(np.argmin(sums))
         best = min(best, (float(sums[at]), float(heights[at])))
         low, high = float(heights[max(at - 1, 0)]), float(heights[min(at + 1, _GRID - 1)])
@@ -69,17 +73,28 @@ def change_point(position: Floats, force: Floats) -> ChangePoint | None:
 
 def _hanging_together(residual: Floats) -> float:
     """How many samples count as one, from the scatter of the means of eighths; at least 1."""
-    parts = np.array([part.mean() for part in np.array_split(residual, _PARTS)])
-    variance = float(np.mean(residual**2))
-    return max(float(np.mean(parts**2)) * len(residual) / _PARTS / variance, 1.0) if variance > 0 else 1.0
+    edges, sizes = even_parts(len(residual), _PARTS)
+    parts = np.add.reduceat(residual, edges) / sizes
+    variance = float(residual @ residual) / len(residual)
+    return max(float(parts @ parts) / _PARTS * len(residual) / _PARTS / variance, 1.0) if variance > 0 else 1.0
 
 
-def _left(z: Floats, centred: Floats, total: float, heights: Floats) -> Floats:
-    """Sum of squares that is left (k,) for every height; the total where the force would fall with depth."""
+def even_parts(count: int, parts: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Where parts of equal length begin, the first ones longer by one, and how long they are: of `count` samples."""
+    each, longer = divmod(count, parts)
+    edges = each * np.arange(parts + 1) + np.minimum(np.arange(parts + 1), longer)
+    return edges[:-1], np.diff(edges)
+
+
+def _left(z: Floats, centred: Floats, count: int, total: float, heights: Floats) -> Floats:
+    """Sum of squares that is left (k,) for every height; the total where the force would fall with depth.
+
+    Of `count` samples, those that are below any of the heights.
+    """
     shape = np.maximum(heights[:, None] - z, 0.0)
     shape *= np.sqrt(shape)
     # `centred` has no mean, so that none need be taken from the shape for their product.
-    square = np.einsum("ij,ij->i", shape, shape) - shape.sum(axis=1) ** 2 / len(z)
+    square = np.einsum("ij,ij->i", shape, shape) - shape.sum(axis=1) ** 2 / count
     product = shape @ centred
     rises = (square > 0) & (product > 0)
     return np.asarray(total - np.where(rises, product**2 / np.where(rises, square, 1.0), 0.0))

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from palpate.estimation import Samples
+from palpate.vectors import Floats
 
 _SPAN = 10  # samples in one stretch; 20 ms at 500 Hz, short against a palpation's period and long against noise
 _LONGEST = 0.03  # [s]; longer stretches blur the acceleration of a palpation
@@ -23,7 +24,7 @@ class VelocityCheck:
     def __init__(self) -> None:
         self._waiting: list[Samples] = []
         self._held = 0
-        self._latest: list[tuple[float, float, float]] = []  # mean velocity, mean slope of position, duration
+        self._latest = np.zeros((0, 3))  # mean velocity, mean slope of position, duration
         self._stretches = self._long = self._known = 0
         self._power = self._product = self._square = 0.0  # of acceleration and difference
 
@@ -43,26 +44,26 @@ class VelocityCheck:
         slope = (position[:, -1] - position[:, 0]) / duration
         even = step.max(axis=1) < 3 * duration / _SPAN  # no gap within
         means = np.where(even, mean, np.nan)
-        for stretch in zip(means.tolist(), slope.tolist(), duration.tolist(), strict=True):
-            self._add(stretch)
+        self._add(np.column_stack([means, slope, duration]))
         self._waiting = [block[whole * _SPAN :]]
         self._held -= whole * _SPAN
 
-    def _add(self, stretch: tuple[float, float, float]) -> None:
-        """Take in a stretch; it gives the one before its acceleration, from the neighbours on both sides."""
-        self._stretches += 1
-        self._long += stretch[2] > _LONGEST
-        self._latest.append(stretch)
-        if len(self._latest) < 3:
+    def _add(self, stretches: Floats) -> None:
+        """Take in stretches (n, 3); each gives the one before its acceleration, from the neighbours on both sides."""
+        self._stretches += len(stretches)
+        self._long += int(np.count_nonzero(stretches[:, 2] > _LONGEST))
+        stretches = np.concatenate([self._latest, stretches])
+        self._latest = stretches[-2:]
+        mean, slope, duration = stretches.T
+        acceleration, apart = (mean[2:] - mean[:-2]) / (2 * duration[1:-1]), mean[1:-1] - slope[1:-1]
+        known = np.isfinite(acceleration) & np.isfinite(apart)
+        if not known.any():
             return
-        (before, _, _), (mean, slope, duration), (after, _, _) = self._latest
-        self._latest.pop(0)
-        acceleration, apart = (after - before) / (2 * duration), mean - slope
-        if math.isfinite(acceleration) and math.isfinite(apart):
-            self._known += 1
-            self._power += acceleration**2
-            self._product += acceleration * apart
-            self._square += apart**2
+        acceleration, apart = acceleration[known], apart[known]
+        self._known += len(apart)
+        self._power = _added(self._power, acceleration * acceleration)
+        self._product = _added(self._product, acceleration * apart)
+        self._square = _added(self._square, apart * apart)
 
     @property
     def delay(self) -> tuple[float, float] | None:
@@ -72,3 +73,8 @@ class VelocityCheck:
         late = -self._product / self._power
         residual = max(self._square + late * self._product, 0.0)
         return late, math.sqrt(residual / (self._known - 1) / self._power)
+
+
+def _added(total: float, values: Floats) -> float:
+    """A total and values (n,), one after the other however they are cut."""
+    return float(np.cumsum(np.concatenate([[total], values]))[-1])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.alignment.change_point import change_point
+from palpate.alignment.change_point import change_point, even_parts
 from palpate.alignment.settings import AlignmentSettings
 from palpate.errors import LogError
 from palpate.estimation import Samples
@@ -71,7 +71,9 @@ def _known(samples: Samples) -> Samples:
 
 def _at_rest(force: Floats) -> bool:
     """Whether a record scatters within its sixths rather than wandering from one to the next."""
-    parts = np.array_split(force, 6)
-    between = float(np.std([part.mean() for part in parts]))
-    within = float(np.mean([part.std() for part in parts]))
+    edges, sizes = even_parts(len(force), 6)
+    means = np.add.reduceat(force, edges) / sizes
+    between = float(means.std())
+    apart = force - np.repeat(means, sizes)
+    within = float(np.sqrt(np.add.reduceat(apart * apart, edges) / sizes).mean())
     return between <= _WANDER or between <= 1.5 * within

@@ -178,7 +178,8 @@ class TouchFinder:
         above = _in_a_row(samples.force > self._limit(samples.time), self._above)
         passed = np.flatnonzero(above >= _IN_A_ROW)
         found = int(passed[0]) if len(passed) else None
-        for risen in self._rise.feed(samples.force) if self._rise is not None else ():
+        before = samples.force[:found]  # what rises later does not matter
+        for risen in self._rise.feed(before) if self._rise is not None else ():
             at = risen - self._seen
             if (found is None or at < found) and self._change(held, at + offset, at + offset + 1) is not None:
                 found, self._doubtful = at, True
@@ -197,10 +198,12 @@ class TouchFinder:
         """The change point in the baseline, what is looked back over, and what is held up to `end`."""
         if not self._lag:
             return None
-        past = held[:0] if self._past is None else self._past
-        window = Samples.joined([past, held[:end]])
-        begin = len(past) + self._earliest(held, shown) - self._baseline
-        found = change_point(window.position[max(begin, 0) :], window.force[max(begin, 0) :])
+        position, force = held.position[:end], held.force[:end]
+        begin = self._earliest(held, shown) - self._baseline
+        if (past := self._past) is not None:
+            position, force = np.concatenate([past.position, position]), np.concatenate([past.force, force])
+            begin += len(past)
+        found = change_point(position[max(begin, 0) :], force[max(begin, 0) :])
         noise = self.threshold / _TOUCH_SIGMAS
         return found if found is not None and found.rms < 2.0 * noise + _BELIEVED * found.rise else None
 
@@ -215,7 +218,8 @@ class TouchFinder:
     def _listen_to_the_air(self, force: Floats) -> None:
         """What the force is before the first touch, where it should be none."""
         known = force[np.isfinite(force)]
-        self._air_sum = float(np.cumsum([self._air_sum, *known])[-1])  # one by one, however the record is cut
+        # One by one, however the record is cut.
+        self._air_sum = float(np.cumsum(np.concatenate([[self._air_sum], known]))[-1])
         self._air_count += len(known)
 
     @property

@@ -13,9 +13,9 @@ from palpate.config.doubts import UNCHECKED, doubts
 from palpate.config.migrations import KEY
 from palpate.config.mistakes import Mistake, mistakes_of
 from palpate.config.source import Location
-from palpate.errors import PalpateError, PluginError
+from palpate.errors import PalpateError, PluginError, suggest
 from palpate.parts import Part, Settings, nested_settings, part_kind, table_of_parts
-from palpate.registry import Registry, suggest
+from palpate.registry import Registry
 
 
 class _Broken(Exception):  # noqa: N818  (a signal, never seen outside)

@@ -10,9 +10,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from palpate.config.source import Location, Source
-from palpate.errors import ConfigurationError
+from palpate.errors import ConfigurationError, suggest
 from palpate.hooks import KINDS
-from palpate.registry import suggest
 
 
 @dataclass(frozen=True)

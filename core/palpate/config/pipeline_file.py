@@ -24,10 +24,11 @@ from palpate.config.wired_safety import contradictions, wired
 from palpate.config.wiring import ports_of, wrong_channels, wrong_wiring
 from palpate.contact import ContactModel, Indenter
 from palpate.device import Device
+from palpate.errors import suggest
 from palpate.estimation import Estimator
 from palpate.flags import Flag
 from palpate.parts import File, Settings
-from palpate.registry import Registry, suggest
+from palpate.registry import Registry
 from palpate.safety import SafetySettings
 from palpate.sink import Sink
 from palpate.track_name import TrackName

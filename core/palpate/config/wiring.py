@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from palpate.alignment import SIGNAL_UNITS, AlignmentSettings, Port, Ports, channels, signals
 from palpate.config.mistakes import Mistake
 from palpate.device import Device
-from palpate.errors import PalpateError
-from palpate.registry import suggest
+from palpate.errors import PalpateError, suggest
 from palpate.safety import SafetySettings
 
 _NORMAL = 2  # column of z in a pose or twist of the work frame, whose z is the surface's normal

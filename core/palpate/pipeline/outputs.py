@@ -27,14 +27,13 @@ class Outputs:
     ) -> None:
         self.writers: list[Writer] = [stack.enter_context(sink.open(run)) for sink in pipeline.sinks.values()]
         self.writers += [observer] if observer is not None else []
-        self._interval = pipeline.run.estimates_interval
-        self._recorders = [function_of(recorder) for recorder in pipeline.registry.recorders.values()]
-        self._run, self._stack = run, stack
+        self._run, self._stack, self._pipeline = run, stack, pipeline
         self._tables = self._opened([track.track.name for track in online])
 
     def _opened(self, tracks: Iterable[str], offline: bool = False) -> list[EstimatesWriter]:
         wanted = {track: self._run.tracks[track] for track in tracks}
-        opened = (recorder(self._run.folder, wanted, self._interval, offline) for recorder in self._recorders)
+        recorders = [function_of(recorder) for recorder in self._pipeline.registry.recorders.values()]
+        opened = (recorder(self._run.folder, wanted, self._pipeline, offline) for recorder in recorders)
         return [self._stack.enter_context(table) for table in opened]
 
     def record(self, arrivals: Iterable[tuple[str, Batch]]) -> None:

@@ -1,6 +1,6 @@
 """The commands of every day: run, replay, resume, check, and what looks up parts."""
 
-from palpate import Command, Recorder, plugin
+from palpate import Command, Recorder, Settings, plugin
 
 
 @plugin
@@ -25,5 +25,13 @@ def palpate_commands() -> dict[str, Command]:
 
 @plugin
 def palpate_recorders() -> dict[str, Recorder]:
-    """The tables of estimates of every run."""
+    """The tables of estimates of every run, as ``[estimates]`` says."""
     return {"estimates": Recorder("palpate_basics.estimates_file:estimates_file")}
+
+
+@plugin
+def palpate_tables() -> dict[str, type[Settings]]:
+    """How the tables of estimates are written."""
+    from palpate_basics.estimates_settings import EstimatesSettings
+
+    return {"estimates": EstimatesSettings}

@@ -64,7 +64,7 @@ def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False) -> None
     if as_json:
         typer.echo(json.dumps(result.table(), indent=2))
     else:
-        console().print(result_view(result, pipeline.registry.sections))
+        console().print(result_view(result, pipeline.registry.report_sections))
     for line in _reported(pipeline, result.folder):
         typer.echo(line, err=as_json or layout() != "table")
     result.demand_whole()

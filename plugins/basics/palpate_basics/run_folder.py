@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from palpate import Floats, LogError, Status
 from palpate.host import GIVEN, PIPELINE, RESULT
 
-from palpate_basics.estimates_file import OFFLINE, ONLINE
+from palpate_basics.estimates_file import OFFLINE, ONLINE, TEXT
+from palpate_basics.estimates_parquet import STREAM, WHOLE, read_columns
 from palpate_basics.reading import is_whole, read_result
 
 REVIEW = "review.json"
@@ -153,7 +154,20 @@ class RunFolder:
     @property
     def tables(self) -> list[EstimatesTable]:
         """The tables of estimates, those made afterwards first, since they know more; raises LogError."""
-        return [_read(path) for name in (OFFLINE, ONLINE) if (path := self.path / name).is_file()]
+        return [table for name in (OFFLINE, ONLINE) if (table := self._table(name)) is not None]
+
+    @property
+    def online_table(self) -> EstimatesTable | None:
+        """The table of estimates that was written while the run went on, if there is one; raises LogError."""
+        return self._table(ONLINE)
+
+    def _table(self, name: str) -> EstimatesTable | None:
+        """The table of a name in the form that it has; a stream of Arrow beside Parquet was to be deleted."""
+        paths = (self.path / f"{name}{suffix}" for suffix in (TEXT, WHOLE, STREAM))
+        path = next((path for path in paths if path.is_file()), None)
+        if path is None:
+            return None
+        return _read(path) if path.suffix == TEXT else EstimatesTable(path, *read_columns(path))
 
     @property
     def tracks(self) -> dict[str, TrackTable]:
@@ -166,8 +180,8 @@ class RunFolder:
     @property
     def places(self) -> tuple[Floats, Floats]:
         """Times (n,) [s] of the table of estimates, if any, and where the tip was (n, 2) [m]; raises LogError."""
-        path = self.path / ONLINE
-        numbers = _read(path).numbers if path.is_file() else np.zeros((0, 3))
+        table = self.online_table
+        numbers = np.zeros((0, 3)) if table is None else table.numbers
         return (numbers[:, 0], numbers[:, 1:3]) if len(numbers) else (np.zeros(0), np.zeros((0, 2)))
 
 

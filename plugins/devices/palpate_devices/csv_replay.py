@@ -17,6 +17,7 @@ import numpy as np
 from palpate import Batch, Channel, File, Floats, Frequency, Link, LogError, Settings, Stream, is_number, to_si
 from pydantic import Field, model_validator
 
+from palpate_devices.logs.csv_end import cut_number
 from palpate_devices.logs.csv_roles import suggest_csv, survey_csv, tables_csv
 from palpate_devices.logs.csv_sheet import SUFFIXES, bounded, number, opened
 from palpate_devices.logs.files import regular
@@ -44,6 +45,7 @@ class Tally:
     """What was left out of a file."""
 
     timeless: int = 0  # rows
+    cut: str | None = None  # the last number, where the file ends within it
 
 
 class CsvReplay(Recording):
@@ -81,9 +83,16 @@ class CsvReplay(Recording):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """How many rows were left out since they have no time."""
-        count = self.tally.timeless
-        return (f"{self.file.name}: {count} rows have no finite time, and were left out",) if count else ()
+        """How many rows were left out since they have no time, and a last one that was cut."""
+        tally, found = self.tally, []
+        if tally.timeless:
+            found.append(f"{self.file.name}: {tally.timeless} rows have no finite time, and were left out")
+        if tally.cut is not None:
+            found.append(
+                f"{self.file.name}: the last line has no end, and its last number, {tally.cut}, fewer digits than all "
+                "above it: it was cut, and that line left out"
+            )
+        return tuple(found)
 
     @cached_property
     def tally(self) -> Tally:
@@ -141,8 +150,8 @@ class _CsvLink:
     def batches(self) -> Iterator[Batch]:
         """The rows of the file in order, some thousand at a time."""
         row = 0
-        self._log.tally.timeless = 0
-        for numbers in self._blocks():
+        self._log.tally.timeless, self._log.tally.cut = 0, None
+        for numbers in self._whole():
             with np.errstate(over="ignore"):  # what is not finite counts as invalid
                 values = numbers * self._scales
             if self._log.time is None:
@@ -157,6 +166,19 @@ class _CsvLink:
             yield Batch("", stamps, stamps, sensible(values))
         if row == 0:
             raise LogError(f"{self._log.file}: the file holds no rows of numbers")
+
+    def _whole(self) -> Iterator[Floats]:
+        """The numbers (n, places) of all rows but one that was cut."""
+        latest = None
+        for numbers in self._blocks():
+            if latest is not None:
+                yield latest
+            latest = numbers
+        if latest is None:
+            return
+        cut = cut_number(self._log.file, self._log.delimiter) if self._width - 1 in (self._at or ()) else None
+        self._log.tally.cut = cut
+        yield latest if cut is None else latest[:-1]
 
     def _blocks(self) -> Iterator[Floats]:
         path = self._log.file

@@ -13,7 +13,6 @@ from palpate.host import EstimatesTable, RunFolder, TrackTable
 
 from palpate_live.feed import Feed
 
-_ONLINE = "estimates.csv"
 _ROWS = 500  # that are told together
 
 
@@ -30,20 +29,19 @@ class Recorded:
 def recorded(source: Path) -> Recorded | None:
     """The tables of a run folder; None where it has a log, or no table. Raises LogError for what cannot be read."""
     folder = RunFolder(source)
-    if not source.is_dir() or not (source / _ONLINE).is_file() or any(source.glob("*.mcap")):
+    if not source.is_dir() or any(source.glob("*.mcap")) or (online := folder.online_table) is None:
         return None
     if not folder.finished:
         raise LogError(f"{source}: has neither a log nor a result: `palpate report {source}` shows what there is")
-    tables = {table.path.name: table for table in folder.tables}
-    online, result = tables.pop(_ONLINE), folder.result
+    result, offline = folder.result, [table for table in folder.tables if table.path != online.path]
     units = {name: {key: part["unit"] for key, part in t["parameters"].items()} for name, t in result["tracks"].items()}
     tracks = {
         name: tuple(Parameter(key, "", units[name][key], "") for key in table.track(name).values)
-        for table in (online, *tables.values())
+        for table in (online, *offline)
         for name in table.tracks
     }
     run = Run(source, {}, tracks, {}, {}, result["run"]["name"])
-    return Recorded(run, online, next(iter(tables.values()), None), result)
+    return Recorded(run, online, next(iter(offline), None), result)
 
 
 def tell(known: Recorded, feed: Feed) -> bool:

@@ -22,7 +22,7 @@ from palpate.host import (
     registry,
 )
 
-_SIGNS = ("result.json", "pipeline.toml", "estimates.csv")
+_SIGNS = ("result.json", "pipeline.toml", "estimates.csv", "estimates.parquet", "estimates.arrows")
 _WHY_NOT = {
     False: "There is no result.json: the run was killed, lost its power, or still goes on.",
     True: "The result.json is not whole: the run was cut while it was written.",

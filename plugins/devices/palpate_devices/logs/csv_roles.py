@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from palpate import Batch, Floats, LogError, printable, to_si
 
+from palpate_devices.logs.csv_end import cut_number
 from palpate_devices.logs.csv_sheet import Sheet, together
 from palpate_devices.logs.field_statistics import Gathered
 from palpate_devices.logs.guess import ROLES, Found, Series
@@ -163,7 +164,11 @@ def survey_csv(path: Path) -> Survey:
         gathered.add(block)
     columns = list(gathered.names)
     kind = f"{len(sheet.names)} columns, {'a header' if sheet.header else 'no header'}, {sheet.delimiter!r} between"
-    notes = () if clock else ("no column holds the time: give the rate, --rate '500 Hz', or the column, --time",)
+    notes: tuple[str, ...] = (
+        () if clock else ("no column holds the time: give the rate, --rate '500 Hz', or the column, --time",)
+    )
+    if (cut := cut_number(path, sheet.delimiter)) is not None:
+        notes += (f"the file was cut within its last number, {cut}: its line has no end, and all above it more digits",)
     if clock is None:
         numbers = gathered.surveys()
         topic = TopicSurvey(path.name, kind, "csv", rows, 0, 0, fields=tuple(columns), numbers=numbers)

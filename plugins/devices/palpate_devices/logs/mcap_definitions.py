@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 from palpate_devices.logs import mcap_records as records
@@ -28,12 +27,20 @@ class Known:
 
     def copy(self) -> Known:
         """With definitions of its own."""
-        return Known(dict(self.schemas), dict(self.channels))
+        return Known(dict(self.schemas), dict(self.channels), _refers=dict(self._refers))
 
-    def offer(self, opcode: int, content: bytes) -> None:
-        """Take in a schema or channel, where it is one, and nothing has defined it yet."""
-        with suppress(Damage):
+    def schema_of(self, channel: int) -> int | None:
+        """The number of a channel's schema, 0 where it has none; None where that is not defined any more."""
+        schema = self._refers.get(channel, 0)
+        return schema if not schema or schema in self.schemas else None
+
+    def offer(self, opcode: int, content: bytes) -> bool:
+        """Take in a schema or channel, where it is one, and nothing has defined it otherwise; whether that is so."""
+        try:
             self.define(opcode, content)
+        except Damage:
+            return False
+        return True
 
     def settle(self, counts: Mapping[int, int]) -> list[str]:
         """Define what messages need from what is left of damaged chunks, too; the topics for which that was so."""

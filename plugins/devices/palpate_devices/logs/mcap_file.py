@@ -208,7 +208,7 @@ class McapFile:
             self.unchecked += salvage.unchecked
             report.losses, report.repeated = salvage.losses, salvage.repeated
         self.unchecked = report.unchecked = 0 if self._data_right else self.unchecked
-        if problem is not None or self._notes or report.missing:
+        if problem is not None or self._notes or report.missing or report.nameless:
             self._complete, self._report = False, report
 
     @staticmethod

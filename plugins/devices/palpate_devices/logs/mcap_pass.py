@@ -5,7 +5,7 @@ from __future__ import annotations
 import zlib
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO
 
@@ -27,7 +27,9 @@ class _Whole:
 
     chunk: records.Chunk
     index: list[Stamps]
+    head: bytes  # of its record, which tells it from others
     end: int = 0  # [bytes] where its record ends in the file
+    pieces: tuple[records.Piece, ...] = ()
 
 
 class Pass:
@@ -40,7 +42,7 @@ class Pass:
         self._unpacker = records.Unpacker()
         self._latest: Block | None = None
         self.unchecked = 0
-        self.heads = bytearray()  # of the chunks that were opened, 28 bytes each
+        self.heads = bytearray()  # of the chunks that were given, 28 bytes each
         self.chunked = bool(summary.chunks)
         self.done = len(records.MAGIC)  # [bytes] up to which all messages have been given
 
@@ -104,9 +106,10 @@ class Pass:
                     self.chunked = True
                     if length > records.LIMIT:
                         raise Damage(f"a chunk has {length} bytes, more than {records.LIMIT}")
+                    piece = records.Piece(0, file.tell(), length)
                     content = file.read(length)
-                    pending.append(_Whole(records.open_chunk(content, self._unpacker), [], file.tell()))
-                    self.heads += content[: records.CHUNK_HEAD]
+                    chunk, head = records.open_chunk(content, self._unpacker), content[: records.CHUNK_HEAD]
+                    pending.append(_Whole(chunk, [], head, file.tell(), (piece,)))
                 else:
                     self._other(file, opcode, length)
         except Damage:
@@ -141,10 +144,13 @@ class Pass:
             except Damage:  # some of them are sound
                 block = None
             if block is not None:
+                self.heads += b"".join(whole.head for whole in pending)
                 yield self._given(block, pending[-1].end)
                 return
         for whole in pending:
-            yield self._given(self._located(whole), whole.end)
+            block = self._located(whole)
+            self.heads += whole.head
+            yield self._given(block, whole.end)
 
     def _given(self, block: Block, end: int) -> Block:
         """A block whose messages end there."""
@@ -160,7 +166,7 @@ class Pass:
         self._count(block)
         if not chunk.checked:
             self.unchecked += len(block.offsets)
-        return block
+        return block.made_of(whole.pieces, others) if chunk.checked else block
 
     def _count(self, block: Block) -> None:
         if len(block.offsets):
@@ -212,7 +218,10 @@ def _joined(pending: list[_Whole]) -> _Whole:
     data = b"".join(whole.chunk.data for whole in pending)
     begins = np.cumsum([0, *(len(whole.chunk.data) for whole in pending)]).tolist()
     index = [stamps + begin for begin, whole in zip(begins, pending, strict=False) for stamps in whole.index]
-    return _Whole(records.Chunk(data, True), index)
+    pieces = (
+        replace(piece, begin=begin) for begin, whole in zip(begins, pending, strict=False) for piece in whole.pieces
+    )
+    return _Whole(records.Chunk(data, True), index, b"", pieces=tuple(pieces))
 
 
 def _indexed(content: bytes) -> Stamps:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 import zlib
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -183,17 +183,31 @@ def _confirmed(data: bytes, offsets: Stamps) -> tuple[Block, list[Other]] | None
 
 
 @dataclass(frozen=True)
+class Piece:
+    """A chunk within a block."""
+
+    begin: int  # [bytes] in the block's buffer
+    place: int  # [bytes] in the file, of its record's content
+    length: int  # [bytes]
+
+
+@dataclass(frozen=True)
 class Block:
     """Message records in one buffer, with their heads."""
 
     buffer: Bytes
     offsets: Stamps
     heads: Bytes  # (n, HEAD)
+    pieces: tuple[Piece, ...] = ()  # of which it is made, where each has a checksum and only defines what is known
 
     @classmethod
     def read(cls, buffer: Bytes, offsets: Stamps) -> Block:
         """From the offsets of the records."""
         return cls(buffer, offsets, gather(buffer, offsets, HEAD))
+
+    def made_of(self, pieces: tuple[Piece, ...], others: list[Other]) -> Block:
+        """With the chunks that it is made of, if there is nothing in them but messages and what they need."""
+        return replace(self, pieces=pieces) if {kind for kind, _, _ in others} <= {SCHEMA, CHANNEL} else self
 
     def __len__(self) -> int:
         return len(self.offsets)

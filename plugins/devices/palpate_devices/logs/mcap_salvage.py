@@ -110,6 +110,7 @@ class Salvage:
     def _chunk(self, file: IO[bytes], length: int) -> Block | None:
         if length > records.LIMIT:
             raise Damage(f"a chunk has {length} bytes, more than {records.LIMIT}")
+        piece = records.Piece(0, file.tell(), length)
         content = file.read(length)
         try:
             chunk = records.open_chunk(content, self._unpacker)
@@ -118,15 +119,14 @@ class Salvage:
             self._vain += length + min(struct.unpack_from("<Q", content.ljust(24, b"\0"), 16)[0], records.LIMIT)
             self._known.spare += records.remains(content)  # taken where nothing else defines what whole chunks need
             raise
-        for opcode, at, size in others:
-            self._known.offer(opcode, chunk.data[at : at + size])
+        agreed = [self._known.offer(opcode, chunk.data[at : at + size]) for opcode, at, size in others]
         head = content[: records.CHUNK_HEAD]
         if chunk.checked and head in self._seen:
             self.repeated += 1
             return None
         self._seen.add(head)
         self.unchecked += 0 if chunk.checked else len(block)
-        return block
+        return block.made_of((piece,), others) if chunk.checked and all(agreed) else block
 
     def _loose(self, file: IO[bytes], position: int, following: int, size: int) -> tuple[int, Block]:
         """Messages outside of chunks, which nothing checks: each must be followed by a record that fits."""

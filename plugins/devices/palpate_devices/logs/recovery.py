@@ -2,84 +2,100 @@
 
 from __future__ import annotations
 
+import itertools
+import os
 import struct
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO
 
+import numpy as np
 from palpate import LogError, OutputError
 from palpate.host import progressed
 
 from palpate_devices.logs import mcap_records as records
+from palpate_devices.logs.mcap_copy import NewLog, Packed, compressed
 from palpate_devices.logs.mcap_definitions import Known
 from palpate_devices.logs.mcap_file import McapFile
-from palpate_devices.logs.mcap_records import Block
-from palpate_devices.logs.topics import Topic
+from palpate_devices.logs.mcap_records import Block, Piece
+from palpate_devices.logs.scratch import scratch
+from palpate_devices.logs.topics import Bytes, Stamps
+
+_NEW = "new.mcap"
 
 
 def recover_mcap(path: Path, out: Path) -> str:
     """Write the whole part of a log into a new file, and say how much that is; raises LogError, OutputError."""
-    from mcap.writer import Writer
-
+    if out.exists():
+        raise OutputError(f"{out}: is there already, and nothing is ever overwritten")
     log = McapFile(path, accept_cut=True)
     try:
-        with out.open("xb") as file:
-            writer = Writer(file)
-            writer.start(profile="ros2", library="palpate recover")
-            saved = _Saved(writer)
-            known = Known(extras=[])
-            for known, block in log.everything():
-                saved.block(known, block)
-                progressed(saved.messages)
-            for opcode, content in known.extras or ():
-                saved.extra(opcode, content)
-            writer.finish()  # type: ignore[no-untyped-call]
-    except FileExistsError as error:
-        raise OutputError(f"{out}: is there already, and nothing is ever overwritten") from error
+        with scratch(out.parent) as folder:
+            saved = _written(log, folder)
+            if not saved.messages:
+                raise LogError(f"{path}: nothing in it is whole")
+            if out.exists():
+                raise OutputError(f"{out}: is there by now, and nothing is ever overwritten")
+            (folder / _NEW).rename(out)
     except OSError as error:
         raise OutputError(f"{out}: cannot write: {error.strerror}") from error
-    if not saved.messages:
-        out.unlink()
-        raise LogError(f"{path}: nothing in it is whole")
-    said = f"{saved.messages} messages over {(saved.last - saved.first) / 1e9:.3f} s are in {out}"
+    first, last = saved.log.span
+    said = f"{saved.messages} messages over {(last - first) / 1e9:.3f} s are in {out}"
     if log.complete:
         return f"the log was whole: {said}"
     return f"{said}; {log.report.words() if log.report else 'its end was missing'}"
 
 
+def _written(log: McapFile, folder: Path) -> _Saved:
+    """The new log, in a folder."""
+    with log.path.open("rb") as old, (folder / _NEW).open("xb") as file, (folder / "index").open("x+b") as index:
+        saved = _Saved(NewLog(file, index), old)
+        known = Known(extras=[])
+        for known, block in log.everything():
+            saved.block(known, block)
+            progressed(saved.messages)
+        for opcode, content in known.extras or ():
+            saved.extra(opcode, content)
+        saved.log.finish()
+        file.flush()
+        os.fsync(file.fileno())
+    return saved
+
+
 @dataclass
 class _Saved:
-    """The new log."""
+    """The new log, and the old one."""
 
-    writer: Any
+    log: NewLog
+    old: IO[bytes]
     messages: int = 0
-    first: int = 0
-    last: int = 0
-    channels: dict[int, int] = field(default_factory=dict)
-    schemas: dict[tuple[str, str, bytes], int] = field(default_factory=dict)
 
     def block(self, known: Known, block: Block) -> None:
         """Write the messages of a block whose channel is known."""
-        data = block.buffer.tobytes()
-        for offset in block.offsets.tolist():
-            channel, sequence, logged, published = struct.unpack_from("<HIQQ", data, offset + 9)
-            topic = known.channels.get(channel)
-            if topic is None:
-                continue
-            if channel not in self.channels:
-                self.channels[channel] = self._channel(topic)
-            end = offset + 9 + struct.unpack_from("<Q", data, offset + 1)[0]
-            payload = data[offset + records.HEAD : end]
-            self.writer.add_message(self.channels[channel], logged, payload, published, sequence)
-            self.first = logged if not self.messages else min(self.first, logged)
-            self.last = max(self.last, logged)
-            self.messages += 1
+        for identity in np.flatnonzero(block.counts).tolist():
+            if identity in known.channels and identity not in self.log:
+                self.log.define(identity, known.channels[identity], known.schema_of(identity) or 0)
+        pieces = block.pieces or (None,)
+        begins = [piece.begin for piece in block.pieces] or [0]
+        edges = [*np.searchsorted(block.offsets, begins).tolist(), len(block)]
+        for piece, (first, last) in zip(pieces, itertools.pairwise(edges), strict=True):
+            self._rows(known, block, slice(first, last), piece)
 
-    def _channel(self, topic: Topic) -> int:
-        key = (topic.type, topic.schema_encoding, topic.schema)
-        if key not in self.schemas:
-            self.schemas[key] = self.writer.register_schema(*key) if topic.type or topic.schema else 0
-        return int(self.writer.register_channel(topic.name, topic.encoding, self.schemas[key], dict(topic.metadata)))
+    def _rows(self, known: Known, block: Block, rows: slice, piece: Piece | None) -> None:
+        """Messages that lie behind one another: their chunk as it is, else a new one of those that have a channel."""
+        channel, logged, offsets = block.channel[rows], block.logged[rows].view("<u8"), block.offsets[rows]
+        present = np.unique(channel).tolist()
+        if piece is not None and all(i in known.channels and known.schema_of(i) is not None for i in present):
+            self.old.seek(piece.place)
+            packed, offsets = Packed.of(self.old.read(piece.length)), offsets - piece.begin
+        else:
+            wanted = np.isin(channel, [identity for identity in present if identity in self.log])
+            channel, logged, offsets = channel[wanted], logged[wanted], offsets[wanted]
+            data, offsets = _gathered(block.buffer, offsets, block.lengths[rows][wanted] + records.HEAD)
+            packed = compressed(data)
+        if len(offsets):
+            self.log.chunk(packed, channel, logged, offsets)
+            self.messages += len(offsets)
 
     def extra(self, opcode: int, content: bytes) -> None:
         """Write an attachment or metadata, where they are whole."""
@@ -91,15 +107,24 @@ class _Saved:
                 while at < len(packed):
                     key, at = records.read_text(packed, at)
                     entries[key], at = records.read_text(packed, at)
-                self.writer.add_metadata(name, entries)
+                self.log.metadata(name, entries)
             else:
                 logged, created = struct.unpack_from("<QQ", content)
                 name, at = records.read_text(content, 16)
                 kind, at = records.read_text(content, at)
                 (length,) = struct.unpack_from("<Q", content, at)
-                self.writer.add_attachment(created, logged, name, kind, content[at + 8 : at + 8 + length])
+                self.log.attachment(created, logged, name, kind, content[at + 8 : at + 8 + length])
         except (records.Damage, struct.error):
             return  # it says nothing of the messages, and is not worth losing them for
+
+
+def _gathered(buffer: Bytes, offsets: Stamps, lengths: Stamps) -> tuple[bytes, Stamps]:
+    """Records behind one another, and where each of them begins then; those that are so already are taken together."""
+    ends = offsets + lengths
+    breaks = np.flatnonzero(offsets[1:] != ends[:-1]) + 1
+    runs = zip([0, *breaks.tolist()], [*breaks.tolist(), len(offsets)], strict=True)
+    data = b"".join(buffer[offsets[a] : ends[b - 1]].tobytes() for a, b in runs if b > a)
+    return data, np.cumsum(lengths) - lengths
 
 
 def counted(path: Path) -> tuple[int, float]:

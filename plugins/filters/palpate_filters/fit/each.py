@@ -163,8 +163,18 @@ def _samples(pipeline: Pipeline, device: str, curve: Curve) -> Samples:
     aligner = Aligner(pipeline.alignment, ports_of(pipeline.alignment, {device: log}))
     with ExitStack() as stack:
         batches = curve.batches or stack.enter_context(log.connect(pipeline.run.seed)).batches()
-        blocks = [aligner.aligned([(device, batch)]) for batch in batches]
-    return Samples.joined([*blocks, aligner.samples(final=True)])
+        blocks = [aligner.aligned([(device, batch)], last) for batch, last in _told_last(batches)]
+    return Samples.joined(blocks or [aligner.samples(final=True)])
+
+
+def _told_last(batches: Iterable[Batch]) -> Iterator[tuple[Batch, bool]]:
+    """Batches, each with whether it is the last."""
+    left = iter(batches)
+    latest = next(left, None)
+    while latest is not None:
+        following = next(left, None)
+        yield latest, following is None
+        latest = following
 
 
 def curve_files(sources: Sequence[Path], reader: type[Device]) -> Iterator[Curve]:

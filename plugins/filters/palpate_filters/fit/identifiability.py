@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from palpate import Floats
 
+from palpate_filters.fit.uncertainty import symmetric_inverse
+
 _WORTH_SAYING = 0.9
 INDISTINCT = 0.998  # beyond it, one of the two could be 15 times better known if the other were
 
@@ -43,7 +45,7 @@ def correlations(jacobian: Floats) -> Floats:
     """Correlation (k, k) of the estimates that belong to the columns of a Jacobian (n, k)."""
     if jacobian.shape[1] == 0:
         return np.zeros((0, 0))
-    inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-15, hermitian=True)
+    inverse = symmetric_inverse(jacobian.T @ jacobian, 1e-15)
     variance = np.diag(inverse)
     std = np.sqrt(np.where(variance > 0, variance, 1.0))
     return np.asarray(np.clip(inverse / np.outer(std, std), -1.0, 1.0))

@@ -35,14 +35,14 @@ def zero_phase_motion(samples: Samples, window: float | None) -> TipTravel:
     """
     interval = float(np.median(samples.interval[1:])) if len(samples) > 1 else 1.0
     interval = interval if interval > 0 else 1.0
-    if window is not None:
-        return _motion(samples, interval, _odd(window / interval))
-    width = _SHORTEST
     noise = noise_of(samples.position), noise_of(samples.velocity)
+    if window is not None:
+        return _motion(samples, interval, _odd(window / interval), noise)
+    width = _SHORTEST
     speed = float(np.sqrt(np.nanmean(samples.velocity**2))) if np.isfinite(samples.velocity).any() else 0.0
     while width * interval < _LONGEST and _rate_noise(noise, width, interval) > _NOISE_SHARE * speed:
         width = _odd(1.2 * width + 2)
-    return _motion(samples, interval, width)
+    return _motion(samples, interval, width, noise)
 
 
 def _odd(width: float) -> int:
@@ -72,10 +72,9 @@ def _rate_noise(noise: tuple[float, float], width: int, interval: float) -> floa
     return float(np.sqrt(slope * value / (slope + value))) if slope + value > 0 else 0.0
 
 
-def _motion(samples: Samples, interval: float, width: int) -> TipTravel:
+def _motion(samples: Samples, interval: float, width: int, noise: tuple[float, float]) -> TipTravel:
     n = len(samples)
     slope, smooth, acceleration = np.zeros(n), np.zeros(n), np.zeros(n)
-    noise = noise_of(samples.position), noise_of(samples.velocity)
     variances = _variances(noise, width, interval)
     total = sum(variances)
     share = variances[0] / total if np.isfinite(total) and total > 0 else 0.0  # of the velocity

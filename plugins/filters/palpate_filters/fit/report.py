@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Estimates, Flag, Floats
+from palpate import Estimates, FitReport, Flag, Floats
 
 from palpate_filters.fit.bootstrap import block_bootstrap
 from palpate_filters.fit.budget import Sensitivities, row, shift_of
@@ -55,17 +55,16 @@ def estimates_of(fit: Fit) -> Estimates:
     values, std = empty.values, empty.std
     values[rows], std[rows] = x[:k], total[:k]
     empty.surface[rows], empty.surface_std[rows] = x[k], total[k]
+    empty.status[rows] = 0
+    flags = (*fit.notes, *_flags(judged, total))
+    timed = fit.unknowns.index("delay") in fit.residual.free
+    if fit.brief:
+        report = FitReport(judged.scatter.rss, judged.scatter.samples, {})
+        return replace(empty, flags=flags, report=report, timing_included=timed)
     freedom = max(judged.scatter.samples - len(fit.residual.free), 1)
     _reconstruct(fit, judged.scatter.rss / freedom, empty)
-    empty.status[rows] = 0
     details = _details(judged, total)
-    return replace(
-        empty,
-        details=details,
-        flags=(*fit.notes, *_flags(judged, total)),
-        report=fit_report(details),
-        timing_included=fit.unknowns.index("delay") in fit.residual.free,
-    )
+    return replace(empty, details=details, flags=flags, report=fit_report(details), timing_included=timed)
 
 
 def _reconstruct(fit: Fit, noise: float, estimates: Estimates) -> None:
@@ -118,9 +117,10 @@ def _judge(fit: Fit) -> _Judged:
     table, systematic = _budget(fit, sensitivities, random)
     names = [fit.unknowns.names[place] for place in free]
     jacobian = sensitivities.jacobian
-    if "delay" not in names:
+    if "delay" not in names and not fit.brief:  # no flag is raised from it
         jacobian = np.column_stack([jacobian, sensitivities.column(fit.unknowns.index("delay"), _PROBE)])
-    apart = identifiability(jacobian, names if "delay" in names else [*names, "delay"], len(free))
+        names.append("delay")
+    apart = identifiability(jacobian, names, len(free))
     quantile = float(stdtrit(max(found.effective_samples - len(free), 1.0), 0.5 + fit.settings.confidence / 2))
     return _Judged(fit, found, random, systematic, held, table, apart, quantile)
 
@@ -144,7 +144,7 @@ def _budget(fit: Fit, found: Sensitivities, random: Floats) -> tuple[list[dict[s
         shift = found.of_parameter(places[name], std)
         table.append(row(label, std, unit, shift, std, labels, values))
         variance += shift**2
-    if places["delay"] not in free:
+    if places["delay"] not in free and not fit.brief:
         shift = found.of_parameter(places["delay"], _PROBE)
         label = "timing of force against motion" + (
             "" if fit.problem.timing_uncertainty is not None else " (not declared)"
@@ -256,10 +256,10 @@ def _table(judged: _Judged, total: Floats) -> dict[str, Any]:
 def _misfit(fit: Fit, found: ResidualScatter) -> Iterator[Flag]:
     """Whether the residual is more than the noise in the air, or than its own white noise where there was no air."""
     rms = float(np.sqrt(found.rss / max(found.samples, 1)))
-    noise = found.noise
-    if fit.approach is not None:  # in the air the noise of the height is not felt
+    noise = found.noise if fit.approach is None else fit.approach.noise
+    if fit.approach is not None and rms > _MISFIT * noise:  # in the air the height's noise is not felt
         surface = fit.unknowns.index("surface")
-        noise = float(np.hypot(fit.approach.noise, force_noise(fit.residual, fit.record, fit.solution.x, surface)))
+        noise = float(np.hypot(noise, force_noise(fit.residual, fit.record, fit.solution.x, surface)))
     if noise > 0 and rms > _MISFIT * noise:
         what = f"the residual of {rms:.3g} N is more than noise, {noise:.3g} N: something is not in the model"
         yield Flag("misfit", what)

@@ -62,6 +62,7 @@ class Fit:
     solver: str
     loss: LossFunction
     notes: tuple[Flag, ...]  # flags met on the way
+    brief: bool  # whether what only the details tell is left out
 
 
 class FitTracker:
@@ -131,7 +132,7 @@ class FitTracker:
             solution = unattenuated(residual, record, unknowns, solution)
         return Fit(
             settings, self._problem, samples, rows, course, motion, approach, points, self._sources, unknowns, linear,
-            record, residual, solution, solver, loss, tuple(notes),
+            record, residual, solution, solver, loss, tuple(notes), self.brief,
         )  # fmt: skip
 
     def _prepared(

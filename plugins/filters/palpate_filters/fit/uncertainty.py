@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from palpate import Floats
@@ -169,6 +170,7 @@ def _pair_sum(slopes: Floats, gamma: Floats, reach: int, tapered: bool = False) 
     return np.asarray((spectra.conj().T @ (share[:, None] * spectra)).real)
 
 
+@cache
 def _smooth_length(least: int) -> int:
     """The least 2^a 3^b 5^c from `least` on, over which a Fourier transform is fast."""
     best = 1 << max(least - 1, 1).bit_length()
@@ -187,7 +189,17 @@ def scaled_inverse(normal: Floats) -> Floats:
     lengths = np.sqrt(np.diag(normal))
     lengths = np.where(lengths > 0, lengths, 1.0)
     across = np.outer(lengths, lengths)
-    return np.asarray(np.linalg.pinv(normal / across, rcond=1e-14, hermitian=True) / across)
+    return np.asarray(symmetric_inverse(normal / across, 1e-14) / across)
+
+
+def symmetric_inverse(square: Floats, least: float) -> Floats:
+    """Pseudo-inverse (p, p) of a symmetric matrix, without its eigenvalues up to `least` of the largest."""
+    if not len(square):
+        return square
+    values, directions = np.linalg.eigh(square)
+    sizes = np.abs(values)
+    kept = sizes > least * sizes.max()
+    return np.asarray(directions * np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0) @ directions.T)
 
 
 def mean_uncertainty(values: Floats) -> float:

@@ -1,0 +1,50 @@
+"""What the tables of estimates hold, in whatever form: names of their columns, rows that are due, their numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Estimates, Floats, Parameter, Samples
+
+_MEASURED = ("time_s", "x_m", "y_m", "force_N", "position_m", "velocity_m_s")
+_OTHERS = ("surface", "surface_std", "force", "nis", "status", "innovation")
+
+
+def columns_of(tracks: Mapping[str, Sequence[Parameter]]) -> list[str]:
+    """Names of the columns: time, place, what was measured, and for each track its parameters, their std, the rest."""
+    names = [*_MEASURED]
+    for track, parameters in tracks.items():
+        names += [f"{track}:{p.name}{suffix}" for p in parameters for suffix in ("", "_std")]
+        names += [f"{track}:{name}" for name in _OTHERS]
+    return names
+
+
+def numbers_of(samples: Samples, estimates: Mapping[str, Estimates], rows: NDArray[np.int64]) -> Floats:
+    """The numbers (n, columns) of some rows of a block."""
+    columns: list[NDArray[Any]] = [samples.time[rows, None], samples.lateral[rows]]
+    columns += [column[rows, None] for column in (samples.force, samples.position, samples.velocity)]
+    for block in estimates.values():
+        pairs = np.stack([block.values[rows], block.std[rows]], axis=2)
+        columns.append(pairs.reshape(len(rows), 2 * block.values.shape[1]))
+        columns += [getattr(block, name)[rows, None] for name in _OTHERS]
+    return np.concatenate(columns, axis=1)
+
+
+class DueRows:
+    """Which samples get a row: the first of every interval of time [s]; all of them where it is 0."""
+
+    def __init__(self, interval: float) -> None:
+        self._interval = interval
+        self._slot = -np.inf  # of time, in which the latest row lies
+
+    def of(self, time: Floats) -> NDArray[np.int64]:
+        """The rows of a block at times (n,) [s]."""
+        if self._interval <= 0 or not len(time):
+            return np.arange(len(time))
+        slots = np.floor(time / self._interval + 1e-6)
+        before = np.maximum.accumulate(np.concatenate([[self._slot], slots]))
+        self._slot = float(before[-1])
+        return np.flatnonzero(slots > before[:-1])
