@@ -12,8 +12,8 @@ def backward_step(process: KinematicProcess) -> Step:
     """One step of Rauch, Tung and Striebel's smoother, from the sample after to this one.
 
     State: smoothed mean (n) and covariance (n x n). Sample: filtered mean, covariance, interval [s] to the sample
-    after, and measured height [m]. Settings: the noises. Output: what is reported, without NIS and marks. The
-    covariance is a sum of congruences, so it stays positive: (I - G F) P (I - G F)^T + G (Q + P_after) G^T.
+    after, and measured height [m]. Settings: the noises. Output: what is reported, without NIS and marks, and the
+    mean. The covariance is a sum of congruences, so it stays positive: (I - G F) P (I - G F)^T + G (Q + P_after) G^T.
     """
     import casadi as ca
 
@@ -34,5 +34,5 @@ def backward_step(process: KinematicProcess) -> Step:
         sample=ca.vertcat(mean, ca.vec(square), interval, height),
         settings=numbers,
         next_state=ca.vertcat(x, ca.vec(P)),
-        output=report(process, x, P, height),
+        output=ca.vertcat(report(process, x, P, height), x),
     )

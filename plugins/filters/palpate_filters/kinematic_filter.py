@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from palpate import Floats, Problem, Samples, Tracker
@@ -43,8 +44,14 @@ def opening(settings: KinematicSettings, problem: Problem) -> Opening:
     return Opening(window, settings.noise == "measure", problem.standstill)
 
 
-def kinematic_recursion(settings: KinematicSettings, problem: Problem, *, with_state: bool = False) -> Recursion:
-    """The filter as its tracker needs it."""
+def kinematic_recursion(
+    settings: KinematicSettings,
+    problem: Problem,
+    *,
+    with_state: bool = False,
+    known: Callable[[Samples], Floats] | None = None,
+) -> Recursion:
+    """The filter as its tracker needs it, linearised at states (m, n) that are `known` of samples, where given."""
     mass_of(problem)
     process = kinematic_process(settings, problem)
     guess = guess_of(settings, process, problem)
@@ -60,8 +67,13 @@ def kinematic_recursion(settings: KinematicSettings, problem: Problem, *, with_s
             return resumed_state(process, carry, first)
         return fresh_state(settings, process, guess, first, patient)
 
-    step = kinematic_step(process, iterations=settings.iterations, student=settings.student, with_state=with_state)
-    return Recursion(step, count, numbers, begin, _inputs)
+    iterations = settings.iterations if known is None else 1
+    step = kinematic_step(
+        process, iterations=iterations, student=settings.student, with_state=with_state, linearised=known is not None
+    )
+    if known is None:
+        return Recursion(step, count, numbers, begin, _inputs)
+    return Recursion(step, count, numbers, begin, lambda part, time: np.hstack([_inputs(part, time), known(part)]))
 
 
 def kinematic_process(settings: KinematicSettings, problem: Problem) -> KinematicProcess:

@@ -44,11 +44,17 @@ def carried(process: KinematicProcess) -> Layout:
 
 
 def kinematic_step(
-    process: KinematicProcess, *, iterations: int, student: float | None, with_state: bool = False
+    process: KinematicProcess,
+    *,
+    iterations: int,
+    student: float | None,
+    with_state: bool = False,
+    linearised: bool = False,
 ) -> Step:
     """Predict, then update with position, velocity and force, those that are there.
 
-    Filter state: `carried`. Sample: force [N], height [m], velocity [m/s], interval [s]. Settings: the noises, then
+    Filter state: `carried`. Sample: force [N], height [m], velocity [m/s], interval [s], and where it is to be
+    `linearised` at states that are known already, these (n), NaN for none. Settings: the noises, then
     first depth [m], chart (k), and standard deviations of surface and chart (1 + k) for a fresh start. Output:
     `palpate_filters.recursion.output_layout`.
     """
@@ -59,9 +65,9 @@ def kinematic_step(
     mean, square, low_count = ca.SX.sym("x", n), ca.SX.sym("P", n, n), ca.SX.sym("low")
     centre = ca.SX.sym("b", carried(process)["centre"].stop - carried(process)["centre"].start)
     covariance = mirrored(square)
-    sample, numbers = ca.SX.sym("w", 4), ca.SX.sym("p", NOISES)
+    sample, numbers = ca.SX.sym("w", 4 + n * linearised), ca.SX.sym("p", NOISES)
     fresh, fresh_std = ca.SX.sym("x0", 1 + count), ca.SX.sym("s0", 1 + count)
-    force, height, velocity, interval = ca.vertsplit(sample)
+    force, height, velocity, interval = ca.vertsplit(sample[:4])
     noise = KinematicNoise(*ca.vertsplit(numbers))
 
     x, P, _ = predicted(process, mean, covariance, interval, noise)
@@ -73,7 +79,8 @@ def kinematic_step(
         innovation = ca.if_else(seen, measured, x[axis]) - x[axis]
         x, total, seen_count = x + gain * innovation, total + innovation**2 * weight, seen_count + seen
     seen = ca.fabs(force) <= _LARGEST
-    x, P, surprise = _force_update(process, x, P, force, noise.force**2, seen, iterations, student, centre)
+    known = ca.if_else(ca.fabs(sample[4]) <= _LARGEST, sample[4:], x) if linearised else None
+    x, P, surprise = _force_update(process, x, P, force, noise.force**2, seen, iterations, student, centre, known)
     total, seen_count = total + surprise**2, seen_count + seen
     nis = ca.if_else(seen_count > 0, total / ca.fmax(seen_count, 1), -1.0)
 
@@ -140,8 +147,9 @@ def _force_update(
     iterations: int,
     student: float | None,
     centre: Any,
+    known: Any,
 ) -> tuple[Any, Any, Any]:
-    """The update with the force, linearised anew at each iterate (Bell and Cathey 1993).
+    """The update with the force, linearised at the `known` state, else anew at each iterate (Bell and Cathey 1993).
 
     With a force bias see `_with_bias` for where. With Student's t of nu degrees of freedom the variance of a
     surprising force grows by (nu + e^2/S)/(nu + 1).
@@ -150,7 +158,9 @@ def _force_update(
 
     x, P, surprise = mean, covariance, ca.SX(0)
     for _ in range(iterations):
-        at = _with_bias(process, x, covariance, centre) if process.biased else x
+        at = x if known is None else known
+        if known is None and process.biased:
+            at = _with_bias(process, x, covariance, centre)
         expected, row = _linearised_reading(process, at)
         expected += ca.dot(row, mean - at)
         innovation = ca.if_else(seen, force, expected) - expected

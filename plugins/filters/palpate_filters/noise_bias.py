@@ -24,6 +24,8 @@ from palpate_filters.kernel import Step, compile_step
 from palpate_filters.kinematic_bias import kinematic_bias
 from palpate_filters.kinematic_settings import KinematicSettings
 from palpate_filters.process import InertialProcess
+from palpate_filters.smoother import KinematicSmoother
+from palpate_filters.smoother_bias import smoother_bias
 from palpate_filters.symmetric import congruence, mirrored
 
 _ENOUGH = 500  # samples
@@ -109,8 +111,10 @@ def _kinematic_along(track: TrackEvidence, rows: Any) -> Floats | None:
         settings.position_std,
         settings.velocity_std if given else velocity,
     ]
-    numbers = np.array([*believed, settings.jerk])
-    return kinematic_bias(track.model, track.tip_mass, track.values, _motion(track, rows), numbers, real, _WARM)
+    numbers, motion = np.array([*believed, settings.jerk]), _motion(track, rows)
+    if isinstance(settings, KinematicSmoother) and settings.relinearisations(track.model):
+        return smoother_bias(track.model, track.tip_mass, track.values, motion, numbers, real)
+    return kinematic_bias(track.model, track.tip_mass, track.values, motion, numbers, real, _WARM)
 
 
 def bias_along(track: TrackEvidence, rows: Any) -> Floats | None:

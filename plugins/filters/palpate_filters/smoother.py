@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
-from palpate import Estimates, Floats, Problem, Samples, Status, Time, Tracker
+from palpate import ContactModel, Estimates, Floats, Problem, Samples, Status, Time, Tracker
 from pydantic import Field
 
 from palpate_filters.backward_step import backward_step
@@ -20,7 +20,7 @@ from palpate_filters.kinematic_filter import (
     opening,
 )
 from palpate_filters.kinematic_settings import KinematicSettings
-from palpate_filters.recursion import Stretch, output_layout, surprises
+from palpate_filters.recursion import Recursion, Stretch, output_layout, surprises
 from palpate_filters.tracking import RecursiveTracker
 
 _BLOCK = 2048  # samples that are smoothed at once
@@ -32,7 +32,9 @@ class KinematicSmoother(KinematicSettings):
 
     Estimates are those of the whole stretch of contact; with `lag` they use the samples up to that much later (and up
     to a quarter of it more), which is what a delayed online display would show. The first `start_duration` gets
-    estimates, too. Defaults are the filter's, except a stiffer trend. Source: Rauch, Tung and Striebel 1965.
+    estimates, too. At a point it goes several times, each linearised at the states that the one before it found: the
+    filter's own linearisations, far off at the beginning, leave it too certain. Defaults are the filter's, except a
+    stiffer trend. Sources: Rauch, Tung and Striebel 1965; Bell 1994.
     """
 
     online: ClassVar[bool] = False
@@ -41,6 +43,17 @@ class KinematicSmoother(KinematicSettings):
         default=3e-3, ge=0, allow_inf_nan=False, description="density of the first logarithm's trend, in 1/s^3"
     )
     lag: Time | None = Field(default=None, gt=0, description="how far ahead it looks; left out: to the end")
+    passes: int = Field(
+        default=3,
+        ge=1,
+        le=5,
+        description="times that it goes forwards and back; once on a sweep, with a lag, and where a model remembers",
+    )
+
+    def relinearisations(self, model: ContactModel) -> int:
+        """How many passes are linearised at what another found."""
+        at_once = self.lag is None and not self.follows_changes and not model.memory
+        return self.passes - 1 if at_once else 0
 
     def start(self, problem: Problem) -> Tracker:
         """A tracker that wants all samples in one block; raises ConfigurationError like the filter."""
@@ -48,60 +61,86 @@ class KinematicSmoother(KinematicSettings):
 
 
 class _SmoothingTracker:
-    """Forwards with the filter, backwards with the smoother."""
+    """Forwards with the filter, backwards with the smoother, and again."""
 
     def __init__(self, settings: KinematicSmoother, problem: Problem) -> None:
         self._settings = settings
-        self._recursion = kinematic_recursion(settings, problem, with_state=True)
-        self._opening = opening(settings, problem)
+        first = kinematic_recursion(settings, problem, with_state=True)
         process = kinematic_process(settings, problem)
-        self._place = output_layout(self._recursion.parameters, process.states)
+        self._states = process.states
+        self._place = output_layout(first.parameters, process.states)
         self._backward: Kernel = compile_step(backward_step(process))
-        self._passages: list[Stretch] = []
-        self._forward = RecursiveTracker(self._recursion, self._opening, self._passages.append, known_causes(settings))
+        self._stretches: list[Stretch] = []
+        self._known: list[tuple[Floats, Floats]] = []  # times (m,) [s] and smoothed states (m, n) of each stretch
+
+        def forward(recursion: Recursion) -> RecursiveTracker:
+            return RecursiveTracker(
+                recursion, opening(settings, problem), self._stretches.append, known_causes(settings)
+            )
+
+        self._passes = [forward(first)]
+        if again := settings.relinearisations(problem.model):
+            recursion = kinematic_recursion(settings, problem, with_state=True, known=self._known_states)
+            self._passes += [forward(recursion) for _ in range(again)]
 
     def run(self, samples: Samples) -> Estimates:
         """Estimates for all samples; see `palpate.Tracker`."""
-        self._passages.clear()
-        estimates = self._forward.run(samples)
-        for first, last in self._runs():
-            self._smooth(self._passages[first:last], estimates)
-        self._passages.clear()
+        estimates = self._pass(self._passes[0], samples)
+        for forward in self._passes[1:]:
+            again = self._pass(forward, samples)
+            if ((again.status & ~estimates.status) & Status.DIVERGED).any():
+                break
+            estimates = again
         return estimates
 
-    def _runs(self) -> list[tuple[int, int]]:
-        """First and last passage of each stretch: a stretch begins with an interval of 0."""
-        begins = [i for i, passage in enumerate(self._passages) if passage.interval[0] == 0.0]
-        return list(pairwise([*begins, len(self._passages)]))
+    def _pass(self, forward: RecursiveTracker, samples: Samples) -> Estimates:
+        """Once forwards and back; what is known afterwards are the states of this pass."""
+        self._stretches.clear()
+        estimates = forward.run(samples)
+        self._known.clear()
+        begins = [i for i, stretch in enumerate(self._stretches) if stretch.interval[0] == 0.0]
+        for first, last in pairwise([*begins, len(self._stretches)]):
+            self._smooth(self._stretches[first:last], forward.noise, estimates)
+        return estimates
 
-    def _smooth(self, passages: list[Stretch], estimates: Estimates) -> None:
+    def _known_states(self, samples: Samples) -> Floats:
+        """States (m, n) by the pass before; NaN where it found none."""
+        found = np.full((len(samples), self._states), np.nan)
+        for time, states in self._known:
+            rows = np.minimum(np.searchsorted(time, samples.time), len(time) - 1)
+            same = time[rows] == samples.time
+            found[same] = states[rows[same]]
+        return found
+
+    def _smooth(self, stretches: list[Stretch], noise: tuple[float | None, float | None], estimates: Estimates) -> None:
         place, at = self._place, self._place.at
-        samples = Samples.joined([passage.samples for passage in passages])
-        interval = np.concatenate([passage.interval for passage in passages])
-        rows = slice(passages[0].rows.start, passages[-1].rows.stop)
+        samples = Samples.joined([stretch.samples for stretch in stretches])
+        interval = np.concatenate([stretch.interval for stretch in stretches])
+        rows = slice(stretches[0].rows.start, stretches[-1].rows.stop)
         if (estimates.status[rows] & Status.DIVERGED).any():
             return
-        whole = _Rows([passage.outputs for passage in passages])
-        found = whole.of(0, len(samples), place.span("values", "force")).copy()
-        self._backwards(whole, interval, samples, found[:-1])
+        whole = _Rows([stretch.outputs for stretch in stretches])
+        parts = [whole.of(0, len(samples), columns) for columns in (place.span("values", "force"), place["mean"])]
+        found = np.hstack(parts)
+        self._backwards(whole, interval, samples, np.array(noises(self._settings, *noise)), found[:-1])
         if not np.isfinite(
             found[:, place.span("values", "variances")]
         ).all():  # where a position is missing, so is the surface above it
             estimates.status[rows] |= np.uint32(Status.DIVERGED)
             return
+        self._known.append((samples.time, found[:, numbers.stop :]))
         estimates.values[rows] = found[:, place["values"]]
         estimates.std[rows] = np.sqrt(np.maximum(found[:, place["variances"]], 0.0))
         estimates.surface[rows] = samples.position + found[:, at("depth")]
         estimates.surface_std[rows] = np.sqrt(np.maximum(found[:, at("depth_variance")], 0.0))
         estimates.force[rows] = found[:, at("force")]
-        pieces = [surprises(passage.outputs, place) for passage in passages]
+        pieces = [surprises(stretch.outputs, place) for stretch in stretches]
         estimates.nis[rows], estimates.innovation[rows] = map(np.concatenate, zip(*pieces, strict=True))
         estimates.status[rows] &= ~np.uint32(Status.WAITING | Status.IDLE)
 
-    def _backwards(self, filtered: _Rows, interval: Floats, samples: Samples, found: Floats) -> None:
-        """Write what the smoother says of every sample but the last."""
-        settings, time = np.array(noises(self._settings, *self._forward.noise)), samples.time
-        count, columns = len(samples) - 1, self._place.span("mean", "covariance")
+    def _backwards(self, filtered: _Rows, interval: Floats, samples: Samples, settings: Floats, found: Floats) -> None:
+        """Write what the smoother says of every sample but the last, and its states there."""
+        time, count, columns = samples.time, len(samples) - 1, self._place.span("mean", "covariance")
         if not count:
             return
 
