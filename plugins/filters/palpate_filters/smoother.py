@@ -120,8 +120,8 @@ class _SmoothingTracker:
         if (estimates.status[rows] & Status.DIVERGED).any():
             return
         whole = _Rows([stretch.outputs for stretch in stretches])
-        parts = [whole.of(0, len(samples), columns) for columns in (place.span("values", "force"), place["mean"])]
-        found = np.hstack(parts)
+        numbers = place.span("values", "force")
+        found = np.hstack([whole.of(0, len(samples), columns) for columns in (numbers, place["mean"])])
         self._backwards(whole, interval, samples, np.array(noises(self._settings, *noise)), found[:-1])
         if not np.isfinite(
             found[:, place.span("values", "variances")]
