@@ -76,10 +76,10 @@ class PositionLoop:
         stretches = -(-n // length)
         wanted = np.zeros((stretches * length, 3))
         wanted[:n] = self.gain * (position - first) + self.damping * velocity
-        wanted = wanted.reshape(stretches, length, 3)
+        side_by_side = wanted.reshape(stretches, length, 3)
         states = np.zeros((length + 1, 2, stretches, 3))
         for i in range(length):
-            states[i + 1] = self._following(states[i], wanted[:, i])
+            states[i + 1] = self._following(states[i], side_by_side[:, i])
         powers = [np.eye(2)]
         for _ in range(length):
             powers.append(self._following(powers[-1], 0.0))
@@ -88,7 +88,7 @@ class PositionLoop:
             starts[:, k] = powers[-1] @ starts[:, k - 1] + states[-1, :, k - 1]
         states[:-1] += np.einsum("iab,bks->iaks", np.array(powers[:-1]), starts)
         way, speed = states[:-1].transpose(1, 2, 0, 3).reshape(2, -1, 3)[:, :n]
-        command = wanted.reshape(-1, 3)[:n] - self.gain * way - self.damping * speed
+        command = wanted[:n] - self.gain * way - self.damping * speed
         return TrackedMotion(first + way, speed.copy(), command, self.period, self.lag)
 
     def _following(self, state: Floats, wanted: Floats | float) -> Floats:
