@@ -186,11 +186,14 @@ def test_a_drift_in_free_air_is_no_touch():
 
 
 def test_contact_ends_below_the_surface_where_the_force_is_gone():
-    """After a touch that a rise told, and after the force has passed the threshold: the material has given way."""
+    """After a touch that a rise told, and after the force has passed the threshold: the material has given way.
+
+    That is the beginning of a block, as velocities without a channel make it.
+    """
     height = np.concatenate([ramp(50e-3 / 60, rest=1.5, air=0.5e-3, deep=1.2e-3), np.full(1000, -1.2e-3)])
     given = batches(height, seed=4)
     given[0].values[-600:, 0] = -1.7 + NOISE * np.random.default_rng(9).standard_normal(600)
-    samples, report = aligned(given)
+    samples, report = aligned(given, size=len(height) - 600 + 1)
     assert report.by_change_point
     assert samples.contact[-900:-610].all()
     assert not samples.contact[-500:].any()

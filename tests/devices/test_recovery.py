@@ -129,9 +129,11 @@ def test_messages_behind_a_damaged_one_are_found_where_there_are_no_chunks(tmp_p
 
 def test_messages_of_a_chunk_whose_checksum_is_wrong_are_not_taken_for_loose_ones(tmp_path):
     """It is not compressed, and nothing before it can be read."""
-    raw = bytearray(log(tmp_path / "bad.mcap", chunk(*(message(1, 1000 + i) for i in range(40)))).read_bytes())
+    messages = [message(1, 1000 + i) for i in range(40)]
+    made = chunk(*messages[:20], Channel(1, "/a", "json", {}, 0), *messages[20:])
+    raw = bytearray(log(tmp_path / "bad.mcap", made).read_bytes())
     raw[len(MAGIC) + 1] = 0xFF  # the length of the first record
-    raw[-200] ^= 1
+    raw[raw.index(b"1005")] ^= 1
     (tmp_path / "bad.mcap").write_bytes(raw)
     with pytest.raises(LogError, match="nothing in it is whole"):
         McapReplay.recover(tmp_path / "bad.mcap", tmp_path / "good.mcap")
