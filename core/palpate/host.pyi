@@ -73,14 +73,20 @@ from palpate_report.pictures import (
     save_figure as save_figure,
     style as style,
 )
-from palpate_studies.cluster import (
+from palpate_studies.answers import keep as keep
+from palpate_studies.cluster_runs import (
+    Answer as Answer,
     ClusterRun as ClusterRun,
     cluster_results as cluster_results,
-    connected as connected,
-    spread as spread,
+    found_before as found_before,
+    unused as unused,
 )
 from palpate_studies.differing import differences as differences
-from palpate_studies.engines import SchedulerOption as SchedulerOption
+from palpate_studies.engines import (
+    SchedulerOption as SchedulerOption,
+    StageOption as StageOption,
+    demand_scheduler as demand_scheduler,
+)
 from palpate_studies.jobs import (
     Engine as Engine,
     Job as Job,

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import ConfigurationError, UserError
-from palpate.host import RunFolder
+from palpate.host import RunFolder, built
 
 distributed = pytest.importorskip("distributed")
 import dask  # noqa: E402
@@ -29,7 +29,7 @@ pytestmark = [
 def store():
     """A server of S3 on this machine, for this process and the workers that it starts; None where there is none."""
     try:
-        import s3fs  # noqa: F401
+        import s3fs
         from moto.server import ThreadedMotoServer
     except ImportError:
         yield None
@@ -42,8 +42,15 @@ def store():
         for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
             patch.setenv(name, "test")
         patch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+        s3fs.S3FileSystem().mkdir("bucket")
         yield address
     server.stop()
+
+
+@pytest.fixture
+def place(store, tmp_path):
+    """A place that this machine and all workers reach: in the store, or where there is none in a folder."""
+    return f"file://{tmp_path}/place" if store is None else f"s3://bucket/{tmp_path.name}"
 
 
 @pytest.fixture(scope="module")
@@ -150,19 +157,51 @@ def test_a_folder_that_workers_do_not_see_is_refused(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_fits_of_several_logs_are_those_of_this_machine(scheduler, palpate, point_pipeline, tmp_path):
+def _fits(folder):
+    """What `palpate fit` has found in a folder, without how long it took; when each log was fitted."""
+    logs = json.loads((folder / "fit.json").read_text())["logs"]
+    tracks = {name: {**log["tracks"]["dr/fit"], "seconds_per_sample": None} for name, log in logs.items()}
+    return tracks, {name: log["run"]["started"] for name, log in logs.items()}
+
+
+def test_fits_of_several_logs_are_those_of_this_machine(scheduler, place, palpate, point_pipeline, tmp_path):
     text = point_pipeline.read_text().replace('duration = "10 s"', 'duration = "1 s"')
     files = [tmp_path / "one.toml", tmp_path / "two.toml"]
     for seed, file in enumerate(files, start=1):
         file.write_text(text.replace("seed = 1\n", f"seed = {seed}\n") + '[estimator.fit]\ntype = "casadi-fit"\n')
-    found = []
-    for place, more in (("here", ()), ("there", ("--scheduler", scheduler))):
-        done = palpate("fit", *files, "--no-pictures", "--out", tmp_path / place, *more)
-        assert done.returncode == 0, done.stderr
-        logs = json.loads((tmp_path / place / "fit.json").read_text())["logs"]
-        found.append({name: {**log["tracks"]["dr/fit"], "seconds_per_sample": None} for name, log in logs.items()})
-    assert list(found[0]) == list(found[1]) == ["one", "two"]
-    assert found[0] == found[1]
+
+    def fit(out, *more, code=0):
+        done = palpate("fit", *files, "--no-pictures", "--json", "--out", tmp_path / out, *more)
+        assert done.returncode == code, done.stderr
+        return done, *_fits(tmp_path / out)
+
+    _, here, _ = fit("here")
+    first, there, started = fit("there", "--scheduler", scheduler)
+    assert list(here) == list(there) == ["one", "two"]
+    assert there == here
+    # Gone on with: nothing is fitted again but what is not whole, and then beside what is left of it.
+    again, found, when = fit("there", "--scheduler", scheduler)
+    assert (found, when) == (here, started)
+    assert json.loads(again.stdout)["evaluation"] == json.loads(first.stdout)["evaluation"]
+    (tmp_path / "there" / "two" / "answer.json").unlink()
+    _, found, when = fit("there")
+    assert found == here
+    assert when["one"] == started["one"]
+    assert sorted(path.name for path in (tmp_path / "there").iterdir() if path.is_dir()) == ["one", "two", "two.2"]
+    fewer = palpate("fit", files[0], "--out", tmp_path / "there")
+    assert fewer.returncode == 2
+    assert "holds fits of two, which is not among these; nothing is mixed" in fewer.stderr
+    other = palpate("fit", *files, "--out", tmp_path / "there", "--set", "run.seed=7")
+    assert other.returncode == 2
+    assert (tmp_path / "there" / "one" / "answer.json").is_file()  # what was refused takes nothing away
+    # By way of a place: brought here, and found there from elsewhere.
+    _, found, started = fit("staged", "--scheduler", scheduler, "--stage", place)
+    assert found == here
+    assert (tmp_path / "staged" / "two" / "estimates-offline.csv").is_file()
+    _, found, when = fit("elsewhere", "--scheduler", scheduler, "--stage", place)
+    assert (found, when) == (here, started)
+    other, _, _ = fit("elsewhere", "--scheduler", scheduler, "--stage", place, "--set", "run.seed=7", code=2)
+    assert "one was run with other settings: run.seed is 7, was 1" in other.stderr
 
 
 def test_no_scheduler_and_both_options_are_mistakes_of_the_user(palpate, point_pipeline, monkeypatch, tmp_path):
@@ -221,7 +260,9 @@ def test_workers_that_come_later_go_on_and_are_looked_at(own_cluster, monkeypatc
     assert looked
 
 
-def test_repeats_compare_and_reproduction_are_those_of_this_machine(scheduler, palpate, point_pipeline, tmp_path):
+def test_repeats_compare_and_reproduction_are_those_of_this_machine(
+    scheduler, place, palpate, point_pipeline, tmp_path
+):
     text = point_pipeline.read_text().replace('duration = "10 s"', 'duration = "1 s"')
     file = tmp_path / "own.toml"
     file.write_text(text.replace("seed = 1\n", 'seed = 1\ntracks = ["dr/ekf"]\n', 1) + "[repeat]\ncount = 2\n")
@@ -230,13 +271,24 @@ def test_repeats_compare_and_reproduction_are_those_of_this_machine(scheduler, p
         "compare": ("compare", file, "--estimators", "ekf"),
         "reproduce": ("reproduce", "loadcycle"),
     }
+    shared = ("--scheduler", scheduler)
     for name, command in commands.items():
         found = {}
-        for place, more in (("here", ()), ("there", ("--scheduler", scheduler))):
-            done = palpate(*command, "--json", "--out", tmp_path / f"{name}-{place}", *more)
+        ways = {"here": (), "there": shared, "staged": (*shared, "--stage", f"{place}/{name}")}
+        if name != "repeat":
+            del ways["there"]
+        for way, more in ways.items():
+            done = palpate(*command, "--json", "--out", tmp_path / f"{name}-{way}", *more)
             assert done.returncode == 0, done.stderr
-            found[place] = _plain(json.loads(done.stdout))
-        assert found["here"] == found["there"]
+            found[way] = _plain(json.loads(done.stdout))
+        assert all(document == found["here"] for document in found.values())
+    for number in ("1", "2"):
+        one, other = (tmp_path / f"repeat-{way}" / number for way in ("here", "staged"))
+        assert (one / "estimates.csv").read_bytes() == (other / "estimates.csv").read_bytes()
+    done = palpate(*commands["repeat"], *shared, "--stage", f"{place}/repeat", "--out", tmp_path / "again")
+    assert done.returncode == 0, done.stderr
+    one, other = (RunFolder(tmp_path / out / "1").result["run"]["started"] for out in ("repeat-staged", "again"))
+    assert one == other
 
 
 def _plain(document):
@@ -296,9 +348,6 @@ type = "ekf"
 def test_workers_that_share_no_folder_get_inputs_and_give_runs_by_way_of_s3(scheduler, store, palpate, tmp_path):
     if store is None:
         pytest.skip("no S3 server here: pip install 'moto[server]' s3fs")
-    import s3fs
-
-    s3fs.S3FileSystem().mkdir("bucket")
     file = _csv_pipeline(tmp_path / "own")
     here = palpate("sweep", file, "--jobs", 1, "--json", "--out", tmp_path / "here")
     assert here.returncode == 0, here.stderr
@@ -325,7 +374,7 @@ def test_an_input_is_put_where_it_belongs_and_nothing_is_written_over(tmp_path):
     stage = staging.Stage(f"file://{tmp_path}/stage")
     file = _csv_pipeline(tmp_path / "own")
     job = Job(1, file.read_text(), str(file), (), {}, str(tmp_path))
-    inputs = stage.put_inputs([job])
+    inputs = stage.put_inputs([built(job)])
     log = tmp_path / "own" / "press.csv"
     assert list(inputs) == [str(log)]
     content = log.read_bytes()
@@ -375,4 +424,4 @@ def test_a_killed_worker_loses_nothing(scheduler, tmp_path):  # the last of this
         assert sorted(found) == list(range(8))
         assert all((tmp_path / str(n)).read_text() == "done\n" for n in range(8))
         ((_, outcome),) = cluster.spread(client, _die, ["x"])
-    assert "killed several times" in cluster._reason(outcome)
+    assert "killed several times" in cluster.lost(outcome)

@@ -8,7 +8,17 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from palpate.host import JsonOption, SchedulerOption, aside, console, make_folder, print_json, write_new
+from palpate.host import (
+    JsonOption,
+    SchedulerOption,
+    StageOption,
+    aside,
+    console,
+    demand_scheduler,
+    make_folder,
+    print_json,
+    write_new,
+)
 
 from palpate_reproduction import recordings as files
 from palpate_reproduction.item import HERE, Item, Recording, demand_known, load_items, load_recordings
@@ -35,6 +45,7 @@ def reproduce(
     ] = HERE,
     strict: Annotated[bool, typer.Option("--strict", help="End with 1 where a recording is missing, too.")] = False,
     scheduler: SchedulerOption = None,
+    stage: StageOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Make the paper's tables and figures anew and hold them against the published numbers, each with its tolerance.
@@ -43,6 +54,8 @@ def reproduce(
     comes from simulated data is marked and never counts as reproduced. Ends with 1 where a number is outside of its
     tolerance, or could not be made.
     """
+    demand_scheduler(scheduler, stage)
+    paper = paper if scheduler is None else paper.resolve()
     items, known = load_items(paper, names or ()), load_recordings(paper)
     demand_known(items, known)
     wanted = {row.recording: known[row.recording] for item in items for row in item.published if row.recording}
@@ -50,7 +63,7 @@ def reproduce(
     folder = make_folder("reproduce", out, datetime.now(UTC).astimezone())
     maker = Maker(paper, folder / "runs", found, known)
     if scheduler is not None:
-        maker.make_ahead(items, scheduler)
+        maker.make_ahead(items, scheduler, stage)
     made: list[tuple[Item, list[Row]]] = []
     with aside(as_json):
         for item in items:

@@ -70,7 +70,7 @@ class Maker:
     recordings: Mapping[str, Recording]
     _runs: dict[str, Result | UserError] = field(default_factory=dict)
 
-    def make_ahead(self, items: Sequence[Item], scheduler: str) -> None:
+    def make_ahead(self, items: Sequence[Item], scheduler: str, stage: str | None = None) -> None:
         """Make the runs of all items on the workers of a scheduler. Raises UserError."""
         wanted: dict[str, Published] = {}
         for published in (row for item in items for row in item.published):
@@ -87,10 +87,10 @@ class Maker:
         self.folder.mkdir(parents=True, exist_ok=True)
         with (
             progress("runs", "", len(runs)),
-            contextlib.closing(cluster_results(scheduler, self.folder, runs)) as found,
+            contextlib.closing(cluster_results(scheduler, self.folder, runs, stage)) as found,
         ):
             for done, (run, outcome) in enumerate(found, start=1):
-                self._runs[keys[run.name]] = outcome
+                self._runs[keys[run.name]] = outcome if isinstance(outcome, UserError) else outcome.result
                 progressed(done)
 
     def rows(self, item: Item) -> list[Row]:

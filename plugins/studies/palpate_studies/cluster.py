@@ -7,15 +7,15 @@ import time
 import uuid
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass, replace
-from itertools import count, islice
+from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
 from palpate import ConfigurationError, UserError
-from palpate.host import Pipeline, Result, run_pipeline, write_whole
+from palpate.host import write_whole
 
-from palpate_studies.jobs import Engine, Job, finished, run_job
+from palpate_studies.jobs import Engine, Job, built, finished, run_job
 from palpate_studies.workers import GO_ON, Watch, demand_alike, provenance
 
 _AHEAD = 2  # jobs that a worker holds, so that it never waits for the scheduler
@@ -40,7 +40,7 @@ def on_cluster(address: str, folder: Path, stage: str | None = None) -> Engine:
             try:
                 for job, outcome in done:
                     if isinstance(outcome, BaseException):
-                        yield job, {"error": f"lost: {_reason(outcome)}"}
+                        yield job, {"error": lost(outcome)}
                     else:
                         yield job, outcome
             except KeyboardInterrupt:
@@ -56,7 +56,7 @@ def _by_way_of(url: str, client: Any, jobs: Sequence[Job]) -> Generator[tuple[Jo
     from palpate_studies.staging import Stage, StagedJob, fetched, run_staged
 
     stage = Stage(url)
-    inputs = stage.put_inputs(jobs)
+    inputs = stage.put_inputs(built(job) for job in jobs)
     done = spread(client, run_staged, [StagedJob(job, stage, inputs) for job in jobs])
     with closing(done):
         for staged, outcome in done:
@@ -71,42 +71,6 @@ def _placed(job: Job) -> Job:
 def run_or_find(job: Job) -> dict[str, Any]:
     """What a job finds: already there where only its answer was lost with a worker."""
     return found if (found := finished(job)) is not None else run_job(job)
-
-
-@dataclass(frozen=True)
-class ClusterRun:
-    """One pipeline to be run as it is, by any process, into a folder that no earlier attempt has used."""
-
-    name: str
-    pipeline: Pipeline
-    folder: Path
-
-
-def cluster_results(
-    address: str, folder: Path, runs: Sequence[ClusterRun]
-) -> Generator[tuple[ClusterRun, Result | UserError]]:
-    """What the workers of a scheduler find, in any order, or why they find nothing; runs are in folders of this one."""
-    with connected(address, folder) as client:
-        everywhere = [replace(run, folder=run.folder.resolve()) for run in runs]
-        for run, outcome in spread(client, run_whole, everywhere):
-            known = isinstance(outcome, Result | UserError)
-            yield run, outcome if known else UserError(f"lost: {_reason(outcome)}")
-
-
-def run_whole(run: ClusterRun) -> Result | UserError:
-    """The result of a run that nobody has stopped."""
-    try:
-        result = run_pipeline(run.pipeline, unused(run.folder))
-        result.demand_whole()
-    except UserError as error:
-        return error
-    return result
-
-
-def unused(folder: Path) -> Path:
-    """The folder, or one beside it where an earlier attempt has left something, as a worker does that was killed."""
-    numbered = (folder.with_name(f"{folder.name}-{attempt}") for attempt in count(2))
-    return folder if not folder.exists() else next(path for path in numbered if not path.exists())
 
 
 def _distributed() -> Any:
@@ -200,7 +164,7 @@ def _demand_shared(client: Any, folder: Path) -> None:
         if not sees:
             raise ConfigurationError(
                 f"{folder}: worker {worker} does not see this folder: give --out a path that all machines share, "
-                "or a sweep --stage, such as s3://bucket/sweep"
+                "or --stage, such as s3://bucket/place"
             )
 
 
@@ -208,7 +172,8 @@ def _sees(path: str) -> bool:
     return Path(path).exists()
 
 
-def _reason(error: BaseException) -> str:
+def lost(error: BaseException) -> str:
+    """Why a task has come to nothing, in words."""
     if type(error).__name__ == "KilledWorker":
-        return "its process was killed several times: is the memory enough?"
-    return f"{type(error).__name__}: {error}"
+        return "lost: its process was killed several times: is the memory enough?"
+    return f"lost: {type(error).__name__}: {error}"

@@ -39,7 +39,7 @@ from palpate.host import (
 )
 
 from palpate_studies import comparison
-from palpate_studies.engines import SchedulerOption
+from palpate_studies.engines import SchedulerOption, StageOption, demand_scheduler
 
 if TYPE_CHECKING:
     from palpate.host import Result
@@ -60,6 +60,7 @@ def compare(
     velocity: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the velocity.")] = None,
     points: Points = None,
     scheduler: SchedulerOption = None,
+    stage: StageOption = None,
     as_json: JsonOption = False,
     layout: FormatOption = "table",
 ) -> None:
@@ -69,6 +70,8 @@ def compare(
     """
     from palpate.host import run_pipeline
 
+    demand_scheduler(scheduler, stage)
+    log = log if scheduler is None else log.resolve()
     given = {"force": force, "position": position, "velocity": velocity, "time": time, "rate": rate}
     choices = {role: text for role, text in given.items() if text is not None}
     with progress(f"look at {log}"):
@@ -80,7 +83,10 @@ def compare(
     if reference is not None and reference not in names:
         raise ConfigurationError(f"--reference: there is no track {reference!r} (there are: {', '.join(names)})")
     with progress(str(log), "s"):
-        result = run_pipeline(pipeline, out, progressed) if scheduler is None else _there(pipeline, out, scheduler)
+        if scheduler is None:
+            result = run_pipeline(pipeline, out, progressed)
+        else:
+            result = _there(pipeline, out, scheduler, stage)
     if as_json:
         print_json({**result.table(), "folder": result.folder})
     else:
@@ -92,16 +98,17 @@ def compare(
         _along(pipeline, result, points)
 
 
-def _there(pipeline: Pipeline, out: Path | None, scheduler: str) -> Result:
+def _there(pipeline: Pipeline, out: Path | None, scheduler: str, stage: str | None) -> Result:
     """The run on a worker of a scheduler: all tracks on one, for they share their samples and are weighed together."""
-    from palpate_studies.cluster import ClusterRun, cluster_results
+    from palpate_studies.cluster_runs import ClusterRun, cluster_results
 
     folder = make_folder("compare", out, datetime.now(UTC).astimezone())
-    with closing(cluster_results(scheduler, folder, [ClusterRun("compare", pipeline, folder / "run")])) as found:
+    runs = [ClusterRun("compare", pipeline, folder / "run")]
+    with closing(cluster_results(scheduler, folder, runs, stage)) as found:
         ((_, outcome),) = found
     if isinstance(outcome, UserError):
         raise outcome
-    return outcome
+    return outcome.result
 
 
 def _tell(result: Result, reference: str | None) -> None:

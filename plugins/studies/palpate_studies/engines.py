@@ -31,11 +31,16 @@ StageOption = Annotated[
 ]
 
 
+def demand_scheduler(scheduler: str | None, stage: str | None) -> None:
+    """Raise ConfigurationError where there is a place for workers, and no workers."""
+    if stage is not None and scheduler is None:
+        raise ConfigurationError("--stage is for workers that share no folder with this machine: give --scheduler")
+
+
 def engine_of(scheduler: str | None, jobs: int | None, folder: Path, stage: str | None = None) -> Engine:
     """The engine that the options ask for; raises ConfigurationError where they contradict each other."""
+    demand_scheduler(scheduler, stage)
     if scheduler is None:
-        if stage is not None:
-            raise ConfigurationError("--stage is for workers that share no folder with this machine: give --scheduler")
         return partial(on_all_cores, workers=jobs)
     if jobs is not None:
         raise ConfigurationError("--jobs is of this machine: with --scheduler, its workers say how many run at a time")

@@ -78,19 +78,18 @@ def finished(job: Job) -> dict[str, Any] | None:
             continue
         result = run.result
         if not any(flag["code"] == "interrupted" for track in result["tracks"].values() for flag in track["flags"]):
-            _demand_same(job, run)
+            demand_same(built(job), run, f"combination {job.number}")
             return result
     return None
 
 
-def _demand_same(job: Job, run: RunFolder) -> None:
-    """Raise OutputError where a run was made with other settings than a job has now."""
-    pipeline = built(job)
+def demand_same(pipeline: Pipeline, run: RunFolder, name: str) -> None:
+    """Raise OutputError where a run was made with other settings than a pipeline has now; `name` says what it is."""
     told = differences(resolved_text(pipeline), run.pipeline.read_text(encoding="utf-8"), pipeline.registry.tables)
     if told:
         raise OutputError(
-            f"{run.path}: combination {job.number} was run with other settings: {told}; nothing is mixed: give --out "
-            "another folder, or the settings of then"
+            f"{run.path}: {name} was run with other settings: {told}; nothing is mixed: give --out another folder, or "
+            "the settings of then"
         )
 
 

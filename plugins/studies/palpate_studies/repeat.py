@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,21 +11,16 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from palpate import ConfigurationError, LogError, UserError, to_si
-from palpate.host import FormatOption, Overrides, console, finite_tree, measured, people
+from palpate.host import FormatOption, Overrides, console, finite_tree
 
-from palpate_studies.engines import SchedulerOption
+from palpate_studies.engines import SchedulerOption, StageOption
 from palpate_studies.estimated import Estimated
 from palpate_studies.force_error import force_error
 from palpate_studies.readings import natural, readings
 from palpate_studies.repeat_picture import draw_repeatability
+from palpate_studies.repeat_tables import views
 from palpate_studies.repeatability import against_truth, repeatability
 from palpate_studies.repeating import perform
-
-_BAR = 40  # characters of the tallest bar
-_CAUTION = (
-    "p is the chance of such a difference between repeats at one site each. Sites of one material differ, too: before "
-    "a difference is called a lump, compare it with the spread over a dozen baseline sites."
-)
 
 
 @dataclass
@@ -93,6 +88,7 @@ def repeat(
     ] = None,
     overrides: Overrides = None,
     scheduler: SchedulerOption = None,
+    stage: StageOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
     layout: FormatOption = "table",
 ) -> None:
@@ -100,35 +96,46 @@ def repeat(
 
     Between two groups Welch's t-test; of three or more Welch's analysis of variance and Games and Howell's test, too.
     """
-    files = _groups(sources or [], group or [])
-    files = {
-        name: [run for path in paths for run in _runs(path, overrides, out, scheduler)] for name, paths in files.items()
-    }
+    files: dict[str, list[Path]] = {}
+    for name, paths in _groups(sources or [], group or []).items():
+        files[name] = [run for path in paths for run in _runs(path, overrides or [], out, scheduler, stage)]
+    groups = _read(files, track, parameter)
+    document = _document(groups, parameter, truth)
+    if picture is not None:
+        draw_repeatability(document, picture)
+    _show(document, as_json)
+    if failures := dict.fromkeys(path for found in groups.values() for path in found.failures):
+        typer.echo(f"{len(failures)} runs failed: {', '.join(failures)}", err=True)
+        raise typer.Exit(1)
+
+
+def _read(files: Mapping[str, Sequence[Path]], track: str | None, parameter: str) -> dict[str, _Group]:
+    """What the files of each group say of a parameter; raises UserError where a group says nothing."""
     estimated = Estimated()
     groups = {name: _Group(name) for name in files}
     for name, paths in files.items():
         for path in paths:
             groups[name].read(path, estimated, track, parameter)
         groups[name].demand_values(parameter)
+    return groups
+
+
+def _document(groups: Mapping[str, _Group], parameter: str, truth: str | None) -> dict[str, Any]:
+    """What is found, as JSON can hold it."""
     unit = list(groups.values())[-1].unit
-    found = {name: found.values for name, found in groups.items()}
-    failures = dict.fromkeys(path for found in groups.values() for path in found.failures)
-    rejected = {run: reason for found in groups.values() for run, reason in found.rejected.items()}
-    skipped = sum(found.skipped for found in groups.values())
+    rejected = {run: reason for group in groups.values() for run, reason in group.rejected.items()}
+    skipped = sum(group.skipped for group in groups.values())
     counted = {"parameter": parameter, "unit": unit, "skipped": skipped, "rejected": rejected}
-    document = finite_tree({**counted, **repeatability(found)})
-    for name, of_group in groups.items():
-        document["groups"][name]["force_error"] = finite_tree(force_error(of_group.tracked))
+    found = repeatability({name: group.values for name, group in groups.items()})
+    document: dict[str, Any] = finite_tree({**counted, **found})
+    for name, group in groups.items():
+        document["groups"][name]["force_error"] = finite_tree(force_error(group.tracked))
     if truth is not None:
         known = _truth(truth, unit)
-        for name, values in found.items():
-            document["groups"][name]["truth"] = against_truth(np.array(values), np.array(groups[name].stated), known)
-    if picture is not None:
-        draw_repeatability(document, picture)
-    _show(document, as_json)
-    if failures:
-        typer.echo(f"{len(failures)} runs failed: {', '.join(failures)}", err=True)
-        raise typer.Exit(1)
+        for name, group in groups.items():
+            table = against_truth(np.array(group.values), np.array(group.stated), known)
+            document["groups"][name]["truth"] = table
+    return document
 
 
 def _show(document: dict[str, Any], as_json: bool) -> None:
@@ -137,14 +144,14 @@ def _show(document: dict[str, Any], as_json: bool) -> None:
         typer.echo(json.dumps(document, indent=2))
         return
     terminal = console()
-    for view in _views(document):
+    for view in views(document):
         terminal.print(view, highlight=False, markup=False)
 
 
-def _runs(path: Path, overrides: list[str] | None, out: Path | None, scheduler: str | None) -> list[Path]:
+def _runs(path: Path, overrides: list[str], out: Path | None, scheduler: str | None, stage: str | None) -> list[Path]:
     """The runs of a source: those in a folder of them, or those made of a pipeline file. Raises UserError."""
     if path.suffix == ".toml" and path.is_file():
-        return perform(path, overrides or [], out, scheduler)
+        return perform(path, overrides, out, scheduler, stage)
     if path.is_dir() and not any((path / name).exists() for name in ("fit.json", "result.json")):
         return sorted((inner.parent for inner in path.glob("*/result.json")), key=natural) or [path]
     return [path]
@@ -177,77 +184,3 @@ def _groups(sources: list[Path], groups: list[str]) -> dict[str, list[Path]]:
     if not found:
         raise ConfigurationError("name at least one run folder, or a --group NAME=PATTERN")
     return {name: sorted(set(paths), key=natural) for name, paths in found.items()}
-
-
-def _views(document: dict[str, Any]) -> Iterator[Any]:
-    from rich.table import Table
-
-    word, factor = people(document["unit"])
-    table = Table(title=f"{document['parameter']} [{word}]", title_justify="left")
-    headings = ("group", "n", "mean", "std", "of mean", "correlation\nof neighbours", "correlation\nwith order (p)")
-    for heading in headings:
-        table.add_column(heading, justify="left" if heading == "group" else "right")
-    for name, found in document["groups"].items():
-        table.add_row(name, str(found["count"]), *_statistics(found, factor))
-    yield table
-    for name, found in document["groups"].items():
-        yield from _histogram(name, found, factor)
-        if found["moving_average"]:
-            ends = found["moving_average"][0] * factor, found["moving_average"][-1] * factor
-            over = found["moving_average_window"]
-            yield f"{name}: moving average over {over} goes from {ends[0]:.5g} to {ends[1]:.5g} {word}"
-    for name, found in document["groups"].items():
-        if (band := found["force_error"]) is not None:
-            largest = max(band["mean"], key=abs)
-            yield (
-                f"{name}: force less model over {band['count']} runs: {1e3 * band['rms']:.3g} mN RMS, mean at most "
-                f"{1e3 * largest:+.3g} mN"
-            )
-    for name, found in document["groups"].items():
-        if error := found.get("truth"):
-            said = f"{100 * error['error']:+.2f} ± {100 * error['error_std']:.2g} %"
-            scatter = f"{100 * error['by_scatter']:.2g} %"
-            yield f"{name}: {said} from {error['truth'] * factor:.5g} {word} (scatter alone {scatter})"
-    if whole := document["anova"]:
-        pairs = ", ".join(f"{row['first']} and {row['second']} p = {row['p']:.2g}" for row in whole["pairs"])
-        yield f"Welch's analysis of variance: F = {whole['f']:.3g}, p = {whole['p']:.2g}; Games-Howell: {pairs}"
-    if document["tests"]:
-        yield _tests(document["tests"], word, factor)
-        yield _CAUTION
-    for name, reason in document["rejected"].items():
-        yield f"{name} was rejected and is left out: {reason}"
-    if document["skipped"]:
-        yield f"{document['skipped']} runs without a value, or with an invalid one, were left out"
-
-
-def _statistics(found: dict[str, Any], factor: float) -> list[str]:
-    std = (found["std"] or 0.0) * factor
-    trend = found["correlation_with_order"]
-    return [
-        measured(found["mean"] * factor, (found["std_of_mean"] or 0.0) * factor),
-        f"{std:.3g}",
-        f"{(found['std_of_mean'] or 0.0) * factor:.3g}",
-        "-" if found["correlation"] is None else f"{found['correlation']:+.2f}",
-        "-" if trend is None else f"{trend:+.2f} ({found['correlation_with_order_p']:.2g})",
-    ]
-
-
-def _histogram(name: str, found: dict[str, Any], factor: float) -> Iterator[str]:
-    counts, edges = found["histogram"]["counts"], found["histogram"]["edges"]
-    tallest = max(counts, default=0)
-    if tallest:
-        yield f"{name}:"
-    for count, low, high in zip(counts, edges, edges[1:], strict=False):
-        yield f"  {low * factor:10.5g} .. {high * factor:10.5g}  {'#' * round(_BAR * count / tallest)} {count}"
-
-
-def _tests(rows: list[dict[str, Any]], word: str, factor: float) -> Any:
-    from rich.table import Table
-
-    table = Table(title="Welch's t-test", title_justify="left")
-    for heading in ("difference of", f"means\n{word}", "t", "degrees of\nfreedom", "p"):
-        table.add_column(heading, justify="left" if heading == "difference of" else "right")
-    for row in rows:
-        cells = ["-" if row[key] is None else f"{row[key]:.3g}" for key in ("t", "degrees_of_freedom", "p")]
-        table.add_row(row["difference_is"], f"{row['difference'] * factor:+.4g}", *cells)
-    return table

@@ -16,6 +16,8 @@ from palpate import ConfigurationError, Device, Length, Settings, Time, UserErro
 from palpate.host import Pipeline, check_motion, load_pipeline, make_folder, progress, progressed, run_pipeline
 from pydantic import Field
 
+from palpate_studies.engines import demand_scheduler
+
 
 class RepeatSettings(Settings):
     """The ``[repeat]`` table: `palpate repeat FILE` makes the palpation so many times, each with its run folder."""
@@ -79,20 +81,23 @@ def palpations(pipeline: Pipeline) -> Iterator[Pipeline]:
         yield replace(pipeline, run=run, trajectories={name: there}, devices=devices)
 
 
-def perform(path: Path, overrides: Sequence[str], out: Path | None, scheduler: str | None = None) -> list[Path]:
+def perform(
+    path: Path, overrides: Sequence[str], out: Path | None, scheduler: str | None = None, stage: str | None = None
+) -> list[Path]:
     """Make every palpation of a pipeline file; their run folders, in one new folder.
 
     Nothing moves before all of them were checked, and after one that was stopped or failed nothing moves any more: each
     is a run of its own, with all its limits. Simulations can run on the workers of a scheduler. Raises UserError.
     """
-    pipeline = load_pipeline(path, overrides)
+    demand_scheduler(scheduler, stage)
+    pipeline = load_pipeline(path if scheduler is None else path.resolve(), overrides)
     planned = list(palpations(pipeline))
     if scheduler is not None and _by_the_clock(pipeline):
         raise ConfigurationError(f"{path}: --scheduler is for simulations that keep no clock: an arm moves by itself")
     wait = _settings(pipeline).wait if _by_the_clock(pipeline) else 0.0
     folder = make_folder(f"{pipeline.run.name}-repeated", out, datetime.now(UTC).astimezone())
     if scheduler is not None:
-        return _spread(planned, folder, scheduler)
+        return _spread(planned, folder, scheduler, stage)
     done: list[Path] = []
     try:
         for k, one in enumerate(planned, start=1):
@@ -114,20 +119,20 @@ def _place(folder: Path, number: int, count: int) -> Path:
     return folder / f"{number:0{len(str(count))}d}"
 
 
-def _spread(planned: Sequence[Pipeline], folder: Path, scheduler: str) -> list[Path]:
+def _spread(planned: Sequence[Pipeline], folder: Path, scheduler: str, stage: str | None) -> list[Path]:
     """Every palpation on the workers of a scheduler; raises UserError where one failed, when all have ended."""
-    from palpate_studies.cluster import ClusterRun, cluster_results
+    from palpate_studies.cluster_runs import ClusterRun, cluster_results
 
     count = len(planned)
     runs = [ClusterRun(str(k), pipeline, _place(folder, k, count)) for k, pipeline in enumerate(planned, start=1)]
     done: dict[int, Path] = {}
     failures: dict[int, UserError] = {}
-    with progress("palpations", "", count), closing(cluster_results(scheduler, folder, runs)) as found:
+    with progress("palpations", "", count), closing(cluster_results(scheduler, folder, runs, stage)) as found:
         for run, outcome in found:
             if isinstance(outcome, UserError):
                 failures[int(run.name)] = outcome
             else:
-                done[int(run.name)] = outcome.folder
+                done[int(run.name)] = outcome.result.folder
             progressed(len(done) + len(failures))
     typer.echo(f"{len(done)} of {count} palpations are whole, in {folder}", err=True)
     if failures:

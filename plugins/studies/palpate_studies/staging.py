@@ -11,11 +11,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from palpate import ConfigurationError, OutputError
+from palpate import ConfigurationError, OutputError, UserError
 from palpate.host import RESULT, Pipeline
 from pydantic import BaseModel
 
-from palpate_studies.jobs import Job, built, finished, run_job
+from palpate_studies.cluster_runs import Answer, ClusterRun, Work, found_before, unused
+from palpate_studies.jobs import Job, finished, run_job
 
 
 @dataclass(frozen=True)
@@ -36,14 +37,14 @@ class Stage:
             raise ConfigurationError(f"--stage {self.url}: {error}") from error
         return files, root.rstrip("/")
 
-    def put_inputs(self, jobs: Iterable[Job]) -> dict[str, str]:
-        """Put every file that the pipelines of jobs name into the place, once; SHA-256 by path.
+    def put_inputs(self, pipelines: Iterable[Pipeline]) -> dict[str, str]:
+        """Put every file that pipelines name into the place, once; SHA-256 by path.
 
         Raises ConfigurationError where the place cannot be written to.
         """
         files, root = self._reached()
         digests: dict[str, str] = {}
-        for path in (path for job in jobs for path in input_files(built(job))):
+        for path in (path for pipeline in pipelines for path in input_files(pipeline)):
             if str(path) in digests:
                 continue
             digests[str(path)] = digest = _digest(path)
@@ -57,44 +58,49 @@ class Stage:
     def get_inputs(self, digests: Mapping[str, str]) -> None:
         """Put inputs to where they are on the machine that asks; raises OutputError where something else is there."""
         files, root = self._reached()
-        for text, digest in digests.items():
-            path = Path(text)
-            if path.exists():
-                if _digest(path) != digest:
-                    raise OutputError(f"{path}: this worker has another file of that name")
-                continue
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as partial:
-                files.get_file(f"{root}/inputs/{digest}", partial.name)
-            if _digest(Path(partial.name)) != digest:
-                os.unlink(partial.name)
-                raise OutputError(f"--stage {self.url}: {path} is not whole there: remove inputs/{digest}")
-            os.replace(partial.name, path)
+        try:
+            for text, digest in digests.items():
+                self._get_input(files, f"{root}/inputs/{digest}", Path(text), digest)
+        except OSError as error:
+            raise OutputError(f"inputs cannot be put where they belong: {error}") from error
 
-    def find(self, job: Job) -> dict[str, Any] | None:
-        """What a run that is whole in the place has found."""
+    def _get_input(self, files: Any, source: str, path: Path, digest: str) -> None:
+        if path.exists():
+            if _digest(path) != digest:
+                raise OutputError(f"{path}: this worker has another file of that name")
+            return
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as partial:
+            files.get_file(source, partial.name)
+        if _digest(Path(partial.name)) != digest:
+            os.unlink(partial.name)
+            raise OutputError(f"--stage {self.url}: {path} is not whole there: remove inputs/{digest}")
+        os.replace(partial.name, path)
+
+    def find(self, run: str) -> dict[str, Any] | None:
+        """What a run that is whole in the place has found, as its ``result.json`` has it."""
         files, root = self._reached()
-        path = f"{root}/runs/{job.number:05d}/{RESULT}"
+        path = f"{root}/runs/{run}/{RESULT}"
         found: dict[str, Any] | None = json.loads(files.cat_file(path)) if files.exists(path) else None
         return found
 
-    def put_run(self, folder: Path, number: int) -> None:
+    def put_run(self, folder: Path, run: str) -> None:
         """Put a run folder into the place, its result last."""
         files, root = self._reached()
         inside = sorted((path for path in folder.rglob("*") if path.is_file()), key=lambda path: path.name == RESULT)
         for path in inside:
-            _put(files, path, f"{root}/runs/{number:05d}/{path.relative_to(folder).as_posix()}")
+            _put(files, path, f"{root}/runs/{run}/{path.relative_to(folder).as_posix()}")
 
-    def get_run(self, job: Job) -> None:
-        """Bring a job's run folder here, whole or not at all."""
+    def get_run(self, run: str, folder: Path) -> None:
+        """Bring a run here, into a folder that is not there yet: whole or not at all."""
         files, root = self._reached()
-        source = f"{root}/runs/{job.number:05d}"
-        with tempfile.TemporaryDirectory(dir=job.folder, prefix=".") as partial:
+        source = f"{root}/runs/{run}"
+        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".") as partial:
             for path in files.find(source):
                 target = Path(partial, "run", path.removeprefix(source).lstrip("/"))
                 target.parent.mkdir(parents=True, exist_ok=True)
                 files.get_file(path, str(target))
-            os.replace(Path(partial, "run"), Path(job.folder, f"{job.number:05d}"))
+            os.replace(Path(partial, "run"), folder)
 
 
 @dataclass(frozen=True)
@@ -109,19 +115,17 @@ class StagedJob:
 def run_staged(staged: StagedJob) -> dict[str, Any]:
     """What a job finds, on a worker that shares no folder; it is looked for in the place first."""
     stage, job = staged.stage, staged.job
-    if (found := stage.find(job)) is not None:
+    if (found := stage.find(_name(job))) is not None:
         return found
     try:
         stage.get_inputs(staged.inputs)
-    except OSError as error:
-        return {"error": f"inputs cannot be put where they belong: {error}"}
     except OutputError as error:
         return {"error": str(error)}
     with tempfile.TemporaryDirectory(prefix="palpate-") as folder:
         outcome = run_job(replace(job, folder=folder))
         if "error" not in outcome and "interrupted" not in outcome:
             (run,) = Path(folder).iterdir()
-            stage.put_run(run, job.number)
+            stage.put_run(run, _name(job))
     return outcome
 
 
@@ -129,9 +133,53 @@ def fetched(staged: StagedJob, outcome: dict[str, Any]) -> dict[str, Any]:
     """What a job has found, with its run folder brought here; raises OutputError where it is another sweep's."""
     if "error" in outcome or "interrupted" in outcome:
         return outcome
-    staged.stage.get_run(staged.job)
-    found = finished(staged.job)
+    job = staged.job
+    staged.stage.get_run(_name(job), Path(job.folder, _name(job)))
+    found = finished(job)
     return outcome if found is None else found
+
+
+def _name(job: Job) -> str:
+    return f"{job.number:05d}"
+
+
+@dataclass(frozen=True)
+class StagedRun:
+    """A run and who makes it, with the place of its inputs and of its folder."""
+
+    run: ClusterRun
+    work: Work
+    stage: Stage
+    inputs: Mapping[str, str]  # SHA-256 by path
+
+
+def answer_staged(staged: StagedRun) -> Answer | UserError:
+    """What a run finds, on a worker that shares no folder; one that is whole in the place is brought, and not made."""
+    stage, run = staged.stage, staged.run
+    try:
+        stage.get_inputs(staged.inputs)
+        with tempfile.TemporaryDirectory(prefix="palpate-") as temporary:
+            folder = Path(temporary, run.folder.name)
+            whole = stage.find(run.folder.name) is not None
+            if whole:
+                stage.get_run(run.folder.name, folder)
+            answer = staged.work(replace(run, folder=folder))
+            if not whole or answer.result.folder != folder:
+                stage.put_run(answer.result.folder, run.folder.name)
+    except UserError as error:
+        return error
+    return answer
+
+
+def brought(staged: StagedRun, outcome: Answer | UserError) -> Answer | UserError:
+    """An outcome with its run folder brought here; raises OutputError where that cannot be."""
+    if isinstance(outcome, UserError):
+        return outcome
+    if (found := found_before(staged.run)) is None:
+        folder = unused(staged.run.folder)
+        staged.stage.get_run(staged.run.folder.name, folder)
+        found = replace(outcome.result, folder=folder)
+    return replace(outcome, result=found)
 
 
 def input_files(pipeline: Pipeline) -> Iterator[Path]:

@@ -14,7 +14,7 @@ from typing import Any
 
 from palpate import ConfigurationError, UserError
 
-GO_ON = "what is finished is in the folder, and a sweep goes on with the same --out"
+GO_ON = "what is finished is in the folder; sweep and fit go on with the same --out"
 _MUST_AGREE = ("palpate", "python", "casadi", "numpy", "scipy")  # else nobody knows what was computed
 _TO_THE_BIT = ("machine", "libc", "llvmlite", "cpu")  # where these agree, too, so do the bits
 _AGAIN = 1.0  # [s] between looks at who works
