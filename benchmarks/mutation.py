@@ -21,6 +21,7 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from functools import cache
 from pathlib import Path
 
 from cosmic_ray.ast import ast_nodes, get_ast_from_path
@@ -29,19 +30,47 @@ from cosmic_ray.plugins import get_operator
 
 ROOT = Path(__file__).parents[1]
 _QUIET: dict = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "timeout": 600}
-AREAS = {
-    "alignment": ("core/palpate/alignment/*.py", "core/test_alignment.py core/test_touch.py core/test_ports.py "
-                  "core/test_data_path.py core/test_late_force.py"),
-    "guard": ("core/palpate/pipeline/guard.py core/palpate/safety.py core/palpate/limiting.py",
-              "core/test_safety.py devices/test_fence.py"),
-    "fence": ("plugins/devices/palpate_devices/ur3e/fence.py", "devices/test_fence.py"),
-    "uncertainty": ("plugins/uncertainty/palpate_uncertainty/*.py plugins/filters/palpate_filters/fit/uncertainty.py "
-                    "plugins/filters/palpate_filters/fit/identifiability.py",
-                    "uncertainty filters/test_fit.py"),
-    "kernel": ("plugins/filters/palpate_filters/kernel/*.py", "filters/test_kernel.py filters/test_parity.py"),
-    "readers": ("plugins/devices/palpate_devices/mcap_replay.py plugins/devices/palpate_devices/logs/mcap_[a-q]*.py "
-                "plugins/devices/palpate_devices/logs/mcap_re[a-c]*.py plugins/devices/palpate_devices/logs/mcap_s*.py",
-                "devices/test_mcap.py devices/test_mcap_reader.py devices/test_damage.py devices/test_mcap_index.py"),
+_UNCERTAINTY = "plugins/uncertainty/palpate_uncertainty"
+_ALIGNMENT, _FITS = "core/palpate/alignment", "plugins/filters/palpate_filters/fit"
+_KERNEL, _LOGS = "plugins/filters/palpate_filters/kernel", "plugins/devices/palpate_devices/logs"
+_LACK = "uncertainty/test_lack_of_fit.py uncertainty/test_lack_of_fit_of_sweeps.py uncertainty/test_whitening.py"
+_BUDGET = "uncertainty/test_budget.py uncertainty/test_budget_command.py uncertainty/test_geometry.py"
+_SPREAD = "uncertainty/test_settling.py uncertainty/test_stretches.py uncertainty/test_timing.py"
+_READ = (
+    "devices/test_mcap_reader.py devices/test_mcap_index.py devices/test_recovery.py devices/test_damage.py "
+    "devices/test_mcap.py devices/test_corpus.py"
+)
+AREAS = {  # by area: modules and the tests that hold them; of several patterns that match, the first counts
+    "alignment": {
+        f"{_ALIGNMENT}/[cr][hi]*.py {_ALIGNMENT}/touch.py": "core/test_touch.py core/test_alignment.py",
+        f"{_ALIGNMENT}/*.py": "core/test_alignment.py core/test_ports.py core/test_touch.py",
+    },
+    "guard": {
+        "core/palpate/pipeline/guard.py core/palpate/safety.py core/palpate/limiting.py":
+            "core/test_safety.py devices/test_fence.py",
+    },
+    "fence": {"plugins/devices/palpate_devices/ur3e/fence.py": "devices/test_fence.py"},
+    "uncertainty": {
+        f"{_UNCERTAINTY}/[lwa]*.py {_UNCERTAINTY}/unloading.py": f"{_LACK} core/test_late_force.py",
+        f"{_UNCERTAINTY}/self_timed.py {_UNCERTAINTY}/timed_record.py {_UNCERTAINTY}/telling.py":
+            "uncertainty/test_self_timed.py",
+        f"{_UNCERTAINTY}/choice.py": "uncertainty/test_choice.py",
+        f"{_UNCERTAINTY}/choose.py {_UNCERTAINTY}/held_out.py": "uncertainty/test_choose.py",
+        f"{_UNCERTAINTY}/monte_carlo.py": "uncertainty/test_monte_carlo.py",
+        f"{_UNCERTAINTY}/one_frequency.py": "uncertainty/test_one_frequency.py",
+        f"{_UNCERTAINTY}/plausibility.py {_UNCERTAINTY}/outliers.py": "uncertainty/test_implausible.py",
+        f"{_UNCERTAINTY}/*.py": f"{_BUDGET} {_SPREAD}",
+        f"{_FITS}/uncertainty.py {_FITS}/identifiability.py": "filters/test_fit.py",
+    },
+    "kernel": {
+        f"{_KERNEL}/c_source.py": "filters/test_export_filter.py",
+        f"{_KERNEL}/*.py": "filters/test_kernel.py filters/test_columns.py filters/test_kept_code.py",
+    },
+    "readers": {
+        f"plugins/devices/palpate_devices/mcap_replay.py {_LOGS}/mcap_*.py {_LOGS}/recovery.py": _READ,
+        f"{_LOGS}/csv_end.py plugins/devices/palpate_devices/csv_replay.py":
+            "devices/test_csv_replay.py devices/test_csv_plain.py",
+    },
 }  # fmt: skip
 OPERATORS = (
     "NumberReplacer", "AddNot", "ReplaceTrueWithFalse", "ReplaceFalseWithTrue", "ReplaceAndWithOr", "ReplaceOrWithAnd",
@@ -83,17 +112,15 @@ def _packages(copy: Path) -> list[str]:
 
 
 def _judge(area: str, options: argparse.Namespace, done: set[tuple]) -> list[dict]:
-    patterns, tests = AREAS[area]
-    modules = sorted(path for pattern in patterns.split() for path in Path().glob(pattern))
-    every = [place for module in modules for place in _places(module)]
+    tests = _tests_of(area)
+    every = [place for module in sorted(tests) for place in _places(Path(module))]
     drawn = random.Random(f"{options.seed} {area}").sample(every, min(options.count, len(every)))
-    command = _tests(tests)
     judged = []
     for path, operator, occurrence in drawn:
         one = {"area": area, "file": path, "operator": operator, "occurrence": occurrence}
         if _name(one) in done:
             continue
-        one |= _outcome(path, operator, occurrence, command)
+        one |= _outcome(path, operator, occurrence, _command(tests[path]))
         judged.append(one)
         with (ROOT / options.out).open("a") as file:
             file.write(json.dumps(one) + "\n")
@@ -101,8 +128,18 @@ def _judge(area: str, options: argparse.Namespace, done: set[tuple]) -> list[dic
     return judged
 
 
-def _tests(tests: str) -> str:
-    """The command that runs an area's tests; ends the program where they fail without any mutant."""
+def _tests_of(area: str) -> dict[str, str]:
+    """The tests of every module of an area."""
+    found: dict[str, str] = {}
+    for patterns, tests in AREAS[area].items():
+        for module in (path.as_posix() for pattern in patterns.split() for path in Path().glob(pattern)):
+            found.setdefault(module, tests)
+    return found
+
+
+@cache
+def _command(tests: str) -> str:
+    """The command that runs some tests; ends the program where they fail without any mutant."""
     paths = " ".join(f"tests/{test}" for test in tests.split())
     command = f'{sys.executable} run_tests.py -q -x -p no:cacheprovider -m "not live" {paths}'
     if subprocess.run(shlex.split(command), stdout=subprocess.DEVNULL).returncode:
@@ -115,12 +152,13 @@ def _again(file: Path, areas: Iterable[str]) -> Iterator[dict]:
     rows = [json.loads(line) for line in file.read_text().splitlines()]
     for area in areas:
         survivors = [row for row in rows if row["area"] == area and row["outcome"] == "survived"]
-        command = _tests(AREAS[area][1]) if survivors else ""
+        tests = _tests_of(area)
         for row in survivors:
+            command = _command(tests[row["file"]]) if row["file"] in tests else ""
             module, outcome = Path(row["file"]), "gone"
             old, new = ("\n".join(line[1:] for line in _changed(row["difference"], sign)) for sign in "-+")
             text = module.read_text() if module.exists() else ""
-            if text.count(old) == 1:
+            if command and text.count(old) == 1:
                 module.write_text(text.replace(old, new))
                 try:
                     outcome = "killed" if subprocess.run(shlex.split(command), **_QUIET).returncode else "survived"

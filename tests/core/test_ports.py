@@ -28,6 +28,7 @@ from palpate_calibration.record import CalibrationRecorder
 from palpate_devices.csv_replay import CsvReplay
 from palpate_trajectories.point import Point
 from palpate_trajectories.raster import Raster
+from pydantic import ValidationError
 
 PIPELINES = Path(__file__).parents[2] / "pipelines"
 DAQ = Stream("", (Channel("trigger", "1"), Channel("fz", "N", (-9.0, 9.0)), Channel("z", "m")), 1000.0)
@@ -48,6 +49,20 @@ def test_a_port_names_device_stream_column_unit_and_limits():
     assert Ports.of(settings(force_limit=4.0), {"log": (DAQ,)})["force"].limits == (-4.0, 4.0)
     with pytest.raises(KeyError):
         Ports.of(settings(velocity="log.vz"), {"log": (DAQ,)})
+
+
+def test_components_are_of_one_unit_and_what_has_none_stands_alone():
+    stream = Stream("", (*(Channel(name, "N") for name in "xyz"), Channel("a", "1"), Channel("b", "1")), 1000.0)
+    for name, columns in (("z", (0, 1, 2)), ("b", (4,))):
+        given = settings(force=f"log.{name}", position="log.x")
+        assert Ports.of(given, {"log": (stream,)})["force"].components == columns
+
+
+@pytest.mark.parametrize("key", ["touch_lag", "drift", "tip_mass", "tip_mass_uncertainty", "tare_uncertainty"])
+def test_what_is_a_size_is_not_below_none(key):
+    assert getattr(settings(**{key: 0.0}), key) == 0.0
+    with pytest.raises(ValidationError, match=r"greater than or equal to 0"):
+        settings(**{key: -1e-9})
 
 
 def test_a_pipeline_resolves_its_signals_and_does_so_anew_with_other_devices():

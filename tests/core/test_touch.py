@@ -87,6 +87,13 @@ def test_contact_within_the_window_of_the_tare_shortens_it(rest):
     assert np.mean(offsets) == pytest.approx(-1.7, abs=0.006)
 
 
+def test_a_touch_too_light_for_the_threshold_shortens_the_tare_too():
+    """0.5 mm/s from 0.65 s on: 0.1 N at the end of what the tare is settled on, where 0.25 N count as touch."""
+    found = [aligned(batches(ramp(0.5e-3, 0.05, air=0.3e-3, deep=0.4e-3), seed))[1].tare for seed in range(10)]
+    assert np.mean([tare.until for tare in found]) == pytest.approx(0.65, abs=0.1)
+    assert np.mean([tare.offset for tare in found]) == pytest.approx(-1.7, abs=0.007)
+
+
 @pytest.mark.parametrize("speed", [50e-3 / 60, 4e-3])
 @pytest.mark.parametrize("rest", [0.2, 1.6])
 def test_it_does_not_depend_on_how_the_record_is_cut(speed, rest):

@@ -15,6 +15,8 @@ from palpate_devices.ur3e.device import UR
 from palpate_devices.ur3e.servo import PERIOD, Commander, Law
 from palpate_trajectories.force_hold import ForceHold
 
+from tests.simulated import pipeline, solid
+
 LAW = ForceLaw(2.0, 0.1, 8.0, 0.005, 0.1, 1 / (0.4 * 2000.0))
 HOLD = ForceHold(force=2.0, depth=0.005, stiffness=2000.0, duration=8.0, standstill=0.1)
 LIMITS = SafetySettings(
@@ -124,12 +126,7 @@ def test_an_arm_without_news_of_the_force_stays_where_it_is_and_then_leaves():
     assert lowest > -0.0025
 
 
-PIPELINE = """
-[device.rig]
-type = "sim"
-tip_mass = "140 g"
-specimen = { model = "sls", elasticity = "80 kPa", relaxing_elasticity = "60 kPa", relaxation_time = "1 s" }
-[trajectory.press]
+MOTION = """
 type = "force-hold"
 force = "3 N"
 depth = "6 mm"
@@ -137,39 +134,29 @@ speed = "10 mm/s"
 stiffness = "1.5 N/mm"
 duration = "8 s"
 standstill = "0.5 s"
-[alignment]
-force = { channel = "rig.wrench.z", uncertainty = "0.1 ms" }
-position = { channel = "rig.tip.z", uncertainty = "0.1 ms" }
-measuring = "rig.setpoint.measuring"
-tip_mass = "140 g"
-tare_duration = "0.4 s"
-[indenter.tip]
-type = "sphere"
-radius = "5 mm"
-[model.sls]
-type = "standard-linear-solid"
-indenter = "tip"
-[estimator.fit]
-type = "casadi-fit"
-segment = "contact"
-profile = false
 """
+CREEPING = pipeline(
+    solid("80 kPa", "60 kPa", "1 s"),
+    MOTION,
+    'type = "casadi-fit"\nsegment = "contact"\nprofile = false',
+    alignment='tare_duration = "0.4 s"',
+)
 
 
 @pytest.fixture
-def pipeline(tmp_path):
+def creeping(tmp_path):
     """A function that loads the pipeline with overrides."""
-    (tmp_path / "creep.toml").write_text(PIPELINE)
+    (tmp_path / "creep.toml").write_text(CREEPING)
     return lambda *overrides: load_pipeline(tmp_path / "creep.toml", list(overrides))
 
 
-def test_the_rig_holds_a_force_on_a_material_that_creeps(pipeline, tmp_path):
+def test_the_rig_holds_a_force_on_a_material_that_creeps(creeping, tmp_path):
     """The force stays while the tip sinks; the fit and J(t) find the material."""
     from palpate_spectra.recorded import replay
     from palpate_spectra.transient.modulus import curve
     from palpate_spectra.transient.press import pressed
 
-    result = run_pipeline(pipeline(), tmp_path / "run")
+    result = run_pipeline(creeping(), tmp_path / "run")
     assert result.tracks["sls/fit"].parameters["relaxation_time"].value == pytest.approx(1.0, rel=0.1)
     recorded = replay(tmp_path / "creep.toml", None)
     samples = recorded.samples
@@ -186,11 +173,11 @@ def test_the_rig_holds_a_force_on_a_material_that_creeps(pipeline, tmp_path):
     assert (std > 0).all()
 
 
-def test_the_rig_says_where_the_envelope_ends(pipeline, tmp_path):
+def test_the_rig_says_where_the_envelope_ends(creeping, tmp_path):
     with pytest.raises(DeviceError, match="at the end of its envelope"):
-        run_pipeline(pipeline("trajectory.press.depth=2 mm"), tmp_path / "run")
+        run_pipeline(creeping("trajectory.press.depth=2 mm"), tmp_path / "run")
     with pytest.raises(ConfigurationError, match="cannot lead with series_stiffness"):
-        run_pipeline(pipeline("device.rig.series_stiffness=30 N/mm"), tmp_path / "other")
+        run_pipeline(creeping("device.rig.series_stiffness=30 N/mm"), tmp_path / "other")
 
 
 QUICK = {"duration": 4.0, "speed": 0.008, "standstill": 0.0, "clearance": 0.003}

@@ -112,6 +112,14 @@ def test_the_source_of_time(tmp_path, clock, late):
     assert (time[0] - 10**9, len(time)) == (late, COUNT)
 
 
+def test_a_log_is_recognised_by_its_name(tmp_path):
+    (tmp_path / "folder.mcap").mkdir()
+    for name in ("a.mcap", "a.csv", "mcap"):
+        (tmp_path / name).write_bytes(b"")
+    names = ("a.mcap", "a.csv", "mcap", "folder.mcap", "none.mcap")
+    assert [name for name in names if McapReplay.recognises(tmp_path / name)] == ["a.mcap"]
+
+
 def test_stamps_that_do_not_move_are_refused(tmp_path):
     path = tmp_path / "log.mcap"
     with path.open("wb") as file:

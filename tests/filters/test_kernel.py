@@ -79,6 +79,17 @@ def test_blocks_give_the_bits_of_the_whole(kind: Any) -> None:
         assert np.array_equal(bits(np.vstack(outputs)), bits(whole[1]))
 
 
+def test_one_sample_of_a_step_whose_arrays_are_all_of_other_lengths() -> None:
+    names = (("x", 2), ("w", 3), ("p", 4))
+    state, sample, settings = (ca.SX.sym(name, count) for name, count in names)
+    output = ca.vertcat(state[0] * settings[3], sample[2] + settings[0], ca.sumsqr(settings), state[1], sample[0])
+    function = ca.Function("step", [state, sample, settings], [state + sample[:2], output])
+    given = np.array([0.3, -1.0]), np.array([[0.1, 7.0, -2.0]]), np.array([0.7, 11.0, -3.0, 5.0])
+    expected, found = (kind(function).run(*given) for kind in (VirtualMachine, CompiledStep))
+    for one, other in zip(found, expected, strict=True):
+        assert np.array_equal(bits(one), bits(other))
+
+
 def test_a_kernel_leaves_its_arguments_alone() -> None:
     kernel = CompiledStep(step(OPERATIONS["logic"]))
     state, samples, settings = np.ones(2), awkward(50), np.ones(1)

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from palpate import Problem, Samples, force_over_time
+from palpate import Problem, force_over_time
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
 from palpate_filters import CasadiFit
@@ -20,6 +20,8 @@ from palpate_models import (
     Sphere,
     StandardLinearSolid,
 )
+
+from tests.simulated import pipeline, press_and_sines, samples
 
 TIP = Sphere(radius=5e-3)
 DOUBTS = {"misfit", "correlated-residuals", "at-bound", "hard-to-tell-apart", "undetermined", "not-identifiable"}
@@ -38,17 +40,9 @@ MODELS = [
 
 def record(model, theta):
     """A press to 3 mm, a hold, and small sines of 1 and 5 Hz, with the rig's noise."""
-    time = np.arange(0, 3.0, 4e-3)
-    s, swell = np.clip(time / 0.4, 0, 1), np.clip((time - 1.0) / 0.5, 0, 1)
-    depth = -0.5e-3 + 3.5e-3 * s**2 * (3 - 2 * s)
-    depth = depth + swell * (2e-4 * np.sin(2 * np.pi * time) + 1e-4 * np.sin(10 * np.pi * time))
-    random = np.random.default_rng(3)
+    time, depth = press_and_sines(3.0, 1.0, 0.35)
     force = force_over_time(model, time, depth, np.gradient(depth, time), theta, pulls=False)
-    force = force + 0.02 * random.standard_normal(len(time))
-    height = 1e-4 - depth + 5e-6 * random.standard_normal(len(time))
-    contact, stamp = depth > 0, np.rint(1e9 * time).astype(np.int64)
-    steps = np.diff(time, prepend=0.0)
-    return Samples(stamp, time, steps, force, height, np.gradient(height, time), contact, contact)
+    return samples(time, depth, force, 3, force_std=0.02)
 
 
 @pytest.mark.parametrize(
@@ -69,44 +63,26 @@ def test_a_model_on_the_next_ones_data_is_right_or_says_so(fitted, true):
         assert abs(found.values[row][0] - theta[0]) < 4 * found.std[row][0]
 
 
-PIPELINE = """
-[run]
-seed = 2
-[device.rig]
-type = "sim"
-tip_mass = "140 g"
-[device.rig.specimen]
+SPECIMEN = """
 model = { type = "dimensionality-reduction-maxwell", indenter = "tip" }
 elasticity = "100 kPa"
 viscosity = "400 Pa*s"
 relaxing_elasticity = "50 kPa"
 relaxation_time = "0.4 s"
-[trajectory.press]
+"""
+MOTION = """
 type = "multi-sine"
 bias = "3 mm"
 amplitudes = ["0.6 mm", "0.4 mm"]
 frequencies = ["0.7 Hz", "4 Hz"]
 duration = "3 s"
-[alignment]
-force = { channel = "rig.wrench.z", uncertainty = "0.1 ms" }
-position = { channel = "rig.tip.z", uncertainty = "0.1 ms" }
-measuring = "rig.setpoint.measuring"
-tip_mass = "140 g"
-[indenter.tip]
-type = "sphere"
-radius = "5 mm"
-[model.sls]
-type = "standard-linear-solid"
-indenter = "tip"
-[estimator.fit]
-type = "casadi-fit"
-profile = false
 """
 
 
 def test_the_run_tells_a_misfit_that_is_half_as_large_as_the_noise(tmp_path):
     """A solid with a dashpot taken for one without: residual 1.5 times the noise, E 4 % off, told and covered."""
-    (tmp_path / "p.toml").write_text(PIPELINE)
+    text = pipeline(SPECIMEN, MOTION, 'type = "casadi-fit"\nprofile = false', seed=2)
+    (tmp_path / "p.toml").write_text(text)
     track = run_pipeline(load_pipeline(tmp_path / "p.toml"), tmp_path / "run").tracks["sls/fit"]
     assert "lack-of-fit" in {flag.code for flag in track.flags}
     found = track.parameters["elasticity"]

@@ -2,64 +2,29 @@
 
 import numpy as np
 import pytest
-from palpate import ConfigurationError, Problem, Samples
+from palpate import ConfigurationError, Problem
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
 from palpate_filters import TingFit
 from palpate_models import DimensionalityReduction, Poroelastic, PowerLaw, Sphere, StandardLinearSolid
 from palpate_models.ting import ting_force
 
+from tests.simulated import pipeline, samples, solid, triangle
+
 TIP = Sphere(radius=5e-3)
-PIPELINE = """
-[run]
-seed = 4
-[device.rig]
-type = "sim"
-tip_mass = "140 g"
-[device.rig.specimen]
-model = "sls"
-elasticity = "100 kPa"
-relaxing_elasticity = "60 kPa"
-relaxation_time = "300 ms"
-surface = "0.3 mm"
-unloading = "{unloading}"
-[trajectory.press]
-type = "{motion}"
-{settings}
-[alignment]
-force = {{ channel = "rig.wrench.z", uncertainty = "0.1 ms" }}
-position = {{ channel = "rig.tip.z", uncertainty = "0.1 ms" }}
-measuring = "rig.setpoint.measuring"
-tip_mass = "140 g"
-[indenter.tip]
-type = "sphere"
-radius = "5 mm"
-[model.sls]
-type = "standard-linear-solid"
-indenter = "tip"
-[estimator.ting]
-type = "ting-fit"
-"""
-CYCLE = 'depth = "3 mm"\nspeeds = ["6 mm/s"]'
+CYCLE = 'type = "load-unload"\ndepth = "3 mm"\nspeeds = ["6 mm/s"]'
 
 
-def run(tmp_path, unloading, motion="load-unload", settings=CYCLE):
-    (tmp_path / "p.toml").write_text(PIPELINE.format(unloading=unloading, motion=motion, settings=settings))
+def run(tmp_path, unloading, trajectory=CYCLE, estimator="ting-fit"):
+    specimen = solid("100 kPa", "60 kPa", "300 ms", f'surface = "0.3 mm"\nunloading = "{unloading}"')
+    (tmp_path / "p.toml").write_text(pipeline(specimen, trajectory, f'type = "{estimator}"', seed=4))
     return run_pipeline(load_pipeline(tmp_path / "p.toml"), tmp_path / f"out-{unloading}")
 
 
-def record(model, theta, seed, surface=1e-4):
+def record(model, theta, seed):
     """A triangle in and out of a material, with the rig's noise, from air to air."""
-    random, time = np.random.default_rng(seed), np.arange(0, 2.2, 2e-3)
-    depth = 3e-3 * np.clip(1 - np.abs(time - 1.1) / 0.8, -0.1, 1)
-    depth = np.convolve(np.pad(depth, 10, "edge"), np.ones(21) / 21, "valid")  # no corners
-    force = ting_force(model, time, depth, theta) + 0.05 * random.standard_normal(len(time))
-    contact = depth > 0
-    position = surface - depth + 5e-6 * random.standard_normal(len(time))
-    steps = np.diff(time, prepend=0.0)
-    return Samples(
-        (1e9 * time).astype(np.int64), time, steps, force, position, np.gradient(position, time), contact, contact
-    )
+    time, depth = triangle(2e-3)
+    return samples(time, depth, ting_force(model, time, depth, theta), seed)
 
 
 @pytest.mark.parametrize(
@@ -83,7 +48,7 @@ def test_the_truth_is_within_the_intervals(model, theta):
 
 
 def test_what_the_rig_makes_is_found_again(tmp_path):
-    found = run(tmp_path, "ting").tracks["sls/ting"]
+    found = run(tmp_path, "ting").tracks["sls/fit"]
     for name, true in (("elasticity", 100e3), ("relaxing_elasticity", 60e3), ("relaxation_time", 0.3)):
         assert abs(found.parameters[name].value - true) < 4 * found.parameters[name].combined, name
     assert found.force_rms < 0.06
@@ -91,19 +56,16 @@ def test_what_the_rig_makes_is_found_again(tmp_path):
 
 
 def test_a_fit_whose_contact_follows_the_way_out_is_flagged(tmp_path):
-    (tmp_path / "p.toml").write_text(
-        PIPELINE.format(unloading="ting", motion="load-unload", settings=CYCLE).replace("ting-fit", "casadi-fit")
-    )
-    track = run_pipeline(load_pipeline(tmp_path / "p.toml"), tmp_path / "out").tracks["sls/ting"]
+    track = run(tmp_path, "ting", estimator="casadi-fit").tracks["sls/fit"]
     assert "unloading" in {flag.code for flag in track.flags}
     assert track.parameters["elasticity"].value > 108e3  # what is made by leaving it out
 
 
 def test_a_second_maximum_is_refused_by_name_in_rig_and_fit(tmp_path):
-    sine = 'bias = "3 mm"\nduration = "2 s"'
+    sine = 'type = "point"\nbias = "3 mm"\nduration = "2 s"'
     with pytest.raises(ConfigurationError, match="more than one maximum"):
-        run(tmp_path, "ting", "point", sine)
-    track = run(tmp_path, "following", "point", sine).tracks["sls/ting"]
+        run(tmp_path, "ting", sine)
+    track = run(tmp_path, "following", sine).tracks["sls/fit"]
     assert "more than one maximum" in {flag.code: flag.message for flag in track.flags}["not-fitted"]
 
 

@@ -4,6 +4,8 @@ import numpy as np
 from palpate import contact_force, force_over_time
 from palpate_spectra.recorded import Recorded
 
+from tests.simulated import samples
+
 MASS = 0.14  # [kg]
 RATE = 500.0  # [Hz]
 
@@ -63,20 +65,14 @@ def press(model, theta, *, hold=5.0, depth=3e-3, speed=0.01, rate=200.0, seed=No
 
 def samples_of(model, time, d, force, seed, skin, drift, known):
     """The same from any depth and force over time."""
-    from palpate import Samples
+    from dataclasses import replace
+
     from palpate.host import Found
     from palpate_spectra.recorded import Replayed
 
-    random = np.random.default_rng(seed)
-    height = skin - d
+    whole = samples(time, d, force + drift * time / time[-1], seed, surface=skin)
     contact = (d > 0) & (force > 0)
-    force = force + drift * time / time[-1]
-    if seed is not None:
-        force = force + 0.05 * random.standard_normal(len(time))
-        height = height + 5e-6 * random.standard_normal(len(time))
-    stamp = np.rint(1e9 * time).astype(np.int64)
-    steps = np.diff(time, prepend=0.0)
-    samples = Samples(stamp, time, steps, force, height, np.gradient(height, time), contact, contact)
+    whole = replace(whole, contact=contact, active=contact)
     rig = {"tip_mass": 0.0, "tip_mass_std": 0.0, "compliance": 0.0, "compliance_std": 0.0, "timing": 0.0, **known}
     exact = {"radius": 0.0, "poisson": 0.0}
-    return Replayed("t", model, samples, Found(skin, 1e-5, "m"), rig, exact, ())
+    return Replayed("t", model, whole, Found(skin, 1e-5, "m"), rig, exact, ())

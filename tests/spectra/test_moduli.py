@@ -1,8 +1,6 @@
 """G* from recordings: identities, then the rig, then noise."""
 
-import importlib.util
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,9 +11,7 @@ from palpate_spectra.laws import law_fits, supported
 from palpate_spectra.moduli import answer
 from scipy.stats import binom
 
-spec = importlib.util.spec_from_file_location("spectra_rig", Path(__file__).with_name("rig.py"))
-rig = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(rig)
+from tests.spectra import rig
 
 SPHERE = Sphere(radius=5e-3)
 SOFT = DimensionalityReduction(indenter=SPHERE)

@@ -1,11 +1,9 @@
 """E(t) from a ramp and a hold: identities, then noise, then what is refused."""
 
 import csv
-import importlib.util
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +19,7 @@ from palpate_models import (
     StandardLinearSolid,
 )
 from palpate_models.thickness import Thickness
+from palpate_spectra.recorded import replay
 from palpate_spectra.transient.conversion import relaxing
 from palpate_spectra.transient.fading import faded
 from palpate_spectra.transient.modulus import curve
@@ -28,9 +27,8 @@ from palpate_spectra.transient.press import pressed
 from palpate_spectra.transient.spectrum import decades, density, flags_of, p_value
 from scipy.stats import chi2
 
-spec = importlib.util.spec_from_file_location("spectra_rig", Path(__file__).with_name("rig.py"))
-rig = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(rig)
+from tests.simulated import pipeline, solid
+from tests.spectra import rig
 
 TIP = Sphere(radius=5e-3)
 LAYER = Thickness(law="dimitriadis", height=22e-3)
@@ -154,31 +152,35 @@ def test_a_record_that_begins_in_contact_is_refused():
         pressed(replace(whole, samples=whole.samples[:150]), "run")
 
 
-PIPELINE = """
-[device.rig]
-type = "sim"
-tip_mass = "140 g"
-specimen = { model = "sls", elasticity = "80 kPa", relaxing_elasticity = "40 kPa", relaxation_time = "0.5 s" }
-[trajectory.press]
-type = "ramp-hold"
-depths = ["3 mm"]
-hold = "3 s"
-[alignment]
-force = { channel = "rig.wrench.z", uncertainty = "0.1 ms" }
-position = { channel = "rig.tip.z", uncertainty = "0.1 ms" }
-measuring = "rig.setpoint.measuring"
-tip_mass = "140 g"
-[indenter.tip]
-type = "sphere"
-radius = "5 mm"
-[model.sls]
-type = "standard-linear-solid"
-indenter = "tip"
-[estimator.fit]
-type = "casadi-fit"
-segment = "hold"
-fixed = { surface = "0 mm" }
+RAMP = 'type = "ramp-hold"\ndepths = ["3 mm"]\nhold = "3 s"'
+PIPELINE = pipeline(
+    solid("80 kPa", "40 kPa", "0.5 s"),
+    RAMP,
+    'type = "casadi-fit"\nsegment = "hold"\nfixed = { surface = "0 mm" }',
+)
+TARE = 'tare_duration = "0.4 s"'
+LED = """
+type = "force-hold"
+force = "2 N"
+depth = "6 mm"
+speed = "8 mm/s"
+stiffness = "1.5 N/mm"
+duration = "4 s"
+standstill = "0.5 s"
 """
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+def test_a_short_creep_is_one_linear_material(tmp_path, seed):
+    """Half a second held, and half as much noise as force in the beginning: J(t), and no flag."""
+    text = pipeline(solid("80 kPa", "60 kPa", "1 s"), LED, 'type = "kinematic-ekf"', seed=seed, alignment=TARE)
+    (tmp_path / "creep.toml").write_text(text)
+    one = curve(pressed(replay(tmp_path / "creep.toml", None), "run"))
+    assert one.creeps
+    assert {flag.code for flag in flags_of(one)} <= {"thickness-undeclared"}
+    assert abs(one.rig.surface) < 2.5 * one.surface_std < 2e-4
+    true = 1 / 80e3 - (1 / 80e3 - 1 / 140e3) * np.exp(-one.time * 80 / 140)
+    assert (np.abs(one.value - true) < 3 * one.std).all()
 
 
 @pytest.fixture(scope="module")

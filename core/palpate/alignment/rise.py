@@ -73,20 +73,20 @@ class RiseFinder:
 
     def _beyond(self, baseline: Floats, now: Floats) -> NDArray[np.bool_]:
         """Whether averages (n,) are above baselines (n, m) by more than these scatter."""
-        mean, square, _ = _moments(baseline)
+        mean, square = _moments(baseline)
         parts = baseline.reshape(len(now), -1, _AVERAGED).mean(axis=2)
         scatter = np.maximum(_moments(parts)[1], _uneven(baseline, square))
         level = np.maximum(_SIGMAS * np.sqrt(scatter), self._least)
         return np.asarray(now - mean > level)
 
 
-def _moments(rows: Floats) -> tuple[Floats, Floats, Floats]:
-    """Mean, variance and number of what is known in each row."""
+def _moments(rows: Floats) -> tuple[Floats, Floats]:
+    """Mean and variance of what is known in each row."""
     known = np.isfinite(rows)
     count = known.sum(axis=1)
     mean = np.where(known, rows, 0.0).sum(axis=1) / np.maximum(count, 1)
     square = np.where(known, (rows - mean[:, None]) ** 2, 0.0).sum(axis=1) / np.maximum(count - 1, 1)
-    return mean, square, count
+    return mean, square
 
 
 def _uneven(rows: Floats, square: Floats) -> Floats:

@@ -121,7 +121,6 @@ class Series:
         return (values <= low) | (values >= high)
 
     def _longest_repeat(self, values: Floats) -> int:
-        longest = 0
         changes = np.flatnonzero(np.diff(np.concatenate([[self._previous], values])) != 0)
         edges = np.concatenate([changes, [len(values)]])
         if len(changes):

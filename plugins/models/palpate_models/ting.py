@@ -27,7 +27,7 @@ def ting_force(
     Raises ValueError for more than one maximum, and for a model whose relaxation is none of a linear material's.
     Source: Ting 1966; Lee and Radok 1960; by trapezoids in depth and area between the instants.
     """
-    law = _law(model, theta)
+    law = relaxation_of(model, theta)
     peak = _one_maximum(depth, reversal)
     held: Any = model
     loaded, back = np.maximum.accumulate(depth[: peak + 1]), depth[peak + 1 :]
@@ -70,7 +70,7 @@ def ting_force(
     return np.asarray(2.0 / (1.0 - held.poisson**2) * np.maximum(found, 0.0))
 
 
-def _law(model: ContactModel, theta: Sequence[float]) -> Spectrum:
+def relaxation_of(model: ContactModel, theta: Sequence[float]) -> Spectrum:
     """The relaxation modulus of a model; raises ValueError where it has none."""
     if isinstance(model, DimensionalityReduction):
         return Spectrum(theta[0], theta[1], ())

@@ -150,7 +150,7 @@ def _csv(heads: Sequence[str], rows: Sequence[Sequence[float]]) -> str:
 
 def document(found: Curve) -> dict[str, Any]:
     """Everything as plain data [SI]."""
-    fit = found.solved.weighing
+    fit = found.tested
     heads, rows = _curve_rows(found)
     heights, spectrum = _spectrum_rows(found)
     return {

@@ -14,7 +14,8 @@ from palpate_spectra.moduli import area, changed, poisson_of
 from palpate_spectra.transient.conversion import relaxing
 from palpate_spectra.transient.fading import Bins, logarithmic
 from palpate_spectra.transient.press import Pressed
-from palpate_spectra.transient.solving import Problem, Rig, Solved, solved
+from palpate_spectra.transient.solving import Problem, Rig, Solved, creeping, solved
+from palpate_spectra.transient.times import Weighing
 
 _PER_DECADE = 8  # points
 _STEP = 1e-3  # of a number, for derivatives by differences
@@ -27,6 +28,7 @@ class Curve:
     pressed: Pressed
     problem: Problem
     solved: Solved
+    tested: Weighing  # of the force by the depth's history, whichever of both is held: what is left tells of the law
     rig: Rig
     surface_std: float  # [m]
     time: Floats  # (m,) [s] since the middle of the change of depth, or of force
@@ -71,11 +73,14 @@ def curve(pressed: Pressed, surface: float | None = None) -> Curve:
     t = T - s, s the centre of the changes until then: a ratio in which the law is only the small correction for the
     ramp's duration, since the time from the centre is right to first order (Zapas and Phillips 1971).
     """
-    problem = Problem(pressed)
+    problem = Problem(pressed, creeps=False)
     best, rig, surface_std, std = solved(problem, surface)
+    tested = best.weighing
+    if pressed.holds[0].kind == "creep":
+        problem, best, std = creeping(pressed, problem.level(std), rig)
     time, value, gradient, correction, spread = _points(problem, best, std, bins := _bins(problem, best))
     noise = np.sqrt(np.sum((gradient @ best.weighing.covariance) * gradient, axis=1) + spread**2)
-    found = Curve(pressed, problem, best, rig, surface_std, time, value, noise, {}, correction)
+    found = Curve(pressed, problem, best, tested, rig, surface_std, time, value, noise, {}, correction)
     return replace(found, shifts=_shifts(found, std, bins))
 
 
@@ -110,8 +115,7 @@ def _points(problem: Problem, best: Solved, std: Floats, bins: Bins) -> tuple[Fl
     law, fitted, seen = rows @ best.weighing.values, bins.means(best.fitted), bins.means(best.target)
     value = law * seen / fitted
     gradient = value[:, None] * (rows / law[:, None] - fitted_rows / fitted[:, None])
-    level = float(np.median(std * np.sqrt(problem.bins.counts)))
-    spread = value * np.minimum(level / np.sqrt(bins.counts), float(std.max())) / fitted
+    spread = value * np.minimum(problem.level(std) / np.sqrt(bins.counts), float(std.max())) / fitted
     return lag, value, gradient, value / (seen / bins.means(driven)), spread
 
 

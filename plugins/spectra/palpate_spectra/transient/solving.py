@@ -14,7 +14,7 @@ from palpate_spectra.moduli import poisson_of
 from palpate_spectra.recorded import beyond
 from palpate_spectra.transient.fading import Bins, faded, logarithmic
 from palpate_spectra.transient.press import Pressed
-from palpate_spectra.transient.times import Weighing, weighed
+from palpate_spectra.transient.times import Weighing, least, weighed
 
 _PER_DECADE = 8  # times of the spectrum
 _BINS = 12  # of a decade of a hold
@@ -25,8 +25,8 @@ _REACH = 5e-4  # [m] around the place of the touch in which the skin is looked f
 _UNRELATED = 0.05  # autocorrelation of residuals that have nothing to do with each other
 _PIECES = 10  # of the longest hold, in which noise is what is left of a straight line
 _EXACT = 1e-5  # of the largest target: no reading is better
-_CURVED = 1e-5  # [m] over which the chi^2 of a surface is curved, at least
-_RISE = 4.0  # of chi^2 over which its curvature is taken
+_FOUND = 1e-6  # [m] to which it is found
+_QUANTILE = 1.96  # of 95 %
 
 
 @dataclass(frozen=True)
@@ -64,11 +64,7 @@ class Problem:
     """
 
     pressed: Pressed
-
-    @cached_property
-    def creeps(self) -> bool:
-        """Whether the force is held, and not the depth."""
-        return self.pressed.holds[0].kind == "creep"
+    creeps: bool
 
     @cached_property
     def width(self) -> int:
@@ -115,8 +111,8 @@ class Problem:
         begin = since + (int(down[0]) if len(down) else 0)
         return 0.5 * float(self.pressed.time[begin] + self.pressed.time[row])
 
-    def solve(self, rig: Rig, std: Floats, smoothing: float | None = None) -> Solved:
-        """The spectrum, where the target's bins have the standard deviations (m,)."""
+    def linear(self, rig: Rig) -> tuple[Floats, Floats, int]:
+        """Columns (n, free + k) whose sum with the law's numbers is the target (n,), and how many are no spectrum's."""
         pressed = self.pressed
         nu, time = poisson_of(pressed.model), pressed.time
         load = 0.5 * (1.0 - nu**2) * np.where(pressed.depth(rig.surface, 0.0) > 0, pressed.force + rig.offset, 0.0)
@@ -124,31 +120,41 @@ class Problem:
         if self.creeps:
             load, area = self.averaged(load), self.averaged(area)
             flown = np.concatenate([[0.0], np.cumsum(0.5 * (load[1:] + load[:-1]) * np.diff(time))])
-            columns = np.column_stack([load, flown, load[:, None] - faded(load, time, self.times)])
-            free, target = 2, area
-        else:
-            free, target = 1, load
-            columns = np.column_stack([area, faded(area, time, self.times)])
+            return np.column_stack([load, flown, load[:, None] - faded(load, time, self.times)]), area, 2
+        return np.column_stack([area, faded(area, time, self.times)]), load, 1
+
+    def solve(self, rig: Rig, std: Floats, smoothing: float | None = None) -> Solved:
+        """The spectrum, where the target's bins have the standard deviations (m,)."""
+        columns, target, free = self.linear(rig)
         found = weighed(self.bins.means(columns), self.bins.means(target), std, free, smoothing)
         return Solved(self.times, found, columns, target, free)
+
+    def misfit(self, rig: Rig, std: Floats) -> float:
+        """What the best of all spectra, smooth or not, leaves: chi^2."""
+        columns, target, _ = self.linear(rig)
+        return least(self.bins.means(columns), self.bins.means(target), std)
 
     def noise_of(self, values: Floats) -> float:
         """Standard deviation of white noise that would give a target's second differences."""
         noise = float(np.std(np.diff(values[self.pressed.holds[0].rows], 2)) / math.sqrt(6.0))
         return max(noise, _EXACT * float(np.abs(values).max()))
 
+    def level(self, std: Floats) -> float:
+        """Standard deviation of one reading of the target, as far as it matters to means, by that of the bins (m,)."""
+        return float(np.median(std * np.sqrt(self.bins.counts)))
+
     def bins_std(self, solved: Solved) -> Floats:
         """Standard deviations (m,) of the bins' means, by what is left in the longest hold and its autocorrelation."""
         hold = max(self.pressed.holds, key=lambda one: one.end - one.begin)
         left = (solved.target - solved.fitted)[hold.rows]
         n = len(left)
-        pieces = min(_PIECES, max(n // (_PIECES * self.width), 1))
+        pieces = min(_PIECES, max(n // _PIECES, 1))
         for piece in np.array_split(np.arange(n), pieces):  # what is slower is misfit, and no noise
             line = np.polynomial.Polynomial.fit(piece, left[piece], 1)
             left[piece] -= line(piece)
         power = np.fft.rfft(left, 2 * n)
         correlation = np.fft.irfft(np.abs(power) ** 2)[: n // 4]
-        variance = float(correlation[0]) / n
+        variance = float(correlation[0]) / max(n - 2 * pieces, 1)
         shares = correlation / max(float(correlation[0]), 1e-300)
         ends = np.flatnonzero(shares < _UNRELATED)
         related = shares[1 : int(ends[0]) if len(ends) else len(shares)]
@@ -164,16 +170,14 @@ def solved(problem: Problem, surface: float | None) -> tuple[Solved, Rig, float,
     pressed = problem.pressed
     compliance = float(pressed.rig["compliance"])
     rig = Rig(pressed.touch if surface is None else surface, compliance)
-    target = problem.solve(rig, np.ones(len(problem.bins.counts)), 1.0).target
+    target = problem.linear(rig)[1]
     std = np.full(len(problem.bins.counts), problem.noise_of(target)) / np.sqrt(problem.bins.counts)
     spread = 0.0
     for _ in range(2):  # the second time with the noise that the residuals of the first show
-        best = problem.solve(rig, std)
         if surface is None:
-            place, spread = _least(problem, rig, std, best.weighing.smoothing)
+            place, spread = _skin(problem, rig, std)
             rig = Rig(place, compliance)
-            best = problem.solve(rig, std)
-        std = problem.bins_std(best)
+        std = problem.bins_std(problem.solve(rig, std))
     best = problem.solve(rig, std)
     if surface is None:
         hasty = (pressed.rig["timing"] or 0.0) * float(np.max(np.abs(np.gradient(pressed.height, pressed.time))))
@@ -182,21 +186,36 @@ def solved(problem: Problem, surface: float | None) -> tuple[Solved, Rig, float,
     return best, rig, spread, std
 
 
-def _least(problem: Problem, rig: Rig, std: Floats, smoothing: float) -> tuple[float, float]:
-    """The surface [m] that leaves least, and its standard deviation by the curvature there."""
-    from scipy.optimize import minimize_scalar
+def creeping(pressed: Pressed, level: float, rig: Rig) -> tuple[Problem, Solved, Floats]:
+    """A press as a creep, its spectrum, and standard deviations of its bins, for a load whose readings have a level.
+
+    The noise is the force's, and moves the area by the same share of itself.
+    """
+    problem = Problem(pressed, creeps=True)
+    hold = max(pressed.holds, key=lambda one: one.end - one.begin)
+    columns, target, _ = problem.linear(rig)
+    level *= float(target[hold.rows].mean() / columns[hold.rows, 0].mean())
+    std = np.maximum(level, problem.noise_of(target)) / np.sqrt(problem.bins.counts)
+    return problem, problem.solve(rig, std), std
+
+
+def _skin(problem: Problem, rig: Rig, std: Floats) -> tuple[float, float]:
+    """The middle [m] of all surfaces with which some spectrum describes the press, and their standard deviation.
+
+    Which do is told by chi^2 alone, at 95 %: a smooth spectrum has fast parts that a material need not have, and wants
+    the skin lower, or higher, for them.
+    """
+    from scipy.optimize import brentq, minimize_scalar
 
     def cost(place: float) -> float:
-        found = problem.solve(Rig(place, rig.compliance), std, smoothing).weighing
-        return found.chi2 + found.roughness
+        return problem.misfit(Rig(place, rig.compliance), std)
 
+    solve: Any = brentq  # its annotations want numpy's floats
     ends = (rig.surface - _REACH, rig.surface + _REACH)
-    found: Any = minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": 2e-7})
-    place, least = float(found.x), float(found.fun)
-    step, rise = _CURVED, 0.0
-    while step < _REACH:  # the cost has corners, so its curvature is taken over some standard deviations
-        rise = 0.5 * (cost(place + step) + cost(place - step)) - least
-        if rise > _RISE:
-            break
-        step *= 2.0
-    return place, min(step / math.sqrt(rise), _REACH) if rise > 0 else _REACH
+    found: Any = minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": _FOUND})
+    best, limit = float(found.x), float(found.fun) + _QUANTILE**2
+    low, high = (
+        float(solve(lambda place: cost(place) - limit, best, end, xtol=_FOUND)) if cost(end) > limit else end
+        for end in ends
+    )
+    return 0.5 * (low + high), 0.5 * (high - low) / _QUANTILE

@@ -13,7 +13,6 @@ from palpate_spectra.recorded import beyond
 from palpate_spectra.transient.modulus import Curve
 
 _UNLIKELY = 1e-3
-_UNLIKELY_CREEP = 1e-6  # its force has noise, too, of which the bins' does not know all
 _AWAY = 2e-5  # [m]
 _RAMP = 0.05  # of the value, by which a ramp's correction is told
 _OF_ITS_TRACK = {"surface-mismatch", "diverged", "implausible"}  # whose surface and material are not used here
@@ -59,14 +58,14 @@ def p_value(curve: Curve) -> float:
     """Of so large a chi^2 if one linear material with this tip made the whole press."""
     from scipy.stats import chi2
 
-    return float(chi2.sf(curve.solved.weighing.chi2, curve.solved.weighing.freedom))
+    return float(chi2.sf(curve.tested.chi2, curve.tested.freedom))
 
 
 def flags_of(curve: Curve) -> Iterator[Flag]:
     """Flags of the record, then of the curve."""
     yield from (flag for flag in curve.pressed.flags if flag.code not in _OF_ITS_TRACK)
-    if (p := p_value(curve)) < (_UNLIKELY_CREEP if curve.creeps else _UNLIKELY):
-        found = curve.solved.weighing
+    if (p := p_value(curve)) < _UNLIKELY:
+        found = curve.tested
         yield Flag(
             "not-linear-viscoelastic",
             f"ramp and hold together leave chi^2 {found.chi2:.3g} with {found.freedom:.3g} degrees of freedom (p = "

@@ -9,6 +9,7 @@ import numpy as np
 from palpate import Floats
 
 _SEARCHED = np.geomspace(1e-4, 1e8, 25)  # weights of the roughness that are tried
+_TURNS = 50  # of the search for numbers >= 0, for each
 
 
 @dataclass(frozen=True)
@@ -51,12 +52,19 @@ def weighed(columns: Floats, target: Floats, std: Floats, free: int, smoothing: 
     return Weighing(x, inverse * max(chi2 / freedom, 1.0), weight, chi2, freedom, weight * float(bent @ bent))
 
 
+def least(columns: Floats, target: Floats, std: Floats) -> float:
+    """Chi^2 of the best x >= 0 for columns @ x near the target (m,), smooth or not."""
+    from scipy.optimize import nnls
+
+    return float(nnls(columns / std[:, None], target / std, maxiter=_TURNS * columns.shape[1])[1] ** 2)
+
+
 def _at(a: Floats, y: Floats, rough: Floats, weight: float, rank: int) -> tuple[float, Floats, float]:
     """Logarithm of the evidence, the numbers, and the weight."""
     from scipy.optimize import nnls
 
     stacked = np.vstack([a, math.sqrt(weight) * rough])
-    x = nnls(stacked, np.concatenate([y, np.zeros(len(rough))]), maxiter=50 * a.shape[1])[0]
+    x = nnls(stacked, np.concatenate([y, np.zeros(len(rough))]), maxiter=_TURNS * a.shape[1])[0]
     left, bent = a @ x - y, rough @ x
     cost = float(left @ left) + weight * float(bent @ bent)
     precision = a.T @ a + weight * rough.T @ rough

@@ -156,14 +156,15 @@ def _windows(numbers: Mapping[str, TopicArrays]) -> Iterator[tuple[NDArray[np.in
     whole = sum(len(entry.stamps) for entry in numbers.values())
     while True:
         progressed(sum(at.values()), whole)
-        ends = [int(n.stamps[at[t] + _WINDOW]) for t, n in numbers.items() if at[t] + _WINDOW < len(n.stamps)]
-        edge = min(ends, default=None)
-        if edge is not None and all(at[t] == len(n.stamps) or n.stamps[at[t]] >= edge for t, n in numbers.items()):
+        ahead = {t: _part(n.stamps, at[t], min(at[t] + _WINDOW + 1, len(n.stamps))) for t, n in numbers.items()}
+        edge = min((int(stamps[_WINDOW]) for stamps in ahead.values() if len(stamps) > _WINDOW), default=None)
+        if edge is None:
+            until = {topic: len(entry.stamps) for topic, entry in numbers.items()}
+        elif all(not len(stamps) or stamps[0] >= edge for stamps in ahead.values()):
             edge += 1  # more messages of one instant than fit
-        until = {
-            topic: len(entry.stamps) if edge is None else int(np.searchsorted(entry.stamps, edge))
-            for topic, entry in numbers.items()
-        }
+            until = {topic: int(np.searchsorted(entry.stamps, edge)) for topic, entry in numbers.items()}
+        else:  # looked for in what is read: a search through a mapped file would leave all of it in memory
+            until = {topic: at[topic] + int(np.searchsorted(stamps, edge)) for topic, stamps in ahead.items()}
         yield _rows({topic: entry.part(at[topic], until[topic]) for topic, entry in numbers.items()})
         at = until
         if edge is None:
