@@ -28,6 +28,19 @@ def pytest_configure(config):
     config.pluginmanager.register(module.Repeating(), "held-up")
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection(session):
+    """What is compiled on the way, all of palpate and the tests, is kept: hundreds of processes import it.
+
+    Only here, and also with PYTHONDONTWRITEBYTECODE: tests write plugin files anew that look like the last ones.
+    """
+    before, sys.dont_write_bytecode = sys.dont_write_bytecode, False
+    try:
+        return (yield)
+    finally:
+        sys.dont_write_bytecode = before
+
+
 def pytest_collection_modifyitems(items):
     """A job that moves the twins wants the cores to itself, as on a rig; what only talks to them runs beside others."""
     for item in items:

@@ -1,13 +1,15 @@
 """The same atomic-force curve, fitted here and by nanite."""
 
+import importlib.util
+
 import numpy as np
 import pytest
 from palpate import Problem, Samples
 from palpate_filters.fit import CasadiFit
 from palpate_models import DimensionalityReduction, Sphere
 
-lmfit = pytest.importorskip("lmfit", reason="nanite is not installed")
-pytest.importorskip("nanite", reason="nanite is not installed")
+if importlib.util.find_spec("nanite") is None:  # it takes seconds to import, in every worker
+    pytest.skip("nanite is not installed", allow_module_level=True)
 
 RADIUS, CONTACT, BASELINE = 5e-6, 2e-7, 3e-11
 
@@ -15,6 +17,7 @@ RADIUS, CONTACT, BASELINE = 5e-6, 2e-7, 3e-11
 @pytest.mark.parametrize("elasticity", [800.0, 3e3, 40e3])
 @pytest.mark.parametrize("seed", range(3))
 def test_paraboloid_contact_point_and_baseline_agree(elasticity, seed):
+    import lmfit
     from nanite.model import models_available
 
     model = models_available["hertz_para"]

@@ -45,6 +45,17 @@ def raster_run(root, tmp_path_factory):
     return folder
 
 
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [("map", "map of run, after"), ("lumps", "lumps of run, after"), ("report", "report of 1 run, ")],
+)
+def test_ten_thousand_sites_take_their_time_and_it_is_said(palpate, raster_run, tmp_path, monkeypatch, command, said):
+    monkeypatch.setattr("palpate_basics.progress._EVERY", 1e-3)
+    done = palpate(command, shutil.copytree(raster_run, tmp_path / "run"))
+    assert done.returncode == 0, done.stderr
+    assert said in done.stderr
+
+
 def test_a_sweep_gives_a_picture_and_its_lumps(palpate, sweep_run):
     done = palpate("map", sweep_run)
     assert done.returncode == 0, done.stderr

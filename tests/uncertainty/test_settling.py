@@ -96,7 +96,7 @@ def test_the_walk_of_an_optimal_estimate_is_not_its_way():
     assert "not-converged" in codes(made)
 
 
-def weak(swing, noise=0.05):
+def weak(swing, noise=0.05, count=5000):
     """Flags of a spring (100 N/m) and a dashpot (0.7 N s/m) whose force swings by so many times its noise."""
     n, size = len(TIME), swing * noise / 2 / np.hypot(100.0, 0.7 * 12.0)
     depth, rate = 4e-3 + size * np.sin(12.0 * TIME), 12.0 * size * np.cos(12.0 * TIME)
@@ -109,7 +109,7 @@ def weak(swing, noise=0.05):
     )
     made = TrackRecord(3.0)
     made.add(samples, found, 0.0)
-    made.nanoseconds, made.samples = 10**10, 5000
+    made.nanoseconds, made.samples = 10**10, count
     return codes(made, tare=Tare(0.0, 0.001, noise))
 
 
@@ -118,6 +118,7 @@ def test_a_weak_force_is_judged_by_what_the_record_can_tell():
     assert "not-identifiable" not in weak(4.0)
     assert "not-identifiable" in weak(2.2)
     assert "not-identifiable" in weak(1.0)
+    assert "not-identifiable" not in weak(1.0, count=50_000)
 
 
 def test_a_number_that_is_known_has_no_way_to_rest_and_keeps_its_digits():

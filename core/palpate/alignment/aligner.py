@@ -53,6 +53,7 @@ class Aligner:
         self._check = VelocityCheck()
         self._origin: int | None = None
         self._previous: tuple[int, float] | None = None  # stamp [ns] and position [m] of the last instant served
+        self._nothing: Samples | None = None  # a block without samples
         self._counts = {"samples": 0, "force": 0, "velocity": 0}
 
     def feed(self, device: str, batch: Batch) -> None:
@@ -68,6 +69,8 @@ class Aligner:
     def samples(self, final: bool = False) -> Samples:
         """The samples that have become ready; with `final`, all that the record still holds."""
         block = self._paired(final)
+        if not len(block) and not final:
+            return block
         if "velocity" in self._roles and len(block):
             self._check.feed(block)
         return self._touch.run(block, final)
@@ -85,9 +88,13 @@ class Aligner:
             early = int(np.searchsorted(base.stamps[:count], max(int(series.stamps[0]) for series in others)))
             base.drop(early)
             count -= early
+        if not count and self._nothing is not None:  # as after most batches, where each stream has its own
+            return self._nothing
         stamps, position = base.stamps[:count], base.values[:count]
         block = self._block(stamps, position, base.stamps[: count + 1], base.values[: count + 1])
-        if count:
+        if not count:
+            self._nothing = block
+        else:
             self._previous = int(stamps[-1]), float(position[-1])
             base.drop(count)
             for series in others:

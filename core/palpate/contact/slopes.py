@@ -10,6 +10,8 @@ from palpate.contact.interfaces import ContactModel, contact_force
 from palpate.errors import ConfigurationError
 from palpate.vectors import Floats
 
+_TOGETHER = 1024  # samples
+
 
 def force_slopes(
     model: ContactModel, depth: Floats, rate: Floats, theta: Sequence[float]
@@ -27,9 +29,13 @@ def force_slopes(
     force = contact_force(model, d, v, casadi.vertsplit(p))
     inputs = casadi.vertcat(p, d, v)
     function = casadi.Function("slopes", [d, v, p], [force, casadi.densify(casadi.jacobian(force, inputs))])
-    f, slopes = function.map(len(depth))(
-        casadi.DM(depth).T, casadi.DM(rate).T, casadi.repmat(casadi.DM(list(theta)), 1, len(depth))
-    )
-    # The map puts the (1, k + 2) Jacobians side by side.
-    table = np.asarray(slopes.full()).reshape(len(depth), len(theta) + 2)
-    return np.asarray(f.full()).ravel(), table[:, : len(theta)], table[:, -2], table[:, -1]
+    f, table = np.empty(len(depth)), np.empty((len(depth), len(theta) + 2))
+    for begin in range(0, len(depth), _TOGETHER):
+        rows = slice(begin, begin + _TOGETHER)
+        count = len(depth[rows])
+        if begin == 0 or count < _TOGETHER:  # of many samples a map takes longer to build than to run
+            many, parameters = function.map(count), casadi.repmat(casadi.DM(list(theta)), 1, count)
+        force, slopes = many(casadi.DM(depth[rows]).T, casadi.DM(rate[rows]).T, parameters)
+        # The map puts the (1, k + 2) Jacobians side by side.
+        f[rows], table[rows] = force.full().ravel(), slopes.full().reshape(count, len(theta) + 2)
+    return f, table[:, : len(theta)], table[:, -2], table[:, -1]

@@ -151,24 +151,32 @@ class TrackRecord:
         seen = int(np.bitwise_or.reduce(estimates.status, initial=0))
         for mark in Status:
             self.marks[mark] += int(np.count_nonzero(estimates.status & mark)) if seen & mark else 0
-        rows = (estimates.status & Status.IDLE) == 0
-        if not rows.any():
+        tracked = (estimates.status & Status.IDLE) == 0
+        count = int(np.count_nonzero(tracked))
+        if not count:
             return
-        self.samples += int(np.count_nonzero(rows))
+        rows: Any = tracked if count < len(tracked) else slice(None)
+        self.samples += count
         self.nanoseconds += int(np.rint(samples.interval[rows] * 1e9).astype(np.int64).sum())
-        place = samples.lateral[rows]
-        place = place[np.isfinite(place).any(axis=1)]
-        if len(place):
-            places = place if self._lateral is None else np.concatenate([self._lateral, place])
-            with np.errstate(invalid="ignore"):
-                self._lateral = np.array([np.fmin.reduce(places), np.fmax.reduce(places)])
+        self._goes_along(samples.lateral[rows])
         found = estimates
-        rows &= samples.time >= samples.time[rows][-1] - self.keep  # what is older would be forgotten at once
+        until = float(samples.time[len(tracked) - 1 - int(np.argmax(tracked[::-1]))])
+        tracked &= samples.time >= until - self.keep  # what is older would be forgotten at once
+        rows = tracked if not tracked.all() else slice(None)
         columns = (found.values, found.std, found.surface, found.surface_std, found.force, found.nis, found.innovation)
         measured = (samples.time, samples.force, samples.position, samples.velocity)
         kept = [column[rows] for column in (*measured, *columns)]
         self._blocks.append(Tail(*kept))
-        self._forget(float(samples.time[rows][-1]) - self.keep)
+        self._forget(until - self.keep)
+
+    def _goes_along(self, place: Floats) -> None:
+        """Take note of the least and the largest of places (n, 2) that are known."""
+        with np.errstate(invalid="ignore"):
+            edges = np.array([np.fmin.reduce(place), np.fmax.reduce(place)])
+        if self._lateral is not None:
+            edges = np.array([np.fmin(edges[0], self._lateral[0]), np.fmax(edges[1], self._lateral[1])])
+        if np.isfinite(edges).any():
+            self._lateral = edges
 
     @property
     def held(self) -> frozenset[str]:

@@ -14,6 +14,7 @@ from palpate_calibration.plan import load_plan
 
 if TYPE_CHECKING:
     from palpate_calibration.file import Calibration
+    from palpate_calibration.guided import Guide
     from palpate_calibration.protocol import StepFindings
 
 # SI unit -> what people write, and how many of it one SI unit is.
@@ -73,29 +74,13 @@ def calibrate(
     otherwise. A recorded log of such a motion does as well. [calibration.standstill], orientations, shake, noise, tap
     and press are steps that are done one after the other, each with what it found.
     """
-    from rich.console import Console
-
-    from palpate_calibration.guided import Guide, run_calibration
+    from palpate_calibration.guided import run_calibration
 
     target = out if out is not None else file.with_suffix(".calibration.toml")
     plan = load_plan(file, overrides or [])
     _refuse_target(target, force)
-    errors = Console(stderr=True, markup=False, emoji=False)
-
-    def say(text: str) -> None:
-        errors.print(text, highlight=False, markup=False, soft_wrap=True)
-
-    def found(step: str, session: StepFindings) -> None:
-        for line in _found(session):
-            say(line)
-
     part = target.with_suffix(".part.toml")
-
-    def keep(calibration: Calibration) -> None:
-        write_whole(part, calibration.text())
-        say(f"  kept in {part}")
-
-    calibration, session, records = run_calibration(plan, Guide(say, _ask(say, yes), found, keep))
+    calibration, session, records = run_calibration(plan, _guide(part, yes))
     write_whole(target, calibration.text())
     part.unlink(missing_ok=True)
     with aside(as_json):
@@ -110,6 +95,28 @@ def calibrate(
         from palpate_calibration.picture import draw
 
         draw(records[0], session, plan.settings.settle, picture)
+
+
+def _guide(part: Path, yes: bool) -> Guide:
+    """Who leads a person at the rig from step to step, and keeps what each has found in a file."""
+    from rich.console import Console
+
+    from palpate_calibration.guided import Guide
+
+    errors = Console(stderr=True, markup=False, emoji=False)
+
+    def say(text: str) -> None:
+        errors.print(text, highlight=False, markup=False, soft_wrap=True)
+
+    def found(step: str, session: StepFindings) -> None:
+        for line in _found(session):
+            say(line)
+
+    def keep(calibration: Calibration) -> None:
+        write_whole(part, calibration.text())
+        say(f"  kept in {part}")
+
+    return Guide(say, _ask(say, yes), found, keep)
 
 
 def _refuse_target(target: Path, force: bool) -> None:

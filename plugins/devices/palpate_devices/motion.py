@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import Floats
 
 
@@ -20,16 +22,26 @@ class TrackedMotion:
 
     def at(self, instants: Floats) -> tuple[Floats, Floats, Floats]:
         """Position, velocity and acceleration (m, 3) at instants (m,) [s] since the first tick."""
-        tick = np.clip((instants / self.period + 1e-9).astype(int), 0, len(self.position) - 1)
-        elapsed = np.maximum(instants - tick * self.period, 0.0)[:, None]
+        tick, elapsed = self._since(instants)
         return _advance(self.position[tick], self.velocity[tick], self.command[tick], elapsed, self.lag)
+
+    def velocity_at(self, instants: Floats) -> Floats:
+        """Velocity (m, 3) at instants (m,) [s] since the first tick: as `at` has it."""
+        tick, elapsed = self._since(instants)
+        command = self.command[tick]
+        return np.asarray(command + (self.velocity[tick] - command) * np.exp(-elapsed / self.lag))
+
+    def _since(self, instants: Floats) -> tuple[NDArray[np.int64], Floats]:
+        """The tick before each instant, and the time (m, 1) [s] since it."""
+        tick = np.clip((instants / self.period + 1e-9).astype(np.int64), 0, len(self.position) - 1)
+        return tick, np.maximum(instants - tick * self.period, 0.0)[:, None]
 
     def mean_acceleration(self, instants: Floats, width: float) -> Floats:
         """Acceleration (m, 3) averaged over a time of `width` [s] around each instant, as a sensor's filter does.
 
         It jumps where the command does; sampled at points, those jumps would fold onto the motion's own frequency.
         """
-        after, before = (self.at(instants + shift)[1] for shift in (width / 2, -width / 2))
+        after, before = (self.velocity_at(instants + shift) for shift in (width / 2, -width / 2))
         return (after - before) / width
 
 
@@ -53,19 +65,37 @@ class PositionLoop:
     period: float  # [s]
 
     def track(self, position: Floats, velocity: Floats) -> TrackedMotion:
-        """The motion that follows setpoints (n, 3), beginning at rest in the first."""
-        n = len(position)
-        actual, speed, commands = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
+        """The motion that follows setpoints (n, 3), beginning at rest in the first.
+
+        From tick to tick the way z from the first setpoint and the speed v become A (z, v) + b u with
+        u = gain (z_d - z_d0) + damping z_d'. Many stretches are followed side by side, each from z = v = 0; then each
+        gets what the state that it really begins with becomes by the powers of A.
+        """
+        n, first = len(position), position[:1]
+        length = max(math.isqrt(n), 1)
+        stretches = -(-n // length)
+        wanted = np.zeros((stretches * length, 3))
+        wanted[:n] = self.gain * (position - first) + self.damping * velocity
+        side_by_side = wanted.reshape(stretches, length, 3)
+        states = np.zeros((length + 1, 2, stretches, 3))
+        for i in range(length):
+            states[i + 1] = self._following(states[i], side_by_side[:, i])
+        powers = [np.eye(2)]
+        for _ in range(length):
+            powers.append(self._following(powers[-1], 0.0))
+        starts = np.zeros((2, stretches, 3))
+        for k in range(1, stretches):
+            starts[:, k] = powers[-1] @ starts[:, k - 1] + states[-1, :, k - 1]
+        states[:-1] += np.einsum("iab,bks->iaks", np.array(powers[:-1]), starts)
+        way, speed = states[:-1].transpose(1, 2, 0, 3).reshape(2, -1, 3)[:, :n]
+        command = wanted[:n] - self.gain * way - self.damping * speed
+        return TrackedMotion(first + way, speed.copy(), command, self.period, self.lag)
+
+    def _following(self, state: Floats, wanted: Floats | float) -> Floats:
+        """Way and speed (2, ...) a tick later."""
         decay = float(np.exp(-self.period / self.lag))
         slide = self.lag * (1.0 - decay)
-        for axis in range(3):
-            # Plain floats: a scalar recursion is several times faster than one on numpy rows.
-            z, v, course = float(position[0, axis]), 0.0, []
-            for wanted, rate in zip(position[:, axis].tolist(), velocity[:, axis].tolist(), strict=True):
-                command = self.gain * (wanted - z) + self.damping * (rate - v)
-                course.append((z, v, command))
-                lacking = v - command
-                z += command * self.period + lacking * slide
-                v = command + lacking * decay
-            actual[:, axis], speed[:, axis], commands[:, axis] = np.array(course).T
-        return TrackedMotion(actual, speed, commands, self.period, self.lag)
+        way, speed = state
+        command = wanted - self.gain * way - self.damping * speed
+        lacking = speed - command
+        return np.stack([way + command * self.period + lacking * slide, command + lacking * decay])

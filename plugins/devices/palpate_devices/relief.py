@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
@@ -9,6 +10,7 @@ from palpate import Angle, Floats, Length, Settings
 from pydantic import Field
 
 WAVES = 64
+_TOGETHER = 4096  # places; what is worked on stays in the processor's cache
 _STEEPEST = np.deg2rad(30.0)
 
 
@@ -41,13 +43,39 @@ class Relief(Settings):
 
     def at(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
         """Height [m] and its slopes towards x and y, each (n,)."""
-        along_x, along_y = float(np.tan(self.tilt_x)), float(np.tan(self.tilt_y))
-        height = along_x * x + along_y * y
+        height, (along_x, along_y) = self._level(x, y), self._tilt
         slope_x, slope_y = np.full_like(height, along_x), np.full_like(height, along_y)
-        if self.roughness > 0:
-            for (kx, ky), phase, amplitude in zip(*self._waves, strict=True):
-                angle = kx * x + ky * y + phase
-                height = height + amplitude * np.cos(angle)
-                steepness = -amplitude * np.sin(angle)
-                slope_x, slope_y = slope_x + kx * steepness, slope_y + ky * steepness
+        for rows in self._rough(len(height)):
+            self._roughen(x[rows], y[rows], height[rows], slope_x[rows], slope_y[rows])
         return height, slope_x, slope_y
+
+    def height_at(self, x: Floats, y: Floats) -> Floats:
+        """Height (n,) [m], as `at` has it."""
+        height = self._level(x, y)
+        for rows in self._rough(len(height)):
+            self._roughen(x[rows], y[rows], height[rows], None, None)
+        return height
+
+    @property
+    def _tilt(self) -> tuple[float, float]:
+        return float(np.tan(self.tilt_x)), float(np.tan(self.tilt_y))
+
+    def _level(self, x: Floats, y: Floats) -> Floats:
+        along_x, along_y = self._tilt
+        return along_x * x + along_y * y
+
+    def _rough(self, count: int) -> Iterator[slice]:
+        """Rows of places that have their roughness added together; none where there is none."""
+        for begin in range(0, count if self.roughness > 0 else 0, _TOGETHER):
+            yield slice(begin, begin + _TOGETHER)
+
+    def _roughen(self, x: Floats, y: Floats, height: Floats, slope_x: Floats | None, slope_y: Floats | None) -> None:
+        """Add the roughness to height and slopes (n,)."""
+        for (kx, ky), phase, amplitude in zip(*self._waves, strict=True):
+            angle = kx * x + ky * y + phase
+            height += amplitude * np.cos(angle)
+            if slope_x is None or slope_y is None:
+                continue
+            steepness = -amplitude * np.sin(angle)
+            slope_x += kx * steepness
+            slope_y += ky * steepness

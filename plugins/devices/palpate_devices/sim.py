@@ -224,7 +224,7 @@ class _Rig:
     def _wrench(self, instants: Floats, motion: TrackedMotion, contact: Floats) -> Floats:
         """What the sensor reads (n, 6) at true times (n,) [s]."""
         settings = self._settings
-        _, velocity, _ = motion.at(instants)
+        velocity = motion.velocity_at(instants)
         acceleration = motion.mean_acceleration(instants, 1.0 / settings.sensor_rate)
         push = settings.specimen.with_friction(contact, velocity)
         offset = settings.bias + settings.drift * instants

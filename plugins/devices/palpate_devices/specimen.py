@@ -208,7 +208,7 @@ class Specimen(Settings):
     def refuse(self, setpoint: Setpoint) -> None:
         """Raise ConfigurationError where a motion goes through the material or touches beside it."""
         x, y, z = setpoint.position.T
-        height, _, _ = self.relief.at(x, y)
+        height = self.relief.height_at(x, y)
         depth = self.surface + height - z
         if self.thickness is not None and depth.max() >= self.thickness:
             raise ConfigurationError(

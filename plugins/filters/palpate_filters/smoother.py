@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import ClassVar
 
@@ -114,15 +115,14 @@ class _SmoothingTracker:
     def _smooth(self, stretches: list[Stretch], noise: tuple[float | None, float | None], estimates: Estimates) -> None:
         place, at = self._place, self._place.at
         samples = Samples.joined([stretch.samples for stretch in stretches])
-        outputs = np.vstack([stretch.outputs for stretch in stretches])
         interval = np.concatenate([stretch.interval for stretch in stretches])
         rows = slice(stretches[0].rows.start, stretches[-1].rows.stop)
         if (estimates.status[rows] & Status.DIVERGED).any():
             return
-        filtered = outputs[:, place.span("mean", "covariance")]
+        whole = _Rows([stretch.outputs for stretch in stretches])
         numbers = place.span("values", "force")
-        found = np.hstack([outputs[:, numbers], outputs[:, place["mean"]]])
-        found[:-1] = self._backwards(filtered, interval, samples, np.array(noises(self._settings, *noise)))
+        found = np.hstack([whole.of(0, len(samples), columns) for columns in (numbers, place["mean"])])
+        self._backwards(whole, interval, samples, np.array(noises(self._settings, *noise)), found[:-1])
         if not np.isfinite(
             found[:, place.span("values", "variances")]
         ).all():  # where a position is missing, so is the surface above it
@@ -134,31 +134,46 @@ class _SmoothingTracker:
         estimates.surface[rows] = samples.position + found[:, at("depth")]
         estimates.surface_std[rows] = np.sqrt(np.maximum(found[:, at("depth_variance")], 0.0))
         estimates.force[rows] = found[:, at("force")]
-        estimates.nis[rows], estimates.innovation[rows] = surprises(outputs, place)
+        pieces = [surprises(stretch.outputs, place) for stretch in stretches]
+        estimates.nis[rows], estimates.innovation[rows] = map(np.concatenate, zip(*pieces, strict=True))
         estimates.status[rows] &= ~np.uint32(Status.WAITING | Status.IDLE)
 
-    def _backwards(self, filtered: Floats, interval: Floats, samples: Samples, settings: Floats) -> Floats:
-        """What the smoother says of every sample but the last, and its states there."""
-        time, count = samples.time, len(filtered) - 1
+    def _backwards(self, filtered: _Rows, interval: Floats, samples: Samples, settings: Floats, found: Floats) -> None:
+        """Write what the smoother says of every sample but the last, and its states there."""
+        time, count, columns = samples.time, len(samples) - 1, self._place.span("mean", "covariance")
         if not count:
-            return np.zeros((0, self._place.span("values", "force").stop + self._states))
+            return
 
         def ran(state: Floats, first: int, last: int) -> tuple[Floats, Floats]:
             rows, after = slice(first, last), slice(first + 1, last + 1)
-            inputs = np.column_stack([filtered[rows], interval[after], samples.position[rows]])
+            known = filtered.of(first, last, columns)
+            inputs = np.column_stack([known, interval[after], samples.position[rows]])
             state, outputs = self._backward.run(state, inputs[::-1], settings)
             return state, outputs[::-1]
 
-        lag, blocks = self._settings.lag, []
+        lag = self._settings.lag
         if lag is None:
-            state = filtered[-1]
+            state = filtered.of(count, count + 1, columns)[0]
             for first, last in reversed(list(pairwise([*range(0, count, _BLOCK), count]))):
-                state, outputs = ran(state, first, last)
-                blocks.append(outputs)
-            return np.vstack(blocks[::-1])
+                state, found[first:last] = ran(state, first, last)
+            return
         hop = lag / _HOPS
         cuts = np.searchsorted(time, np.arange(time[0] + hop, time[-1], hop)).tolist()
         for first, last in pairwise(sorted({0, *cuts, count})):
             end = min(int(np.searchsorted(time, time[last - 1] + lag)), count)
-            blocks.append(ran(filtered[end], first, end)[1][: last - first])
-        return np.vstack(blocks)
+            found[first:last] = ran(filtered.of(end, end + 1, columns)[0], first, end)[1][: last - first]
+
+
+class _Rows:
+    """Rows of arrays (n, m) one after the other, which are too many to be joined."""
+
+    def __init__(self, parts: Sequence[Floats]) -> None:
+        self._parts = parts
+        self._begins = np.cumsum([0, *map(len, parts)]).tolist()
+
+    def of(self, first: int, last: int, columns: slice) -> Floats:
+        """Some columns of the rows from first to last."""
+        pairs = zip(self._parts, pairwise(self._begins), strict=True)
+        pieces = [part[max(first - begin, 0) : last - begin, columns] for part, (begin, end) in pairs
+                  if begin < last and first < end]  # fmt: skip
+        return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)

@@ -95,25 +95,31 @@ def record(
     Raises ConfigurationError for columns that do not fit together, or are no numbers.
     """
     given = {"force": force, "height": height, "velocity": velocity, "x": x, "y": y, "measuring": measuring}
-    written = dict(units or {})
-    for key in written.keys() - {*given, "time"}:
-        raise ConfigurationError(f"units: there is no column {key!r}{suggest(key, [*given, 'time'])}")
-    columns = {
-        key: numbers(key, value, _UNITS[key], written.get(key)) for key, value in given.items() if value is not None
-    }
-    stamped = _stamps(time, rate, columns, written.get("time"))
-    lengths = {"time": len(stamped), **{key: len(column) for key, column in columns.items()}}
-    if len(set(lengths.values())) > 1:
-        told = ", ".join(f"{key} has {length}" for key, length in lengths.items())
-        raise ConfigurationError(f"the columns of a record must be equally long: {told}")
-    if len(stamped) < 2:
-        raise ConfigurationError(f"a record of {len(stamped)} readings is none")
+    columns = _columns(given, units or {})
+    stamped = _stamps(time, rate, columns, (units or {}).get("time"))
+    _demand_equal_lengths({"time": len(stamped), **{key: len(column) for key, column in columns.items()}})
     names = tuple((key, _UNITS[key]) for key in columns)
     digest, kept = held(Columns(stamped, np.column_stack(list(columns.values())), names))
     table = declared(
         {_ROLES.get(key, key): f"record.{key}" for key in columns}, timing, delay, sign, tip_mass, tare, alignment
     )
     return Record(name, {"record": {"type": "memory-record", "sha256": digest}}, table, columns=kept)
+
+
+def _columns(given: Mapping[str, Any], units: Mapping[str, str]) -> dict[str, Floats]:
+    """Numbers (n,) [SI] of the columns that are given; raises ConfigurationError for what is none."""
+    for key in units.keys() - {*given, "time"}:
+        raise ConfigurationError(f"units: there is no column {key!r}{suggest(key, [*given, 'time'])}")
+    there = {key: value for key, value in given.items() if value is not None}
+    return {key: numbers(key, value, _UNITS[key], units.get(key)) for key, value in there.items()}
+
+
+def _demand_equal_lengths(lengths: Mapping[str, int]) -> None:
+    if len(set(lengths.values())) > 1:
+        told = ", ".join(f"{key} has {length}" for key, length in lengths.items())
+        raise ConfigurationError(f"the columns of a record must be equally long: {told}")
+    if lengths["time"] < 2:
+        raise ConfigurationError(f"a record of {lengths['time']} readings is none")
 
 
 def _stamps(time: Any, rate: str | float | None, columns: Mapping[str, Floats], unit: str | None) -> Any:

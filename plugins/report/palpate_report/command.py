@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import suggest, write_whole
+from palpate.host import progress, suggest, write_whole
 
 from palpate_report.reading import Record
 
@@ -36,10 +36,11 @@ def report(
         raise ConfigurationError(f"--out {out}: a page's name ends in {' or '.join(_PAGES)}")
     groups = groups_of(runs or [], group or [])
     records = [record for found in groups.values() for record in found]
-    if len(records) == 1:
-        path, text = out or records[0].path / "report.html", _page(records[0], track, anonymous)
-    else:
-        path, text = out or Path("comparison.html"), comparison_page(groups, track, anonymous)
+    with progress(f"report of {len(records)} run{'s' * (len(records) != 1)}"):
+        if len(records) == 1:
+            path, text = out or records[0].path / "report.html", _page(records[0], track, anonymous)
+        else:
+            path, text = out or Path("comparison.html"), comparison_page(groups, track, anonymous)
     write_whole(path, text)
     typer.echo(f"report: {path}")
     if pdf:

@@ -21,7 +21,8 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "self-timed": Diagnosis("palpate_uncertainty.self_timed:self_timed", order=10),
         "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
         "model-choice": Diagnosis("palpate_uncertainty.choice:model_choice"),
-        "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability"),
+        # Last, since a filter's bias that is predicted is no distance.
+        "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability", order=60),
         "one-frequency": Diagnosis("palpate_uncertainty.one_frequency:one_frequency"),
         "geometry": Diagnosis("palpate_uncertainty.geometry:geometry", quick=True),
         "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),

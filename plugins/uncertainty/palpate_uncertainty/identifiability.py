@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import Any
@@ -12,11 +12,15 @@ from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
 from palpate_uncertainty.alternatives import Refit, refit
 from palpate_uncertainty.course import APART, Course, make_course, possible, sweeps
+from palpate_uncertainty.plausibility import not_told, tells, weak_force
 
 _ENOUGH = 300  # samples
 _MOST = 3000  # samples that slopes are taken at
 _ELSEWHERE = 3.0  # combined uncertainties
+_COUNTS = 1.0  # of them: from there on the distance is part of the uncertainty
 _OVERCONFIDENT = 0.5  # of the bound; a filter that forgets is above it
+_CERTAIN = 0.9  # of the bound, below which that is the uncertainty
+_VAGUE = 0.3  # of an elasticity
 _INDISTINCT = 0.998  # correlation beyond which one of two could be 15 times better known if the other were
 _STRETCH = 2.0  # [s] of a sweep
 _LIFTED = 0.1  # [s] between two samples in contact
@@ -30,8 +34,9 @@ def identifiability(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     Least squares from the estimate, over the samples that the estimator used, must lead to a place within its
     uncertainty; and no standard deviation can be below the Cramer-Rao bound sigma^2 (J^T J)^-1 there, J the slopes of
     the force in parameters and surface, sigma the residual's standard deviation. Where either fails, the distance, or
-    the bound, joins the uncertainty. On a sweep this holds for every stretch of the way, of an estimator that looks for
-    one value.
+    the bound, joins the uncertainty, and does so before that is worth a flag: a distance from one uncertainty on, the
+    bound for what is below 0.9 of it. On a sweep this holds for every stretch of the way, of an estimator that looks
+    for one value.
     """
     found = {}
     for track in tracks:
@@ -53,8 +58,9 @@ def _judge(track: TrackEvidence) -> Diagnosed:
     free = np.isfinite(track.combined) & (track.std > 0)
     elsewhere = free & (away > _ELSEWHERE * track.combined) & (away > _ELSEWHERE * np.minimum(bound, away))
     short = free & (track.std < _OVERCONFIDENT * bound)
-    terms = np.where(elsewhere, away, 0.0)
-    terms = np.hypot(terms, np.where(short, np.sqrt(np.maximum(bound**2 - track.std**2, 0.0)), 0.0))
+    terms = np.where(elsewhere | (free & (away > _COUNTS * track.combined)), away, 0.0)
+    lacks = np.where(free & (track.std < _CERTAIN * bound), np.maximum(bound**2 - track.std**2, 0.0), 0.0)
+    terms = np.hypot(terms, np.sqrt(lacks))
     flags = []
     if elsewhere.any():
         said = [_said(track, names, int(i), float(best.theta[i])) for i in np.flatnonzero(elsewhere)]
@@ -70,6 +76,7 @@ def _judge(track: TrackEvidence) -> Diagnosed:
         flags.append(
             Flag("overconfident", f"the record cannot tell what the estimator claims: {', '.join(said)}{told}")
         )
+    flags += _untold(track, np.hypot(track.combined, terms))
     table: dict[str, Any] = {
         "least_squares": dict(zip(names, best.theta.tolist(), strict=True)),
         "bound": dict(zip(names, bound.tolist(), strict=True)),
@@ -77,6 +84,16 @@ def _judge(track: TrackEvidence) -> Diagnosed:
         "without_effect": blind,
     }
     return Diagnosed(tuple(flags), dict(zip(names, terms.tolist(), strict=True)), table=table)
+
+
+def _untold(track: TrackEvidence, combined: Floats) -> Iterator[Flag]:
+    """A weak force that tells an elasticity, but not to this estimator; where it does not, plausibility says so."""
+    weak = weak_force(track.ending) if track.ending is not None else None
+    if weak is None or track.ending is None or not tells(track.ending, track.model, weak[1]):
+        return
+    elastic = np.array([parameter.role == "elastic" for parameter in track.model.parameters])
+    if (elastic & (combined > _VAGUE * np.abs(track.values))).any():
+        yield not_told(*weak)
 
 
 def _slid(track: TrackEvidence) -> bool:

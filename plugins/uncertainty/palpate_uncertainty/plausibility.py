@@ -14,8 +14,8 @@ _STILL_MOVING = 0.02  # of a value: slope times time tracked
 _BY_CHANCE = 3.5  # standard deviations of a slope; of two parameters one is beyond that once in a thousand tracks
 _NIS_RANGE = (0.5, 1.6)  # of the mean over the last second; 0.9 to 1.1 would be one by chance alone
 _COLOURED = 0.3  # autocorrelation of innovations; 0.1 comes by chance alone
-_WEAK, _FAINT = 5.0, 2.0  # the force must swing by more than so many standard deviations of its noise
-_TOLD = 0.2  # of a value: a weak force must tell it to so much, by the Cramer-Rao bound; a faint one never does
+_WEAK = 5.0  # standard deviations of its noise that a force swings by: above, it is not asked what it tells
+_TOLD = 0.2  # of a value: a weak force must tell it to so much, by the Cramer-Rao bound
 _SOFT = (10.0, 1e9)  # [Pa] from the softest gels to hard rubber
 _SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the one that the first touch says
 
@@ -127,15 +127,29 @@ def _colour_flags(tail: Tail) -> Iterator[Flag]:
 
 def _force_flags(end: Ending, model: ContactModel) -> Iterator[Flag]:
     """Whether the force swings enough to tell what the track says."""
+    weak = weak_force(end)
+    if weak is not None and not tells(end, model, weak[1]):
+        yield not_told(*weak)
+
+
+def weak_force(end: Ending) -> tuple[float, float] | None:
+    """By how much a force swings and its noise [N], where that is too little to be taken for granted."""
     tare, last = end.report.tare, end.last
     noise = tare.noise if tare and tare.noise else white_noise(last)
     swing = float(np.nanmax(last.model_force) - np.nanmin(last.model_force))
-    if swing >= _WEAK * noise:
-        return
-    values, bounds = np.abs(last.values.mean(axis=0)), told_at_best(end.tail, model, noise, end.samples)
+    return (swing, noise) if swing < _WEAK * noise else None
+
+
+def not_told(swing: float, noise: float) -> Flag:
+    """A weak force that does not tell what the track says."""
+    return Flag("not-identifiable", f"the force swings by {swing:.2g} N against a noise of {noise:.2g} N")
+
+
+def tells(end: Ending, model: ContactModel, noise: float) -> bool:
+    """Whether the record can tell every parameter that is looked for."""
+    values, bounds = np.abs(end.last.values.mean(axis=0)), told_at_best(end.tail, model, noise, end.samples)
     free = [i for i, parameter in enumerate(model.parameters) if parameter.name not in end.held]
-    if swing < _FAINT * noise or not (bounds < _TOLD * values)[free].all():
-        yield Flag("not-identifiable", f"the force swings by {swing:.2g} N against a noise of {noise:.2g} N")
+    return bool((bounds < _TOLD * values)[free].all())
 
 
 def _surface_flags(last: Tail, model: ContactModel, report: AlignmentReport) -> Iterator[Flag]:

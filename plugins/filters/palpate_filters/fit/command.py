@@ -75,8 +75,36 @@ def fit(
     if scheduler is not None:  # workers stand elsewhere
         sources, pipeline = [source.resolve() for source in sources], pipeline.resolve() if pipeline else None
     failures: dict[str, UserError] = {}
+    folder, logs = _fitted(sources, pipeline, overrides or [], out, scheduler, stage, pictures, failures)
+    crossed = evaluate(logs, carry) if len(logs) > 1 else []
+    by_cycle = [row for log in logs for row in each_cycle(log)] if cycles else []
+    document = _document(logs, crossed, by_cycle)
+    _write(folder, document)
+    if as_json:
+        typer.echo(json.dumps(document, indent=2))
+    else:
+        _show(logs, crossed, by_cycle, folder)
+    if failures:
+        typer.echo(f"{len(failures)} of {len(sources)} logs failed: {', '.join(failures)}", err=True)
+        raise typer.Exit(1)
+
+
+def _fitted(
+    sources: Sequence[Path],
+    reader: Path | None,
+    overrides: list[str],
+    out: Path | None,
+    scheduler: str | None,
+    stage: str | None,
+    pictures: bool,
+    failures: dict[str, UserError],
+) -> tuple[Path, list[LogFit]]:
+    """The folder, and the logs that were fitted in the order of the sources; of the others, `failures` hold why.
+
+    What is found is written down log by log. Raises UserError where no log was fitted.
+    """
     with progress(f"look at {len(sources)} sources"):
-        loaded = named_pipelines(sources, pipeline, overrides or [], failures)
+        loaded = named_pipelines(sources, reader, overrides, failures)
     names = [name for name, _ in loaded]
     gone_on_with = out is not None and (out / _FIT).is_file()
     folder = _folder(out, names)
@@ -92,17 +120,7 @@ def fit(
         if not gone_on_with:
             withdraw_folder(folder)
         raise next(iter(failures.values()))
-    crossed = evaluate(logs, carry) if len(logs) > 1 else []
-    by_cycle = [row for log in logs for row in each_cycle(log)] if cycles else []
-    document = _document(logs, crossed, by_cycle)
-    _write(folder, document)
-    if as_json:
-        typer.echo(json.dumps(document, indent=2))
-    else:
-        _show(logs, crossed, by_cycle, folder)
-    if failures:
-        typer.echo(f"{len(failures)} of {len(sources)} logs failed: {', '.join(failures)}", err=True)
-        raise typer.Exit(1)
+    return folder, logs
 
 
 def _folder(wanted: Path | None, names: Sequence[str]) -> Path:

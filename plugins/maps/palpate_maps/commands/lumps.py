@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 from palpate import ConfigurationError, Floats, LogError
-from palpate.host import RunFolder, TrackOption
+from palpate.host import RunFolder, TrackOption, progress
 
 from palpate_maps.commands.curves import tell_rejected, unit_of
 from palpate_maps.commands.map import Parameter, Run, length
@@ -44,8 +44,9 @@ def lumps(
         raise ConfigurationError(f'--method: {method!r} is none of "prominence" and "cusum"')
     settings = maps.LumpSettings(rate, contrast, spread, length(width, "--width"), method)  # type: ignore[arg-type]
     tell_rejected([run])
-    path = maps.read_path(run, track, parameter)
-    findings = maps.find_lumps(maps.sites_along(path), settings)
+    with progress(f"lumps of {run.resolve().name}"):
+        path = maps.read_path(run, track, parameter)
+        findings = maps.find_lumps(maps.sites_along(path), settings)
     text = export.lumps_json(findings, path.track, path.parameter)
     export.replace_file(RunFolder(run).maps / "lumps.json", text)
     typer.echo(text if as_json else _view(findings, path.track, unit_of(run, path.track, path.parameter)))

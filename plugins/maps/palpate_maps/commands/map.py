@@ -61,21 +61,24 @@ def map_run(
         raise ConfigurationError(f'--method: {method!r} is none of "gaussian-process" and "average"')
     run = _run_first(run)
     tell_rejected([run])
-    path = maps.read_path(run, track, parameter)
-    sites = maps.sites_along(path)
-    findings = None
-    with suppress(LogError):  # too few sites for lumps are enough for a map
-        findings = maps.find_lumps(sites)
-    made = _Mapped(run, out or RunFolder(run).maps, "svg" if svg else "png", path, sites, findings)
-    along = maps.line_coordinate(sites)
-    if along is not None and not sites.standing.all():
-        if mcap:
-            raise ConfigurationError(f"--mcap: {run} is a sweep along a line, and no map; its log has the estimates")
-        name, said, answer = _sweep(made, float(along.max() - along.min()), track, parameter, points)
-    else:
-        edge = length(reach, "--reach") if reach is not None else None
-        field = maps.make_map(sites, length(cell, "--cell"), method, edge)  # type: ignore[arg-type]
-        name, said, answer = _map(made, field, mcap)
+    with progress(f"map of {run.resolve().name}"):
+        path = maps.read_path(run, track, parameter)
+        sites = maps.sites_along(path)
+        findings = None
+        with suppress(LogError):  # too few sites for lumps are enough for a map
+            findings = maps.find_lumps(sites)
+        made = _Mapped(run, out or RunFolder(run).maps, "svg" if svg else "png", path, sites, findings)
+        along = maps.line_coordinate(sites)
+        if along is not None and not sites.standing.all():
+            if mcap:
+                raise ConfigurationError(
+                    f"--mcap: {run} is a sweep along a line, and no map; its log has the estimates"
+                )
+            name, said, answer = _sweep(made, float(along.max() - along.min()), track, parameter, points)
+        else:
+            edge = length(reach, "--reach") if reach is not None else None
+            field = maps.make_map(sites, length(cell, "--cell"), method, edge)  # type: ignore[arg-type]
+            name, said, answer = _map(made, field, mcap)
     if findings is not None and findings.warning:
         typer.echo(f"warning: {findings.warning}", err=True)
     if as_json:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -57,38 +58,49 @@ def search(
     motion = _press(pipeline, run)
     sites = maps.sites_along(maps.read_path(run, track, parameter))
     allowed = maps.area_of(pipeline, motion, sites.place, box_of(area))
-    spent, lumps, rounds = 0.0, list[maps.Watched](), list[list[maps.Proposal]]()
-    stopped: str | None = None
+    found = _Search()
+
+    def proposed() -> list[Proposal]:
+        done = maps.off_limits(allowed.nodes, found.lumps, contrast, _APART)
+        return maps.propose(sites, points, aim, contrast, allowed.nodes, taken=done)  # type: ignore[arg-type]
+
     with aside(as_json):
-        while stopped is None:
-            done = maps.off_limits(allowed.nodes, lumps, contrast, _APART)
-            places = maps.propose(sites, points, aim, contrast, allowed.nodes, taken=done)  # type: ignore[arg-type]
-            if go and maps.nothing_left(lumps, places):
-                stopped = f"every lump is certain at {sure:g}, and nothing else is suspicious"
-                break
-            rounds.append(places)
+        places = proposed()
+        while not (go and maps.nothing_left(found.lumps, places)):
+            found.rounds.append(places)
             _show(places)
-            if not go:
+            found.stopped = found.over(budget) if go else None
+            if not go or found.stopped is not None:
                 break
-            stopped = _spent(places, spent, budget, len(rounds))
-            if stopped is None:
-                spent += visit(run, [place.place for place in places], palpation)
-                sites = maps.sites_along(maps.read_path(run, track, parameter))
-                lumps = maps.watched(maps.find_lumps(sites), lumps, sites, allowed, sure)
-                _report(lumps, spent)
-        if stopped is not None:
-            _end(lumps, allowed, stopped)
+            found.motion += visit(run, [place.place for place in places], palpation)
+            sites = maps.sites_along(maps.read_path(run, track, parameter))
+            found.lumps = maps.watched(maps.find_lumps(sites), found.lumps, sites, allowed, sure)
+            _report(found.lumps, found.motion)
+            places = proposed()
+        else:
+            found.stopped = f"every lump is certain at {sure:g}, and nothing else is suspicious"
+        if found.stopped is not None:
+            _end(found.lumps, allowed, found.stopped)
     if as_json:
-        print_json({"rounds": rounds, "motion": spent, "stopped": stopped, "lumps": lumps})
+        print_json(vars(found))
 
 
-def _spent(places: Sequence[Proposal], spent: float, budget: float, rounds: int) -> str | None:
-    """Why no further place is visited; None where one is."""
-    if not places:
-        return "every place that may be visited is known"
-    if spent >= budget:
-        return f"{budget:g} s of motion are spent"
-    return f"{_ROUNDS} rounds are made" if rounds > _ROUNDS else None
+@dataclass
+class _Search:
+    """What a search has done and found so far."""
+
+    rounds: list[list[Proposal]] = field(default_factory=list)  # of places
+    motion: float = 0.0  # [s] of visits
+    stopped: str | None = None  # why, where --go has come to an end
+    lumps: list[Watched] = field(default_factory=list)
+
+    def over(self, budget: float) -> str | None:
+        """Why no place of the latest round is visited; None where one is."""
+        if not self.rounds[-1]:
+            return "every place that may be visited is known"
+        if self.motion >= budget:
+            return f"{budget:g} s of motion are spent"
+        return f"{_ROUNDS} rounds are made" if len(self.rounds) > _ROUNDS else None
 
 
 def box_of(text: str | None) -> Box | None:
