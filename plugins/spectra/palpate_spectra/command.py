@@ -29,8 +29,8 @@ from palpate_spectra.consistency import Consistency, harmonics, kramers_kronig
 from palpate_spectra.judging import flags_of, sentence, values_of
 from palpate_spectra.laws import LawFit, law_fits
 from palpate_spectra.moduli import Answer, Line, answer
-from palpate_spectra.picture import draw
 from palpate_spectra.options import SurfaceOption, height_of, quantities
+from palpate_spectra.picture import draw
 from palpate_spectra.recorded import read_recorded
 
 _COLUMNS = (
