@@ -71,7 +71,8 @@ def first_guess(
     if not thin.used.all():
         thin = thin.selected(thin.used)
     solid = bool(model.memory) and all(parameter.unit != "Pa*s" for parameter in model.parameters)
-    starts_of = {one.name: one.start for one in model.parameters if solid and one.unit in _DECLARED}
+    told = (one for one in model.parameters if solid and one.unit in _DECLARED)
+    starts_of = {one.name: one.start for one in told if one.start is not None}
     grids = [
         _grid(item, place, linear, thin, starts_of.get(item.name, 1.0)) for place, item in enumerate(unknowns.items)
     ]

@@ -55,7 +55,7 @@ def longest_window(model: ContactModel) -> float:
     """
     if not model.memory:
         return _LONGEST
-    guess = [parameter.start for parameter in model.parameters]
+    guess = [1.0 if parameter.start is None else parameter.start for parameter in model.parameters]
     ones, count = [1.0] * len(model.memory), len(model.memory)
     ends = (model.memory_rate(_SHALLOW, 0.0, guess, state) for state in (ones, [0.0] * count))
     forgetting = np.abs(np.subtract(*(np.array(end, float) for end in ends)))
