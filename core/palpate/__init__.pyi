@@ -147,4 +147,4 @@ from palpate.units import (
     is_number as is_number,
     to_si as to_si,
 )
-from palpate.vectors import Floats as Floats, Layout as Layout
+from palpate.vectors import Floats as Floats, Layout as Layout, finite_rows as finite_rows

@@ -87,10 +87,6 @@ _RECORD = {
         "The velocity lags the position: filtered (a mean of n samples is late by (n - 1)/2), or of another clock.",
         "Declare the velocity's delay in [alignment], or leave the velocity out.",
     ),
-    "force-late": _doubtful(
-        "The force follows the motion later than any contact that only takes in work can explain; no viscosity holds.",
-        "Calibrate the timing (`palpate calibrate`), or declare the force's delay in [alignment].",
-    ),
     "clock-drift": _doubtful(
         "The time-stamps of force and motion gain on one another over the record.",
         'Use one clock for both, such as time = "log".',

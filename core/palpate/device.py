@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from palpate.parts import Part
 from palpate.trajectory import ForceLaw, OwnMotion, Setpoint, Trajectory
-from palpate.vectors import Floats
+from palpate.vectors import Floats, finite_rows
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Batch:
     @property
     def valid(self) -> NDArray[np.bool_]:
         """(n,) True where every channel is a finite number."""
-        return np.asarray(np.isfinite(self.values).all(axis=1))
+        return finite_rows(self.values)
 
 
 class Link(Protocol):

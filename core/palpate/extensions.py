@@ -55,6 +55,7 @@ class Diagnosis:
     target: str | Callable[..., Any]  # "module:function", imported when a run has ended; or the function
     order: int = 50
     quick: bool = False  # it is asked once a second while a run goes on, too
+    lost: bool = False  # it is asked of tracks whose numbers are lost (NaN), too
 
 
 @dataclass(frozen=True)

@@ -172,7 +172,6 @@ from palpate.result import (
     make_folder as make_folder,
     withdraw_folder as withdraw_folder,
 )
-from palpate.result.lateness import force_lateness as force_lateness
 from palpate.safety import (
     MotionLimits as MotionLimits,
     MotionReport as MotionReport,

@@ -11,6 +11,14 @@ Floats = NDArray[np.float64]
 """An array of floats of any shape."""
 
 
+def finite_rows(values: Floats) -> NDArray[np.bool_]:
+    """(n,) whether all numbers (n, k) of a row are finite: of few columns far faster than ``all(axis=1)``."""
+    rows = np.ones(len(values), bool)
+    for known in np.isfinite(values).T:
+        rows &= known
+    return rows
+
+
 class Layout:
     """Where the named parts of a vector stand, one after another.
 

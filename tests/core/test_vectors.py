@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from palpate import Layout
+from palpate import Layout, finite_rows
 
 STATE = Layout(height=1, velocity=1, slope=0, memory=0, parameters=2)
 
@@ -42,3 +42,10 @@ def test_it_cuts_casadi_columns_and_lists_alike():
 def test_no_part_is_of_negative_length():
     with pytest.raises(ValueError, match="memory has -1 entries"):
         Layout(memory=-1)
+
+
+@pytest.mark.parametrize("shape", [(0, 2), (3, 0), (4, 1), (1000, 7)])
+def test_rows_are_finite_where_every_number_is(shape):
+    share = [0.3, 0.3, 0.2, 0.18, 0.01, 0.01]
+    values = np.random.default_rng(0).choice([0.0, 1.0, 2.0, 3.0, np.nan, np.inf], shape, p=share)
+    np.testing.assert_array_equal(finite_rows(values), np.isfinite(values).all(axis=1))

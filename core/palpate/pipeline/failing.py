@@ -16,6 +16,7 @@ from palpate.estimation import Estimates, Samples, Status
 from palpate.flags import Flag
 from palpate.parts import Part
 from palpate.registry import Registry
+from palpate.vectors import finite_rows
 
 _MUTE = Status.IDLE | Status.WAITING | Status.DIVERGED  # of samples that need no number
 
@@ -75,7 +76,7 @@ def judged(found: Any, samples: Samples, parameters: int) -> Estimates:
         given = np.shape(getattr(found, name))
         if given != shape:
             raise ValueError(f"the tracker's run answers {name} of shape {given} in place of {shape}")
-    lost = ~np.isfinite(found.values).all(axis=1) & ((found.status & _MUTE) == 0)
+    lost = ~finite_rows(found.values) & ((found.status & _MUTE) == 0)
     if not lost.any():
         return found
     status = np.where(lost, found.status | np.uint32(Status.DIVERGED), found.status).astype(np.uint32)

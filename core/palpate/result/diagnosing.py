@@ -46,13 +46,14 @@ class Judged:
 def diagnosed(
     tracks: Mapping[str, Diagnosable], diagnoses: Mapping[str, Diagnosis], of_run: Judged
 ) -> dict[str, TrackResult]:
-    """The results of all tracks with the findings of all diagnoses; what was not estimated is not judged."""
+    """The results of all tracks with the findings of all diagnoses; those of what was not estimated only by some."""
     results = {name: track.result for name, track in tracks.items()}
     for order in sorted({diagnosis.order for diagnosis in diagnoses.values()}):
-        evidence = [
-            _evidence(name, track, results[name], of_run) for name, track in tracks.items() if _estimated(results[name])
+        every = [
+            _evidence(name, track, results[name], of_run) for name, track in tracks.items() if results[name].samples
         ]
         for name, diagnosis in diagnoses.items():
+            evidence = [track for track in every if diagnosis.lost or np.isfinite(track.values).all()]
             if evidence and diagnosis.order == order:
                 for label, finding in _findings(name, diagnosis, evidence).items():
                     results[label] = with_findings(results[label], tracks[label].model, name, finding)
@@ -83,7 +84,7 @@ def with_findings(result: TrackResult, model: ContactModel, name: str, finding: 
         parameters=parameters,
         budget=(*result.budget, *_rows(result, names, name, finding)),
         derived=tuple(_derived(value, model, result, finding, cause) for value in result.derived),
-        flags=(*result.flags, *finding.flags),
+        flags=(*(flag for flag in result.flags if flag.code not in finding.settles), *finding.flags),
         diagnoses=dict(result.diagnoses) | ({name: finding.table} if finding.table else {}),
     )
 
@@ -126,10 +127,6 @@ def _derived(value: Derived, model: ContactModel, result: TrackResult, finding: 
     return replace(value, found=_caused(value.found, finding, value.name, shares).diagnosed(cause, share, touched))
 
 
-def _estimated(result: TrackResult) -> bool:
-    return bool(result.samples) and all(np.isfinite(found.value) for found in result.parameters.values())
-
-
 def _evidence(name: str, track: Diagnosable, result: TrackResult, of_run: Judged) -> TrackEvidence:
     found = [result.parameters[parameter.name] for parameter in track.model.parameters]
     record, settings = track.record, of_run.settings
@@ -154,12 +151,13 @@ def _evidence(name: str, track: Diagnosable, result: TrackResult, of_run: Judged
 
 
 def _ending(track: Diagnosable, of_run: Judged) -> Ending | None:
-    ends = track.record.ends(of_run.average if track.estimator.online else math.inf)
-    if ends is None:
+    tail = track.record.tail
+    if tail is None:
         return None
+    average = of_run.average if track.estimator.online else math.inf
     included = {*track.record.details.get("included", ()), *(["timing"] if track.record.timing_included else [])}
     record, run = track.record, of_run
     return Ending(
-        *ends, run.settings, run.report, run.uncertainties, record.held, frozenset(included),
-        run.average, record.tracked, record.samples, record.is_sweep,
+        tail, tail.since(float(tail.time[-1]) - average), run.settings, run.report, run.uncertainties, record.held,
+        frozenset(included), run.average, record.tracked, record.samples, record.is_sweep,
     )  # fmt: skip

@@ -8,7 +8,6 @@ from dataclasses import replace
 from palpate.alignment import AlignmentReport, AlignmentSettings, Health
 from palpate.estimation import Status
 from palpate.flags import Flag
-from palpate.result.lateness import force_lateness
 from palpate.result.record import TrackRecord
 
 _LATE = 1e-3  # [s] of the velocity against the position
@@ -68,7 +67,7 @@ def _drift_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterat
             yield Flag("clock-drift", f"the time-stamps of {ahead} gain {late} on those of {behind} over the record")
 
 
-def track_flags(record: TrackRecord, report: AlignmentReport, tip_mass: float = 0.0) -> Iterator[Flag]:
+def track_flags(record: TrackRecord, report: AlignmentReport) -> Iterator[Flag]:
     """What an estimator says of itself, and whether it estimated at all; diagnoses judge what it found."""
     yield from (_with_sign(flag, report) for flag in record.flags)
     if record.failure is not None:
@@ -84,10 +83,7 @@ def track_flags(record: TrackRecord, report: AlignmentReport, tip_mass: float = 
         none = f"the force never stayed above {report.touch_force:.3g} N: nothing was estimated"
         yield _with_sign(Flag("no-contact", none), report)
         return
-    late = force_lateness(tail, tip_mass) if not record.is_sweep else None
-    yield from _status_flags(record, late)
-    if late is not None:
-        yield Flag("force-late", f"the contact gives out work: the force is at least {1e3 * late:.2g} ms late")
+    yield from _status_flags(record)
 
 
 def _with_sign(flag: Flag, report: AlignmentReport) -> Flag:
@@ -98,11 +94,10 @@ def _with_sign(flag: Flag, report: AlignmentReport) -> Flag:
     return replace(flag, message=f"{flag.message}; {asked}")
 
 
-def _status_flags(record: TrackRecord, late: float | None) -> Iterator[Flag]:
+def _status_flags(record: TrackRecord) -> Iterator[Flag]:
     marks = record.marks
     if marks[Status.DIVERGED]:
-        cause = "" if late is None else "; the likely cause is a force that is late: the viscosity would be negative"
-        yield Flag("diverged", f"the estimates stopped being finite or plausible numbers; none can be used{cause}")
+        yield Flag("diverged", "the estimates stopped being finite or plausible numbers; none can be used")
     if marks[Status.LIFTED]:
         yield Flag(
             "depth-not-positive", f"the estimated depth was not positive in {marks[Status.LIFTED]} samples in contact"

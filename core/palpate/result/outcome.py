@@ -110,7 +110,7 @@ def track_result(
     Estimates of an offline estimator are constant and hold for every sample that it used. Uncertainty is the
     estimator's own and that of settling; diagnoses add what else there is.
     """
-    flags = track_flags(record, report, settings.tip_mass or 0.0)
+    flags = track_flags(record, report)
     numbers, ends = _no_numbers(model), record.ends(average if online else math.inf)
     if ends is not None:
         numbers = _numbers(model, record, *ends, settings, online)

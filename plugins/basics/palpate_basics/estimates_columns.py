@@ -24,13 +24,14 @@ def columns_of(tracks: Mapping[str, Sequence[Parameter]]) -> list[str]:
 
 def numbers_of(samples: Samples, estimates: Mapping[str, Estimates], rows: NDArray[np.int64]) -> Floats:
     """The numbers (n, columns) of some rows of a block."""
-    columns: list[NDArray[Any]] = [samples.time[rows, None], samples.lateral[rows]]
-    columns += [column[rows, None] for column in (samples.force, samples.position, samples.velocity)]
+    columns: list[NDArray[Any]] = [samples.time, *samples.lateral.T, samples.force, samples.position, samples.velocity]
     for block in estimates.values():
-        pairs = np.stack([block.values[rows], block.std[rows]], axis=2)
-        columns.append(pairs.reshape(len(rows), 2 * block.values.shape[1]))
-        columns += [getattr(block, name)[rows, None] for name in _OTHERS]
-    return np.concatenate(columns, axis=1)
+        columns += [column for pair in zip(block.values.T, block.std.T, strict=True) for column in pair]
+        columns += [getattr(block, name) for name in _OTHERS]
+    table = np.empty((len(columns), len(rows)))  # column by column, as they are read
+    for place, column in zip(table, columns, strict=True):
+        place[:] = column[rows]
+    return table.T
 
 
 class DueRows:

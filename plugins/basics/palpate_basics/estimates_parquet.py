@@ -75,7 +75,7 @@ class EstimatesStream:
         self._written = monotonic()
         if not self._rows:
             return
-        columns = np.ascontiguousarray(np.concatenate(self._waiting).T)
+        columns = np.concatenate([table.T for table in self._waiting], axis=1)
         self._waiting, self._rows = [], 0
         typed = (
             column.astype(kind.to_pandas_dtype(), copy=False) for column, kind in zip(columns, self._kinds, strict=True)

@@ -34,7 +34,11 @@ def sensed_wrench(
     weight = tip_mass * GRAVITY * np.asarray(down, np.float64)
     wrench[:, :2] += weight[:2]
     wrench[:, 2] += offset + weight[2]
-    wrench[:, 3:] = np.cross(np.asarray(centre, np.float64), weight - tip_mass * acceleration)
+    x, y, z = map(float, centre)
+    pull = weight - tip_mass * acceleration
+    wrench[:, 3] = y * pull[:, 2] - z * pull[:, 1]
+    wrench[:, 4] = z * pull[:, 0] - x * pull[:, 2]
+    wrench[:, 5] = x * pull[:, 1] - y * pull[:, 0]
     scaled = noise * noise_std
     scaled[:, 3:] *= _TORQUE_NOISE
     return np.clip(wrench + scaled, -limit, limit)

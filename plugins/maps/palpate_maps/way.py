@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from palpate import BudgetRow, ContactModel, Estimates, Floats, Samples, Status
+from palpate import BudgetRow, ContactModel, Estimates, Floats, Samples, Status, finite_rows
 from palpate.host import Derived, Found, TrackResult
 
 _PLACE = 1e-3  # [m]
@@ -30,7 +30,7 @@ class Way:
 
         What stands for a place is the latest estimate before the tip leaves it.
         """
-        rows = np.isfinite(place).all(axis=1)
+        rows = finite_rows(place)
         if not rows.any():
             return
         time, numbers = time[rows], numbers[rows]
@@ -58,9 +58,9 @@ class Places:
 
     def add(self, samples: Samples, estimates: Estimates) -> None:
         """See `palpate.TrackSummary`."""
-        if not np.isfinite(samples.lateral).all(axis=1).any():
+        if not finite_rows(samples.lateral).any():
             return  # nobody says where the tip is
-        known = ((estimates.status & Status.IDLE) == 0) & np.isfinite(estimates.values).all(axis=1)
+        known = ((estimates.status & Status.IDLE) == 0) & finite_rows(estimates.values)
         columns = (estimates.values, estimates.std, estimates.surface, estimates.surface_std)
         self._way.add(samples.time[known], samples.lateral[known], np.column_stack(columns)[known])
 

@@ -17,8 +17,9 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "plausibility": Diagnosis("palpate_uncertainty.plausibility:plausibility", order=0, quick=True),
         # What others judge by holds its terms.
         "budget": Diagnosis("palpate_uncertainty.terms:budgets", order=10, quick=True),
-        "late-force": Diagnosis("palpate_uncertainty.late_force:late_force", order=10, quick=True),
-        "self-timed": Diagnosis("palpate_uncertainty.self_timed:self_timed", order=10),
+        "late-force": Diagnosis("palpate_uncertainty.late_force:late_force", order=10, quick=True, lost=True),
+        # Settles what the budget says of timing that nobody has declared.
+        "self-timed": Diagnosis("palpate_uncertainty.self_timed:self_timed", order=11),
         "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
         "model-choice": Diagnosis("palpate_uncertainty.choice:model_choice"),
         # Last, since a filter's bias that is predicted is no distance.
@@ -93,6 +94,12 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "note",
             "Robot and sensor give way, which shifts a value by more than 1 %; counted as uncertainty, not corrected.",
             "Stiffen the rig, or measure the position at the tip.",
+        ),
+        "force-late": FlagMeaning(
+            "doubtful",
+            "The force follows the motion later than any contact that only takes in work can explain; no viscosity "
+            "holds.",
+            "Calibrate the timing (`palpate calibrate`), or declare the force's delay in [alignment].",
         ),
         "lack-of-fit": FlagMeaning(
             "doubtful",

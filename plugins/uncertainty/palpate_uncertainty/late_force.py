@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from palpate import Diagnosed, TrackEvidence
-from palpate.host import force_lateness
+from palpate import Diagnosed, Flag, TrackEvidence
 
 from palpate_uncertainty.along import along
+from palpate_uncertainty.lateness import force_lateness
 from palpate_uncertainty.timing import delay_shifts, is_viscous
 
 
@@ -23,9 +23,14 @@ def late_force(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
         late = force_lateness(end.tail, track.tip_mass or 0.0) if end is not None and not end.is_sweep else None
         if end is None or late is None:
             continue
+        said = f"the contact gives out work: the force is at least {1e3 * late:.2g} ms late"
+        if not np.isfinite(track.values).all():
+            said += ", which is likely why the estimates diverged: the viscosity would be negative"
+            found[track.name] = Diagnosed((Flag("force-late", said),))
+            continue
         shifts = delay_shifts(track.model, along(track.model, end.tail, end.last, track.values), track.values)
         parts = list(zip(track.model.parameters, np.abs(late * shifts).tolist(), strict=True))
         viscous = frozenset(parameter.name for parameter, _ in parts if is_viscous(parameter))
         terms = {parameter.name: shift for parameter, shift in parts if parameter.name not in viscous and shift > 0}
-        found[track.name] = Diagnosed(terms=terms, unknown=viscous)
+        found[track.name] = Diagnosed((Flag("force-late", said),), terms=terms, unknown=viscous)
     return found

@@ -196,11 +196,15 @@ def _judged(track: TrackEvidence) -> Diagnosed:
     if wrong:
         text = f"the record is not {own.law}: by the laws that it admits the delay is {by_law}; {_beside(own)}"
         terms = dict(zip(names, spread.tolist(), strict=True))
-        undeclared = Flag("timing-undeclared", "no timing uncertainty is declared, and the motion does not tell it")
-        return Diagnosed((Flag("delay-by-law", text), *(() if included else (undeclared,))), terms, table=table)
+        # A track that looks for the delay has no other word of it.
+        settled = frozenset({"timing-undeclared"}) if included else frozenset[str]()
+        return Diagnosed((Flag("delay-by-law", text),), terms, table=table, settles=settled)
+    settled = frozenset({"timing-undeclared"})
     if included:
         terms = {name: share for name, share in zip(names, spread.tolist(), strict=True) if share > 0}
-        return Diagnosed((Flag("self-timed", f"the delay of the force, by law: {by_law}"),), terms, table=table)
+        return Diagnosed(
+            (Flag("self-timed", f"the delay of the force, by law: {by_law}"),), terms, table=table, settles=settled
+        )
     timed = _fitted(record.with_inertia(0.0), plain, 0.0, inflation)
     shifts, left = timed.values - own.values, np.hypot(own.values_std, spread)
     # What the estimator's own scatter holds already is not counted twice.
@@ -218,7 +222,7 @@ def _judged(track: TrackEvidence) -> Diagnosed:
     ]
     corrected = f"; corrected: {', '.join(said)}" if said else ""
     text = f"the motion tells the delay of the force, by law: {by_law}{corrected}"
-    return Diagnosed((Flag("self-timed", text),), biases=biases, table=table)
+    return Diagnosed((Flag("self-timed", text),), biases=biases, table=table, settles=settled)
 
 
 def _beside(own: Told) -> str:

@@ -11,7 +11,6 @@ from palpate.host import GRAVITY, AlignmentReport, AlignmentSettings
 from palpate_uncertainty.along import Along, along
 from palpate_uncertainty.flags import compliance_flags, tare_flags, timing_flags
 from palpate_uncertainty.response import answer
-from palpate_uncertainty.self_timed import is_rich
 from palpate_uncertainty.sources import Source, sources_of
 from palpate_uncertainty.timing import delay_shifts, is_viscous
 
@@ -29,8 +28,7 @@ def _budget(track: TrackEvidence, end: Ending) -> Diagnosed:
     shifts, timing = delay_shifts(model, found, values), settings.timing_uncertainty
     sources = sources_of(model, end.uncertainties)
     terms = systematic_terms(found, shifts, timing, settings, end.report, sources, end.included)
-    told = timing is None and is_rich(track)  # by the motion itself, which says so
-    flags = [] if told else list(timing_flags(model, values, shifts, timing, end.held))
+    flags = list(timing_flags(model, values, shifts, timing, end.held))
     if "tare" not in end.included and (end.report.tare is None or end.report.tare.offset_std is None):
         flags += tare_flags(model, values, per_newton(found))
     compliance = sum(np.abs(term.shifts) for term in terms if term.cause == "compliance") + np.zeros(len(values))

@@ -31,6 +31,7 @@ from palpate import (
     Problem,
     Samples,
     Tracker,
+    finite_rows,
 )
 from palpate.host import (
     Aligner,
@@ -139,7 +140,7 @@ def _rows(fits: _Fits, device: str, curve: Curve) -> Iterator[Row]:
 
 
 def _numbers(found: Estimates, samples: Samples, names: Sequence[str], flags: Sequence[Flag]) -> Row:
-    rows = np.flatnonzero(np.isfinite(found.values).all(axis=1))
+    rows = np.flatnonzero(finite_rows(found.values))
     table: dict[str, float] = {}
     if len(rows):
         last = int(rows[-1])

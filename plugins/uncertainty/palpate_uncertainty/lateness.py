@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-
-from palpate.result.record import Tail, acceleration
+from palpate import Tail
+from palpate.host import acceleration
 
 _DEGREE = 5  # of the elastic force over the depth
 _PIECES = 12  # of the record, between which chance is independent

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from palpate.result.lateness import force_lateness
 from palpate.result.record import Tail
+from palpate_uncertainty.lateness import force_lateness
 
 STIFFNESS, MASS = 1500.0, 0.14
 TIME = np.arange(0.0, 3.0, 0.002)
@@ -79,10 +79,16 @@ def test_a_run_names_the_timing(run_point, delay):
 
 
 def test_what_diverges_names_it_too():
-    from palpate.alignment import AlignmentReport
+    from palpate.alignment import AlignmentReport, AlignmentSettings
     from palpate.estimation import Estimates, Samples, Status
-    from palpate.result import TrackRecord
-    from palpate.result.flags import track_flags
+    from palpate.registry import load
+    from palpate.result import TrackRecord, track_result
+    from palpate.result.diagnosing import Diagnosable, Judged, diagnosed
+    from palpate.track_name import TrackName
+    from palpate_filters import KinematicFilter
+    from palpate_models import DimensionalityReduction, Sphere
+
+    model = DimensionalityReduction(indenter=Sphere(radius=5e-3))
 
     def flags(late):
         measured, n = tail(late), len(TIME)
@@ -96,9 +102,13 @@ def test_what_diverges_names_it_too():
         record = TrackRecord(3.0)
         record.add(samples, Estimates(TIME, table, table, lost, lost, lost, ones * np.nan, status), 0.0)
         report = AlignmentReport({}, None, 0.25, None, 1, None, n, 0, 0, 3.0, None)
-        return {flag.code: flag.message for flag in track_flags(record, report, MASS)}
+        settings = AlignmentSettings.model_validate({"force": "f.f", "position": "r.z", "tip_mass": MASS})
+        result = track_result(TrackName("dr", "kinematic"), model, record, report, settings, 1.0)
+        track = Diagnosable(model, KinematicFilter(), record, result)
+        found = diagnosed({"t": track}, load().diagnoses, Judged(settings, report, 1.0))["t"]
+        return {flag.code: flag.message for flag in found.flags}
 
     assert flags(0.0) == {"diverged": "the estimates stopped being finite or plausible numbers; none can be used"}
     found = flags(11.7e-3)
-    assert "a force that is late" in found["diverged"]
-    assert "12 ms late" in found["force-late"]
+    assert set(found) == {"diverged", "force-late"}
+    assert "12 ms late, which is likely why the estimates diverged" in found["force-late"]
