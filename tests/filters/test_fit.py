@@ -351,6 +351,18 @@ def test_what_cannot_be_told_apart_is_named():
     assert any({pair["first"], pair["second"]} == {"exponent", "surface"} for pair in known)
 
 
+def test_a_record_of_very_many_samples_is_added_up_in_pieces(monkeypatch):
+    """Of three samples each, over which noise of 0.9 hardly changes: the same standard deviations."""
+    settings = {"segment": "load", "fixed": {"viscosity": ETA}, "profile": False}
+    record = ramp(DR, (E, ETA), seed=3, colour=0.9)
+    whole = fitted(DR, record, **settings)
+    monkeypatch.setattr("palpate_filters.fit.uncertainty._MOST", whole.details["samples"] // 3 + 1)
+    pieces = fitted(DR, record, **settings)
+    assert pieces.std[-1] == pytest.approx(whole.std[-1], rel=0.1)
+    worth = [found.details["autocorrelation"]["effective_samples"] for found in (pieces, whole)]
+    assert worth[0] == pytest.approx(worth[1], rel=0.2)
+
+
 def test_correlated_noise_widens_the_std_as_it_must():
     settings = {"segment": "load", "fixed": {"viscosity": ETA}, "profile": False}
     white = fitted(DR, ramp(DR, (E, ETA), seed=3), **settings)

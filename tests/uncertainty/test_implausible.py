@@ -29,3 +29,8 @@ def test_millimetres_as_metres_and_metres_as_millimetres(times, flagged):
 def test_a_paraboloid_far_beyond_its_radius(tip, flagged):
     fit = palpate.fit(pressed(radius=2e-3), tip=tip(radius="2 mm"), model="dr")
     assert ("beyond-model-range" in {flag.code for flag in fit.flags}) == flagged
+
+
+def test_innovations_as_large_as_they_should_be_are_not_flagged(run_point):
+    tracks = run_point("trajectory.press.duration=4 s", 'run.tracks=["*/kinematic"]').tracks
+    assert "inconsistent" not in {flag.code for flag in tracks["dr/kinematic"].flags}

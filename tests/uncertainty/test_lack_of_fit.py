@@ -210,3 +210,12 @@ def test_a_fit_that_has_lost_the_contact_is_judged_without_a_word_of_numpy():
     )
     lost = Refit("", np.array([4e3, 250.0]), -0.037, np.array([[4e3, 250.0]]), course.force)
     assert {"thickness", "tip"}.isdisjoint(other.reason for other in alternatives(course, lost))
+
+
+def test_noise_of_the_motion_makes_a_force_by_the_slopes_of_the_model(evidence):
+    """Of dimensionality reduction, 8 eta sqrt(R d) by the rate."""
+    track = evidence("clean", ExtendedKalmanFilter(), seed=5)
+    course = replace(make_course(track, track.kept.used), noise=(0.0, 1e-3))
+    depth = np.maximum(course.reduced(500).depth(track.surface), 0.0)
+    expected = np.mean((8 * 400.0 * np.sqrt(track.model.indenter.radius * depth) * 1e-3) ** 2)
+    assert course.motion_noise(np.array([E, 400.0]), track.surface) == pytest.approx(expected, rel=1e-6)
