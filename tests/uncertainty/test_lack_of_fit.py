@@ -8,8 +8,8 @@ from palpate import Estimates, Samples
 from palpate.result.kept import Keeper
 from palpate_filters import CasadiFit, ExtendedKalmanFilter, KinematicFilter, KinematicSmoother
 from palpate_models import DimensionalityReduction, Sphere
-from palpate_uncertainty.alternatives import Refit, alternatives
-from palpate_uncertainty.course import Course
+from palpate_uncertainty.alternatives import Refit, alternatives, refit
+from palpate_uncertainty.course import Course, make_course
 from palpate_uncertainty.lack_of_fit import LEVEL, lack_of_fit
 from palpate_uncertainty.whiteness import examined, oscillation
 from palpate_uncertainty.whitening import WHITE, null_of
@@ -118,6 +118,16 @@ def test_a_clean_record_is_not_flagged(evidence, estimator, colour):
     assert not finding.flags
     assert not finding.terms
     assert finding.table["p"] > LEVEL
+
+
+def test_a_refit_may_begin_at_nothing(evidence):
+    """A viscosity that an estimator has at its bound."""
+    track = evidence("clean", ExtendedKalmanFilter(), seed=5)
+    course = make_course(track, track.kept.used)
+    begins = track.values, np.array([track.values[0], 0.0])
+    found, other = (refit(course, theta, track.surface) for theta in begins)
+    assert other.theta == pytest.approx(found.theta, rel=1e-3)
+    assert other.surface == pytest.approx(found.surface, abs=1e-7)
 
 
 @pytest.mark.parametrize("estimator", [CasadiFit(), KinematicFilter(), ExtendedKalmanFilter()])
