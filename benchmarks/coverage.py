@@ -278,8 +278,8 @@ def main() -> None:
                 continue
             writer.writerows(rows_of(number, registry, estimators))
             file.flush()
-            print(f"\r{number + 1} of {chosen.draws}", end="", file=sys.stderr)
-    print(file=sys.stderr)
+            if sys.stderr.isatty():
+                print(f"\r{number + 1 - chosen.first} of {chosen.draws}", end="", file=sys.stderr)
     show(list(csv.DictReader(chosen.out.open())))
 
 

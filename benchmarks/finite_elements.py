@@ -8,13 +8,17 @@ from __future__ import annotations
 import math
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
-from palpate_models import Sphere
-from palpate_models.finite_elements import Cylinder, Profile, SoftCylinder, pressed
+from palpate import Floats
+from palpate_models import Flat, Sphere
+from palpate_models.finite_elements import Cylinder, SoftCylinder, pressed
+from palpate_models.rigid_tip import Profile
 from palpate_models.thickness import Thickness
 
 R = 5e-3  # [m]
+RATIOS = (0.1, 0.2, 0.3, 0.5, 1.0)  # of contact radius and height
 
 
 def paraboloid(reach: float) -> Profile:
@@ -36,20 +40,50 @@ def half_space(fine: int) -> None:
 
 
 def layers(fine: int) -> None:
-    """A wide bonded layer, against Dimitriadis and Garcia."""
+    """A wide layer, bonded and sliding, under a sphere that slides and one that sticks; against the laws."""
     depth = 1e-5
     a = math.sqrt(R * depth)
-    for x in (0.1, 0.2, 0.3, 0.5, 1.0):
-        height = a / x
-        found = next(pressed(Cylinder(400 * a, height), paraboloid(1.5 * a), np.array([depth]), fine)) / hertz(depth)
-        laws = [
-            Thickness(law=law, height=height).factor(Sphere(radius=R), depth)[0] for law in ("dimitriadis", "garcia")
-        ]
-        near = "dimitriadis" if abs(found - laws[0]) < abs(found - laws[1]) else "garcia"
-        told = ", ".join(
-            f"{name} {law:.4f} ({found / law - 1:+.1%})" for name, law in zip(("D", "G"), laws, strict=True)
-        )
-        print(f"layer X = {x}: {found:.4f}; {told}; nearer to {near}")
+    for bonded, sticking in ((True, False), (False, False), (True, True)):
+        tip = replace(paraboloid(1.5 * a), sticking=sticking)
+        deep = force(Cylinder(2000 * a, 1000 * a, bonded), tip, depth, fine)
+        for x in RATIOS:
+            found = force(Cylinder(400 * a, a / x, bonded), tip, depth, fine) / deep
+            names = ("dimitriadis", "garcia") if bonded else ("dimitriadis",)
+            laws = {n: Thickness(law=n, height=a / x, bonded=bonded).factor(Sphere(radius=R), depth)[0] for n in names}
+            kind = f"{'bonded' if bonded else 'sliding'}{', sticking tip' if sticking else ''}"
+            print(f"sphere, {kind}, X = {x}: {told(found, laws)}", flush=True)
+
+
+def flats(fine: int) -> None:
+    """A flat tip whose edge is rounded, on a wide bonded layer; X by the radius that its half-space shows."""
+    depth, edge = 1e-2 * R, 0.1 * R
+
+    def height(r: Floats) -> Floats:
+        return np.maximum(np.abs(r) - (R - edge), 0.0) ** 2 / (2 * edge)
+
+    def slope(r: Floats) -> Floats:
+        return np.sign(r) * np.maximum(np.abs(r) - (R - edge), 0.0) / edge
+
+    tip = Profile(height, slope, 1.2 * R)
+    deep = force(Cylinder(2000 * R, 1000 * R), tip, depth, fine)
+    radius = deep / (8 / 3 * depth)
+    print(f"flat: acts as one of {radius / R:.3f} R on a half-space")
+    for x in RATIOS:
+        found = force(Cylinder(400 * R, radius / x), tip, depth, fine) / deep
+        law = Thickness(law="garcia", height=radius / x).factor(Flat(radius=radius), depth)[0]
+        print(f"flat, bonded, X = {x}: {told(found, {'garcia': law})}", flush=True)
+
+
+def force(cylinder: Cylinder, tip: Profile, depth: float, fine: int) -> float:
+    """Force over modulus [m^2] at a depth [m]."""
+    return next(pressed(cylinder, tip, np.array([depth]), fine))
+
+
+def told(found: float, laws: dict[str, float]) -> str:
+    """A factor beside the laws', and which of these it is nearer to."""
+    sides = ", ".join(f"{name} {law:.4f} ({found / law - 1:+.1%})" for name, law in laws.items())
+    nearest = min(laws, key=lambda name: abs(found - laws[name]))
+    return f"{found:.4f}; {sides}{f'; nearer to {nearest}' if len(laws) > 1 else ''}"
 
 
 def plates(fine: int) -> None:
@@ -57,15 +91,15 @@ def plates(fine: int) -> None:
     height, diameter = 22e-3, 2.32 * 22e-3
     soft = SoftCylinder(Cylinder(diameter, height), diameter / 2, fine)
     area = math.pi * diameter**2 / 4
-    told = [
+    secants = [
         f"{strain:.0%}: {soft.compress(max(strain, 1e-4)) / (max(strain, 1e-4) * area):.4f}" for strain in (0.0, 0.05)
     ]
-    print(f"compression factor, {fine} elements: {', '.join(told)}")
+    print(f"compression factor, {fine} elements: {', '.join(secants)}")
 
 
 def main() -> None:
     """Everything, with times."""
-    for check in (half_space, layers, plates):
+    for check in (half_space, layers, flats, plates):
         began = time.perf_counter()
         for fine in (12,) if "--quick" in sys.argv else (24, 48):
             check(fine)

@@ -51,7 +51,7 @@ AREAS = {  # by area: modules and the tests that hold them; of several patterns 
     },
     "fence": {"plugins/devices/palpate_devices/ur3e/fence.py": "devices/test_fence.py"},
     "uncertainty": {
-        f"{_UNCERTAINTY}/[lwa]*.py {_UNCERTAINTY}/unloading.py": f"{_LACK} core/test_late_force.py",
+        f"{_UNCERTAINTY}/[lwa]*.py {_UNCERTAINTY}/unloading.py": f"{_LACK} uncertainty/test_late_force.py",
         f"{_UNCERTAINTY}/self_timed.py {_UNCERTAINTY}/timed_record.py {_UNCERTAINTY}/telling.py":
             "uncertainty/test_self_timed.py",
         f"{_UNCERTAINTY}/choice.py": "uncertainty/test_choice.py",

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from palpate import Batch, Channel, LogError, Stream
 from palpate.alignment import Aligner, AlignmentSettings, Ports
+from palpate.alignment.series import Health
 from palpate.estimation import Samples
 
 FORCE = Stream("wrench", (Channel("z", "N", (-50.0, 50.0)),), 800.0)
@@ -301,3 +302,24 @@ def test_readings_that_no_instant_can_need_are_forgotten():
         count += len(aligner.samples())
         assert all(len(series.stamps) <= 3 for series in aligner._roles.values())
     assert count > 59 * 500
+
+
+def test_no_delay_is_told_by_a_slow_position_or_by_few_readings_of_velocity():
+    """Ten positions at 100 Hz blur the motion; 0.15 s of velocity are seven stretches."""
+    late = 5_000_000
+    for rate, until, told in ((500.0, 2.0, True), (100.0, 8.0, False), (500.0, 0.15, False)):
+        force, motion = stamps(800.0, 8.0), stamps(rate, 8.0)
+        speed = np.where(motion < until * 1e9, speed_of(motion - late), np.nan)
+        given = [batch("wrench", force, force_of(force)), batch("tip", motion, height_of(motion), speed)]
+        assert (aligned(given)[1].velocity_delay is not None) == told
+
+
+def test_drift_of_a_clock_is_told_from_the_fifths_at_both_ends():
+    """Late by 1 ms more each second: of six, the first two and the last two are four seconds apart."""
+    health = Health(Stream("tip", MOTION.channels, 500.0, clock="log"))
+    for second in range(6):
+        at = np.arange(second * 10**9, (second + 1) * 10**9, 10**8)
+        health.arrived(at, at + 50_000_000 + second * 1_000_000)
+        health.in_order(at, 10**10)
+        assert (health.gained is None) == (second < 3)
+    assert health.gained == pytest.approx(-4e-3, rel=1e-12)

@@ -183,3 +183,28 @@ def test_a_drift_in_free_air_is_no_touch():
     _, report = aligned(given, drift="150 N/h")
     assert report.first_touch[0] == pytest.approx(20.25, abs=0.08)
     assert report.touches == 1
+
+
+def test_contact_ends_below_the_surface_where_the_force_is_gone():
+    """After a touch that a rise told, and after the force has passed the threshold: the material has given way.
+
+    That is the beginning of a block, as velocities without a channel make it.
+    """
+    height = np.concatenate([ramp(50e-3 / 60, rest=1.5, air=0.5e-3, deep=1.2e-3), np.full(1000, -1.2e-3)])
+    given = batches(height, seed=4)
+    given[0].values[-600:, 0] = -1.7 + NOISE * np.random.default_rng(9).standard_normal(600)
+    samples, report = aligned(given, size=len(height) - 600 + 1)
+    assert report.by_change_point
+    assert samples.contact[-900:-610].all()
+    assert not samples.contact[-500:].any()
+
+
+@pytest.mark.parametrize(("count", "touches"), [(2, 1), (3, 2)])
+def test_three_samples_in_a_row_are_a_touch(count, touches):
+    """A press, a lift, and a blip after it, without noise."""
+    down = np.linspace(2e-3, -1e-3, 400)
+    given = batches(np.concatenate([np.full(600, 2e-3), down, down[::-1], np.full(400, 2e-3)]), noise=0.0)
+    given[0].values[-200 : -200 + count, 0] += 1.0
+    samples, report = aligned(given)
+    assert report.touches == touches
+    assert np.flatnonzero(samples.contact[-300:]).tolist() == ([102, 103, 104] if touches == 2 else [])

@@ -49,6 +49,7 @@ def test_what_is_missing_is_said_with_its_place(logs, tmp_path):
     force, warning = _read(path, accept_cut=True)
     assert len(force) == 600 - sum(n for (topic, *_), n in inside.items() if topic == "/ft/wrench")
     assert f"bytes {begin} to {end} (between " in warning
+    assert warning.count("bytes ") == 1  # and nothing of the end, which is whole
     assert f"{inside.total()} of 900 messages are missing, by the log's own statistics" in warning
     times = sorted({logged for _, logged, _, _ in inside})
     said = [float(t) for t in re.search(r"between ([\d.]+) s and ([\d.]+) s", warning).groups()]

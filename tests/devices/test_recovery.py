@@ -10,7 +10,7 @@ import pytest
 from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, DataEnd, Footer, Header, Message, Schema
-from palpate import OutputError
+from palpate import LogError, OutputError
 from palpate_devices.logs.mcap_file import McapFile
 from palpate_devices.mcap_replay import McapReplay
 
@@ -112,6 +112,31 @@ def test_messages_without_a_checksum_get_one(tmp_path):
     again = McapFile(tmp_path / "good.mcap")
     assert [len(messages) for _, messages in again.blocks({"/a"})] == [4]
     assert again.unchecked == 0
+
+
+def test_messages_behind_a_damaged_one_are_found_where_there_are_no_chunks(tmp_path):
+    channel = Channel(1, "/a", "json", {}, 0)
+    whole = log(tmp_path / "bad.mcap", packed(channel, *(message(1, 1000 + i) for i in range(40)))).read_bytes()
+    size = len(packed(message(1, 1000)))
+    begin = whole.index(packed(message(1, 1020)))
+    (tmp_path / "bad.mcap").write_bytes(whole[:begin] + b"\xff" * 20 + whole[begin + 20 :])
+    McapReplay.recover(tmp_path / "bad.mcap", tmp_path / "good.mcap")
+    found = stamps(tmp_path / "good.mcap")["/a"]
+    assert set(found) <= {1000 + i for i in range(40)} - {1020}
+    assert len(found) >= 38  # the one before it is not followed by a record
+    assert size == 31 + 4
+
+
+def test_messages_of_a_chunk_whose_checksum_is_wrong_are_not_taken_for_loose_ones(tmp_path):
+    """It is not compressed, and nothing before it can be read."""
+    messages = [message(1, 1000 + i) for i in range(40)]
+    made = chunk(*messages[:20], Channel(1, "/a", "json", {}, 0), *messages[20:])
+    raw = bytearray(log(tmp_path / "bad.mcap", made).read_bytes())
+    raw[len(MAGIC) + 1] = 0xFF  # the length of the first record
+    raw[raw.index(b"1005")] ^= 1
+    (tmp_path / "bad.mcap").write_bytes(raw)
+    with pytest.raises(LogError, match="nothing in it is whole"):
+        McapReplay.recover(tmp_path / "bad.mcap", tmp_path / "good.mcap")
 
 
 def test_times_in_a_chunks_head_come_from_its_messages(tmp_path):

@@ -2,10 +2,20 @@
 
 import numpy as np
 import pytest
-from palpate import Problem, Samples
+from palpate import Problem, Samples, force_over_time
 from palpate_filters.fit import CasadiFit
-from palpate_models import DimensionalityReductionMaxwell, Sphere, StandardLinearSolid
+from palpate_filters.fit.motion import longest_window
+from palpate_models import (
+    DimensionalityReduction,
+    DimensionalityReductionMaxwell,
+    FractionalKelvinVoigt,
+    Poroelastic,
+    Sphere,
+    StandardLinearSolid,
+)
 from scipy.signal import lfilter
+
+from tests.simulated import press_and_sines, samples
 
 RADIUS, E, NOISE = 5e-3, 112.5e3, 0.05
 FINE = 10  # steps of the hereditary integral in one sample
@@ -66,3 +76,28 @@ def test_the_instant_elasticity_stands_beside_the_lasting_one():
         "viscosity": (362.0, "Pa*s"),
         "instant_elasticity": (E + 20e3, "Pa"),
     }
+
+
+@pytest.mark.parametrize(
+    ("model", "theta"),
+    [(Poroelastic, (100e3, 0.2, 5e-6)), (FractionalKelvinVoigt, (60e3, 40e3, 0.4))],
+)
+def test_a_model_whose_numbers_are_all_nonlinear_is_found_from_its_own_guess(model, theta):
+    """No start is told: the search begins where the model says, not at 1 Pa and half a metre away."""
+    solid = model(indenter=Sphere(radius=RADIUS))
+    time, depth = press_and_sines()
+    force = force_over_time(solid, time, depth, np.gradient(depth, time), theta, pulls=False)
+    found = CasadiFit(profile=False, segment="contact").start(Problem(solid, 0.0)).run(samples(time, depth, force, 0))
+    row = np.flatnonzero(np.isfinite(found.values).all(axis=1))[0]
+    assert (np.abs(found.values[row] - theta) < 3.5 * found.std[row]).all()
+    assert (found.std[row] < 0.1 * np.array(theta)).all()
+    assert not found.flags
+
+
+def test_the_motion_is_not_smoothed_beyond_a_models_fastest_state():
+    """Ten times 2 ms of a springpot; a solid of a tenth of a second, and one without states, as noise has it."""
+    tip = Sphere(radius=RADIUS)
+    assert longest_window(FractionalKelvinVoigt(indenter=tip)) == pytest.approx(0.02)
+    assert (
+        longest_window(StandardLinearSolid(indenter=tip)) > 0.2 == longest_window(DimensionalityReduction(indenter=tip))
+    )

@@ -2,8 +2,11 @@
 
 import json
 import os
+import pickle
 import re
 import signal
+import subprocess
+import sys
 import threading
 import time
 from contextlib import closing
@@ -12,11 +15,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import ConfigurationError, UserError
-from palpate.host import RunFolder, built
+from palpate.host import RunFolder, built, load_pipeline
 
 distributed = pytest.importorskip("distributed")
 import dask  # noqa: E402
-from palpate_studies import cluster, staging, workers  # noqa: E402
+from palpate_studies import cluster, cluster_runs, staging, workers  # noqa: E402
 from palpate_studies.jobs import Job, on_all_cores  # noqa: E402
 
 pytestmark = [
@@ -368,6 +371,47 @@ def test_workers_that_share_no_folder_get_inputs_and_give_runs_by_way_of_s3(sche
     other = palpate(*command, "--set", "run.seed=7", "--out", tmp_path / "other")
     assert other.returncode == 2
     assert "combination 1 was run with other settings" in other.stderr or "combination 2 was" in other.stderr
+
+
+OWN = """
+from palpate import plugin
+from palpate_filters import CasadiFit
+
+class Mine(CasadiFit):
+    "A fit of one's own."
+
+@plugin
+def palpate_estimators():
+    return {"mine": Mine}
+"""
+WORKER = """
+import pickle, sys
+from palpate_studies.staging import answer_staged
+staged = pickle.load(sys.stdin.buffer)
+answer = answer_staged(staged)
+assert type(staged.parcel.unpacked().pipeline.estimators["fit"]).__name__ == "Mine"
+print(answer.result.tracks["dr/fit"].parameters["elasticity"].value)
+"""
+
+
+def test_a_plugin_file_goes_along_with_what_its_parts_are_in(point_pipeline, tmp_path):
+    """In a process that has never heard of it, on a machine that does not have it."""
+    own = tmp_path / "own.py"
+    own.write_text(OWN)
+    text = point_pipeline.read_text().replace('duration = "10 s"', 'duration = "1 s"')
+    text = text.replace("[run]\n", '[run]\nplugins = ["own.py"]\ntracks = ["dr/fit"]\n', 1)
+    point_pipeline.write_text(text + '[estimator.fit]\ntype = "mine"\n')
+    run = cluster_runs.ClusterRun("own", load_pipeline(point_pipeline), tmp_path / "own")
+    stage = staging.Stage(f"file://{tmp_path}/stage")
+    inputs = stage.put_inputs([run.pipeline])
+    staged = staging.StagedRun(cluster_runs.Parcel.of(run), cluster_runs.run_or_find, stage, inputs)
+    own.unlink()
+    done = subprocess.run([sys.executable, "-c", WORKER], input=pickle.dumps(staged), capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr.decode()
+    assert float(done.stdout) == pytest.approx(112.5e3, rel=0.05)
+    load_pipeline(point_pipeline)  # its classes are not those of the first time any more
+    with pytest.raises(ConfigurationError, match=r"own: cannot be sent to workers: .*install what is in a plugin file"):
+        cluster_runs.Parcel.of(run)
 
 
 def test_an_input_is_put_where_it_belongs_and_nothing_is_written_over(tmp_path):

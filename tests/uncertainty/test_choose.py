@@ -93,3 +93,19 @@ def test_mistakes_are_one_clear_message(palpate, tmp_path, models, said):
     assert done.returncode == 2
     assert said in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_the_authors_soft_silicone_wants_memory_and_no_model_is_all_of_it(palpate, authors_log, tmp_path):
+    """A real point palpation: a part that fades is supported by far, and what is left is told."""
+    models = "".join(
+        f'[model.{name}]\ntype = "{kind}"\nindenter = "tip"\n'
+        for name, kind in (("dr", "dimensionality-reduction"), ("sls", "standard-linear-solid"))
+    )
+    estimator = '[estimator.fit]\ntype = "casadi-fit"\nprofile = false\n'
+    (tmp_path / "p.toml").write_text(authors_log("d10mm_soft") + models + estimator)
+    done = palpate("choose", "p.toml")
+    assert done.returncode == 0, done.stderr
+    rows = {line.split("│")[1].strip(): line.split("│") for line in done.stdout.splitlines() if line.count("│") > 6}
+    assert float(rows["dr"][2]) > 20 > float(rows["sls"][2]) == 0
+    assert "None of the models describes" in done.stdout
+    assert 80 < float(rows["sls"][-2].split("±")[0]) < float(rows["dr"][-2].split("±")[0]) < 150

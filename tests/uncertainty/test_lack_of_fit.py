@@ -7,6 +7,9 @@ import pytest
 from palpate import Estimates, Samples
 from palpate.result.kept import Keeper
 from palpate_filters import CasadiFit, ExtendedKalmanFilter, KinematicFilter, KinematicSmoother
+from palpate_models import DimensionalityReduction, Sphere
+from palpate_uncertainty.alternatives import Refit, alternatives, refit
+from palpate_uncertainty.course import Course, make_course
 from palpate_uncertainty.lack_of_fit import LEVEL, lack_of_fit
 from palpate_uncertainty.whiteness import examined, oscillation
 from palpate_uncertainty.whitening import WHITE, null_of
@@ -117,6 +120,16 @@ def test_a_clean_record_is_not_flagged(evidence, estimator, colour):
     assert finding.table["p"] > LEVEL
 
 
+def test_a_refit_may_begin_at_nothing(evidence):
+    """A viscosity that an estimator has at its bound."""
+    track = evidence("clean", ExtendedKalmanFilter(), seed=5)
+    course = make_course(track, track.kept.used)
+    begins = track.values, np.array([track.values[0], 0.0])
+    found, other = (refit(course, theta, track.surface) for theta in begins)
+    assert other.theta == pytest.approx(found.theta, rel=1e-3)
+    assert other.surface == pytest.approx(found.surface, abs=1e-7)
+
+
 @pytest.mark.parametrize("estimator", [CasadiFit(), KinematicFilter(), ExtendedKalmanFilter()])
 @pytest.mark.parametrize("kind", ["thickness", "memory"])
 def test_a_wrong_model_is_flagged_with_its_reason_and_the_uncertainty_holds_the_truth(evidence, estimator, kind):
@@ -175,3 +188,25 @@ def test_without_a_standstill_what_nothing_explains_may_be_the_channel(evidence)
     finding = judged(replace(loud, air_time=nothing, air_force=nothing, air_position=nothing))
     assert finding.table["null"] == "residual"
     assert not finding.unknown
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_fit_that_has_lost_the_contact_is_judged_without_a_word_of_numpy():
+    """Its surface lies below the whole record, where no shape of the elastic force is left to vary."""
+    phase = 2 * np.pi * TIME
+    course = Course(
+        DimensionalityReduction(indenter=Sphere(radius=5e-3)),
+        TIME,
+        np.random.default_rng(1).normal(0.0, 0.05, N),
+        -2e-3 + 5e-4 * np.cos(phase),
+        1e-3 * np.pi * np.sin(phase),
+        2e-3 * np.pi**2 * np.cos(phase),
+        ONE_RUN,
+        np.ones(N, bool),
+        0.0,
+        float(TIME[-1]),
+        False,
+        (0.0, 0.0),
+    )
+    lost = Refit("", np.array([4e3, 250.0]), -0.037, np.array([[4e3, 250.0]]), course.force)
+    assert {"thickness", "tip"}.isdisjoint(other.reason for other in alternatives(course, lost))

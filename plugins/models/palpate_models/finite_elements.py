@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, Floats
 
-_MODULUS = 1.0  # Young's modulus; forces are per it
-_BULK = 1e5  # of the modulus: Poisson's ratio 0.499998
+from palpate_models import neo_hookean
+from palpate_models.rigid_tip import Overlap, Profile
+
 _STIFF = 3e3  # of the contact, over modulus and contact radius
 _GROWTH = 1.25  # of the elements away from the contact
 _STEPS = 40  # of Newton's method between plates
@@ -36,16 +37,6 @@ class Cylinder:
     diameter: float  # [m]
     height: float  # [m]
     bonded: bool = True  # to its base; else it slides
-
-
-@dataclass(frozen=True)
-class Profile:
-    """A rigid tip: height f(r) [m] over its lowest point, and its derivative, on arrays of radii (n,) [m]."""
-
-    height: Callable[[Floats], Floats]
-    slope: Callable[[Floats], Floats]
-    reach: float  # [m] radius out to which it may touch
-    sticking: bool = False  # the surface does not slide on it
 
 
 class SoftCylinder:
@@ -167,12 +158,12 @@ class SoftCylinder:
         count = self._moves.N
         return {"u": self._moves.interpolate(x[:count]), "p": self._presses.interpolate(x[count:])}
 
-    def _overlap(self, tip: Profile, depth: float) -> _Overlap:
-        return _Overlap(tip, depth, _STIFF * _MODULUS / self._scale)
+    def _overlap(self, tip: Profile, depth: float) -> Overlap:
+        return Overlap(tip, depth, _STIFF * neo_hookean.MODULUS / self._scale)
 
     def _whole(self, x: Floats) -> bool:
         """Whether no element is turned over, along the surface or around the axis."""
-        F = _gradient(self._moves.interpolate(x[: self._moves.N]), self._radii)
+        F = neo_hookean.gradient(self._moves.interpolate(x[: self._moves.N]), self._radii)
         plane = (1 + F[0, 0]) * (1 + F[1, 1]) - F[0, 1] * F[1, 0]
         return bool(min(plane.min(), 1 + F[2, 2].min()) > _THINNEST)
 
@@ -181,9 +172,9 @@ class SoftCylinder:
         from scipy.sparse import bmat
 
         fem, given = self._fem, self._given(x)
-        stiffness = fem.BilinearForm(_stiffness).assemble(self._moves, **given)
-        coupling = fem.BilinearForm(_coupling).assemble(self._presses, self._moves, **given)
-        softness = fem.BilinearForm(_softness).assemble(self._presses)
+        stiffness = fem.BilinearForm(neo_hookean.stiffness).assemble(self._moves, **given)
+        coupling = fem.BilinearForm(neo_hookean.coupling).assemble(self._presses, self._moves, **given)
+        softness = fem.BilinearForm(neo_hookean.softness).assemble(self._presses)
         if tip is not None:
             at = {"u": self._top.interpolate(x[: self._moves.N])}
             stiffness = stiffness + fem.BilinearForm(self._overlap(tip, depth).tangent).assemble(self._top, **at)
@@ -192,100 +183,14 @@ class SoftCylinder:
     def _residual(self, x: Floats, tip: Profile | None, depth: float) -> tuple[Floats, float]:
         """What is out of balance, over 2 pi, and the force of the tip."""
         fem, given, force = self._fem, self._given(x), 0.0
-        forces = fem.LinearForm(_stress).assemble(self._moves, **given)
-        volumes = fem.LinearForm(_volume).assemble(self._presses, **given)
+        forces = fem.LinearForm(neo_hookean.stress).assemble(self._moves, **given)
+        volumes = fem.LinearForm(neo_hookean.volume).assemble(self._presses, **given)
         if tip is not None:
             at = {"u": self._top.interpolate(x[: self._moves.N])}
             overlap = self._overlap(tip, depth)
             forces = forces + fem.LinearForm(overlap.traction).assemble(self._top, **at)
             force = 2 * math.pi * float(fem.Functional(overlap.force).assemble(self._top, **at))
         return np.concatenate([forces, volumes]), force
-
-
-@dataclass(frozen=True)
-class _Overlap:
-    """The energy k/2 <overlap>^2 of a surface in a tip, overlap along the axis; its derivatives are the traction."""
-
-    tip: Profile
-    depth: float
-    stiff: float
-
-    def _at(self, w: Any) -> tuple[Any, Any, Any]:
-        place = w.x[0] + w.u[0]
-        overlap = w.u[1] + self.depth - self.tip.height(place)
-        return np.maximum(overlap, 0.0), overlap > 0, self.tip.slope(place)
-
-    def force(self, w: Any) -> Any:
-        return self.stiff * self._at(w)[0] * w.x[0]
-
-    def traction(self, v: Any, w: Any) -> Any:
-        overlap, touching, slope = self._at(w)
-        found = self.stiff * overlap * (v[1] - slope * v[0])
-        return (found + (self.stiff * touching * w.u[0] * v[0] if self.tip.sticking else 0.0)) * w.x[0]
-
-    def tangent(self, u: Any, v: Any, w: Any) -> Any:
-        overlap, touching, slope = self._at(w)
-        place, step = w.x[0] + w.u[0], 1e-4 * self.tip.reach
-        bend = (self.tip.slope(place + step) - self.tip.slope(place - step)) / (2 * step)
-        found = touching * (u[1] - slope * u[0]) * (v[1] - slope * v[0]) - overlap * bend * u[0] * v[0]
-        if self.tip.sticking:
-            found = found + touching * u[0] * v[0]
-        return self.stiff * found * w.x[0]
-
-
-def _gradient(u: Any, r: Any) -> Any:
-    """(3, 3, ...) gradient of an axisymmetric displacement: r, z and around."""
-    found = np.zeros((3, 3, *u.grad.shape[2:]))
-    for i in range(2):
-        for j in range(2):
-            found[i, j] = u.grad[i, j]
-    found[2, 2] = u[0] / r
-    return found
-
-
-def _deformed(w: Any) -> tuple[Any, Any, Any]:
-    """F^-T, J and F of the present displacement; 3 by 3 with a block of 2, in closed form."""
-    F = _gradient(w.u, w.x[0])
-    for i in range(3):
-        F[i, i] += 1.0
-    plane = F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0]
-    inverse = np.zeros_like(F)
-    inverse[0, 0], inverse[1, 1] = F[1, 1] / plane, F[0, 0] / plane
-    inverse[0, 1], inverse[1, 0] = -F[1, 0] / plane, -F[0, 1] / plane
-    inverse[2, 2] = 1.0 / F[2, 2]
-    return inverse, plane * F[2, 2], F
-
-
-def _inner(a: Any, b: Any) -> Any:
-    return np.einsum("ij...,ij...", a, b)
-
-
-def _stress(v: Any, w: Any) -> Any:
-    inverse, volume, F = _deformed(w)
-    stress = _MODULUS / 3 * (F - inverse) + w.p * volume * inverse
-    return _inner(stress, _gradient(v, w.x[0])) * w.x[0]
-
-
-def _stiffness(u: Any, v: Any, w: Any) -> Any:
-    inverse, volume, _ = _deformed(w)
-    du, dv = _gradient(u, w.x[0]), _gradient(v, w.x[0])
-    turned = np.einsum("ij...,kj...,kl...->il...", inverse, du, inverse)
-    found = _MODULUS / 3 * (_inner(du, dv) + _inner(turned, dv))
-    found = found + w.p * volume * (_inner(inverse, du) * _inner(inverse, dv) - _inner(turned, dv))
-    return found * w.x[0]
-
-
-def _coupling(p: Any, v: Any, w: Any) -> Any:
-    inverse, volume, _ = _deformed(w)
-    return p * volume * _inner(inverse, _gradient(v, w.x[0])) * w.x[0]
-
-
-def _softness(p: Any, q: Any, w: Any) -> Any:
-    return -p * q / (_BULK * _MODULUS) * w.x[0]
-
-
-def _volume(q: Any, w: Any) -> Any:
-    return q * (_deformed(w)[1] - 1.0 - w.p / (_BULK * _MODULUS)) * w.x[0]
 
 
 def _first_component(basis: Any, boundary: str) -> Any:

@@ -13,7 +13,8 @@ from palpate import ConfigurationError, Floats, Indenter, tip_profile, to_si
 from palpate.host import JsonOption, Source, build_parts, print_json, write_new
 
 if TYPE_CHECKING:
-    from palpate_models.finite_elements import Cylinder, Profile
+    from palpate_models.finite_elements import Cylinder
+    from palpate_models.rigid_tip import Profile
 
 _BEYOND = 1.6  # contact radii out to which the surface is looked at
 _FIRST = 0.3  # contact radius of the first row, over that of the last: less, and it spans few elements
@@ -45,34 +46,18 @@ def thickness(
     equilibrium is found, or the time is over, the table ends at the last depth that was reached, and this is said.
     """
     from palpate_models.finite_elements import Cylinder
-    from palpate_models.thickness_table import FEWEST, smoothed, table_text, tip_facts
+    from palpate_models.thickness_table import smoothed, table_text, tip_facts
 
     if out.exists():
         raise ConfigurationError(f"{out}: is there already, and nothing is ever overwritten")
     sizes = {name: _length(name, text) for name, text in (("diameter", diameter), ("height", height), ("depth", depth))}
     indenter = _tip(tip, overrides or [])
-    if sizes["depth"] > 0.5 * sizes["height"]:
-        raise ConfigurationError("--depth: more than half of the height")
-    profile = _profile(indenter, sizes["depth"], sticking)
-    if profile.reach > 0.5 * sizes["diameter"]:
-        raise ConfigurationError("--diameter: the contact would reach the specimen's edge")
-    seconds = _seconds(limit)
+    profile = _fitting(indenter, sizes, sticking)
     depths = sizes["depth"] * np.linspace(_FIRST, 1.0, points) ** 2
     cylinder = Cylinder(sizes["diameter"], sizes["height"], bonded)
-    factors: list[float] = []
-    stopped = ""
-    for found in _factors(cylinder, indenter, profile, depths, fine, seconds):
-        if isinstance(found, str):
-            stopped = found
-            break
-        factors.append(found)
+    factors, stopped = _rows(cylinder, indenter, profile, depths, fine, _seconds(limit))
     reached = depths[: len(factors)]
-    if len(factors) < FEWEST:
-        raise ConfigurationError(
-            f"palpate thickness: {stopped}, and {len(factors)} rows are no table ({FEWEST} are needed); take less "
-            "--depth, more --points, more --limit, or another number of elements (--fine)"
-        )
-    smooth, scatter = smoothed(reached, np.array(factors))
+    smooth, scatter = smoothed(reached, factors)
     if scatter > _SCATTER:
         raise ConfigurationError(f"palpate thickness: the rows scatter by {scatter:.1%}; take more elements (--fine)")
     facts = {
@@ -86,6 +71,36 @@ def thickness(
     if stopped:
         typer.echo(f"warning: {stopped}: the table ends at {1e3 * reached[-1]:.3g} mm, not at {depth}", err=True)
     typer.echo(f'written to {out}; use it with thickness = {{ table = "{out}" }}', err=as_json)
+
+
+def _fitting(tip: Indenter, sizes: dict[str, float], sticking: bool) -> Profile:
+    """The tip's shape, where it fits the specimen; raises ConfigurationError."""
+    if sizes["depth"] > 0.5 * sizes["height"]:
+        raise ConfigurationError("--depth: more than half of the height")
+    profile = _profile(tip, sizes["depth"], sticking)
+    if profile.reach > 0.5 * sizes["diameter"]:
+        raise ConfigurationError("--diameter: the contact would reach the specimen's edge")
+    return profile
+
+
+def _rows(
+    cylinder: Cylinder, tip: Indenter, profile: Profile, depths: Floats, fine: int, seconds: float
+) -> tuple[Floats, str]:
+    """Factors of as many depths as were reached, and why not of all; raises ConfigurationError where they are few."""
+    from palpate_models.thickness_table import FEWEST
+
+    found, stopped = list[float](), ""
+    for one in _factors(cylinder, tip, profile, depths, fine, seconds):
+        if isinstance(one, str):
+            stopped = one
+        else:
+            found.append(one)
+    if len(found) < FEWEST:
+        raise ConfigurationError(
+            f"palpate thickness: {stopped}, and {len(found)} rows are no table ({FEWEST} are needed); take less "
+            "--depth, more --points, more --limit, or another number of elements (--fine)"
+        )
+    return np.array(found), stopped
 
 
 def _factors(
@@ -141,7 +156,7 @@ def _profile(indenter: Indenter, depth: float, sticking: bool) -> Profile:
     """The tip's shape out to where it may touch, straight on beyond what is known of it."""
     from scipy.interpolate import CubicSpline
 
-    from palpate_models.finite_elements import Profile
+    from palpate_models.rigid_tip import Profile
 
     radii, heights = tip_profile(indenter, _DEEPER * depth, 400)
     shape = CubicSpline(radii, heights)

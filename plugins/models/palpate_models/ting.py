@@ -14,6 +14,7 @@ from palpate_models.relaxation import Relaxing, Spectrum
 from palpate_models.thickness import corrected_contact
 
 _REVERSAL = 1e-6  # [m]; a smaller way back is none
+_HALVINGS = 40  # of the range in which the end of the integral is looked for
 
 
 def ting_force(
@@ -27,47 +28,57 @@ def ting_force(
     Raises ValueError for more than one maximum, and for a model whose relaxation is none of a linear material's.
     Source: Ting 1966; Lee and Radok 1960; by trapezoids in depth and area between the instants.
     """
-    law = relaxation_of(model, theta)
-    peak = _one_maximum(depth, reversal)
+    way = _Way(model, relaxation_of(model, theta), time, depth, _one_maximum(depth, reversal))
+    found = np.concatenate([way.loading(), way.unloading()])
     held: Any = model
-    loaded, back = np.maximum.accumulate(depth[: peak + 1]), depth[peak + 1 :]
-    area = np.where(loaded > 0, _area(held, loaded), 0.0)
-    rates = np.array([rate for _, rate in law.arms])
-    strengths = np.array([strength for strength, _ in law.arms])
-    into = np.maximum(loaded, 0.0)
-    q, p = (_faded(values, time[: peak + 1], rates, strengths) for values in (area, into))
-    lasting, damper = law.lasting or 0.0, 2.0 * (1.0 + held.poisson) * (law.damper or 0.0)
-    speed = np.gradient(depth, time)
-    loading = lasting * area + q.sum(axis=1) + damper * np.gradient(area, time[: peak + 1])
-    loading = np.where(loaded > 0, loading, 0.0)
-    found = np.zeros(len(time))
-    found[: peak + 1] = loading
-    if len(back):
-        later = time[peak + 1 :]
-        # The depth's own fading sums go on over the way back.
-        whole = _faded(np.concatenate([into, back]), time, rates, strengths)[peak + 1 :]
-
-        def push(at: Floats) -> Floats:
-            """Int_t1^t E(t - s) d'(s) ds for t1 at (fractional) places of the loading."""
-            kept = np.exp(-np.outer(later - _at(time[: peak + 1], at), np.ones(len(rates))) * rates)
-            return np.asarray(
-                lasting * (back - _at(into, at))
-                + (whole - kept * np.column_stack([_at(column, at) for column in p.T] or [np.zeros((len(at), 0))])).sum(
-                    axis=1
-                )
-                + damper * speed[peak + 1 :]
-            )
-
-        low, high = np.zeros(len(back)), np.full(len(back), float(peak))
-        off = push(low) < 0  # even the first touch is left behind
-        for _ in range(40):
-            middle = (low + high) / 2
-            above = push(middle) > 0
-            low, high = np.where(above, middle, low), np.where(above, high, middle)
-        kept = np.exp(-np.outer(later - _at(time[: peak + 1], low), np.ones(len(rates))) * rates)
-        states = np.column_stack([_at(column, low) for column in q.T] or [np.zeros((len(low), 0))])
-        found[peak + 1 :] = np.where(off, 0.0, lasting * _at(area, low) + (kept * states).sum(axis=1))
     return np.asarray(2.0 / (1.0 - held.poisson**2) * np.maximum(found, 0.0))
+
+
+class _Way:
+    """One loading and one unloading, with the fading sums of depth and area on the way in."""
+
+    def __init__(self, model: Any, law: Spectrum, time: Floats, depth: Floats, peak: int) -> None:
+        loaded, self._back = np.maximum.accumulate(depth[: peak + 1]), depth[peak + 1 :]
+        self._time, self._later, self._peak = time[: peak + 1], time[peak + 1 :], peak
+        self._speed = np.gradient(depth, time)[peak + 1 :]
+        self._into, self._touching = np.maximum(loaded, 0.0), loaded > 0
+        self._area = np.where(self._touching, _area(model, loaded), 0.0)
+        self._rates = np.array([rate for _, rate in law.arms])
+        strengths = np.array([strength for strength, _ in law.arms])
+        self._lasting, self._damper = law.lasting or 0.0, 2.0 * (1.0 + model.poisson) * (law.damper or 0.0)
+        # The depth's own fading sums go on over the way back.
+        depths = _faded(np.concatenate([self._into, self._back]), time, self._rates, strengths)
+        self._depth_sums, self._depth_sums_back = depths[: peak + 1], depths[peak + 1 :]
+        self._area_sums = _faded(self._area, self._time, self._rates, strengths)
+
+    def loading(self) -> Floats:
+        """int_0^t E(t - s) dA(d(s)) (n,) while the contact grows."""
+        found = self._lasting * self._area + self._area_sums.sum(axis=1)
+        found = found + self._damper * np.gradient(self._area, self._time)
+        return np.where(self._touching, found, 0.0)
+
+    def unloading(self) -> Floats:
+        """The same up to t1(t) only, found by halving; 0 where even the first touch is left behind."""
+        if not len(self._back):
+            return np.zeros(0)
+        low, high = np.zeros(len(self._back)), np.full(len(self._back), float(self._peak))
+        off = self._push(low) < 0
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            above = self._push(middle) > 0
+            low, high = np.where(above, middle, low), np.where(above, high, middle)
+        found = self._lasting * _at(self._area, low) + self._faded_since(self._area_sums, low).sum(axis=1)
+        return np.where(off, 0.0, found)
+
+    def _push(self, at: Floats) -> Floats:
+        """int_t1^t E(t - s) d'(s) ds for t1 at (fractional) places of the loading."""
+        fading = (self._depth_sums_back - self._faded_since(self._depth_sums, at)).sum(axis=1)
+        return np.asarray(self._lasting * (self._back - _at(self._into, at)) + fading + self._damper * self._speed)
+
+    def _faded_since(self, sums: Floats, at: Floats) -> Floats:
+        """Fading sums (m, k) of the loading up to places (m,), as they are on the way back."""
+        kept = np.exp(-np.outer(self._later - _at(self._time, at), self._rates))
+        return np.asarray(kept * np.column_stack([_at(column, at) for column in sums.T] or [np.zeros((len(at), 0))]))
 
 
 def relaxation_of(model: ContactModel, theta: Sequence[float]) -> Spectrum:

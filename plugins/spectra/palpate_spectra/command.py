@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from palpate import ConfigurationError, to_si
+from palpate import ConfigurationError
 from palpate.host import (
     FormatOption,
     JsonOption,
@@ -29,6 +29,7 @@ from palpate_spectra.consistency import Consistency, harmonics, kramers_kronig
 from palpate_spectra.judging import flags_of, sentence, values_of
 from palpate_spectra.laws import LawFit, law_fits
 from palpate_spectra.moduli import Answer, Line, answer
+from palpate_spectra.options import SurfaceOption, height_of, quantities
 from palpate_spectra.picture import draw
 from palpate_spectra.recorded import read_recorded
 
@@ -47,9 +48,7 @@ def spectrum(
     frequencies: Annotated[
         str | None, typer.Option(help='Of the motion, with commas between: "0.5 Hz, 2 Hz". [default: found]')
     ] = None,
-    surface: Annotated[
-        str | None, typer.Option(help="Height of the skin, such as '0.3 mm'. [default: that of the track]")
-    ] = None,
+    surface: SurfaceOption = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder; must be new or empty. [default: runs/DATE_TIME_spectrum]")
     ] = None,
@@ -61,9 +60,9 @@ def spectrum(
     From sines, several at once, chirps and stepped frequencies, on any tip with a contact radius. Checks Kramers and
     Kronig's relations and the harmonics, and fits laws of the material with a delay of the force.
     """
-    lines_given = _quantities(frequencies, "Hz", "--frequencies")
-    height = _quantities(surface, "m", "--surface")
-    answers = [answer(read_recorded(run, track, height[0] if height else None), lines_given) for run in runs]
+    lines_given = quantities(frequencies, "Hz", "--frequencies")
+    height = height_of(surface)
+    answers = [answer(read_recorded(run, track, height), lines_given) for run in runs]
     lines = sorted((line for one in answers for line in one.lines), key=lambda line: line.frequency)
     if not lines:
         raise ConfigurationError(f"{runs[0]}: the motion is neither a sum of sines nor a sine whose frequency changes")
@@ -87,14 +86,6 @@ def spectrum(
         for flag in flags:
             screen.print(str(flag), style="yellow", markup=False, highlight=False)
     typer.echo(f"written to {folder}: spectrum.csv, spectrum.png", err=layout != "table")
-
-
-def _quantities(text: str | None, unit: str, option: str) -> list[float]:
-    """Quantities with commas between; raises ConfigurationError."""
-    try:
-        return [to_si(part.strip(), unit) for part in text.split(",")] if text is not None else []
-    except ValueError as error:
-        raise ConfigurationError(f"{option}: {error}") from error
 
 
 def table_of(lines: Sequence[Line]) -> Table:

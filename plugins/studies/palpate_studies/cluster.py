@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 import uuid
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 from itertools import islice
@@ -97,7 +97,7 @@ def connected(address: str, folder: Path, shared: bool = True) -> Iterator[Any]:
         yield client
 
 
-def spread(client: Any, function: Callable[[Task], Any], tasks: Sequence[Task]) -> Generator[tuple[Task, Any]]:
+def spread(client: Any, function: Callable[[Task], Any], tasks: Iterable[Task]) -> Generator[tuple[Task, Any]]:
     """What a function makes of every task, in any order; an exception where it raised, or where its workers died.
 
     Raises UserError where nobody has worked for five minutes, and where a worker has come that is not as here.

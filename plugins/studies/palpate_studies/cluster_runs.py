@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -9,8 +10,8 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from palpate import UserError
-from palpate.host import Pipeline, Result, RunFolder, run_pipeline
+from palpate import ConfigurationError, UserError
+from palpate.host import Pipeline, Result, RunFolder, registry, run_pipeline
 
 from palpate_studies.answers import keep, kept
 from palpate_studies.cluster import connected, lost, spread
@@ -78,19 +79,47 @@ def cluster_results(
     from palpate_studies.staging import Stage, StagedRun, answer_staged, brought
 
     with connected(address, folder, shared=stage is None) as client:
-        everywhere = [replace(run, folder=run.folder.resolve()) for run in runs]
+        everywhere = {run.name: replace(run, folder=run.folder.resolve()) for run in runs}
+        parcels = (Parcel.of(run) for run in everywhere.values())
+        place = None if stage is None else Stage(stage)
         done: Generator[tuple[Any, Any]]
-        if stage is None:
-            done = spread(client, _Tried(work), everywhere)
+        if place is None:
+            done = spread(client, _Tried(work), parcels)
         else:
-            place = Stage(stage)
             inputs = place.put_inputs(run.pipeline for run in runs)
-            done = spread(client, answer_staged, [StagedRun(run, work, place, inputs) for run in everywhere])
+            done = spread(client, answer_staged, (StagedRun(parcel, work, place, inputs) for parcel in parcels))
         with closing(done):
             for task, outcome in done:
                 if not isinstance(outcome, Answer | UserError):
                     outcome = UserError(lost(outcome))
-                yield (task, outcome) if isinstance(task, ClusterRun) else (task.run, brought(task, outcome))
+                run = everywhere[task.name]
+                yield run, outcome if place is None else brought(run, place, outcome)
+
+
+@dataclass(frozen=True)
+class Parcel:
+    """A run on its way to a worker, which imports the plugin files that its parts are of before it unpacks it."""
+
+    name: str
+    plugins: tuple[Path, ...]
+    content: bytes
+
+    @classmethod
+    def of(cls, run: ClusterRun) -> Parcel:
+        """A run, packed; raises ConfigurationError where it cannot be."""
+        try:
+            return cls(run.name, run.pipeline.run.plugins, pickle.dumps(run))
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            raise ConfigurationError(
+                f"{run.name}: cannot be sent to workers: {error}; install what is in a plugin file as a distribution"
+            ) from error
+
+    def unpacked(self) -> ClusterRun:
+        """The run; raises PluginError where a plugin file is not there."""
+        if self.plugins:
+            registry.load(self.plugins)
+        run: ClusterRun = pickle.loads(self.content)
+        return run
 
 
 @dataclass(frozen=True)
@@ -99,8 +128,8 @@ class _Tried:
 
     work: Work
 
-    def __call__(self, run: ClusterRun) -> Answer | UserError:
+    def __call__(self, parcel: Parcel) -> Answer | UserError:
         try:
-            return self.work(run)
+            return self.work(parcel.unpacked())
         except UserError as error:
             return error

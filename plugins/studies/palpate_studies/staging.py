@@ -15,7 +15,7 @@ from palpate import ConfigurationError, OutputError, UserError
 from palpate.host import RESULT, Pipeline
 from pydantic import BaseModel
 
-from palpate_studies.cluster_runs import Answer, ClusterRun, Work, found_before, unused
+from palpate_studies.cluster_runs import Answer, ClusterRun, Parcel, Work, found_before, unused
 from palpate_studies.jobs import Job, finished, run_job
 
 
@@ -147,17 +147,23 @@ def _name(job: Job) -> str:
 class StagedRun:
     """A run and who makes it, with the place of its inputs and of its folder."""
 
-    run: ClusterRun
+    parcel: Parcel
     work: Work
     stage: Stage
     inputs: Mapping[str, str]  # SHA-256 by path
 
+    @property
+    def name(self) -> str:
+        """That of the run."""
+        return self.parcel.name
+
 
 def answer_staged(staged: StagedRun) -> Answer | UserError:
     """What a run finds, on a worker that shares no folder; one that is whole in the place is brought, and not made."""
-    stage, run = staged.stage, staged.run
+    stage = staged.stage
     try:
         stage.get_inputs(staged.inputs)
+        run = staged.parcel.unpacked()
         with tempfile.TemporaryDirectory(prefix="palpate-") as temporary:
             folder = Path(temporary, run.folder.name)
             whole = stage.find(run.folder.name) is not None
@@ -171,13 +177,13 @@ def answer_staged(staged: StagedRun) -> Answer | UserError:
     return answer
 
 
-def brought(staged: StagedRun, outcome: Answer | UserError) -> Answer | UserError:
+def brought(run: ClusterRun, stage: Stage, outcome: Answer | UserError) -> Answer | UserError:
     """An outcome with its run folder brought here; raises OutputError where that cannot be."""
     if isinstance(outcome, UserError):
         return outcome
-    if (found := found_before(staged.run)) is None:
-        folder = unused(staged.run.folder)
-        staged.stage.get_run(staged.run.folder.name, folder)
+    if (found := found_before(run)) is None:
+        folder = unused(run.folder)
+        stage.get_run(run.folder.name, folder)
         found = replace(outcome.result, folder=folder)
     return replace(outcome, result=found)
 

@@ -94,8 +94,8 @@ def alternatives(course: Course, base: Refit, frequency: float | None = None) ->
     """
     elastic = [i for i, parameter in enumerate(course.model.parameters) if parameter.role == "elastic"]
     makers: list[Maker] = [_timing, _drift]
-    if elastic and not course.model.memory:
-        shape = _shape(course, base)
+    shape = _shape(course, base) if elastic and not course.model.memory else None
+    if shape is not None:
         makers += [
             lambda c: _thickness(c, base.theta, shape),
             lambda c: _tip(c, elastic, shape),
@@ -146,9 +146,12 @@ class _Shape:
     power: float  # of depth, that it grows with
 
 
-def _shape(course: Course, base: Refit) -> _Shape:
+def _shape(course: Course, base: Refit) -> _Shape | None:
+    """None where a fit has lost the contact: its surface is below all of the record."""
     depth, (low, slope) = course.depth(base.surface)[course.used], course.elastic(base.theta, base.surface)
     low, slope = low[course.used], slope[course.used]
+    if not np.mean(low) > 0:
+        return None
     return _Shape(float(np.mean(depth)), float(np.mean(slope)), float(np.mean(slope * depth) / np.mean(low)))
 
 

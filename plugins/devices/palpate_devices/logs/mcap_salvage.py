@@ -36,7 +36,8 @@ class Salvage:
 
     def __init__(self, path: Path, known: Known, reader: Pass) -> None:
         self._path, self._known, self._counts = path, known, reader.counts
-        self._chunked = reader.chunked  # loose messages are looked for only where nothing is a chunk
+        # Messages that stand by themselves are looked for only where nothing is a chunk; None: not known yet.
+        self._chunked: bool | None = True if reader.chunked else None
         step, heads = records.CHUNK_HEAD, bytes(reader.heads)
         self._seen = {heads[at : at + step] for at in range(0, len(heads), step)}
         self._latest = reader.latest  # [ns] log time of what was read before
@@ -160,14 +161,18 @@ class Salvage:
             return claimed
         if self._next < size or self._vain > self._patience(size):
             return self._next
-        loose = None if self._chunked else next(search.loose_from(file, position + 1, size), None)
+        loose = None if self._has_chunks(file, size) else next(search.loose_from(file, position + 1, size), None)
         return loose or search.data_end_from(file, position + 1, size) or size
+
+    def _has_chunks(self, file: IO[bytes], size: int) -> bool:
+        """Whether the head of a chunk is anywhere: then no message that stands by itself is believed to be one."""
+        if self._chunked is None:
+            self._chunked = next(search.chunks_from(file, 0, size), None) is not None
+        return self._chunked
 
     def _next_chunk(self, file: IO[bytes], begin: int, size: int) -> int:
         """Where the next chunk is that is whole; the size of the file where there is none."""
-        candidates = search.chunks_from(file, begin, size)
-        for at in candidates:
-            self._chunked = True
+        for at in search.chunks_from(file, begin, size):
             if self._opens(file, at):
                 return at
             if self._vain > self._patience(size):

@@ -23,6 +23,7 @@ _INSIDE = np.linspace(0.0, 1.0, 41)[1:]  # heights within the record, as shares 
 _ABOVE = np.geomspace(0.01, 12.0, 36)  # heights above it
 _SINGULAR, _ROUNDING = 1e-8, 1e-7  # of scaled squares; their sums are exact to some 1e-13 over the first of both
 _GRIDS = {"1": (1.0, 1.5, 2.0, 3.0), "s": (0.03, 0.1, 0.3, 1.0)}  # of what is not linear, by unit
+_DECLARED = ("Pa", "m^2/s")  # where what is not linear begins as the model says, unless its material flows
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,12 @@ def first_guess(
     thin = record.thinned(_SAMPLES)
     if not thin.used.all():
         thin = thin.selected(thin.used)
-    grids = [_grid(item, place, linear, thin) for place, item in enumerate(unknowns.items)]
+    solid = bool(model.memory) and all(parameter.unit != "Pa*s" for parameter in model.parameters)
+    told = (one for one in model.parameters if solid and one.unit in _DECLARED)
+    starts_of = {one.name: one.start for one in told if one.start is not None}
+    grids = [
+        _grid(item, place, linear, thin, starts_of.get(item.name, 1.0)) for place, item in enumerate(unknowns.items)
+    ]
     grids.append(grids.pop(unknowns.index("surface")))
     names = [i for i in range(len(unknowns.items)) if i != unknowns.index("surface")]
     starts = np.zeros((math.prod(len(grid) for grid in grids), len(unknowns.items)))
@@ -104,7 +110,7 @@ def _least(residual: Residual, record: FitRecord, starts: Floats, linear: Sequen
     return np.where(known & (roots[:, 0] > _SINGULAR), left, 0.0)
 
 
-def _grid(item: FitUnknown, place: int, linear: Sequence[int], record: FitRecord) -> tuple[float, ...]:
+def _grid(item: FitUnknown, place: int, linear: Sequence[int], record: FitRecord, start: float) -> tuple[float, ...]:
     if item.value is not None and not (item.free and place in linear):
         return (item.value,)
     if not item.free or place in linear:
@@ -118,8 +124,8 @@ def _grid(item: FitUnknown, place: int, linear: Sequence[int], record: FitRecord
         return (item.inside(0.0),)
     if np.isfinite(item.upper) and item.upper > item.lower and item.name not in EXTRAS:
         return tuple((item.lower + (item.upper - item.lower) * np.array([0.2, 0.5, 0.8])).tolist())
-    allowed = tuple(value for value in _GRIDS.get(item.unit, (1.0,)) if item.lower <= value <= item.upper)
-    return allowed or (item.inside(1.0),)
+    allowed = tuple(value for value in _GRIDS.get(item.unit, (start,)) if item.lower <= value <= item.upper)
+    return allowed or (item.inside(start),)
 
 
 def solve_linear(model: ContactModel, unknowns: Unknowns, record: FitRecord, x: Floats, linear: Sequence[int]) -> Guess:

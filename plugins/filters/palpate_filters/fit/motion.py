@@ -6,13 +6,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from palpate import Floats, Samples
+from palpate import ContactModel, Floats, Samples
 
 from palpate_filters.local_cubic import cubic_weights, local_cubic
 
 _SHORTEST = 5  # samples
 _LONGEST = 0.2  # [s] that the window is widened to by itself
 _NOISE_SHARE = 0.02  # of the RMS rate, below which noise of the rate no longer bends an estimate
+_FORGOTTEN = 10.0  # times of the fastest state that are at least averaged
+_SHALLOW = 1e-3  # [m] depth at which it is the fastest
 _GAP = 5.0  # median intervals
 _AT_ONCE = 65_536  # samples whose differences are taken at once
 
@@ -26,12 +28,13 @@ class TipTravel:
     window: float  # [s] of the local polynomial
 
 
-def zero_phase_motion(samples: Samples, window: float | None) -> TipTravel:
+def zero_phase_motion(samples: Samples, window: float | None, longest: float = _LONGEST) -> TipTravel:
     """Rate and acceleration by local cubics over a symmetric window [s] (Savitzky and Golay 1964).
 
     The rate joins the slope of the position and the smoothed velocity, each weighted by the inverse variance of its
     noise, which third differences tell. Noise of the rate lowers a viscosity (errors in variables) by its share of the
-    rate's mean square, so without a given window the shortest one is taken that keeps this share below 0.04 %.
+    rate's mean square, so without a given window the shortest one is taken that keeps this share below 0.04 %, but none
+    above the `longest` [s].
     """
     interval = float(np.median(samples.interval[1:])) if len(samples) > 1 else 1.0
     interval = interval if interval > 0 else 1.0
@@ -40,9 +43,23 @@ def zero_phase_motion(samples: Samples, window: float | None) -> TipTravel:
         return _motion(samples, interval, _odd(window / interval), noise)
     width = _SHORTEST
     speed = float(np.sqrt(np.nanmean(samples.velocity**2))) if np.isfinite(samples.velocity).any() else 0.0
-    while width * interval < _LONGEST and _rate_noise(noise, width, interval) > _NOISE_SHARE * speed:
+    while width * interval < min(longest, _LONGEST) and _rate_noise(noise, width, interval) > _NOISE_SHARE * speed:
         width = _odd(1.2 * width + 2)
     return _motion(samples, interval, width, noise)
+
+
+def longest_window(model: ContactModel) -> float:
+    """Window [s] that blurs nothing that a model's states make of a motion, at the values where a search begins.
+
+    States average the rate themselves: its noise bends them less than what is blurred at a touch does.
+    """
+    if not model.memory:
+        return _LONGEST
+    guess = [1.0 if parameter.start is None else parameter.start for parameter in model.parameters]
+    ones, count = [1.0] * len(model.memory), len(model.memory)
+    ends = (model.memory_rate(_SHALLOW, 0.0, guess, state) for state in (ones, [0.0] * count))
+    forgetting = np.abs(np.subtract(*(np.array(end, float) for end in ends)))
+    return _FORGOTTEN / float(forgetting.max()) if forgetting.max() > 0 else _LONGEST
 
 
 def _odd(width: float) -> int:

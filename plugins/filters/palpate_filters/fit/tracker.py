@@ -21,7 +21,7 @@ from palpate_filters.fit.contact_point import (
 from palpate_filters.fit.first_guess import first_guess, linear_places
 from palpate_filters.fit.height_noise import unattenuated
 from palpate_filters.fit.loss import LossFunction
-from palpate_filters.fit.motion import TipTravel, zero_phase_motion
+from palpate_filters.fit.motion import TipTravel, longest_window, zero_phase_motion
 from palpate_filters.fit.order import in_order
 from palpate_filters.fit.record import FitRecord, make_record
 from palpate_filters.fit.refusal import NotFitted
@@ -101,7 +101,7 @@ class FitTracker:
         """The fit of a record; raises NotFitted where it cannot be done."""
         settings, notes = self._settings, list[Flag]()
         course = passage(samples)
-        motion = zero_phase_motion(samples, settings.smoothing)
+        motion = zero_phase_motion(samples, settings.smoothing, longest_window(self._problem.model))
         rows = segment_rows(self._windows, samples, motion.rate, course)
         rows = _without_saturation(samples, rows, notes)
         approach = first_approach(samples, course)

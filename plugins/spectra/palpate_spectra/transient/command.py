@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from palpate import ConfigurationError, Flag, Floats, to_si
+from palpate import Flag, Floats
 from palpate.host import (
     FormatOption,
     JsonOption,
@@ -24,6 +24,7 @@ from palpate.host import (
     write_new,
 )
 
+from palpate_spectra.options import SurfaceOption, height_of
 from palpate_spectra.recorded import replay
 from palpate_spectra.transient.modulus import Curve, curve
 from palpate_spectra.transient.picture import draw
@@ -34,9 +35,7 @@ from palpate_spectra.transient.spectrum import decades, density, flags_of
 def relaxation(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder, log or pipeline file of a ramp and a hold.")],
     track: TrackOption = None,
-    surface: Annotated[
-        str | None, typer.Option(help="Height of the skin, such as '0.3 mm'. [default: fitted with the curve]")
-    ] = None,
+    surface: SurfaceOption = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder; must be new or empty. [default: runs/DATE_TIME_relaxation]")
     ] = None,
@@ -48,11 +47,7 @@ def relaxation(
     Tip, layer and Poisson's ratio are those of the track's model, whose own law of the material plays no part. The ramp
     is taken as it was measured. Which is held, depth or force, is found in the record.
     """
-    try:
-        height = None if surface is None else to_si(surface, "m")
-    except ValueError as error:
-        raise ConfigurationError(f"--surface: {error}") from error
-    found = curve(pressed(replay(run, track), str(run)), height)
+    found = curve(pressed(replay(run, track), str(run)), height_of(surface))
     flags = list(dict.fromkeys(flags_of(found)))
     folder = make_folder("creep" if found.creeps else "relaxation", out, datetime.now(UTC).astimezone())
     names = ("compliance.csv", "retardation.csv") if found.creeps else ("modulus.csv", "relaxation.csv")

@@ -16,6 +16,7 @@ from palpate_spectra.recorded import Replayed, touch_of
 
 _WINDOW = 0.02  # [s] of the local cubic for height and acceleration
 _AIR = 50  # samples
+_RAMP = 5  # samples from the touch to a hold
 _BEFORE = 0.2  # [s] of air before the touch that belong to the press
 _CLEAR = 2e-4  # [m] over the place of the touch that is free air for sure
 
@@ -66,7 +67,8 @@ def pressed(replayed: Replayed, name: str) -> Pressed:
     zero, offset_std, drift = _zero(time, force, before, after)
     rows = slice(begin, last)
     contact = force - zero
-    found = holds_of(time[rows], np.maximum(touch - height[rows], 0.0), contact[rows])
+    holds = holds_of(time[rows], np.maximum(touch - height[rows], 0.0), contact[rows])
+    found = [hold for hold in holds if hold.begin >= first - begin + _RAMP]  # air is steady, too
     if not found:
         raise LogError(f"{name}: nothing is held: neither depth nor force is steady for half a second in contact")
     end = found[-1].end
