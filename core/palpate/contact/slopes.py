@@ -30,12 +30,17 @@ def force_slopes(
     inputs = casadi.vertcat(p, d, v)
     function = casadi.Function("slopes", [d, v, p], [force, casadi.densify(casadi.jacobian(force, inputs))])
     f, table = np.empty(len(depth)), np.empty((len(depth), len(theta) + 2))
+    maps = {n: (function.map(n), casadi.repmat(casadi.DM(list(theta)), 1, n)) for n in _lengths(len(depth))}
     for begin in range(0, len(depth), _TOGETHER):
         rows = slice(begin, begin + _TOGETHER)
         count = len(depth[rows])
-        if begin == 0 or count < _TOGETHER:  # of many samples a map takes longer to build than to run
-            many, parameters = function.map(count), casadi.repmat(casadi.DM(list(theta)), 1, count)
+        many, parameters = maps[count]
         force, slopes = many(casadi.DM(depth[rows]).T, casadi.DM(rate[rows]).T, parameters)
         # The map puts the (1, k + 2) Jacobians side by side.
         f[rows], table[rows] = force.full().ravel(), slopes.full().reshape(count, len(theta) + 2)
     return f, table[:, : len(theta)], table[:, -2], table[:, -1]
+
+
+def _lengths(count: int) -> set[int]:
+    """How long the blocks of so many samples are: a map over all of them would take longer to build than to run."""
+    return {min(_TOGETHER, count), count % _TOGETHER} - {0}

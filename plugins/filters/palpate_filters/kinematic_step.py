@@ -54,7 +54,8 @@ def kinematic_step(
     """Predict, then update with position, velocity and force, those that are there.
 
     Filter state: `carried`. Sample: force [N], height [m], velocity [m/s], interval [s], and where it is to be
-    `linearised` at states that are known already, these (n), NaN for none. Settings: the noises, then
+    `linearised` at states that are known already, these (n), NaN for none; out of contact they do not count.
+    Settings: the noises, then
     first depth [m], chart (k), and standard deviations of surface and chart (1 + k) for a fresh start. Output:
     `palpate_filters.recursion.output_layout`.
     """
@@ -79,7 +80,10 @@ def kinematic_step(
         innovation = ca.if_else(seen, measured, x[axis]) - x[axis]
         x, total, seen_count = x + gain * innovation, total + innovation**2 * weight, seen_count + seen
     seen = ca.fabs(force) <= _LARGEST
-    known = ca.if_else(ca.fabs(sample[4]) <= _LARGEST, sample[4:], x) if linearised else None
+    known = None
+    if linearised:  # out of contact there is no slope to linearise by
+        told = ca.logic_and(ca.fabs(sample[4]) <= _LARGEST, process.depth(ca.vertsplit(sample[4:])) > 0)
+        known = ca.if_else(told, sample[4:], x)
     x, P, surprise = _force_update(process, x, P, force, noise.force**2, seen, iterations, student, centre, known)
     total, seen_count = total + surprise**2, seen_count + seen
     nis = ca.if_else(seen_count > 0, total / ca.fmax(seen_count, 1), -1.0)
