@@ -1,6 +1,13 @@
 """The commands of every day: run, replay, resume, check, and what looks up parts."""
 
-from palpate import Command, Recorder, Settings, plugin
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from palpate import Command, Recorder, plugin
+
+if TYPE_CHECKING:
+    from palpate import Settings
 
 
 @plugin

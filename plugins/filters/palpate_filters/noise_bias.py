@@ -225,8 +225,8 @@ def _said(track: TrackEvidence, bias: Floats) -> Diagnosed:
         if std is None:
             large.append(share)
         elif abs(shift) > max(_TELLING * abs(value), 0.25 * combined):
-            corrected = f"{value - shift:.4g} +- {np.hypot(combined, std):.2g} {parameter.unit}"
-            small.append(f"{share}; corrected: {corrected}")
+            # Its uncertainty is that of all judges together, some of whom have not spoken yet.
+            small.append(f"{share}; corrected: {value - shift:.4g} {parameter.unit} (see its budget)")
     flags = []
     if small:
         flags.append(Flag("noise-bias", f"the filter's own noise and time step shift {', '.join(small)}"))
