@@ -75,11 +75,26 @@ def logs(tmp_path):
     return tmp_path
 
 
+def budget_of(title, text):
+    """The rows of a printed budget, to the combined one."""
+    for line in text.partition(f"uncertainty budget of {title}")[2].splitlines():
+        cells = [cell.strip() for cell in line.strip("│").split("│")]
+        if len(cells) == 6:
+            yield cells
+        if cells[0] == "combined":
+            return
+
+
 def test_models_and_logs_are_compared_and_evaluated_on_each_other(palpate, logs):
     done = palpate("fit", "v0.csv", "v1.csv", "v2.csv", "--pipeline", "fit.toml", "--out", "out", COLUMNS="200")
     assert done.returncode == 0, done.stderr
     for words in ("residual", "BIC", "prefers dr/fit over kv/fit", "uncertainty budget of v0: dr/fit", "on v2"):
         assert words in done.stdout
+    *rows, combined = budget_of("v0: dr/fit", done.stdout)
+    assert [row[0] for row in rows][-2:] == ["radius (not declared)", "poisson (not declared)"]
+    for column in (3, 5):  # per cent of each parameter
+        every = [float(row[column]) for row in rows if row[column] != "?"]
+        assert np.hypot.reduce(every) == pytest.approx(float(combined[column]), rel=0.01)
     document = json.loads((logs / "out" / "fit.json").read_text())
     assert set(document["logs"]) == {"v0", "v1", "v2"}
     evaluation = {(r["track"], r["fitted_on"], r["on"]): r for r in document["evaluation"]}

@@ -14,6 +14,7 @@ from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.residual import Residual, reading
 from palpate_filters.fit.uncertainty import scaled_inverse
 
+TIMING = "timing of force against motion"  # the row of a delay
 _READINGS = {"tip_mass": "kg", "force_scale": "1", "position_scale": "1", "bias": "N"}
 _SAMPLES = 20_000
 _PROBE = 1e-4  # [s], at which the sensitivity to a delay is taken

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate import Estimates, FitReport, Flag, Floats
 
 from palpate_filters.fit.bootstrap import block_bootstrap
-from palpate_filters.fit.budget import Sensitivities, row, shift_of
+from palpate_filters.fit.budget import TIMING, Sensitivities, row, shift_of
 from palpate_filters.fit.height_noise import force_noise
 from palpate_filters.fit.identifiability import INDISTINCT, identifiability
 from palpate_filters.fit.profile import ProfileIntervals
@@ -146,9 +146,7 @@ def _budget(fit: Fit, found: Sensitivities, random: Floats) -> tuple[list[dict[s
         variance += shift**2
     if places["delay"] not in free and not fit.brief:
         shift = found.of_parameter(places["delay"], _PROBE)
-        label = "timing of force against motion" + (
-            "" if fit.problem.timing_uncertainty is not None else " (not declared)"
-        )
+        label = TIMING + ("" if fit.problem.timing_uncertainty is not None else " (not declared)")
         table.append(row(label, fit.problem.timing_uncertainty, "s", shift, _PROBE, labels, values))
     return table, np.sqrt(variance)
 

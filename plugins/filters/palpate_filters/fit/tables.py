@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 from palpate import BudgetRow, Effect, Flag
 from palpate.host import Result, Table, TrackResult, measured, people
 
+from palpate_filters.fit.budget import TIMING
+
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
@@ -33,7 +35,7 @@ def fit_views(
     for name, (tracks, _) in logs.items():
         for label, track in tracks.items():
             if track.report is not None and track.report.budget:
-                yield budget(f"{name}: {label}", track, track.report.budget)
+                yield budget(f"{name}: {label}", track, all_sources(track, track.report.budget))
     if crossed:
         yield evaluation(crossed)
     if cycles:
@@ -120,6 +122,15 @@ def evidence(tracks: Tracks) -> str:
     return f"the record prefers {ranked[0]} over {behind}"
 
 
+def all_sources(track: TrackResult, own: Sequence[BudgetRow]) -> list[BudgetRow]:
+    """What adds up to the combined uncertainty: the fit's own rows in place of the estimator's, then what judges add.
+
+    The timing is one of theirs, where there are any.
+    """
+    others = [row for row in track.budget if row.source != "estimator"]
+    return [row for row in own if not (others and row.source.startswith(TIMING))] + others
+
+
 def budget(title: str, track: TrackResult, rows: Sequence[BudgetRow]) -> RenderableType:
     """Source, standard uncertainty, and for each parameter sensitivity and contribution."""
     from rich.table import Table
@@ -137,7 +148,7 @@ def budget(title: str, track: TrackResult, rows: Sequence[BudgetRow]) -> Rendera
             effect = row.effects.get(name, Effect(None, None, None))
             cells.append("" if effect.sensitivity is None else f"{effect.sensitivity:.3g}")
             cells.append("?" if effect.percent is None else f"{effect.percent:.3f}")
-        table.add_row(row.source, "" if row.std is None else f"{row.std:.3g} {row.unit}", *cells)
+        table.add_row(row.source, "" if row.std is None else f"{row.std:.3g} {row.unit}".removesuffix(" 1"), *cells)
     combined = []
     for name in names:
         found = track.parameters[name]
