@@ -1,6 +1,5 @@
 """Offline fits of the authors' logs."""
 
-import gzip
 import importlib.util
 import sqlite3
 import struct
@@ -10,6 +9,8 @@ import numpy as np
 import pytest
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
+
+from tests.real_bags import unpack
 
 _specification = importlib.util.spec_from_file_location("fit_cases", Path(__file__).with_name("test_fit.py"))
 cases = importlib.util.module_from_spec(_specification)
@@ -74,7 +75,7 @@ def palpate_models():
 def rows_of_bag(path, folder):
     """Rows (n, k) of the Float64MultiArray messages on /data_control in a gzipped rosbag2 database."""
     database = folder / "bag.db3"
-    database.write_bytes(gzip.decompress(path.read_bytes()))
+    unpack(path, database)
     connection = sqlite3.connect(database)
     query = (
         "select data from messages join topics on topic_id = topics.id where name = '/data_control' order by timestamp"

@@ -9,6 +9,7 @@ from palpate_filters import TingFit
 from palpate_models import DimensionalityReduction, Poroelastic, PowerLaw, Sphere, StandardLinearSolid
 from palpate_models.ting import ting_force
 
+from tests.real_bags import pipeline_of
 from tests.simulated import pipeline, samples, solid, triangle
 
 TIP = Sphere(radius=5e-3)
@@ -84,37 +85,9 @@ def test_what_it_cannot_do_is_said_before_anything_runs(settings, model, said):
 
 def test_the_authors_load_and_unload(shared, tmp_path):
     """A real press to 13.5 mm and back: soft silicone's modulus by a power law, which relaxes weakly, and doubts."""
-    import gzip
-
-    (tmp_path / "log.db3").write_bytes(
-        gzip.decompress((shared / "rosbag2/ur3e_load_unload_soft_1.db3.gz").read_bytes())
-    )
-    (tmp_path / "p.toml").write_text(REAL)
-    track = run_pipeline(load_pipeline(tmp_path / "p.toml"), tmp_path / "out").tracks["pl/fit"]
+    settings = {"height": 3, "radius": "5 mm", "model": "power-law", "estimator": "ting-fit"}
+    path = pipeline_of(shared / "rosbag2/ur3e_load_unload_soft_1.db3.gz", tmp_path, **settings)
+    track = run_pipeline(load_pipeline(path), tmp_path / "out").tracks["m/e"]
     assert 50e3 < track.parameters["elasticity"].value < 250e3
     assert 0 < track.parameters["power"].value < 0.3
     assert {"beyond-model-range", "thickness-undeclared"} <= {flag.code for flag in track.flags}
-
-
-REAL = """
-[device.log]
-type = "rosbag2-replay"
-file = "log.db3"
-time = { field = "data", index = 0, unit = "s" }
-signals.z = { topic = "/data_control", field = "data", index = 3, unit = "m" }
-signals.v = { topic = "/data_control", field = "data", index = 4, unit = "m/s" }
-signals.f = { topic = "/data_control", field = "data", index = 5, unit = "N" }
-[alignment]
-force = { channel = "log.data_control.f", sign = -1 }
-position = "log.data_control.z"
-velocity = "log.data_control.v"
-tare_duration = "0.2 s"
-[indenter.tip]
-type = "sphere"
-radius = "5 mm"
-[model.pl]
-type = "power-law"
-indenter = "tip"
-[estimator.fit]
-type = "ting-fit"
-"""

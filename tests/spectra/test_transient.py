@@ -27,6 +27,7 @@ from palpate_spectra.transient.press import pressed
 from palpate_spectra.transient.spectrum import decades, density, flags_of, p_value
 from scipy.stats import chi2
 
+from tests.real_bags import pipeline_of
 from tests.simulated import pipeline, solid
 from tests.spectra import rig
 
@@ -238,38 +239,12 @@ def test_a_sine_has_no_hold(palpate, root, tmp_path):
 
 def test_a_slow_press_of_foam_holds_nothing(palpate, shared, tmp_path):
     """A real press at 50 mm/min: its first, light touch is no hold, and this is said."""
-    import gzip
-
-    (tmp_path / "log.db3").write_bytes(gzip.decompress((shared / "rosbag2/foam_white_1_p.db3.gz").read_bytes()))
-    (tmp_path / "p.toml").write_text(FOAM)
-    done = palpate("relaxation", "p.toml", "--out", tmp_path / "out")
+    settings = {"radius": "10 mm", "model": "dimensionality-reduction", "estimator": "kinematic-ekf"}
+    bag = shared / "rosbag2/foam_white_1_p.db3.gz"
+    path = pipeline_of(bag, tmp_path, height=2, mass='tip_mass = "140 g"', **settings)
+    done = palpate("relaxation", path.name, "--out", tmp_path / "out")
     assert done.returncode == 2
     assert "nothing is held" in done.stderr
-
-
-FOAM = """
-[device.log]
-type = "rosbag2-replay"
-file = "log.db3"
-time = { field = "data", index = 0, unit = "s" }
-signals.z = { topic = "/data_control", field = "data", index = 2, unit = "m" }
-signals.v = { topic = "/data_control", field = "data", index = 4, unit = "m/s" }
-signals.f = { topic = "/data_control", field = "data", index = 5, unit = "N" }
-[alignment]
-force = { channel = "log.data_control.f", sign = -1 }
-position = "log.data_control.z"
-velocity = "log.data_control.v"
-tare_duration = "0.2 s"
-tip_mass = "140 g"
-[indenter.tip]
-type = "sphere"
-radius = "10 mm"
-[model.dr]
-type = "dimensionality-reduction"
-indenter = "tip"
-[estimator.ekf]
-type = "kinematic-ekf"
-"""
 
 
 def test_a_creep_spectrum_becomes_the_modulus_of_the_same_material():

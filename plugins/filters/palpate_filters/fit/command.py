@@ -158,8 +158,9 @@ def _each(
     """Many curves, each a row of a table."""
     if reader is None:
         raise ConfigurationError("--each: say with --pipeline FILE how a curve is read")
-    device = log_device(load_pipeline(reader, overrides), reader)
-    files = list(curve_files(sources, type(load_pipeline(reader, overrides).devices[device])))
+    reading = load_pipeline(reader, overrides)
+    device = log_device(reading, reader)
+    files = list(curve_files(sources, type(reading.devices[device])))
     assignments = [*overrides, f"device.{device}.file={json.dumps(str(files[0].file))}"]
     pipeline = offline(load_pipeline(reader, assignments))
     log = pipeline.devices[device]

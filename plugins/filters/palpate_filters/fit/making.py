@@ -13,7 +13,6 @@ from palpate import Batch, Estimates, LogError, Samples, UserError
 from palpate.host import (
     Answer,
     ClusterRun,
-    KeptSamples,
     Pipeline,
     Result,
     TrackResult,
@@ -69,22 +68,18 @@ def fits_of(
     work = partial(fit_or_find, pictures=pictures)
     if scheduler is not None:
         with closing(cluster_results(scheduler, folder, runs, stage, work)) as found:
-            pipelines = dict(loaded)
             for run, outcome in found:
-                yield (
-                    run.name,
-                    outcome if isinstance(outcome, UserError) else _log_fit(pipelines[run.name], run, outcome),
-                )
+                yield run.name, outcome if isinstance(outcome, UserError) else _log_fit(run, outcome)
         return
     for run in runs:
         try:
-            yield run.name, _log_fit(run.pipeline, run, work(run))
+            yield run.name, _log_fit(run, work(run))
         except UserError as error:
             yield run.name, error
 
 
-def _log_fit(pipeline: Pipeline, run: ClusterRun, answer: Answer) -> LogFit:
-    return LogFit(run.name, pipeline, answer.result, answer.more)
+def _log_fit(run: ClusterRun, answer: Answer) -> LogFit:
+    return LogFit(run.name, run.pipeline, answer.result, answer.more)
 
 
 def fit_or_find(run: ClusterRun, pictures: bool) -> Answer:
@@ -106,7 +101,7 @@ def fit_or_find(run: ClusterRun, pictures: bool) -> Answer:
 
 def _samples(run: ClusterRun) -> Samples:
     """The samples of a log, without any estimates."""
-    kept = KeptSamples()
+    kept = KeptRun()
     with tempfile.TemporaryDirectory(prefix="palpate-") as folder, progress(run.name, "s"):
         reading = replace(run.pipeline, tracks=(), sinks={})
         run_pipeline(reading, Path(folder, "run"), progressed, kept).demand_whole()
