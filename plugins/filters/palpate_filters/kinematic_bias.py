@@ -26,13 +26,18 @@ def kinematic_bias(
     _, outputs = compile_step(step).run(state, inputs, np.concatenate([values, believed, real]))
     late, q = outputs[int(warm * len(inputs)) :], len(values) + 1
     information = late[:, place["information"]].sum(axis=0).reshape(q, q)
+    return pulled(information, late[:, place["pull"]].sum(axis=0)) if np.isfinite(late).all() else None
+
+
+def pulled(information: Floats, pull: Floats) -> Floats | None:
+    """Where constants (k,) and the surface settle, information^-1 pull, but for the surface; None if nothing says."""
     scale = np.sqrt(np.diag(information))
-    if not np.isfinite(late).all() or not (scale > 0).all():
+    if not (np.isfinite(pull).all() and np.isfinite(scale).all() and (scale > 0).all()):
         return None
     unit = information / np.outer(scale, scale)
     if np.linalg.cond(unit) > 1e12:
         return None
-    return np.asarray(np.linalg.solve(unit, late[:, place["pull"]].sum(axis=0) / scale) / scale)[:-1]
+    return np.asarray(np.linalg.solve(unit, pull / scale) / scale)[:-1]
 
 
 def kinematic_bias_step(model: ContactModel, mass: float) -> tuple[Step, Layout]:

@@ -6,6 +6,8 @@ import numpy as np
 from palpate import ContactModel, Floats
 from palpate.host import force_slopes
 
+from palpate_filters.kinematic_bias import pulled
+
 _FREQUENCIES = 2048
 _STEP = 1e-4  # of depth and rate, for the slopes' own slopes
 
@@ -50,10 +52,4 @@ def smoother_bias(
         np.sum(across * (force_ / force / whole - told_ / whole**2), axis=0) * float(w[1, 0] - w[0, 0]) / np.pi / force
     )
     information = (psi / (force + by_height**2 * position)[:, None]).T @ psi
-    scale = np.sqrt(np.diag(information))
-    if not (np.isfinite(pull).all() and np.isfinite(scale).all() and (scale > 0).all()):
-        return None
-    unit = information / np.outer(scale, scale)
-    if np.linalg.cond(unit) > 1e12:
-        return None
-    return np.asarray(np.linalg.solve(unit, len(depth) * pull / scale) / scale)[:-1]
+    return pulled(information, len(depth) * pull)
