@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import reduce
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +29,17 @@ _BASELINE = 1.0  # [s] of air that the begin of contact is told from
 _FIRST = 11  # samples, from which the interval is taken
 
 
+@dataclass(frozen=True)
+class _Told:
+    """What the samples that the tare is settled on say of the touch."""
+
+    shown: int  # index of the sample at which it shows
+    above: int  # samples above the threshold in a row, up to that one
+    doubtful: bool
+    end: int  # index up to which the change point was looked for
+    change: ChangePoint | None
+
+
 class TouchFinder:
     """Takes raw force to tared force and marks the samples in contact.
 
@@ -46,6 +56,7 @@ class TouchFinder:
         self._lag = self._after = self._baseline = 0  # [samples] looked back over, waited for, of air before
         self._shown: int | None = None  # index within what is held of the sample at which touch showed
         self._rise: RiseFinder | None = None
+        self._told: _Told | None = None  # where the tare is that of the trial
         self._seen = 0  # samples that touch was looked for in
         self.tare: Tare | None = None
         self.first_touch: tuple[float, float] | None = None  # time [s], position [m]
@@ -107,19 +118,24 @@ class TouchFinder:
         if self.tare is None:
             head = samples[samples.time <= settings.tare_duration + settings.touch_lag]
             self.tare = measured_tare(settings, head)
-            begin = self._touch_within(head, interval)
+            begin, told = self._touch_within(head, interval)
             if begin < settings.tare_duration:
                 self.tare = measured_tare(settings, head, begin)
+            else:
+                self._told = told
 
-    def _touch_within(self, head: Samples, interval: float) -> float:
-        """When [s] contact begins among the samples that the tare is settled on; infinite where it does not."""
+    def _touch_within(self, head: Samples, interval: float) -> tuple[float, _Told | None]:
+        """When [s] contact begins among the samples that the tare is settled on, infinite where it does not; and what
+        they say of it."""
         trial = TouchFinder(self._settings)
         trial.tare, trial._lag, trial._after, trial._baseline = self.tare, self._lag, self._after, self._baseline
         if self._rise is not None:
             trial._rise = RiseFinder(interval, _LEAST_RISE)
-        if self._lag and len(head):
-            trial._before_touch(trial._tared(head), final=True)
-        return trial.first_touch[0] if trial.first_touch is not None and trial.by_change_point else np.inf
+        if not self._lag or (shown := trial._found(held := trial._tared(head), held)) is None:
+            return np.inf, None
+        begin, end, change = trial._begin(held, shown)
+        told = _Told(shown, trial._above, trial._doubtful, end, change)
+        return float(held.time[begin]) if change is not None else np.inf, told
 
     def _tared(self, samples: Samples) -> Samples:
         assert self.tare is not None
@@ -128,8 +144,10 @@ class TouchFinder:
             force = force + self._settings.tip_mass * GRAVITY
         if len(force) >= _IN_A_ROW:
             rest = len(force) - _IN_A_ROW + 1
-            highest = reduce(np.maximum, (force[i : i + rest] for i in range(_IN_A_ROW)))  # NaN where one is
-            self.pull = max(self.pull, -float(np.nanmin(highest, initial=0.0)))
+            highest = force[:rest]
+            for i in range(1, _IN_A_ROW):
+                highest = np.maximum(highest, force[i : i + rest])  # NaN where one is
+            self.pull = max(self.pull, -float(np.fmin.reduce(highest, initial=0.0)))
         return replace(samples, force=force)
 
     def _before_touch(self, samples: Samples, final: bool) -> Samples:
@@ -152,28 +170,38 @@ class TouchFinder:
 
     def _touched(self, held: Samples, shown: int) -> Samples:
         """What was held back, marked from where contact began to the sample at which it showed, and after that."""
-        after = held[shown : shown + 1 + self._after]
-        beyond = np.flatnonzero(_in_a_row(after.force > _NEAR * self.threshold, 0) >= _IN_A_ROW)
-        change = self._change(held, shown, shown + (int(beyond[0]) if len(beyond) else len(after)))
-        begin = shown
-        if change is not None:
-            first = self._earliest(held, shown)
-            above = np.flatnonzero(held.position[first : shown + 1] >= change.surface)
-            begin = min(first + int(above[-1]) + 1, shown) if len(above) else first
+        begin, _, change = self._begin(held, shown)
         at = float(held.position[begin]) if change is None else change.surface
         self.first_touch, self.by_change_point = (float(held.time[begin]), at), change is not None
         self.touches, self._in_contact = 1, True
-        self._held = self._past = self._rise = None
+        self._held = self._past = self._rise = self._told = None
         self._listen_to_the_air(held.force[:begin])
-        contact = np.arange(shown + 1) >= begin
-        marked = replace(held[: shown + 1], contact=contact, active=contact & held.active[: shown + 1])
-        later = held[shown + 1 :]
-        return Samples.joined([marked, self._mark(later)]) if len(later) else marked
+        contact = np.arange(len(held)) >= begin
+        if len(held) > shown + 1:
+            contact[shown + 1 :] = self._marks(held[shown + 1 :])
+        return replace(held, contact=contact, active=contact & held.active)
+
+    def _begin(self, held: Samples, shown: int) -> tuple[int, int, ChangePoint | None]:
+        """Index at which contact began that showed at another, the one up to which its change point was looked for, and
+        that."""
+        after = held.force[shown : shown + 1 + self._after]
+        beyond = np.flatnonzero(_in_a_row(after > _NEAR * self.threshold, 0) >= _IN_A_ROW)
+        end = shown + (int(beyond[0]) if len(beyond) else len(after))
+        told = self._told
+        change = told.change if told is not None and told.end == end else self._change(held, shown, end)
+        if change is None:
+            return shown, end, None
+        first = self._earliest(held, shown)
+        above = np.flatnonzero(held.position[first : shown + 1] >= change.surface)
+        return min(first + int(above[-1]) + 1, shown) if len(above) else first, end, change
 
     def _found(self, samples: Samples, held: Samples) -> int | None:
         """Index within what is held of the sample at which touch shows; None: not yet."""
         if not len(samples):
             return None
+        if self._told is not None:  # of the same samples, which these begin with
+            self._above, self._doubtful = self._told.above, self._told.doubtful
+            return self._told.shown
         offset = len(held) - len(samples)
         above = _in_a_row(samples.force > self._limit(samples.time), self._above)
         passed = np.flatnonzero(above >= _IN_A_ROW)
@@ -209,11 +237,16 @@ class TouchFinder:
 
     def _mark(self, samples: Samples) -> Samples:
         """Samples after the first touch, in contact or not."""
+        contact = self._marks(samples)
+        return replace(samples, contact=contact, active=contact & samples.active)
+
+    def _marks(self, samples: Samples) -> NDArray[np.bool_]:
+        """Whether samples (n,) after the first touch are in contact; counts touches."""
         contact = self._contact(samples)
         begins = contact & ~np.concatenate([[self._in_contact], contact[:-1]])
         self.touches += int(np.count_nonzero(begins))
         self._in_contact = bool(contact[-1])
-        return replace(samples, contact=contact, active=contact & samples.active)
+        return contact
 
     def _listen_to_the_air(self, force: Floats) -> None:
         """What the force is before the first touch, where it should be none."""
