@@ -10,7 +10,7 @@ from palpate.parts import numbers_of
 from palpate.units import people
 
 if TYPE_CHECKING:
-    from palpate.config.pipeline_file import Pipeline
+    from palpate.config.pipeline import Pipeline
     from palpate.parts import Settings
 
 

@@ -18,8 +18,8 @@ from palpate.flags import Flag
 from palpate.parts import Settings
 from palpate.result.evidence import Diagnosed, Ending, TrackEvidence
 from palpate.result.found import Derived, Found
-from palpate.result.outcome import TrackResult
 from palpate.result.record import TrackRecord
+from palpate.result.track_result import TrackResult
 
 
 @dataclass(frozen=True)
@@ -165,6 +165,6 @@ def _ending(track: Diagnosable, of_run: Judged) -> Ending | None:
     included = {*track.record.details.get("included", ()), *(["timing"] if track.record.timing_included else [])}
     record, run = track.record, of_run
     return Ending(
-        tail, tail.since(float(tail.time[-1]) - average), run.settings, run.report, run.uncertainties, record.held,
+        tail, tail.last(average), run.settings, run.report, run.uncertainties, record.held,
         frozenset(included), run.average, record.tracked, record.samples, record.is_sweep,
     )  # fmt: skip

@@ -14,7 +14,7 @@ from palpate.flags import Flag
 from palpate.parts import Settings
 from palpate.result.found import Bias, Found
 from palpate.result.kept import Kept
-from palpate.result.record import Tail
+from palpate.result.tail import Tail
 from palpate.vectors import Floats
 
 
