@@ -33,12 +33,12 @@ class Found:
     settling: float = 0.0  # standard uncertainty from an estimate that has not come to rest
     systematic: float | None = None  # standard uncertainty from timing, mass and tare; None where none is known
     budget: Mapping[str, float] = field(default_factory=dict)  # its terms by name
-    left: Mapping[str, float] = field(default_factory=dict)  # terms that are others for the corrected value
     per_shear: float | None = None  # [s] shift of timing that would explain the value: eta/G
     unknown: bool = False  # nobody can tell how wrong it is
     bias: Bias | None = None  # known, and with all of its shift in the combined uncertainty
     places: Mapping[str, float] = field(default_factory=dict)  # of a sweep: how many, and how they differ
     last: Mapping[str, float] = field(default_factory=dict)  # of a sweep: value and std at its end
+    left: Mapping[str, float] = field(default_factory=dict)  # terms that are others for the corrected value
 
     @property
     def combined(self) -> float:
