@@ -273,7 +273,7 @@ def test_weight_and_centre_of_mass_from_orientations():
 
 def test_orientations_that_tell_nothing_are_refused():
     wrenches = np.zeros((3, 6))
-    with pytest.raises(LogError, match="too much alike"):
+    with pytest.raises(LogError, match="too similar"):
         weight_fit(wrenches, np.tile([0.0, 0.0, -1.0], (3, 1)), (0.01, 1e-3))
     with pytest.raises(LogError, match="need three"):
         weight_fit(wrenches[:2], poses()[:2], (0.01, 1e-3))
