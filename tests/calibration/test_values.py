@@ -225,7 +225,7 @@ def test_a_spring_that_softens_the_inertia_shows_at_two_frequencies():
     """Soft contact: a force of 20 N/m works against the inertia; one frequency would call it a smaller mass."""
     record = twin(sines=((3.0, 0.004), (7.0, 0.002)))
     pushed = record.force.values - 20.0 * np.interp(record.force.time, record.position.time, record.position.values)
-    with pytest.raises(LogError, match="no one mass"):
+    with pytest.raises(LogError, match="no single mass"):
         shake_fit(
             CalibrationRecord(Trace(record.force.time, pushed, record.force.health), record.position, None), WHOLE
         )
