@@ -37,6 +37,9 @@ class StoppedError(PalpateError):
         super().__init__(message)
         self.exit_code = 128 + number
 
+    def __reduce__(self) -> tuple[type[StoppedError], tuple[str, int]]:
+        return StoppedError, (str(self), self.exit_code - 128)
+
 
 class UserError(PalpateError):
     """Something that the user can mend; shown without a traceback."""

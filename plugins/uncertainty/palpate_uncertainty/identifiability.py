@@ -61,6 +61,9 @@ def _judge(track: TrackEvidence) -> Diagnosed:
     terms = np.where(elsewhere | (free & (away > _COUNTS * track.combined)), away, 0.0)
     lacks = np.where(free & (track.std < _CERTAIN * bound), np.maximum(bound**2 - track.std**2, 0.0), 0.0)
     terms = np.hypot(terms, np.sqrt(lacks))
+    left = {
+        name: float(np.hypot(_apart(track, name, best.theta[i]), np.sqrt(lacks[i]))) for i, name in enumerate(names)
+    }
     flags = []
     if elsewhere.any():
         said = [_said(track, names, int(i), float(best.theta[i])) for i in np.flatnonzero(elsewhere)]
@@ -83,7 +86,17 @@ def _judge(track: TrackEvidence) -> Diagnosed:
         "pairs": _pairs(names, correlation),
         "without_effect": blind,
     }
-    return Diagnosed(tuple(flags), dict(zip(names, terms.tolist(), strict=True)), table=table)
+    return Diagnosed(tuple(flags), dict(zip(names, terms.tolist(), strict=True)), left=left, table=table)
+
+
+def _apart(track: TrackEvidence, name: str, best: float) -> float:
+    """How far a corrected value is from least squares, where that is more than one of its uncertainties; else 0."""
+    found = track.found.get(name)
+    corrected = found.corrected if found is not None else None
+    if found is None or corrected is None or found.bias is None:
+        return 0.0
+    away = abs(best - found.bias.shift * found.bias.shared - corrected.value)
+    return away if away > _COUNTS * corrected.combined else 0.0
 
 
 def _untold(track: TrackEvidence, combined: Floats) -> Iterator[Flag]:
