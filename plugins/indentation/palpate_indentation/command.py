@@ -17,9 +17,9 @@ from palpate.host import (
     Table,
     aside,
     console,
+    display_unit,
     make_folder,
     measured,
-    people,
     print_json,
     withdraw_folder,
     write_new,
@@ -108,7 +108,7 @@ def _stretch(text: str | None) -> tuple[float, float] | None:
 def views(found: Indentation, model: str) -> list[Any]:
     """Tables and sentences for people."""
     unit = found.law.unit
-    word, factor = people(unit)
+    word, factor = display_unit(unit)
     fit = found.fit
     length, per_length = _length(found.depth)
     shown: list[Any] = [

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import FormatOption, JsonOption, RunFolder, console, people, progress, progressed, suggest
+from palpate.host import FormatOption, JsonOption, RunFolder, console, display_unit, progress, progressed, suggest
 
 if TYPE_CHECKING:
     from palpate_uncertainty.monte_carlo import Propagated
@@ -137,6 +137,6 @@ def _combined(value: Mapping[str, Any]) -> str:
 
 
 def _shown(value: float, unit: str) -> str:
-    """A number in the unit that people write."""
-    written, scale = people(unit)
+    """A number in display units."""
+    written, scale = display_unit(unit)
     return f"{value * scale:.3g} {written}".removesuffix(" 1").rstrip()

@@ -23,8 +23,8 @@ from palpate.host import (
     build_pipeline,
     carried_by,
     console,
+    display_unit,
     measured,
-    people,
     print_json,
     progress,
     progressed,
@@ -241,7 +241,7 @@ def sentence(standings: Sequence[Standing], records: int) -> str:
 
 
 def _table(standings: Sequence[Standing]) -> Table:
-    word, factor = people("Pa")
+    word, factor = display_unit("Pa")
     rows = [
         [
             one.model, f"{one.behind:.3g}", f"{100 * one.weight:.0f}", f"{one.held_out:.4f}",
