@@ -177,5 +177,5 @@ from palpate.safety import (
     check_own_motion as check_own_motion,
     demand_safe as demand_safe,
 )
-from palpate.units import Quantity as Quantity, dimension as dimension, people as people
+from palpate.units import Quantity as Quantity, dimension as dimension, display_unit as display_unit
 from palpate.writing import whole_file as whole_file, write_new as write_new, write_whole as write_whole

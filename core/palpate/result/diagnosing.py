@@ -61,7 +61,7 @@ def diagnosed(
 
 
 def _findings(name: str, diagnosis: Diagnosis, evidence: list[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """The findings of one diagnosis; what was estimated stays, whatever a stranger's function does."""
+    """The findings of one diagnosis; the estimates stay, whatever a third-party function raises."""
     try:
         return dict(function_of(diagnosis)(evidence))
     except Exception as error:
@@ -76,7 +76,13 @@ def with_findings(result: TrackResult, model: ContactModel, name: str, finding: 
     parameters = {
         key: _caused(
             result.parameters[key], finding, key, [abs(float(term.shifts[i])) for term in finding.sources]
-        ).diagnosed(cause, finding.terms.get(key, 0.0), key in finding.unknown, finding.biases.get(key))
+        ).diagnosed(
+            cause,
+            finding.terms.get(key, 0.0),
+            key in finding.unknown,
+            finding.biases.get(key),
+            finding.left.get(key),
+        )
         for i, key in enumerate(names)
     }
     return replace(
@@ -147,6 +153,7 @@ def _evidence(name: str, track: Diagnosable, result: TrackResult, of_run: Judged
         record.report,
         of_run.tables,
         _ending(track, of_run),
+        result.parameters,
     )
 
 

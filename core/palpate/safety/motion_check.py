@@ -58,7 +58,7 @@ class _Stretch:
     inward: float  # [m/s]
     turn: float  # [rad/s]
     finite: bool
-    apart: tuple[float, float, float]  # [m/s] too much between stated velocity and what the positions do; both
+    apart: tuple[float, float, float]  # [m/s] stated velocity and what the positions do: too far apart by, and both
 
     @classmethod
     def of(cls, times: Floats, setpoint: Setpoint, limits: SafetySettings) -> _Stretch:
@@ -86,12 +86,12 @@ class _Stretch:
 
 def _judged(stretches: Iterable[tuple[Floats, Setpoint]], limits: SafetySettings) -> MotionReport:
     whole = reduce(_Stretch.and_of, (_Stretch.of(times, setpoint, limits) for times, setpoint in stretches))
-    reach, inward, (apart, told, seen) = whole.reach, whole.inward, whole.apart
+    reach, inward, (apart, stated, seen) = whole.reach, whole.inward, whole.apart
     problems = [] if whole.finite else ["a setpoint is not a finite number"]
     problems += [_sentence(excess) for excess in limits.motion.excesses(reach)]
     if apart > _CONTRADICTION:
         problems.append(
-            f"the setpoints move at {1e3 * seen:.1f} mm/s where their stated velocity is {1e3 * told:.1f} mm/s"
+            f"the setpoints move at {1e3 * seen:.1f} mm/s where their stated velocity is {1e3 * stated:.1f} mm/s"
         )
     problems += _too_hard(inward, limits)
     if whole.turn > limits.angular_speed * (1.0 + _ROUNDING):
@@ -113,7 +113,7 @@ def _apart(moved: Floats, velocity: Floats, change: Floats) -> tuple[float, floa
     """Where positions move least as the stated velocity says, which within a step may change by so much (n,)."""
     stated = 0.5 * (velocity[1:] + velocity[:-1])
     apart = np.linalg.norm(moved - stated, axis=1) - change
-    if not np.isfinite(apart).any():
+    if np.isnan(apart).all():
         return 0.0, 0.0, 0.0
     worst = int(np.nanargmax(apart))
     return float(apart[worst]), float(np.linalg.norm(stated[worst])), float(np.linalg.norm(moved[worst]))
