@@ -25,7 +25,8 @@ def replay(
         list[str] | None, typer.Option("--add-model", metavar="TYPE", help="One more contact model, on the same tip.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Run folder; must be new or empty. [default: runs/DATE_TIME_NAME]")
+        Path | None,
+        typer.Option("--out", "-o", help="Run folder; must be new or empty. [default: runs/DATE_TIME_NAME]"),
     ] = None,
     as_json: JsonOption = False,
     layout: FormatOption = "table",

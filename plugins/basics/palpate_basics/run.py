@@ -24,7 +24,8 @@ _LOGS = (".mcap", ".db3", ".csv", ".gz")
 def run(
     file: Annotated[Path, typer.Argument(help="The pipeline file.")],
     out: Annotated[
-        Path | None, typer.Option(help="Run folder; must be new or empty. [default: runs/DATE_TIME_NAME]")
+        Path | None,
+        typer.Option("--out", "-o", help="Run folder; must be new or empty. [default: runs/DATE_TIME_NAME]"),
     ] = None,
     overrides: Overrides = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print result.json instead of the table.")] = False,

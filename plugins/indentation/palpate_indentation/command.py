@@ -53,7 +53,8 @@ def indentation(
     bins: Annotated[int, typer.Option(help="Bins of depth for E from the contact point on.", min=4, max=1000)] = 40,
     windows: Annotated[int, typer.Option(help="Windows of depth for E by itself.", min=2, max=200)] = 8,
     out: Annotated[
-        Path | None, typer.Option(help="Folder; must be new or empty. [default: runs/DATE_TIME_indentation]")
+        Path | None,
+        typer.Option("--out", "-o", help="Folder; must be new or empty. [default: runs/DATE_TIME_indentation]"),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

@@ -38,7 +38,8 @@ def reproduce(
         Path | None, typer.Option(help="Folder with the authors' files, known by their SHA-256, plain or gzipped.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder; must be new or empty. [default: runs/DATE_TIME_reproduce]")
+        Path | None,
+        typer.Option("--out", "-o", help="Folder; must be new or empty. [default: runs/DATE_TIME_reproduce]"),
     ] = None,
     paper: Annotated[
         Path, typer.Option(help="Folder of another paper: items/*.toml, pipelines/, recordings.toml.")

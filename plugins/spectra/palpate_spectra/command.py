@@ -50,7 +50,8 @@ def spectrum(
     ] = None,
     surface: SurfaceOption = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder; must be new or empty. [default: runs/DATE_TIME_spectrum]")
+        Path | None,
+        typer.Option("--out", "-o", help="Folder; must be new or empty. [default: runs/DATE_TIME_spectrum]"),
     ] = None,
     as_json: JsonOption = False,
     layout: FormatOption = "table",

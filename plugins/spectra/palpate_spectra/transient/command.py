@@ -37,7 +37,8 @@ def relaxation(
     track: TrackOption = None,
     surface: SurfaceOption = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder; must be new or empty. [default: runs/DATE_TIME_relaxation]")
+        Path | None,
+        typer.Option("--out", "-o", help="Folder; must be new or empty. [default: runs/DATE_TIME_relaxation]"),
     ] = None,
     as_json: JsonOption = False,
     layout: FormatOption = "table",

@@ -26,7 +26,8 @@ from palpate_devices.mcap_sink import McapSink
 def record(
     file: Annotated[Path, typer.Argument(help="The pipeline file; its estimators are not used.")],
     out: Annotated[
-        Path | None, typer.Option(help="Run folder; must be new or empty. [default: runs/DATE_TIME_NAME]")
+        Path | None,
+        typer.Option("--out", "-o", help="Run folder; must be new or empty. [default: runs/DATE_TIME_NAME]"),
     ] = None,
     overrides: Overrides = None,
     as_json: JsonOption = False,
