@@ -61,7 +61,7 @@ def _draws(run: Path, tracks: list[str], draws: int, seed: int) -> dict[str, Pro
     from palpate_uncertainty.monte_carlo import cases, propagated
 
     if draws < _FEWEST:
-        raise ConfigurationError(f"--monte-carlo: {draws} draws say nothing of a distribution; at least {_FEWEST}")
+        raise ConfigurationError(f"--monte-carlo: {draws} draws are too few; at least {_FEWEST} are needed")
     found = {}
     for case in cases(run, tracks):
         with progress(case.name, "draws", draws):
