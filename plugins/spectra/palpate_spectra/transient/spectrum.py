@@ -74,7 +74,7 @@ def flags_of(curve: Curve) -> Iterator[Flag]:
     if (away := beyond(curve.pressed.seen, curve.rig.surface)) > _AWAY:
         yield Flag(
             "surface-mismatch",
-            f"ramp and hold need the skin {1e3 * away:.2g} mm farther from where the tip touched than the touch allows",
+            f"ramp and hold put the skin {1e3 * away:.2g} mm farther from where the tip touched than the touch allows",
         )
     if curve.pressed.rig["timing"] is None:
         slope = (
