@@ -52,6 +52,7 @@ def estimates_of(fit: Fit) -> Estimates:
     k = len(fit.problem.model.parameters)
     total = _total(judged)
     empty = Estimates.idle(samples, k)
+    rows = slice(None) if rows.all() else rows
     values, std = empty.values, empty.std
     values[rows], std[rows] = x[:k], total[:k]
     empty.surface[rows], empty.surface_std[rows] = x[k], total[k]
