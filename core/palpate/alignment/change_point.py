@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +81,7 @@ def _hanging_together(residual: Floats) -> float:
     return max(float(parts @ parts) / _PARTS * len(residual) / _PARTS / variance, 1.0) if variance > 0 else 1.0
 
 
+@lru_cache(64)
 def even_parts(count: int, parts: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Where parts of equal length begin, the first ones longer by one, and how long they are: of `count` samples."""
     each, longer = divmod(count, parts)

@@ -46,9 +46,8 @@ def least_squares(
     while evaluations < most:
         cost = 0.5 * float(square[0, 0])
         step, gained = bounded_step(square, low - x, high - x, damping)
-        if gained <= gain * cost or all(
-            abs(s) <= _STILL * abs(v) for s, v in zip(step.tolist(), x.tolist(), strict=True)
-        ):
+        still = all(abs(s) <= _STILL * abs(v) for s, v in zip(step.tolist(), x.tolist(), strict=True))
+        if gained <= gain * cost or still:
             if damping <= _FIRST:
                 x, cost = _within(x + step, low, high), max(cost - gained, 0.0)
             return Minimum(x, cost, evaluations, True)
