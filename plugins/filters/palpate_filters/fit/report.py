@@ -48,11 +48,11 @@ class _Judged:
 def estimates_of(fit: Fit) -> Estimates:
     """Estimates (n,) of a fit, with details and flags."""
     judged = _judge(fit)
-    samples, rows, x = fit.samples, fit.rows, fit.solution.x
+    samples, x = fit.samples, fit.solution.x
+    rows: Any = slice(None) if fit.rows.all() else fit.rows
     k = len(fit.problem.model.parameters)
     total = _total(judged)
     empty = Estimates.idle(samples, k)
-    rows = slice(None) if rows.all() else rows
     values, std = empty.values, empty.std
     values[rows], std[rows] = x[:k], total[:k]
     empty.surface[rows], empty.surface_std[rows] = x[k], total[k]
