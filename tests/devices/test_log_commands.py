@@ -36,7 +36,7 @@ def test_what_is_recovered_is_whole_and_the_same(palpate, recording, tmp_path):
     done = palpate("recover", cut, "-o", "good.mcap")
     assert done.returncode == 0, done.stderr
     assert "messages over" in done.stdout
-    assert "what came after that is lost" in done.stdout
+    assert "everything after that is lost" in done.stdout
     found, true = numbers(tmp_path / "good.mcap"), numbers(recording)
     for name, values in found.items():
         np.testing.assert_array_equal(values, true[name][: len(values)])
@@ -56,7 +56,7 @@ def test_recovery_of_a_whole_log_of_nothing_and_onto_something(palpate, recordin
     for source, out, words in (
         (recording, "again.mcap", "exists already"),
         ("none.mcap", "x.mcap", "there is no such file"),
-        ("head.mcap", "x.mcap", "nothing in it is whole"),
+        ("head.mcap", "x.mcap", "nothing in it is undamaged"),
     ):
         (tmp_path / "head.mcap").write_bytes(recording.read_bytes()[:60])
         refused = palpate("recover", source, "-o", out)
@@ -209,7 +209,10 @@ def test_a_table_is_the_same_however_it_is_cut(tmp_path, monkeypatch, window):
     [
         (("-o", "x.doc"), "the name must end in one of .csv, .npz, .mat, .parquet"),
         (("-o", "bag.csv"), "exists already"),
-        (("-o", "x.csv", "--topic", "/none"), "--topic /none: holds no numbers and no texts (there are: /fast, /slow)"),
+        (
+            ("-o", "x.csv", "--topic", "/none"),
+            "--topic /none: contains no numbers and no texts (there are: /fast, /slow)",
+        ),
         (("-o", "no/where.csv"), "cannot write"),
     ],
 )

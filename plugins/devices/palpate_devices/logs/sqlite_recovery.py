@@ -92,7 +92,7 @@ def _recovered(path: Path, copy: Path, out: Path, page: int | None) -> str:
         out.unlink()
         raise LogError(f"{path}: none of its messages can be read")
     said = "the bag was whole: " if whole else ""
-    lost = "" if whole else "; what could not be read is lost, and a database has no checksums for what could"
+    lost = "" if whole else "; unreadable messages are lost, and a database has no checksums for the others"
     beside = f"; tables left out: {printable(', '.join(left_out))}" if left_out else ""
     return f"{said}{count} messages over {(last - first) / 1e9:.3f} s are in {out}{lost}{beside}"
 
