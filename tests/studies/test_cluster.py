@@ -22,10 +22,7 @@ import dask  # noqa: E402
 from palpate_studies import cluster, cluster_runs, staging, workers  # noqa: E402
 from palpate_studies.jobs import Job, on_all_cores  # noqa: E402
 
-pytestmark = [
-    pytest.mark.filterwarnings("ignore"),  # of dask's own, when workers die
-    pytest.mark.xdist_group("cluster"),  # one cluster for all
-]
+pytestmark = pytest.mark.filterwarnings("ignore")  # of dask's own, when workers die
 
 
 @pytest.fixture(scope="module")
