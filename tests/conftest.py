@@ -51,7 +51,7 @@ def pytest_collection(session):
 
 
 def pytest_collection_modifyitems(items):
-    """A job that moves the twins wants the cores to itself, as on a rig; long files come first, lest one be left over."""
+    """A job that moves the twins wants the cores to itself, as on a rig; long files come first, lest one be left."""
     for item in items:
         if not item.get_closest_marker("talks") and _LIVE & set(getattr(item, "fixturenames", ())):
             item.add_marker(pytest.mark.live)

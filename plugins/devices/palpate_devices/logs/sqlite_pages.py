@@ -1,7 +1,7 @@
 """What the pages of a damaged SQLite database say of where a table ends.
 
-Format: https://www.sqlite.org/fileformat2.html, section 1.6. A page of a table's tree is a leaf, with rows, or points to
-others, each with the largest number of a row that is found there; behind the last such number there is one more.
+Format: https://www.sqlite.org/fileformat2.html, section 1.6. A page of a table's tree is a leaf, with rows, or points
+to others, each with the largest number of a row that is found there; behind the last such number there is one more.
 """
 
 from __future__ import annotations
