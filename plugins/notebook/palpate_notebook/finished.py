@@ -114,7 +114,7 @@ class FinishedRun:
         """The aligned samples as arrays; raises LogError like `samples`."""
         samples = self._found[0] if self._found is not None else self.replay()._whole
         if samples is None:
-            raise LogError(f"{self.name}: the record holds no samples")
+            raise LogError(f"{self.name}: the record contains no samples")
         return samples
 
     @property
@@ -131,7 +131,7 @@ class FinishedRun:
         return execute(build_pipeline(replay_source(carried)), None)
 
     def summary(self, si: bool = False) -> pandas.DataFrame:
-        """A row for each track and parameter: value, std, combined, unit, verdict; in people's units, or SI."""
+        """A row for each track and parameter: value, std, combined, unit, verdict; in display units, or SI."""
         from palpate_notebook.frames import summary_frame
 
         return summary_frame(self.document, si)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats
-from palpate.host import WIDTHS, common_limits, figure_of, legend_outside, people
+from palpate.host import WIDTHS, common_limits, display_unit, figure_of, legend_outside
 
 from palpate_report.curves import Curves, along, moving, swept, thinned
 from palpate_report.grid import grid_of
@@ -21,7 +21,7 @@ def way(subject: Subject) -> Picture | None:
         return None
     main = subject.curves(subject.main)
     parameter = next(iter(main.values))
-    word, factor = people(subject.record.unit(subject.main, parameter))
+    word, factor = display_unit(subject.record.unit(subject.main, parameter))
     label = f"{parameter.replace('_', ' ')} [{word}]"
     if along(main.place) is not None:
         return _line(subject, parameter, label, factor)
@@ -52,10 +52,10 @@ def _line(subject: Subject, parameter: str, label: str, factor: float) -> Pictur
             f"{name}:{parameter}": value / factor,
             f"{name}:{parameter}_std": std / factor,
         }
-    axis.set(xlabel="along the way [mm]", ylabel=label)
+    axis.set(xlabel="along the path [mm]", ylabel=label)
     axis.set_ylim(common_limits(settled, 0.0))
     legend_outside(axis, 4)
-    return Picture(figure, "Estimates along the way, with bands of two standard deviations by the estimator", data)
+    return Picture(figure, "Estimates along the path, with bands of two standard deviations by the estimator", data)
 
 
 def _area(subject: Subject, main: Curves, parameter: str, label: str, factor: float) -> Picture:

@@ -7,7 +7,7 @@ from importlib.metadata import version
 from typing import Any
 
 from palpate import ADVICE, FlagMeaning, ReportSection
-from palpate.host import SEVERITIES, WIDTHS, Table, function_of, people, registry
+from palpate.host import SEVERITIES, WIDTHS, Table, display_unit, function_of, registry
 
 from palpate_report import texts
 from palpate_report.anonymous import Anonymous
@@ -22,7 +22,7 @@ _FACTS = {  # of `run` in the result: what they are called, and their unit
     "started": ("started", ""),
     "log_duration": ("length of the record", "s"),
     "samples": ("samples", ""),
-    "duration": ("time of the computing", "s"),
+    "duration": ("computing time", "s"),
     "seed": ("seed", ""),
     "pipeline": ("pipeline", ""),
     "command": ("command", ""),
@@ -152,11 +152,11 @@ def _numbers(document: Mapping[str, Any], subject: Subject) -> list[tuple[str, s
 def _along_the_way(table: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     for name, value in table["parameters"].items():
         places = value["places"]
-        word, factor = people(value["unit"])
+        word, factor = display_unit(value["unit"])
         doubt = texts.scaled(value["std"], value["unit"]) if value["std"] is not None else "not known"
         mean = f"mean of {places['places']} places {texts.scaled(value['value'], value['unit'])}"
         span = f"{factor * places['low']:.4g} to {factor * places['high']:.4g} {word}"
-        yield texts.readable(name), span, f"along the way; {mean}; u of a place about {doubt}"
+        yield texts.readable(name), span, f"along the path; {mean}; u of a place about {doubt}"
 
 
 def _record_flags(document: Mapping[str, Any]) -> list[Any]:
@@ -233,7 +233,7 @@ def _calibration(document: Mapping[str, Any], record: Record) -> dict[str, Any]:
     run = document.get("run", {})
     if tare := run.get("tare"):
         offset, std = tare.get("offset"), tare.get("std")
-        word, factor = people("N")
+        word, factor = display_unit("N")
         if offset is not None:
             found["tare"] = f"{offset * factor:.4g} {word}" + (f" ± {texts.scaled(std, 'N')}" if std else "")
         if tare.get("noise") is not None:

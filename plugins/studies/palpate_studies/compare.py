@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from palpate import ConfigurationError, UserError, printable
+from palpate import ConfigurationError, PalpateError, UserError, printable
 from palpate.host import (
+    FolderOption,
     FormatOption,
     JsonOption,
     Overrides,
@@ -40,6 +41,7 @@ from palpate.host import (
 
 from palpate_studies import comparison
 from palpate_studies.engines import SchedulerOption, StageOption, demand_scheduler
+from palpate_studies.jobs import Job
 
 if TYPE_CHECKING:
     from palpate.host import Result
@@ -51,7 +53,7 @@ def compare(
     models: Annotated[str | None, typer.Option(help="Contact models by type, with commas between.")] = None,
     estimators: Annotated[str | None, typer.Option(help="Estimators by type, with commas between.")] = None,
     reference: Annotated[str | None, typer.Option(metavar="TRACK", help="Show this track as the truth.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Run folder; must be new or empty.")] = None,
+    out: FolderOption = None,
     overrides: Overrides = None,
     time: Annotated[str | None, typer.Option(metavar="COLUMN", help="What is the time in a CSV file.")] = None,
     rate: Annotated[str | None, typer.Option(help="Rate of a CSV file without a time, such as '500 Hz'.")] = None,
@@ -100,13 +102,12 @@ def compare(
 
 def _there(pipeline: Pipeline, out: Path | None, scheduler: str, stage: str | None) -> Result:
     """The run on a worker of a scheduler: all tracks on one, for they share their samples and are weighed together."""
-    from palpate_studies.cluster_runs import ClusterRun, cluster_results
+    from palpate_studies.cluster import on_cluster
 
     folder = make_folder("compare", out, datetime.now(UTC).astimezone())
-    runs = [ClusterRun("compare", pipeline, folder / "run")]
-    with closing(cluster_results(scheduler, folder, runs, stage)) as found:
+    with closing(on_cluster(scheduler, folder, stage)([Job("compare", pipeline, folder / "run")])) as found:
         ((_, outcome),) = found
-    if isinstance(outcome, UserError):
+    if isinstance(outcome, PalpateError):
         raise outcome
     return outcome.result
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from palpate import Floats
 
 from palpate_filters.fit.loss import LossFunction
+from palpate_filters.fit.motion import third_differences
 from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.residual import Residual
 
@@ -18,6 +19,7 @@ _AT_ONCE = 8  # blocks
 _FEW = 40  # lags, up to which sums are faster than Fourier transforms
 _MOST = 200_000  # rows that the correlation sums run over; longer records are added up in pieces before
 _MOST_TAKEN = 0.6  # of the sum of the autocorrelation; more cannot be made good
+_SAFE = 1e-3  # pivot, from which on rounding does no harm
 _SPAN = 5.0  # the correlation is summed up to so many of its own times (Sokal 1997)
 
 
@@ -46,11 +48,11 @@ def scatter(residual: Residual, record: FitRecord, x: Floats, loss: LossFunction
     gamma, reach = _autocovariance(pieces.errors, p)
     inverse = scaled_inverse(pieces.normal)
     middle = _pair_sum(pieces.slopes, gamma, reach)
-    if np.any(np.diag(middle) < 0) or np.any(np.diag(inverse @ middle @ inverse) < 0):
-        middle = _pair_sum(pieces.slopes, gamma, reach, tapered=True)
+    covariance = inverse @ middle @ inverse
+    if (middle.diagonal() < 0).any() or (covariance.diagonal() < 0).any():
+        covariance = inverse @ _pair_sum(pieces.slopes, gamma, reach, tapered=True) @ inverse
     time = max(_long_run(gamma, reach) / gamma[0], 0.05) * pieces.size if gamma[0] > 0 else 1.0
     effective = min(pieces.samples / time, float(pieces.samples))
-    covariance = inverse @ middle @ inverse
     return ResidualScatter(
         covariance, inverse, pieces.samples, effective, time, pieces.first_correlation, pieces.rss, pieces.noise
     )
@@ -88,8 +90,8 @@ def _collect(residual: Residual, record: FitRecord, x: Floats, loss: LossFunctio
         rss += float(r @ r)
         for stretch in _stretches(r):
             neighbours += float(np.sum(stretch[:, 1:] * stretch[:, :-1]))
-            differences = np.diff(stretch, 3)
-            third, thirds = third + float(np.sum(differences**2)), thirds + differences.size
+            differences = third_differences(stretch)
+            third, thirds = third + float(np.sum(differences * differences)), thirds + differences.size
         joined = np.column_stack([influence, jacobian])
         if size == 1:
             errors.append(joined[:, 0])
@@ -135,6 +137,7 @@ def _autocovariance(errors: Floats, fitted: int) -> tuple[Floats, int]:
     return gamma + taken, reach
 
 
+@lru_cache(256)
 def _weights(reach: int, most: int, tapered: bool = False) -> Floats:
     """Flat up to the reach, then falling to 0 at twice of it (Politis and Romano 1995); or falling from the start."""
     lags = np.arange(min(2 * reach + 1, most))
@@ -186,20 +189,44 @@ def _smooth_length(least: int) -> int:
 
 def scaled_inverse(normal: Floats) -> Floats:
     """Inverse of a normal matrix (p, p) whose unknowns differ by many powers of ten."""
-    lengths = np.sqrt(np.diag(normal))
-    lengths = np.where(lengths > 0, lengths, 1.0)
-    across = np.outer(lengths, lengths)
+    lengths = np.sqrt(normal.diagonal())
+    lengths[~(lengths > 0)] = 1.0
+    across = lengths[:, None] * lengths
     return np.asarray(symmetric_inverse(normal / across, 1e-14) / across)
 
 
 def symmetric_inverse(square: Floats, least: float) -> Floats:
-    """Pseudo-inverse (p, p) of a symmetric matrix, without its eigenvalues up to `least` of the largest."""
+    """Pseudo-inverse (p, p) of a symmetric matrix of diagonal 1, without eigenvalues up to `least` of the largest."""
     if not len(square):
         return square
+    if (found := _inverted(square.tolist())) is not None:
+        return np.array(found)
     values, directions = np.linalg.eigh(square)
     sizes = np.abs(values)
     kept = sizes > least * sizes.max()
     return np.asarray(directions * np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0) @ directions.T)
+
+
+def _inverted(square: list[list[float]]) -> list[list[float]] | None:
+    """Inverse of a symmetric matrix of diagonal 1, in plain numbers; None where it is near to having none.
+
+    Sweeps one unknown after the other (Goodnight 1979); the call of LAPACK alone takes five times as long.
+    """
+    places = range(len(square))
+    for k in places:
+        row = square[k]
+        pivot = row[k]
+        if not pivot > _SAFE:
+            return None
+        scaled = [value / pivot for value in row]
+        for i in places:
+            if i != k:
+                share = square[i][k]
+                square[i] = [value - share * one for value, one in zip(square[i], scaled, strict=True)]
+                square[i][k] = -share / pivot
+        scaled[k] = 1.0 / pivot
+        square[k] = scaled
+    return square
 
 
 def mean_uncertainty(values: Floats) -> float:
