@@ -186,7 +186,7 @@ class _Loop:
             if not self._robot.control.isProgramRunning():
                 return ""
             time.sleep(PERIOD)
-        return " The control link still takes it for running: that link is mute, and commands did not arrive."
+        return " The control link still reports it as running: that link is mute, and commands did not arrive."
 
     def _listen(self, now: int) -> None:
         head, commander = self._ring.head, self._commander
@@ -202,8 +202,12 @@ class _Loop:
         if head[STOP]:
             self._finish()
         elif commander is not None:
-            silent = commander.mode != "hold" and (now - beat) / 1e9 > self._host_limit
-            if head[RETRACT] or silent:
+            silence = (now - beat) / 1e9
+            if head[RETRACT]:
+                commander.retract()
+            elif commander.mode in _MOVING and silence > self._host_limit:
+                text = f"the main job gave no sign of life for {1e3 * silence:.0f} ms: is the computer too busy?"
+                self._parent.tell("limit", text=f"{text} ([device.*] host_limit)", at=now)
                 commander.retract()
 
     def _obey(self, message: dict[str, Any], commander: Commander) -> None:
@@ -217,7 +221,7 @@ class _Loop:
             case "watch":
                 self._eye = ForceEye(self._parent.descriptors.pop(0), message)
             case "retreat" | "follow" if self._fence.limits is None:
-                self._refuse("no limits were told: `link.limit` comes before a motion", commander)
+                self._refuse("no limits were set: `link.limit` comes before a motion", commander)
             case "retreat":
                 self._begin(commander)
                 commander.retreat(message["way"], message["speed"])
