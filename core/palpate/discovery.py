@@ -98,7 +98,7 @@ def discover(files: Iterable[Path] = ()) -> Discovery:
     for name, entry in _installed(tuple(sys.path)):
         try:
             manager.register(entry.load(), name)
-        except Exception as error:  # whatever a stranger's import raises
+        except Exception as error:  # whatever a third-party import raises
             failures[name] = f"{type(error).__name__}: {error}"
     for path in files:
         manager.register(_import_file(path), str(path))

@@ -4,7 +4,7 @@
 
     PalpateError                exit code 1: not the user's doing
     ├── DeviceError             a robot, sensor or link failed while in use
-    ├── StoppedError            exit code 128 + signal: somebody stopped it, what there is is partial
+    ├── StoppedError            exit code 128 + signal: stopped from outside; the result is partial
     └── UserError               exit code 2: something the user can mend
         ├── ConfigurationError  a pipeline file or a command line says something impossible
         ├── PluginError         a plugin cannot be loaded, clashes, or breaks its interface

@@ -7,6 +7,7 @@ Parts need `palpate` only; commands and other tools use `palpate` and this.
 from palpate_basics.continuation import continued as continued, recorded_pipeline as recorded_pipeline
 from palpate_basics.keeping import KeptSamples as KeptSamples
 from palpate_basics.options import (
+    FolderOption as FolderOption,
     FormatOption as FormatOption,
     JsonOption as JsonOption,
     Overrides as Overrides,
@@ -177,5 +178,5 @@ from palpate.safety import (
     check_own_motion as check_own_motion,
     demand_safe as demand_safe,
 )
-from palpate.units import Quantity as Quantity, dimension as dimension, people as people
+from palpate.units import Quantity as Quantity, dimension as dimension, display_unit as display_unit
 from palpate.writing import whole_file as whole_file, write_new as write_new, write_whole as write_whole

@@ -73,7 +73,7 @@ class VelocityCheck:
 
     @property
     def delay(self) -> tuple[float, float] | None:
-        """Lateness of velocity against position and its standard uncertainty [s]; None where it cannot be told."""
+        """Delay of velocity against position and its standard uncertainty [s]; None where it cannot be determined."""
         self._take_in()
         if self._stretches < 20 or 2 * self._long > self._stretches or self._known < 10 or self._power == 0:
             return None

@@ -18,7 +18,7 @@ _LEAST_SECONDS = 4
 
 @dataclass
 class Health:
-    """What was amiss with one stream's readings."""
+    """The faults in one stream's readings."""
 
     stream: Stream
     samples: int = 0

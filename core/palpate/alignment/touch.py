@@ -22,16 +22,16 @@ _LEAST_TOUCH = 0.05  # [N]; a sensor without noise still feels the tip's inertia
 _LEAST_RISE = 0.03  # [N] of a tenth of a second's mean
 _BELIEVED = 0.1  # of the rise: what the law of a change point may leave, beside the noise
 _NEAR = 3.0  # touch forces, up to which contact is looked at
-_AFTER = 0.2  # of the lag: what is seen of the contact before its begin is told; the rest is looked back over
-_AIR_SAMPLES = 50  # before the first touch, to tell whether the force is none there
+_AFTER = 0.2  # of the lag: contact that is awaited before its begin is located; the rest is looked back over
+_AIR_SAMPLES = 50  # before the first touch, to decide whether the force is zero there
 _IN_A_ROW = 3  # samples that must agree before contact is found or lost
-_BASELINE = 1.0  # [s] of air that the begin of contact is told from
+_BASELINE = 1.0  # [s] of air that the begin of contact is located against
 _FIRST = 11  # samples, from which the interval is taken
 
 
 @dataclass(frozen=True)
 class _Told:
-    """What the samples that the tare is settled on say of the touch."""
+    """The touch as found in the samples that the tare is settled on."""
 
     shown: int  # index of the sample at which it shows
     above: int  # samples above the threshold in a row, up to that one
@@ -43,8 +43,8 @@ class _Told:
 class TouchFinder:
     """Takes raw force to tared force and marks the samples in contact.
 
-    Until the first touch, samples are held back, `touch_lag` at most: a threshold is passed, or a slow rise told, later
-    than contact begins, and a change point in what is held back says when it did. The tare is what is before. After
+    Until the first touch, samples are held back, `touch_lag` at most: a threshold is passed, or a slow rise found,
+    later than contact begins, and a change point in what is held back locates it. The tare is taken before it. After
     the first touch nothing is held back.
     """
 
@@ -84,7 +84,7 @@ class TouchFinder:
         return np.maximum(self.threshold, (1.0 - _FOR_DRIFT) * self.threshold + self._settings.drift * time)
 
     def run(self, samples: Samples, final: bool = False) -> Samples:
-        """The samples that can be told to be in contact or not; all that are left where `final`."""
+        """The samples known to be in contact or not; all remaining ones where `final`."""
         if self.tare is None:
             self._waiting.append(samples)
             samples = Samples.joined(self._waiting)
@@ -217,7 +217,7 @@ class TouchFinder:
         return None if found is None else found + offset
 
     def _earliest(self, held: Samples, shown: int) -> int:
-        """Index within what is held of the first sample that nobody has been given when touch showed."""
+        """Index within what is held of the first sample that had not been handed out when touch showed."""
         settled = self._settings.tare_duration + self._settings.touch_lag
         whole = self._settings.tare == "free-air" and held.time[shown] <= settled
         return 0 if whole else max(shown - self._lag, 0)
@@ -263,8 +263,8 @@ class TouchFinder:
     def _contact(self, samples: Samples) -> NDArray[np.bool_]:
         """Hysteresis: on after some samples in a row above the threshold, off after as many below half of it.
 
-        After a touch that a rise told, it is off only where the tip is above the surface again, until the force has
-        passed the threshold once.
+        After a touch that was found by a rise, it is off only where the tip is above the surface again, until the force
+        has passed the threshold once.
         """
         limit = self._limit(samples.time)
         above = _in_a_row(samples.force > limit, self._above)

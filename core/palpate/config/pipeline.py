@@ -48,7 +48,7 @@ class RunSettings(Settings):
     )
     assumed: tuple[str, ...] = Field(
         default=(),
-        description='keys whose values nobody has stated, as patterns: "indenter.*", "alignment.tip_mass"; they are '
+        description='keys whose values are assumed, as patterns: "indenter.*", "alignment.tip_mass"; they are '
         "flagged until they are taken out of here, or set on the command line",
     )
     report: bool = Field(default=False, description="write a report when the run has ended")
@@ -92,7 +92,7 @@ class CalibrationUse(Protocol):
         ...
 
     def flags(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Iterable[Flag]:
-        """What speaks against it; `live` is what connected devices said of themselves, by name."""
+        """Flags against its use; `live` is the health that connected devices report, by name."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""The end of a run: its result, with what the record says of itself and every flag that concerns all tracks."""
+"""The end of a run: its result, with the facts of the alignment and every flag that concerns all tracks."""
 
 from __future__ import annotations
 
@@ -92,23 +92,23 @@ def _alignment_facts(report: AlignmentReport, settings: AlignmentSettings) -> di
 def _run_flags(
     pipeline: Pipeline, live: Mapping[str, Any], report: AlignmentReport, interrupted: str | None
 ) -> Iterator[Flag]:
-    """What concerns every track; `live` is what connected devices and the estimates' lateness came to."""
-    told = live.get("devices")  # by connected devices of themselves
+    """Flags that concern every track; `live`: health of connected devices, and how late estimates were."""
+    health = live.get("devices")  # as connected devices reported it
     yield from pipeline.renamed
     yield from _assumed(pipeline)
     yield from (Flag("device", text) for device in pipeline.devices.values() for text in device.warnings)
     if pipeline.calibration is not None:
-        yield from pipeline.calibration.flags(pipeline, told or {})
+        yield from pipeline.calibration.flags(pipeline, health or {})
     yield from _backlog(live.get("estimates"))
-    yield from device_flags(pipeline.alignment, pipeline.ports, told)
+    yield from device_flags(pipeline.alignment, pipeline.ports, health)
     yield from record_flags(report, pipeline.alignment, interrupted)
 
 
 def _assumed(pipeline: Pipeline) -> Iterator[Flag]:
-    """What the run took for known although nobody has stated it."""
+    """The values that the run assumed although they were not stated."""
     known = taken_values(pipeline)
-    if told := [f"{key} = {known.get(key, '? (there is no such setting)')}" for key in pipeline.run.assumed]:
-        yield Flag("assumed", f"nobody has stated {', '.join(told)}")
+    if assumed := [f"{key} = {known.get(key, '? (there is no such setting)')}" for key in pipeline.run.assumed]:
+        yield Flag("assumed", f"not stated, but assumed: {', '.join(assumed)}")
 
 
 def _backlog(estimates: Mapping[str, Any] | None) -> Iterator[Flag]:

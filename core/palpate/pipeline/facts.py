@@ -51,7 +51,7 @@ def flat_facts(facts: dict[str, Any]) -> dict[str, str]:
 
 
 def planned_duration(pipeline: Pipeline) -> float | None:
-    """How long the record will be [s]: that of a log, or of standstill and motion; None where nobody knows."""
+    """How long the record will be [s]: that of a log, or of standstill and motion; None where that is unknown."""
     logs = [device.duration for device in pipeline.devices.values() if device.duration is not None]
     if logs or len(pipeline.trajectories) != 1:
         return max(logs, default=None)

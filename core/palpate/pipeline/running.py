@@ -74,8 +74,8 @@ def run_pipeline(
             show()
         telling.last({"time": aligner.reached, "behind": 0.0})
         if latency is not None:
-            told = {"largest_behind": backlog.largest, "until": backlog.given_up}
-            flow.facts["estimates"] = {"latency": latency.table(), **told}
+            behind = {"largest_behind": backlog.largest, "until": backlog.given_up}
+            flow.facts["estimates"] = {"latency": latency.table(), **behind}
         if flow.facts:
             facts["live"] = flow.facts
         facts |= {"started": started.isoformat(timespec="seconds"), "duration": time.monotonic() - began}
@@ -89,7 +89,7 @@ def run_pipeline(
 
 
 def _described(pipeline: Pipeline, folder: Path, facts: dict[str, Any], tracks: Tracks, by: Interrupt) -> Run:
-    """What sinks are told of a run, with its documents written."""
+    """The description of a run that sinks get, with its documents written."""
     documents = {PIPELINE: resolved_text(pipeline), GIVEN: pipeline.text}
     for name, text in documents.items():
         write_new(folder / name, text)

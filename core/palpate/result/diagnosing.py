@@ -61,7 +61,7 @@ def diagnosed(
 
 
 def _findings(name: str, diagnosis: Diagnosis, evidence: list[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """The findings of one diagnosis; what was estimated stays, whatever a stranger's function does."""
+    """The findings of one diagnosis; the estimates stay, whatever a third-party function raises."""
     try:
         return dict(function_of(diagnosis)(evidence))
     except Exception as error:

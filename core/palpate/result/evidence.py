@@ -74,7 +74,7 @@ class Diagnosed:
 
     flags: tuple[Flag, ...] = ()
     terms: Mapping[str, float] = field(default_factory=dict)  # standard uncertainty [SI] that it adds, by parameter
-    unknown: frozenset[str] = frozenset()  # parameters whose uncertainty nobody can tell
+    unknown: frozenset[str] = frozenset()  # parameters whose uncertainty cannot be determined
     table: Mapping[str, Any] = field(default_factory=dict)  # plain data for result.json
     # Known, by parameter: the value stays, its uncertainty holds all of the shift, a corrected value stands beside it.
     biases: Mapping[str, Bias] = field(default_factory=dict)

@@ -34,7 +34,7 @@ class Found:
     systematic: float | None = None  # standard uncertainty from timing, mass and tare; None where none is known
     budget: Mapping[str, float] = field(default_factory=dict)  # its terms by name
     per_shear: float | None = None  # [s] shift of timing that would explain the value: eta/G
-    unknown: bool = False  # nobody can tell how wrong it is
+    unknown: bool = False  # its uncertainty cannot be determined
     bias: Bias | None = None  # known, and with all of its shift in the combined uncertainty
     places: Mapping[str, float] = field(default_factory=dict)  # of a sweep: how many, and how they differ
     last: Mapping[str, float] = field(default_factory=dict)  # of a sweep: value and std at its end
@@ -42,7 +42,7 @@ class Found:
 
     @property
     def combined(self) -> float:
-        """Standard uncertainty of all parts together; NaN where nobody can tell it."""
+        """Standard uncertainty of all parts together; NaN where it cannot be determined."""
         if self.unknown:
             return math.nan
         return math.hypot(self.std, self.settling, self.systematic or 0.0)
@@ -79,7 +79,7 @@ class Found:
     def diagnosed(
         self, cause: str, share: float, unknown: bool = False, bias: Bias | None = None, left: float | None = None
     ) -> Found:
-        """With one more cause of systematic uncertainty [SI], an uncertainty that nobody can tell, or a known bias.
+        """With one more cause of systematic uncertainty [SI], one that cannot be determined, or a known bias.
 
         `left` [SI] is the share for the corrected value, where it is another one.
         """
@@ -111,7 +111,7 @@ def derived_values(
 ) -> tuple[Derived, ...]:
     """What the parameters found say of the material, with their scatter and settling carried over.
 
-    Scatter by the `covariance` (k, k) where the estimator tells it, else as uncorrelated. A value that is a parameter
+    Scatter by the `covariance` (k, k) where the estimator reports it, else as uncorrelated. A value that is a parameter
     itself is not repeated.
     """
     found = [parameters[parameter.name] for parameter in model.parameters]

@@ -33,7 +33,7 @@ class _Numbers:
 
 
 def _covariance(model: ContactModel, details: Mapping[str, Any]) -> Floats | None:
-    """Covariance (k, k) of the parameters as the estimator tells it in its details; None where it does not."""
+    """Covariance (k, k) of the parameters as the estimator reports it in its details; None where it does not."""
     table = details.get("covariance")
     if not isinstance(table, Mapping):
         return None

@@ -80,13 +80,13 @@ class TrackRecord:
 
     @property
     def held(self) -> frozenset[str]:
-        """Names of what a fit was told to hold fixed: settings, not estimates."""
+        """Names of the values that a fit holds fixed: settings, not estimates."""
         unknowns = self.report.unknowns if self.report else {}
         return frozenset(name for name, unknown in unknowns.items() if not unknown.free)
 
     @property
     def is_sweep(self) -> bool:
-        """Whether the track was at places further apart than a palpation needs; not where nobody says."""
+        """Whether the track was at places further apart than a palpation needs; False where places are unknown."""
         return self._lateral is not None and float(np.nanmax([0.0, *(self._lateral[1] - self._lateral[0])])) > SWEEP
 
     @property

@@ -28,7 +28,7 @@ class Tail:
     surface_std: Floats  # (n,) [m]
     model_force: Floats  # (n,) [N]
     nis: Floats  # (n,)
-    innovation: Floats  # (n,) normalised, with its sign; NaN where the estimator tells none
+    innovation: Floats  # (n,) normalised, with its sign; NaN where the estimator reports none
 
     def since(self, begin: float) -> Tail:
         """The part from a time [s] on."""
@@ -81,7 +81,7 @@ class Tail:
         return np.asarray(np.sqrt(1.2 * 1.5 * square * len(means)) / span)
 
     def force_rms(self, tip_mass: float) -> float:
-        """RMS [N] of measured force less inertia of the tip less the model's force; NaN where it cannot be told."""
+        """RMS [N] of measured force less inertia of the tip less the model's force; NaN where that is unknown."""
         n = _SLOPE_SAMPLES
         if len(self.time) <= 2 * n:
             return float("nan")

@@ -70,8 +70,8 @@ def _contradiction(moved: Floats, velocity: Floats, change: Floats) -> list[str]
     if not len(apart) or not float(np.nanmax(apart, initial=0.0)) > _CONTRADICTION:
         return []
     worst = int(np.nanargmax(apart))
-    told, seen = (1e3 * float(np.linalg.norm(column[worst])) for column in (stated, moved))
-    return [f"the setpoints move at {seen:.1f} mm/s where their stated velocity is {told:.1f} mm/s"]
+    stated_speed, seen = (1e3 * float(np.linalg.norm(column[worst])) for column in (stated, moved))
+    return [f"the setpoints move at {seen:.1f} mm/s where their stated velocity is {stated_speed:.1f} mm/s"]
 
 
 def _sentence(excess: Excess) -> str:

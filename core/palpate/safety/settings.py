@@ -65,7 +65,7 @@ class SafetySettings(Settings):
         default=0.005, gt=0, description="largest standard deviation of the velocity at standstill"
     )
     standstill_excess: float = Field(
-        default=3.0, gt=1, description="how many times the noise that a filter was told the noise at standstill may be"
+        default=3.0, gt=1, description="how many times the noise that a filter declares the noise at standstill may be"
     )
 
     @property

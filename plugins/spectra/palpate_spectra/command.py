@@ -12,15 +12,16 @@ from typing import Annotated, Any
 import typer
 from palpate import ConfigurationError
 from palpate.host import (
+    FolderOption,
     FormatOption,
     JsonOption,
     Table,
     TrackOption,
     aside,
     console,
+    display_unit,
     make_folder,
     measured,
-    people,
     print_json,
     write_new,
 )
@@ -49,9 +50,7 @@ def spectrum(
         str | None, typer.Option(help='Of the motion, with commas between: "0.5 Hz, 2 Hz". [default: found]')
     ] = None,
     surface: SurfaceOption = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder; must be new or empty. [default: runs/DATE_TIME_spectrum]")
-    ] = None,
+    out: FolderOption = None,
     as_json: JsonOption = False,
     layout: FormatOption = "table",
 ) -> None:
@@ -91,7 +90,7 @@ def spectrum(
 def table_of(lines: Sequence[Line]) -> Table:
     """The moduli, each with its standard uncertainty."""
     several = len({line.run for line in lines}) > 1
-    word, factor = people("Pa")
+    word, factor = display_unit("Pa")
     headings = ["f\nHz", "amplitude\nmm", f"G'\n{word}", f"G''\n{word}", f"E'\n{word}", f"E''\n{word}", "tan(delta)"]
     rows = []
     for line in lines:

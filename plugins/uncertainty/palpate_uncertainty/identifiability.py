@@ -75,9 +75,9 @@ def _judge(track: TrackEvidence) -> Diagnosed:
         ]
         said += [f"{name} has no effect on the force" for name in blind]
         pairs = _pairs(names, correlation)
-        told = f"; hard to tell apart: {', '.join(pairs)}" if pairs else ""
+        alike = f"; hard to tell apart: {', '.join(pairs)}" if pairs else ""
         flags.append(
-            Flag("overconfident", f"the record cannot tell what the estimator claims: {', '.join(said)}{told}")
+            Flag("overconfident", f"the estimator claims more than the record determines: {', '.join(said)}{alike}")
         )
     flags += _untold(track, np.hypot(track.combined, terms))
     table: dict[str, Any] = {
@@ -146,17 +146,17 @@ def _along_the_way(track: TrackEvidence) -> Diagnosed:
     if not wrong.any():
         return Diagnosed(table={"stretches": table})
     said = [
-        f"{names[i]} of {low[i]:.4g} to {high[i]:.4g} {track.model.parameters[i].unit} where it says "
-        f"{track.values[i]:.4g} of all of them"
+        f"{names[i]} of {low[i]:.4g} to {high[i]:.4g} {track.model.parameters[i].unit} where its one "
+        f"value is {track.values[i]:.4g}"
         for i in np.flatnonzero(wrong)
     ]
     terms = np.where(wrong, np.sqrt(np.mean(found**2, axis=0)), 0.0)
-    flag = Flag("elsewhere", f"least squares on stretches of the way finds {', '.join(said)}")
+    flag = Flag("elsewhere", f"least squares on stretches of the path finds {', '.join(said)}")
     return Diagnosed((flag,), dict(zip(names, terms.tolist(), strict=True)), table={"stretches": table})
 
 
 def _said(track: TrackEvidence, names: list[str], i: int, value: float) -> str:
-    return f"{names[i]} {value:.4g} {track.model.parameters[i].unit} where it says {track.values[i]:.4g}"
+    return f"{names[i]} {value:.4g} {track.model.parameters[i].unit} where it gives {track.values[i]:.4g}"
 
 
 def _percent(name: str, value: float, std: float, bound: float) -> str:

@@ -78,7 +78,7 @@ def curves(
         list[str] | None, typer.Option("--label", help="What each run is called, in their order. [default: its folder]")
     ] = None,
     points: Points = None,
-    out: Annotated[Path, typer.Option(help="The picture to draw: .png or .svg.")] = Path("sweep.png"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="The picture to draw: .png or .svg.")] = Path("sweep.png"),
     as_json: JsonOption = False,
 ) -> None:
     """Draw the curves of all tracks of runs along a line with the lumps in each, and print their table."""
@@ -124,10 +124,10 @@ def tell_curves(
 
 
 def _table(curves: Mapping[str, TrackCurve], points: tuple[Any, Sites] | None, unit: str) -> Any:
-    from palpate.host import people
+    from palpate.host import display_unit
     from rich.table import Table
 
-    word, factor = people(unit)
+    word, factor = display_unit(unit)
     table = Table(title="along the sweep", title_justify="left")
     table.add_column("track")
     table.add_column("lumps: place (contrast)")

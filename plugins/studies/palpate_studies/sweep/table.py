@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate import PalpateError
-from palpate.host import Table, measured, people, whole_file, write_whole
+from palpate.host import Table, display_unit, measured, whole_file, write_whole
 
 from palpate_studies.jobs import Outcome
 from palpate_studies.sweep.combinations import Combination
@@ -66,7 +66,7 @@ def _combined_key(row: dict[str, Any]) -> str:
 
 def _numbers(row: dict[str, Any]) -> list[str]:
     name, _, unit = _value_key(row).rstrip("]").partition(" [")
-    word, factor = people(unit)
+    word, factor = display_unit(unit)
     value, combined = row.get(_value_key(row)), row.get(_combined_key(row))
     shown = measured(value * factor, (combined or math.nan) * factor) if isinstance(value, float) else "-"
     nis = row.get("nis")
