@@ -10,7 +10,8 @@ from palpate_devices.ur3e.fence import ArmState
 from palpate_devices.ur3e.frame import WorkFrame
 from palpate_devices.ur3e.kinematics import UR3E, joints_at, matrix_of, tip
 from palpate_devices.ur3e.pace import Beat, next_deadline
-from palpate_devices.ur3e.servo import PERIOD, Commander, Law
+from palpate_devices.ur3e.plan import PERIOD, Plan
+from palpate_devices.ur3e.servo import Commander, Law
 from palpate_devices.ur3e.worker import _Loop
 
 WORK = WorkFrame.model_construct(origin=(-0.3, -0.13, 0.1), rotation=(0.0, 0.0, 0.0), turn=0.0)
@@ -109,7 +110,7 @@ def driven(rows, held_up, unseen=0.0, jam=np.inf, longest=6.0):
     commander = loop._commander = Commander(loop._law, robot.look().position)
     loop._obey(LIMITS, commander)
     loop._fence.begin(commander.command)
-    commander.follow(rows)
+    commander.follow(Plan.of(rows))
     now = deadline = ticked = cycles = 0
     try:
         while commander.mode != "done" and now < longest * 1e9:
@@ -198,7 +199,7 @@ def test_a_table_is_made_up_for_a_tenth_faster_and_to_the_bit_where_nothing_was_
     told = {}
     for held_up in (0, 20):
         commander = Commander(law, rows[0, :3])
-        commander.follow(rows)
+        commander.follow(Plan.of(rows))
         places = [commander.command]
         while commander.mode != "done":
             places.append(commander.next(places[-1], np.zeros(3)))
@@ -256,3 +257,20 @@ def test_cycles_begin_when_the_controller_has_sent_its_state(phase, wander):
     assert min(off[800:]) > 0.1e6  # [ns] from the last tick
     assert max(off[800:]) < 0.6e6
     assert np.abs(moved).max() <= 0.0025 * period
+
+
+def test_an_arm_that_leaves_because_the_main_job_is_silent_says_so():
+    """A motion that ends early for it would be taken for a whole one."""
+    told, robot, rows = [], VirtualRobot(0.003), sine(0.02)
+    parent = SimpleNamespace(tell=lambda word, **facts: told.append(facts["text"]), messages=list, gone=False)
+    beaten = SimpleNamespace(head=np.zeros(64, np.int64), last_beat=lambda host: 1_000_000_000)
+    loop = _Loop(parent, beaten, robot, SETTINGS)
+    commander = loop._commander = Commander(loop._law, robot.look().position)
+    commander.follow(Plan.of(rows))
+    loop._listen(10_900_000_000)
+    assert (commander.mode, told) == ("approach", [])
+    loop._listen(11_100_000_000)
+    assert commander.mode == "retract"
+    loop._listen(11_200_000_000)
+    assert len(told) == 1
+    assert "the main job gave no sign of life for 10100 ms" in told[0]
