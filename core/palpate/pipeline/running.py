@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import time
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -85,18 +87,21 @@ def run_pipeline(
 
     Raises UserError for what the user can mend; what was recorded until then stays.
     """
-    tracks = Tracks(start_tracks(pipeline))
+    live = any(device.live for device in pipeline.devices.values())
+    beside = ThreadPoolExecutor(os.cpu_count() or 1)
+    known = beside.submit(run_facts, pipeline)  # hashes of logs take as long as compiling
+    tracks = Tracks(start_tracks(pipeline), None if live else beside)
     started = datetime.now(UTC).astimezone()
     folder = make_folder(pipeline.run.name, out, started)
-    facts = run_facts(pipeline)
+    facts = known.result()
     aligner = Aligner(pipeline.alignment, pipeline.ports)
     began = time.monotonic()
     failure: DeviceError | None = None
     taken = False
     with refused_leaves_nothing(folder, lambda: taken), interruptible() as interrupt, ExitStack() as stack:
         run = _described(pipeline, folder, facts, tracks, interrupt)
+        stack.enter_context(beside)
         outputs = Outputs(stack, pipeline, run, tracks.online, observer)
-        live = any(device.live for device in pipeline.devices.values())
         latency = Latency(pipeline.ports["position"]) if live and pipeline.tracks else None
         path = DataPath(aligner, tracks, outputs, latency)
         backlog = path.backlog

@@ -43,6 +43,7 @@ class RecursiveTracker:
         self.recursion = recursion
         self._place = output_layout(recursion.parameters)
         self._marks = [(self._place.at(name), int(mark)) for name, mark in MARKS.items()]
+        self._marked = self._place.span(next(iter(MARKS)), next(reversed(MARKS)))
         self._listener = listener
         self.opening = opening or Opening()
         self._kernel = compile_step(recursion.step)
@@ -220,13 +221,16 @@ class RecursiveTracker:
     ) -> None:
         place, at = self._place, self._place.at
         status = np.zeros(len(outputs), np.uint32)
-        for name, mark in MARKS.items():
-            status[outputs[:, at(name)] > 0.5] |= np.uint32(mark)
+        marked = outputs[:, self._marked] > 0.5
+        for column, mark in zip(marked.T, MARKS.values(), strict=True) if marked.any() else ():
+            status[column] |= np.uint32(mark)
         if before is not None:  # what went wrong while nobody was told
             self._diverged |= bool((before[:, at("diverged")] > 0.5).any())
-        broken = np.logical_or.accumulate((status & Status.DIVERGED > 0) | self._diverged)
-        self._diverged = bool(broken[-1])
-        status[broken] |= np.uint32(Status.DIVERGED)
+        broken = (status & _DIVERGED > 0) | self._diverged
+        if broken.any():
+            broken = np.logical_or.accumulate(broken)
+            self._diverged = True
+            status[broken] |= np.uint32(_DIVERGED)
         nis, innovation = surprises(outputs, place)
         columns = {
             "values": outputs[:, place["values"]],
