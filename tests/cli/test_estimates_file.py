@@ -30,6 +30,15 @@ def opened(folder, live, interval=0.01):
     return estimates_file(folder, TRACKS, pipeline, offline=False)
 
 
+def fill(folder, blocks, end=None):
+    """A table of blocks of a second, which ends by what is raised."""
+    with opened(folder, live=False) as table:
+        for i in range(blocks):
+            table.write(*block(i * 1.0, 500))
+        if end is not None:
+            raise end
+
+
 @pytest.mark.parametrize("interval", [0.0, 0.01])
 @pytest.mark.parametrize("count", [1, 700, 12_000])
 def test_a_thread_writes_the_same_bytes(tmp_path, count, interval):
@@ -52,17 +61,14 @@ def test_what_the_thread_meets_is_raised_and_nothing_follows_the_gap(tmp_path, m
         append(self, numbers)
 
     monkeypatch.setattr(module.EstimatesFile, "append", failing)
-    with pytest.raises(OSError, match="No space left"), opened(tmp_path / "out", live=False) as table:
-        for i in range(20):
-            table.write(*block(i * 1.0, 500))
+    with pytest.raises(OSError, match="No space left"):
+        fill(tmp_path / "out", 20)
     assert begins == [0.0, 1.0, 2.0]
     lines = (tmp_path / "out" / "estimates.csv").read_text().splitlines()
     assert len(lines) == 1 + 2 * 100
 
 
 def test_a_run_that_is_stopped_has_its_rows(tmp_path):
-    with pytest.raises(KeyboardInterrupt), opened(tmp_path / "out", live=False) as table:
-        for i in range(3):
-            table.write(*block(i * 1.0, 500))
-        raise KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt):
+        fill(tmp_path / "out", 3, KeyboardInterrupt())
     assert len((tmp_path / "out" / "estimates.csv").read_text().splitlines()) == 1 + 3 * 100

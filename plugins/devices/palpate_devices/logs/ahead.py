@@ -18,7 +18,9 @@ class _Line(Generic[T]):
         self._items = items
         self._room = threading.Semaphore(most - 1)
         self._stopped = False
-        self.found: SimpleQueue[tuple[T] | BaseException | None] = SimpleQueue()  # what was raised, or the end, comes last
+        self.found: SimpleQueue[tuple[T] | BaseException | None] = (
+            SimpleQueue()
+        )  # what was raised, or the end, comes last
         self._thread = threading.Thread(target=self._make, name="reading ahead", daemon=True)
         self._thread.start()
 
