@@ -19,7 +19,8 @@ from palpate.alignment import GRAVITY, Health
 from palpate_calibration.protocol import calibrate
 from palpate_calibration.record import CalibrationRecord, Trace
 from palpate_calibration.settings import CalibrationSettings
-from palpate_devices.twins.bench import VirtualBench, World
+from palpate_devices.twins.bench import VirtualBench
+from palpate_devices.twins.world import World
 from palpate_devices.ur3e.kinematics import pose_of
 from palpate_models import DimensionalityReduction, Sphere
 from palpate_trajectories.shake import Shake

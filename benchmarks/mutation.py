@@ -46,10 +46,10 @@ AREAS = {  # by area: modules and the tests that hold them; of several patterns 
         f"{_ALIGNMENT}/*.py": "core/test_alignment.py core/test_ports.py core/test_touch.py",
     },
     "guard": {
-        "core/palpate/pipeline/guard.py core/palpate/safety.py core/palpate/limiting.py":
+        "core/palpate/pipeline/guard.py core/palpate/safety/*.py core/palpate/limiting.py":
             "core/test_safety.py devices/test_fence.py",
     },
-    "fence": {"plugins/devices/palpate_devices/ur3e/fence.py": "devices/test_fence.py"},
+    "fence": {"plugins/devices/palpate_devices/ur3e/f[eo][nl]*.py": "devices/test_fence.py"},
     "uncertainty": {
         f"{_UNCERTAINTY}/[lwa]*.py {_UNCERTAINTY}/unloading.py": f"{_LACK} uncertainty/test_late_force.py",
         f"{_UNCERTAINTY}/self_timed.py {_UNCERTAINTY}/timed_record.py {_UNCERTAINTY}/telling.py":

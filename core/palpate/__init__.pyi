@@ -102,7 +102,8 @@ from palpate.result.evidence import (
 )
 from palpate.result.found import Bias as Bias
 from palpate.result.kept import Kept as Kept
-from palpate.result.record import Tail as Tail, TrackSummary as TrackSummary
+from palpate.result.tail import Tail as Tail
+from palpate.result.track_result import TrackSummary as TrackSummary
 from palpate.sink import (
     EstimatesWriter as EstimatesWriter,
     GuardState as GuardState,

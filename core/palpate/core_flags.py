@@ -20,7 +20,7 @@ def _note(meaning: str, remedy: str) -> FlagMeaning:
 
 _ESTIMATE = {
     "diagnosis-failed": _doubtful(
-        "A plugin that judges results ended in an error; what it would have said is not known.",
+        "A plugin that judges results ended in an error; its judgement is missing.",
         "Report the error to the plugin's authors.",
     ),
     "no-contact": _invalid(
@@ -52,7 +52,7 @@ _ESTIMATE = {
         "Check tare and touch threshold, or use a kinematic filter.",
     ),
     "restarted": _doubtful(
-        "The filter began anew from its start values.",
+        "The filter restarted from its start values.",
         "Check the noise that is declared, or use a kinematic filter.",
     ),
     "resumed": _note(
@@ -119,7 +119,7 @@ _RECORD = {
 
 _PIPELINE = {
     "assumed": _doubtful(
-        "The result rests on values that nobody has stated, such as a tip's radius that a suggestion has put in.",
+        "The result rests on assumed values, such as a tip's radius that a suggestion has put in.",
         "Correct them in the pipeline and take them out of [run] assumed, or state them with --set.",
     ),
 }

@@ -18,7 +18,7 @@ from palpate.vectors import Floats, finite_rows
 
 @dataclass(frozen=True)
 class Channel:
-    """One column of a stream: what it says, in which unit, and how far it can be believed."""
+    """One column of a stream: its name, its unit, and the limits of its range."""
 
     name: str
     unit: str  # SI
@@ -142,11 +142,11 @@ class Device(Part, ABC):
 
     @abstractmethod
     def connect(self, seed: int) -> AbstractContextManager[Link]:
-        """A link that lives as long as the context; `seed` is for devices that play dice."""
+        """A link that lives as long as the context; `seed` is for devices that draw random numbers."""
 
     @property
     def live(self) -> bool:
-        """Whether it sends as time goes by, so that nobody may make it wait; a log or a fast simulation does not.
+        """Whether it sends as time goes by, so that it must not be kept waiting; a log or a fast simulation does not.
 
         The batches of a live link come at least every 0.1 s, empty ones where there is nothing to say.
         """
@@ -199,7 +199,7 @@ class Turnable(Protocol):
 
 @runtime_checkable
 class SelfMoving(Protocol):
-    """An arm that moves by itself besides the motion that it is told."""
+    """An arm that also moves on its own, besides the commanded motion."""
 
     @property
     def own_motion(self) -> OwnMotion:

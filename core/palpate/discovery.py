@@ -21,6 +21,7 @@ from palpate.migration import Migration
 
 _DISTRIBUTION = "palpate"
 _PREFIX = "palpate_"
+_SOURCE = "__palpate_source__"  # what a plugin file's module is of
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ def discover(files: Iterable[Path] = ()) -> Discovery:
     for name, entry in _installed(tuple(sys.path)):
         try:
             manager.register(entry.load(), name)
-        except Exception as error:  # whatever a stranger's import raises
+        except Exception as error:  # whatever a third-party import raises
             failures[name] = f"{type(error).__name__}: {error}"
     for path in files:
         manager.register(_import_file(path), str(path))
@@ -124,9 +125,12 @@ def _installed(_: tuple[str, ...]) -> tuple[tuple[str, importlib.metadata.EntryP
 
 
 def _import_file(path: Path) -> ModuleType:
+    """The module of a file: that of the last time where nobody has changed it, for its classes are to stay the same."""
     if not path.is_file():
         raise PluginError(f"plugin file {path} does not exist")
-    name = f"palpate_file_{path.stem}"
+    name, source = f"palpate_file_{path.stem}", path.read_bytes()
+    if (before := sys.modules.get(name)) is not None and before.__dict__.get(_SOURCE) == (path.resolve(), source):
+        return before
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
         raise PluginError(f"plugin file {path} is not a Python file")
@@ -136,6 +140,7 @@ def _import_file(path: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except Exception as error:
         raise PluginError(f"plugin file {path} fails to import: {type(error).__name__}: {error}") from error
+    module.__dict__[_SOURCE] = path.resolve(), source
     return module
 
 

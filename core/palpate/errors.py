@@ -4,7 +4,7 @@
 
     PalpateError                exit code 1: not the user's doing
     ├── DeviceError             a robot, sensor or link failed while in use
-    ├── StoppedError            exit code 128 + signal: somebody stopped it, what there is is partial
+    ├── StoppedError            exit code 128 + signal: stopped from outside; the result is partial
     └── UserError               exit code 2: something the user can mend
         ├── ConfigurationError  a pipeline file or a command line says something impossible
         ├── PluginError         a plugin cannot be loaded, clashes, or breaks its interface
@@ -36,6 +36,9 @@ class StoppedError(PalpateError):
     def __init__(self, message: str, number: int) -> None:
         super().__init__(message)
         self.exit_code = 128 + number
+
+    def __reduce__(self) -> tuple[type[StoppedError], tuple[str, int]]:
+        return StoppedError, (str(self), self.exit_code - 128)
 
 
 class UserError(PalpateError):

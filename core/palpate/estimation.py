@@ -60,11 +60,11 @@ _columns = attrgetter(*(f.name for f in fields(Samples)))
 
 
 class Status(IntFlag):
-    """What an estimator says of one estimate; 0 where nothing is amiss."""
+    """The state of one estimate; 0 where all is well."""
 
     IDLE = 1  # not tracking: out of contact, or outside the part of the motion meant for estimation
     LIFTED = 2  # the estimated depth is not positive although the sample is in contact
-    RESTARTED = 4  # the estimator began anew here: its depth had stayed at or below zero
+    RESTARTED = 4  # the estimator restarted here: its depth had stayed at or below zero
     DIVERGED = 8  # the numbers stopped being finite or plausible; nothing after this can be used
     BLIND = 16  # a measurement is missing: predicted only
     STIFF = 32  # the contact is too stiff for the estimator's time step

@@ -49,5 +49,5 @@ class FlagMeaning:
 
 
 def verdict(flags: Iterable[Flag]) -> Verdict:
-    """The worst severity among judged flags; ``good`` without any, ``doubtful`` for one that nobody has judged."""
+    """The worst severity among judged flags; ``good`` without any, ``doubtful`` for an unregistered one."""
     return VERDICTS[max((VERDICTS.index(flag.severity or "doubtful") for flag in flags), default=0)]

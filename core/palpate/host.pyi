@@ -74,13 +74,8 @@ from palpate_report.pictures import (
     style as style,
 )
 from palpate_studies.answers import keep as keep
-from palpate_studies.cluster_runs import (
-    Answer as Answer,
-    ClusterRun as ClusterRun,
-    cluster_results as cluster_results,
-    found_before as found_before,
-    unused as unused,
-)
+from palpate_studies.cluster import on_cluster as on_cluster
+from palpate_studies.cores import on_all_cores as on_all_cores
 from palpate_studies.differing import differences as differences
 from palpate_studies.engines import (
     SchedulerOption as SchedulerOption,
@@ -88,12 +83,13 @@ from palpate_studies.engines import (
     demand_scheduler as demand_scheduler,
 )
 from palpate_studies.jobs import (
+    Answer as Answer,
     Engine as Engine,
     Job as Job,
-    built as built,
-    finished as finished,
-    on_all_cores as on_all_cores,
-    run_job as run_job,
+    Outcome as Outcome,
+    Written as Written,
+    found_before as found_before,
+    unused as unused,
 )
 from palpate_uncertainty.sources import sources_of as sources_of
 
@@ -135,7 +131,7 @@ from palpate.device import (
     own_motions as own_motions,
     truth_of as truth_of,
 )
-from palpate.errors import suggest as suggest
+from palpate.errors import StoppedError as StoppedError, suggest as suggest
 from palpate.extensions import function_of as function_of
 from palpate.flags import SEVERITIES as SEVERITIES, verdict as verdict
 from palpate.hooks import KINDS as KINDS
@@ -181,5 +177,5 @@ from palpate.safety import (
     check_own_motion as check_own_motion,
     demand_safe as demand_safe,
 )
-from palpate.units import Quantity as Quantity, dimension as dimension, people as people
+from palpate.units import Quantity as Quantity, dimension as dimension, display_unit as display_unit
 from palpate.writing import whole_file as whole_file, write_new as write_new, write_whole as write_whole

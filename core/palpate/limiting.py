@@ -1,4 +1,4 @@
-"""What an arm keeps watch over by itself, in the process that commands it: limits of its motion, and the force."""
+"""What an arm monitors itself, in the process that commands it: the limits of its motion, and the force."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 
 @dataclass(frozen=True)
 class ArmLimits:
-    """What every command of an arm has to keep, whoever asked for it; positions in the work frame."""
+    """What every command of an arm has to keep, wherever it comes from; positions in the work frame."""
 
     low: tuple[float, ...]  # (3,) [m]
     high: tuple[float, ...]  # (3,) [m]
@@ -21,11 +21,11 @@ class ArmLimits:
 
 @dataclass(frozen=True)
 class SharedReadings:
-    """Readings of a stream in shared memory, where another process finds them without anybody's help.
+    """Readings of a stream in shared memory, where another process reads them directly.
 
     The memory begins with `head` 64-bit whole numbers, the first of which counts the rows that were written; then
     come `rows` rows of `columns` 64-bit floats, row n in place n modulo `rows`. The stream's channels begin at column
-    `first`; a reading that is not to be believed is NaN.
+    `first`; an invalid reading is NaN.
     """
 
     descriptor: int
@@ -37,7 +37,7 @@ class SharedReadings:
 
 @dataclass(frozen=True)
 class ForceWatch:
-    """The force that an arm shall stop at by itself."""
+    """The force at which an arm stops on its own."""
 
     readings: SharedReadings
     channels: tuple[int, ...]  # of the stream
@@ -50,14 +50,14 @@ class ForceWatch:
 
 @runtime_checkable
 class Limited(Protocol):
-    """An arm that holds its commands to limits by itself, and stops by itself at a force."""
+    """An arm that checks its commands against limits itself, and stops itself at a force."""
 
     def limit(self, limits: ArmLimits, trip: Callable[[str], None]) -> None:
-        """Keep these limits from now on; `trip` is told why it stopped."""
+        """Keep these limits from now on; `trip` is called with the reason of a stop."""
         ...
 
     def watch_force(self, watch: ForceWatch) -> None:
-        """Stop by itself, host or no host, where a channel differs by more than `stop` from its tare, or is NaN."""
+        """Stop without the host where a channel differs by more than `stop` from its tare, or is NaN."""
         ...
 
 

@@ -18,7 +18,7 @@ def _tuples(value: Any) -> Any:
 
 
 def _forget_derived(settings: BaseModel) -> None:
-    """What settings have computed from their fields is not theirs any more once a copy has other fields."""
+    """What settings have computed from their fields is void in a copy with other fields."""
     kept = vars(settings)
     for name in kept.keys() - type(settings).model_fields.keys():
         del kept[name]
@@ -28,7 +28,7 @@ class Settings(BaseModel):
     """A table of a pipeline file: frozen, strict, and closed to keys that it does not know.
 
     What follows from the fields may be kept in a `cached_property`, never in a private attribute: a copy with other
-    values (`model_copy`) computes it anew.
+    values (`model_copy`) computes it again.
     """
 
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid", protected_namespaces=())

@@ -1,4 +1,4 @@
-"""Names and texts of strangers, as they may be shown."""
+"""Names and texts from files and plugins, made safe to print."""
 
 from __future__ import annotations
 

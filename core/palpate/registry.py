@@ -96,7 +96,7 @@ class Registry:
         return (*lost, *self.oddities)
 
     def judged(self, flags: Iterable[Flag]) -> tuple[Flag, ...]:
-        """Flags with their severity; one that nobody has registered is doubtful."""
+        """Flags with their severity; an unregistered one is doubtful."""
         entries = ((flag, self.flags.get(flag.code)) for flag in flags)
         return tuple(replace(flag, severity=entry.meaning.severity if entry else "doubtful") for flag, entry in entries)
 
@@ -117,7 +117,7 @@ class Registry:
         if name not in self.commands:
             hint = suggest(name, self.commands)
             # An editable installation knows the plugins of the day it was made.
-            hint += "" if "did you mean" in hint else "; after an update, install palpate anew (pip install)"
+            hint += "" if "did you mean" in hint else "; after an update, reinstall palpate (pip install)"
             raise PluginError(f"there is no command {name!r}{hint}{self._lost}")
         return self.commands[name]
 

@@ -32,7 +32,7 @@ class Run:
     facts: Mapping[str, str]  # versions, seed, hashes: what it takes to redo the run
     documents: Mapping[str, str]  # files by name: the pipeline as run and as given
     name: str = ""
-    duration: float | None = None  # [s] as planned, of the record; None where nobody knows
+    duration: float | None = None  # [s] as planned, of the record; None where unknown
     extent: Extent | None = None  # [m] box of the planned motion; None where nothing moves
     # Ends the run with a reason, from any thread, at once: the guard lets the arm retract. It is no emergency stop.
     stop: Callable[[str], None] = _never
@@ -78,7 +78,7 @@ class TakesFlags(Protocol):
     """A writer that wants to know of flags as they rise, and fall again."""
 
     def flags(self, track: str | None, flags: tuple[Flag, ...]) -> None:
-        """All that now speaks against a track, or the record as a whole; told when it has become more or less."""
+        """All flags of a track, or of the record as a whole, whenever they have changed."""
         ...
 
 

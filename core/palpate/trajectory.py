@@ -31,7 +31,7 @@ class Setpoint:
 
 @dataclass(frozen=True)
 class OwnMotion:
-    """What an arm does by itself, besides the motion that it is told: it goes to the start, and brakes."""
+    """What an arm does on its own, besides the commanded motion: it goes to the start, and brakes."""
 
     speed: float  # [m/s] at most, on the way from where it stands to the first setpoint
     distance: float  # [m] that this way may be long

@@ -1,4 +1,4 @@
-"""People's units at the edges, SI inside: ``"5 mm"`` becomes 0.005."""
+"""Display units at the edges, SI inside: ``"5 mm"`` becomes 0.005."""
 
 from __future__ import annotations
 
@@ -27,13 +27,16 @@ _MILLI, _MICRO, _DEGREE = 1e-3, 1e-6, math.pi / 180
 
 
 class _Unit(NamedTuple):
-    """What people call an SI unit's dimension, and what they write for it."""
+    """The name of an SI unit's dimension, and the display units that are usual for it."""
 
     dimension: str
     example: str
     written: Mapping[str, float] = {}  # SI units in one of each, by pint: these are read without its registry
-    plausible: tuple[float, float] = (0.0, math.inf)  # what who writes no unit may well have meant, 0 aside
-    meant: str = ""  # what who wrote an implausible number perhaps meant
+    plausible: tuple[float, float] = (
+        0.0,
+        math.inf,
+    )  # [SI] of a number without a unit, 0 aside
+    meant: str = ""  # the unit that was perhaps meant by an implausible number
 
 
 _UNITS = {
@@ -79,7 +82,7 @@ def dimension(unit: str) -> str:
 
 
 def example(unit: str) -> str:
-    """A quantity that a person would write for an SI unit, for messages."""
+    """A quantity in the display unit, as an example in messages."""
     return _unit(unit).example
 
 
@@ -99,7 +102,7 @@ def is_number(text: str) -> bool:
 def to_si(value: object, unit: str) -> float:
     """A number in SI from what a person wrote: a number (SI already) or a text with a unit.
 
-    Raises ValueError, with a message for people, on anything else or on another dimension.
+    Raises ValueError, with a readable message, on anything else or on another dimension.
 
     >>> to_si("5 mm", "m")
     0.005
@@ -236,14 +239,14 @@ Angle = Annotated[float, Quantity("rad")]
 AngularSpeed = Annotated[float, Quantity("rad/s")]
 
 
-# SI unit -> what people write, and how many of it one SI unit is.
+# SI unit -> its display unit, and how many of it one SI unit is.
 _PEOPLE = {"Pa": ("kPa", 1e-3), "m": ("mm", 1e3), "Pa*s": ("Pa s", 1.0)}
 
 
-def people(unit: str) -> tuple[str, float]:
-    """The unit that people write for an SI unit, and how many of it one SI unit is.
+def display_unit(unit: str) -> tuple[str, float]:
+    """The display unit for an SI unit, and how many of it one SI unit is.
 
-    >>> people("Pa")
+    >>> display_unit("Pa")
     ('kPa', 0.001)
     """
     return _PEOPLE.get(unit, (unit, 1.0))

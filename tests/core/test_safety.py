@@ -370,7 +370,7 @@ def test_an_implausible_rest_is_refused_with_advice(values, words):
 @pytest.mark.parametrize(
     ("told", "words"),
     [
-        ((0.01, 1.0), r"times what the filter was told \(\[estimator.ekf\] force_std = 0.01 N"),
+        ((0.01, 1.0), r"times what the filter declares \(\[estimator.ekf\] force_std = 0.01 N"),
         ((1.0, 1e-4), r"\[estimator.ekf\] velocity_std = 0.1 mm/s"),
     ],
 )

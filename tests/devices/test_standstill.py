@@ -13,7 +13,7 @@ def test_noise_that_the_filter_was_not_told(bench, short, tmp_path):
     """Refused before anything moves; measured and used where the filter asks for it, and the same in a replay."""
     twin = bench(*short, NOISY, "safety.standstill=0.6 s")  # 480 readings
     before = twin.state()["height"]
-    with pytest.raises(DeviceError, match=r"times what the filter was told .*set noise = \"measure\"") as caught:
+    with pytest.raises(DeviceError, match=r"times what the filter declares .*set noise = \"measure\"") as caught:
         twin.run(out="refused")
     assert "[estimator.ekf] force_std = 0.05 N" in str(caught.value)
     assert twin.state()["height"] == pytest.approx(before, abs=1e-6)

@@ -148,4 +148,11 @@ def test_a_known_bias_is_corrected_beside_the_value_and_all_of_it_is_in_the_unce
     assert (table["bias"], table["corrected"]) == (12.0, 368.0)
     assert table["corrected_combined"] == pytest.approx(np.sqrt(50.0))  # 3, 4, 5
     assert "corrected" not in raw.diagnosed("noise_bias", 0.0, False, Bias(300.0, None)).table()
+    judged = found.diagnosed("identifiability", 24.0, left=0.0)  # a distance that the correction takes away
+    assert judged.combined == pytest.approx(np.hypot(13.0, 24.0))
+    assert judged.corrected.combined == pytest.approx(np.sqrt(50.0))
+    assert found.diagnosed("identifiability", 24.0, left=7.0).corrected.combined == pytest.approx(np.sqrt(99.0))
+    assert found.diagnosed("model", 24.0).corrected.combined == pytest.approx(np.sqrt(50.0 + 24.0**2))
+    with_own = raw.diagnosed("noise_bias", 6.0, False, Bias(12.0, 5.0))
+    assert (with_own.combined, with_own.corrected.combined) == (pytest.approx(np.sqrt(205.0)), pytest.approx(86**0.5))
     assert Diagnosed().biases == {}

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,8 @@ from palpate_models import (
     NeoHookeanSphere,
     Sphere,
 )
+
+from tests.real_bags import pipeline_of
 
 RADIUS, RATE = 5e-3, 500.0
 HERTZ = DimensionalityReduction(indenter=Sphere(radius=RADIUS))
@@ -144,6 +147,49 @@ def test_a_record_that_begins_in_contact_is_refused():
     samples = record(HERTZ, [1e5, 0.0], noise=0.01)
     with pytest.raises(LogError, match=r"air|begins in contact"):
         looked_at(law_of(HERTZ, "dr", {}), press_of(samples[np.asarray(samples.position < -1e-4)]), Settings())
+
+
+@pytest.mark.parametrize("tilt", [0.0, 60.0])
+def test_a_tilt_that_no_air_tells_is_held_at_zero_and_counts(tilt):
+    """0.1 mm of air for 2 mm of depth; 60 N/m over it are 0.12 N of 0.67."""
+    covered = 0
+    for seed in range(4):
+        found = look(HERTZ, [6e4, 0.0], noise=0.03, air=1e-4, speed=8e-3, tilt=tilt, seed=seed)
+        assert found.fit.tilt == 0
+        assert found.fitted.untold is not None
+        assert "baseline-unclear" in [flag.code for flag in found.flags]
+        assert found.combined > 3 * found.fit.modulus_std
+        covered += abs(found.fit.modulus - 6e4) < 2 * found.combined
+    assert covered == 4
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_tilt_that_air_tells_is_taken_off_as_before(seed):
+    found = look(HERTZ, [6e4, 0.0], noise=2e-3, air=8e-4, tilt=60.0, seed=seed)
+    assert found.fitted.untold is None
+    assert abs(found.fit.tilt - 60.0) < 4 * found.fit.tilt_std
+    assert abs(found.fit.modulus - 6e4) < 4 * found.combined
+    codes = {flag.code for flag in found.flags}
+    assert "tilted-baseline" in codes
+    assert "baseline-unclear" not in codes
+
+
+def test_a_press_that_hardly_bends_is_no_tilt():
+    """A force as the power 1.05 of the depth: a sphere's law would take most of it for a tilted baseline."""
+    with pytest.raises(LogError, match="bends less"):
+        look(HuntCrossley(exponent=1.05), [2.0, 0.0], noise=0.01, air=3e-4, deep=6e-3, speed=4e-3)
+
+
+def test_a_real_record_without_air_is_refused(tmp_path):
+    """What least squares makes of it: a baseline tilted by 9.5 N of 13."""
+    bag = Path(__file__).parents[2].parent / "shared/data/rosbag2/ur3e_load_unload_soft_1.db3.gz"
+    if not bag.is_file():
+        pytest.skip(f"{bag} is absent")
+    settings = {"model": "dimensionality-reduction", "estimator": "kinematic-ekf", "radius": "10 mm", "height": 3}
+    path = pipeline_of(bag, tmp_path, mass="tip_mass = 0.0", **settings)
+    with pytest.raises(LogError, match="begins in contact"):
+        call(["indentation", str(path), "--out", str(tmp_path / "out")])
+    assert not (tmp_path / "out").exists()
 
 
 def test_gaps_in_the_force_are_left_out():

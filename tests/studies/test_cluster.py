@@ -15,12 +15,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import ConfigurationError, UserError
-from palpate.host import RunFolder, built, load_pipeline
+from palpate.host import RunFolder, load_pipeline
 
 distributed = pytest.importorskip("distributed")
 import dask  # noqa: E402
-from palpate_studies import cluster, cluster_runs, staging, workers  # noqa: E402
-from palpate_studies.jobs import Job, on_all_cores  # noqa: E402
+from palpate_studies import cluster, staging, workers  # noqa: E402
+from palpate_studies.cores import on_all_cores  # noqa: E402
+from palpate_studies.jobs import Job, Parcel, Written  # noqa: E402
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore"),  # of dask's own, when workers die
@@ -75,15 +76,13 @@ def _jobs(pipeline, folder, count):
     text = pipeline.read_text().replace("seed = 1\n", 'seed = 1\ntracks = ["dr/ekf"]\n', 1)
     folder.mkdir(exist_ok=True)
     short = ("trajectory.press.duration=1 s",)
-    return [
-        Job(n, text, str(pipeline), (*short, f"run.seed={n}"), {"run.seed": n}, str(folder))
-        for n in range(1, count + 1)
-    ]
+    plans = [Written(text, pipeline, (*short, f"run.seed={n}")) for n in range(1, count + 1)]
+    return [Job(f"combination {n}", plan, folder / f"{n:05d}") for n, plan in enumerate(plans, start=1)]
 
 
 def _found(engine, jobs):
     with closing(engine(jobs)) as running:
-        return {job.number: result for job, result in running}
+        return {job.name: json.loads(json.dumps(answer.result.table())) for job, answer in running}
 
 
 def _numbers(found):
@@ -98,7 +97,7 @@ def test_results_are_those_of_this_machine_to_the_bit(scheduler, point_pipeline,
     there = _found(cluster.on_cluster(scheduler, tmp_path / "there"), jobs)
     assert _numbers(there) == _numbers(here)
     assert len(here) == 3
-    for number in here:
+    for number in range(1, 4):
         one, other = (tmp_path / place / f"{number:05d}" / "estimates.csv" for place in ("here", "there"))
         assert one.read_bytes() == other.read_bytes()
     told = json.loads((tmp_path / "there" / "workers.json").read_text())
@@ -386,10 +385,10 @@ def palpate_estimators():
 """
 WORKER = """
 import pickle, sys
-from palpate_studies.staging import answer_staged
+from palpate_studies.staging import run_staged
 staged = pickle.load(sys.stdin.buffer)
-answer = answer_staged(staged)
-assert type(staged.parcel.unpacked().pipeline.estimators["fit"]).__name__ == "Mine"
+answer = run_staged(staged)
+assert type(staged.parcel.unpacked().plan.estimators["fit"]).__name__ == "Mine"
 print(answer.result.tracks["dr/fit"].parameters["elasticity"].value)
 """
 
@@ -401,24 +400,27 @@ def test_a_plugin_file_goes_along_with_what_its_parts_are_in(point_pipeline, tmp
     text = point_pipeline.read_text().replace('duration = "10 s"', 'duration = "1 s"')
     text = text.replace("[run]\n", '[run]\nplugins = ["own.py"]\ntracks = ["dr/fit"]\n', 1)
     point_pipeline.write_text(text + '[estimator.fit]\ntype = "mine"\n')
-    run = cluster_runs.ClusterRun("own", load_pipeline(point_pipeline), tmp_path / "own")
+    jobs = [Job(f"own {n}", load_pipeline(point_pipeline), tmp_path / f"own {n}") for n in range(2)]
     stage = staging.Stage(f"file://{tmp_path}/stage")
-    inputs = stage.put_inputs([run.pipeline])
-    staged = staging.StagedRun(cluster_runs.Parcel.of(run), cluster_runs.run_or_find, stage, inputs)
+    inputs = stage.put_inputs(job.pipeline() for job in jobs)
+    staged, other = (staging.Staged(Parcel.of(job), stage, inputs) for job in jobs)
+    assert type(other.parcel.unpacked().plan.estimators["fit"]) is type(jobs[0].plan.estimators["fit"])
     own.unlink()
     done = subprocess.run([sys.executable, "-c", WORKER], input=pickle.dumps(staged), capture_output=True, check=False)
     assert done.returncode == 0, done.stderr.decode()
     assert float(done.stdout) == pytest.approx(112.5e3, rel=0.05)
+    own.write_text(OWN + "# changed\n")
     load_pipeline(point_pipeline)  # its classes are not those of the first time any more
-    with pytest.raises(ConfigurationError, match=r"own: cannot be sent to workers: .*install what is in a plugin file"):
-        cluster_runs.Parcel.of(run)
+    with pytest.raises(ConfigurationError, match=r"own 0: cannot be sent to another process: .*install what is in a"):
+        Parcel.of(jobs[0])
 
 
 def test_an_input_is_put_where_it_belongs_and_nothing_is_written_over(tmp_path):
     stage = staging.Stage(f"file://{tmp_path}/stage")
     file = _csv_pipeline(tmp_path / "own")
-    job = Job(1, file.read_text(), str(file), (), {}, str(tmp_path))
-    inputs = stage.put_inputs([built(job)])
+    job = Job("one", Written(file.read_text(), file), tmp_path / "one")
+    inputs = stage.put_inputs([job.pipeline()])
+    staged = staging.Staged(Parcel.of(job), stage, inputs)
     log = tmp_path / "own" / "press.csv"
     assert list(inputs) == [str(log)]
     content = log.read_bytes()
@@ -426,13 +428,12 @@ def test_an_input_is_put_where_it_belongs_and_nothing_is_written_over(tmp_path):
     stage.get_inputs(inputs)
     assert log.read_bytes() == content
     log.write_text("something else")
-    told = staging.run_staged(staging.StagedJob(job, stage, inputs))
-    assert "this worker has another file of that name" in told["error"]
+    assert "this worker has another file of that name" in str(staging.run_staged(staged))
     assert log.read_text() == "something else"
     log.unlink()
     (stored,) = (tmp_path / "stage" / "inputs").iterdir()
     stored.write_bytes(content[:100])
-    assert "press.csv is not whole there" in staging.run_staged(staging.StagedJob(job, stage, inputs))["error"]
+    assert "press.csv is not whole there" in str(staging.run_staged(staged))
     assert not list(log.parent.glob("tmp*"))
 
 

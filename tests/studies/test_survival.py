@@ -6,7 +6,7 @@ import shutil
 import pytest
 from palpate import LogError, OutputError
 from palpate.config import load_pipeline
-from palpate.host import Job, RunFolder, differences, finished, on_all_cores, resolved_text, whole_file
+from palpate.host import Job, RunFolder, Written, differences, found_before, on_all_cores, resolved_text, whole_file
 from palpate_maps.commands.lumps import by_place
 from palpate_maps.path import demand_one_pipeline
 
@@ -144,9 +144,10 @@ def test_a_killed_worker_loses_no_job_and_the_one_that_kills_three_is_named(tmp_
     (tmp_path / "once.py").write_text(KILLER.format(guard=once).replace("'killed'", repr(str(tmp_path / "killed"))))
     (tmp_path / "always.py").write_text(KILLER.format(guard=""))
     texts = ["[run]\n"] * 3 + ['[run]\nplugins = ["once.py"]\n', '[run]\nplugins = ["always.py"]\n'] + ["[run]\n"] * 3
-    jobs = [Job(n, text, str(tmp_path / "p.toml"), (), {}, str(tmp_path)) for n, text in enumerate(texts, 1)]
-    found = {job.number: result["error"] for job, result in on_all_cores(jobs, 2)}
-    assert sorted(found) == list(range(1, 9))
-    assert "its process was killed 3 times" in found.pop(5)
+    plans = [Written(text, tmp_path / "p.toml") for text in texts]
+    jobs = [Job(f"job {n}", plan, tmp_path / str(n)) for n, plan in enumerate(plans, 1)]
+    found = {job.name: str(error) for job, error in on_all_cores(jobs, 2)}
+    assert sorted(found) == [f"job {n}" for n in range(1, 9)]
+    assert "its process was killed 3 times" in found.pop("job 5")
     assert all("[alignment] is missing" in error for error in found.values())
-    assert all(finished(job) is None for job in jobs)
+    assert all(found_before(job) is None for job in jobs)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from palpate.result.record import Tail
+from palpate.result.tail import Tail
 from palpate_uncertainty.lateness import force_lateness
 
 STIFFNESS, MASS = 1500.0, 0.14

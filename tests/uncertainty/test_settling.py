@@ -7,7 +7,7 @@ from palpate.estimation import Estimates, Samples
 from palpate.result import TrackRecord
 from palpate.result.evidence import Ending
 from palpate.result.flags import alignment_flags
-from palpate.result.record import Tail
+from palpate.result.tail import Tail
 from palpate_models import KelvinVoigt
 from palpate_uncertainty.plausibility import ending_flags
 

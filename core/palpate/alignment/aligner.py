@@ -25,7 +25,7 @@ _LATERAL = ("lateral_x", "lateral_y")
 
 @dataclass(frozen=True)
 class AlignmentReport:
-    """What the alignment found out about a record."""
+    """What the alignment found in a record."""
 
     streams: Mapping[str, Health]  # by "device.stream"
     tare: Tare | None
@@ -84,7 +84,7 @@ class Aligner:
             count = min(count, len(base.stamps) - 1)  # a central difference wants the next position, too
         count = max(count, 0)
         if self._origin is None and count:
-            # Nothing can be said of instants before the first reading of every signal.
+            # There is no sample before the first reading of every signal.
             early = int(np.searchsorted(base.stamps[:count], max(int(series.stamps[0]) for series in others)))
             base.drop(early)
             count -= early

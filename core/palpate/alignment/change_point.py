@@ -91,7 +91,8 @@ def _left(z: Floats, centred: Floats, count: int, total: float, heights: Floats)
 
     Of `count` samples, those that are below any of the heights.
     """
-    shape = np.maximum(heights[:, None] - z, 0.0)
+    shape = heights[:, None] - z
+    np.maximum(shape, 0.0, out=shape)
     shape *= np.sqrt(shape)
     # `centred` has no mean, so that none need be taken from the shape for their product.
     square = np.einsum("ij,ij->i", shape, shape) - shape.sum(axis=1) ** 2 / count

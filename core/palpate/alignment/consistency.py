@@ -10,6 +10,7 @@ from palpate.estimation import Samples
 from palpate.vectors import Floats
 
 _SPAN = 10  # samples in one stretch; 20 ms at 500 Hz, short against a palpation's period and long against noise
+_TOGETHER, _BLOCKS = 4096, 256  # samples, or blocks of them, that are added up at once
 _LONGEST = 0.03  # [s]; longer stretches blur the acceleration of a palpation
 
 
@@ -32,6 +33,11 @@ class VelocityCheck:
         """Take in a block of samples."""
         self._waiting.append(samples)
         self._held += len(samples)
+        if self._held > _TOGETHER or len(self._waiting) > _BLOCKS:
+            self._take_in()
+
+    def _take_in(self) -> None:
+        """Add up the stretches that wait."""
         whole = (self._held - 1) // _SPAN
         if whole < 1:
             return
@@ -67,7 +73,8 @@ class VelocityCheck:
 
     @property
     def delay(self) -> tuple[float, float] | None:
-        """Lateness of velocity against position and its standard uncertainty [s]; None where it cannot be told."""
+        """Delay of velocity against position and its standard uncertainty [s]; None where it cannot be determined."""
+        self._take_in()
         if self._stretches < 20 or 2 * self._long > self._stretches or self._known < 10 or self._power == 0:
             return None
         late = -self._product / self._power

@@ -1,4 +1,4 @@
-"""Ports: every signal is looked up once, and all who read it are told the same column."""
+"""Ports: every signal is looked up once, and everything that reads it uses the same column."""
 
 from __future__ import annotations
 

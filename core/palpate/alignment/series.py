@@ -18,7 +18,7 @@ _LEAST_SECONDS = 4
 
 @dataclass
 class Health:
-    """What was amiss with one stream's readings."""
+    """The faults in one stream's readings."""
 
     stream: Stream
     samples: int = 0
@@ -118,17 +118,18 @@ class Series:
 
     def feed(self, stamps: NDArray[np.int64], batch: Batch, rows: NDArray[np.bool_], health: Health) -> None:
         """Take over the rows of a batch that are in order and finite."""
-        values = batch.values[:, self._column]
-        usable = rows & np.isfinite(values)
+        values, usable = batch.values[:, self._column], rows & np.isfinite(batch.values[:, self._column])
         if not usable.all():
             values, stamps = values[usable], stamps[usable]
         saturated = self._beyond_limits(values)
         health.saturated += int(np.count_nonzero(saturated))
         if self._watched:
             health.longest_repeat = max(health.longest_repeat, self._longest_repeat(values))
-        self.stamps = np.concatenate([self.stamps, stamps - self._delay])
-        self.values = np.concatenate([self.values, values * self.signal.sign])
-        self._saturated = np.concatenate([self._saturated, saturated])
+        stamps, values = stamps - self._delay, values * self.signal.sign
+        if len(self.stamps):
+            stamps, values = np.concatenate([self.stamps, stamps]), np.concatenate([self.values, values])
+            saturated = np.concatenate([self._saturated, saturated])
+        self.stamps, self.values, self._saturated = stamps, values, saturated
 
     def _beyond_limits(self, values: Floats) -> NDArray[np.bool_]:
         if self._limits is None:
@@ -137,7 +138,8 @@ class Series:
         return (values <= low) | (values >= high)
 
     def _longest_repeat(self, values: Floats) -> int:
-        changes = np.flatnonzero(np.diff(np.concatenate([[self._previous], values])) != 0)
+        joined = np.concatenate([[self._previous], values])
+        changes = np.flatnonzero(joined[1:] != joined[:-1])
         edges = np.concatenate([changes, [len(values)]])
         if len(changes):
             longest = max(int(np.diff(edges).max()), self._repeated + int(changes[0]))
@@ -155,7 +157,10 @@ class Series:
 
     def at(self, instants: NDArray[np.int64]) -> Floats:
         """Values (n,) by linear interpolation; NaN outside the readings, across a gap, or beside a saturated one."""
-        values = np.full(len(instants), np.nan)
+        count = len(instants)
+        if np.array_equal(self.stamps[:count], instants) and (instants[1:] > instants[:-1]).all():  # of one stream
+            return np.where(self._saturated[:count], np.nan, self.values[:count]) + 0.0
+        values = np.full(count, np.nan)
         if not len(self.stamps):
             return values
         left = np.searchsorted(self.stamps, instants, side="right") - 1

@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 from palpate.parts import Settings
 from palpate.units import Delay, Force, ForceDrift, Quantity, Stiffness, Time, TipMass, quantity_schema, to_si
 
-# What a role's channel must be in; a channel whose unit nobody knows ("1") is taken at its word.
+# What a role's channel must be in; a channel of undeclared unit ("1") is accepted as it is.
 SIGNAL_UNITS = {"force": "N", "position": "m", "velocity": "m/s"}
 
 
@@ -61,7 +61,7 @@ class AlignmentSettings(Settings):
     series_stiffness: Stiffness | None = Field(
         default=None,
         gt=0,
-        description="stiffness of robot and sensor, which give way before the material; what that shifts is told",
+        description="stiffness of robot and sensor, which yield before the material; its effect is reported",
     )
     tare: Annotated[float | Literal["free-air", "none", "calibrated"], WithJsonSchema(_TARE)] = Field(
         default="free-air",

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import reduce
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,18 +22,29 @@ _LEAST_TOUCH = 0.05  # [N]; a sensor without noise still feels the tip's inertia
 _LEAST_RISE = 0.03  # [N] of a tenth of a second's mean
 _BELIEVED = 0.1  # of the rise: what the law of a change point may leave, beside the noise
 _NEAR = 3.0  # touch forces, up to which contact is looked at
-_AFTER = 0.2  # of the lag: what is seen of the contact before its begin is told; the rest is looked back over
-_AIR_SAMPLES = 50  # before the first touch, to tell whether the force is none there
+_AFTER = 0.2  # of the lag: contact that is awaited before its begin is located; the rest is looked back over
+_AIR_SAMPLES = 50  # before the first touch, to decide whether the force is zero there
 _IN_A_ROW = 3  # samples that must agree before contact is found or lost
-_BASELINE = 1.0  # [s] of air that the begin of contact is told from
+_BASELINE = 1.0  # [s] of air that the begin of contact is located against
 _FIRST = 11  # samples, from which the interval is taken
+
+
+@dataclass(frozen=True)
+class _Told:
+    """The touch as found in the samples that the tare is settled on."""
+
+    shown: int  # index of the sample at which it shows
+    above: int  # samples above the threshold in a row, up to that one
+    doubtful: bool
+    end: int  # index up to which the change point was looked for
+    change: ChangePoint | None
 
 
 class TouchFinder:
     """Takes raw force to tared force and marks the samples in contact.
 
-    Until the first touch, samples are held back, `touch_lag` at most: a threshold is passed, or a slow rise told, later
-    than contact begins, and a change point in what is held back says when it did. The tare is what is before. After
+    Until the first touch, samples are held back, `touch_lag` at most: a threshold is passed, or a slow rise found,
+    later than contact begins, and a change point in what is held back locates it. The tare is taken before it. After
     the first touch nothing is held back.
     """
 
@@ -46,6 +56,7 @@ class TouchFinder:
         self._lag = self._after = self._baseline = 0  # [samples] looked back over, waited for, of air before
         self._shown: int | None = None  # index within what is held of the sample at which touch showed
         self._rise: RiseFinder | None = None
+        self._told: _Told | None = None  # where the tare is that of the trial
         self._seen = 0  # samples that touch was looked for in
         self.tare: Tare | None = None
         self.first_touch: tuple[float, float] | None = None  # time [s], position [m]
@@ -73,7 +84,7 @@ class TouchFinder:
         return np.maximum(self.threshold, (1.0 - _FOR_DRIFT) * self.threshold + self._settings.drift * time)
 
     def run(self, samples: Samples, final: bool = False) -> Samples:
-        """The samples that can be told to be in contact or not; all that are left where `final`."""
+        """The samples known to be in contact or not; all remaining ones where `final`."""
         if self.tare is None:
             self._waiting.append(samples)
             samples = Samples.joined(self._waiting)
@@ -107,19 +118,24 @@ class TouchFinder:
         if self.tare is None:
             head = samples[samples.time <= settings.tare_duration + settings.touch_lag]
             self.tare = measured_tare(settings, head)
-            begin = self._touch_within(head, interval)
+            begin, told = self._touch_within(head, interval)
             if begin < settings.tare_duration:
                 self.tare = measured_tare(settings, head, begin)
+            else:
+                self._told = told
 
-    def _touch_within(self, head: Samples, interval: float) -> float:
-        """When [s] contact begins among the samples that the tare is settled on; infinite where it does not."""
+    def _touch_within(self, head: Samples, interval: float) -> tuple[float, _Told | None]:
+        """When [s] contact begins among the samples that the tare is settled on, infinite where it does not; and what
+        they say of it."""
         trial = TouchFinder(self._settings)
         trial.tare, trial._lag, trial._after, trial._baseline = self.tare, self._lag, self._after, self._baseline
         if self._rise is not None:
             trial._rise = RiseFinder(interval, _LEAST_RISE)
-        if self._lag and len(head):
-            trial._before_touch(trial._tared(head), final=True)
-        return trial.first_touch[0] if trial.first_touch is not None and trial.by_change_point else np.inf
+        if not self._lag or (shown := trial._found(held := trial._tared(head), held)) is None:
+            return np.inf, None
+        begin, end, change = trial._begin(held, shown)
+        told = _Told(shown, trial._above, trial._doubtful, end, change)
+        return float(held.time[begin]) if change is not None else np.inf, told
 
     def _tared(self, samples: Samples) -> Samples:
         assert self.tare is not None
@@ -128,8 +144,10 @@ class TouchFinder:
             force = force + self._settings.tip_mass * GRAVITY
         if len(force) >= _IN_A_ROW:
             rest = len(force) - _IN_A_ROW + 1
-            highest = reduce(np.maximum, (force[i : i + rest] for i in range(_IN_A_ROW)))  # NaN where one is
-            self.pull = max(self.pull, -float(np.nanmin(highest, initial=0.0)))
+            highest = force[:rest]
+            for i in range(1, _IN_A_ROW):
+                highest = np.maximum(highest, force[i : i + rest])  # NaN where one is
+            self.pull = max(self.pull, -float(np.fmin.reduce(highest, initial=0.0)))
         return replace(samples, force=force)
 
     def _before_touch(self, samples: Samples, final: bool) -> Samples:
@@ -152,28 +170,38 @@ class TouchFinder:
 
     def _touched(self, held: Samples, shown: int) -> Samples:
         """What was held back, marked from where contact began to the sample at which it showed, and after that."""
-        after = held[shown : shown + 1 + self._after]
-        beyond = np.flatnonzero(_in_a_row(after.force > _NEAR * self.threshold, 0) >= _IN_A_ROW)
-        change = self._change(held, shown, shown + (int(beyond[0]) if len(beyond) else len(after)))
-        begin = shown
-        if change is not None:
-            first = self._earliest(held, shown)
-            above = np.flatnonzero(held.position[first : shown + 1] >= change.surface)
-            begin = min(first + int(above[-1]) + 1, shown) if len(above) else first
+        begin, _, change = self._begin(held, shown)
         at = float(held.position[begin]) if change is None else change.surface
         self.first_touch, self.by_change_point = (float(held.time[begin]), at), change is not None
         self.touches, self._in_contact = 1, True
-        self._held = self._past = self._rise = None
+        self._held = self._past = self._rise = self._told = None
         self._listen_to_the_air(held.force[:begin])
-        contact = np.arange(shown + 1) >= begin
-        marked = replace(held[: shown + 1], contact=contact, active=contact & held.active[: shown + 1])
-        later = held[shown + 1 :]
-        return Samples.joined([marked, self._mark(later)]) if len(later) else marked
+        contact = np.arange(len(held)) >= begin
+        if len(held) > shown + 1:
+            contact[shown + 1 :] = self._marks(held[shown + 1 :])
+        return replace(held, contact=contact, active=contact & held.active)
+
+    def _begin(self, held: Samples, shown: int) -> tuple[int, int, ChangePoint | None]:
+        """Index at which contact began that showed at another, the one up to which its change point was looked for, and
+        that."""
+        after = held.force[shown : shown + 1 + self._after]
+        beyond = np.flatnonzero(_in_a_row(after > _NEAR * self.threshold, 0) >= _IN_A_ROW)
+        end = shown + (int(beyond[0]) if len(beyond) else len(after))
+        told = self._told
+        change = told.change if told is not None and told.end == end else self._change(held, shown, end)
+        if change is None:
+            return shown, end, None
+        first = self._earliest(held, shown)
+        above = np.flatnonzero(held.position[first : shown + 1] >= change.surface)
+        return min(first + int(above[-1]) + 1, shown) if len(above) else first, end, change
 
     def _found(self, samples: Samples, held: Samples) -> int | None:
         """Index within what is held of the sample at which touch shows; None: not yet."""
         if not len(samples):
             return None
+        if self._told is not None:  # of the same samples, which these begin with
+            self._above, self._doubtful = self._told.above, self._told.doubtful
+            return self._told.shown
         offset = len(held) - len(samples)
         above = _in_a_row(samples.force > self._limit(samples.time), self._above)
         passed = np.flatnonzero(above >= _IN_A_ROW)
@@ -189,7 +217,7 @@ class TouchFinder:
         return None if found is None else found + offset
 
     def _earliest(self, held: Samples, shown: int) -> int:
-        """Index within what is held of the first sample that nobody has been given when touch showed."""
+        """Index within what is held of the first sample that had not been handed out when touch showed."""
         settled = self._settings.tare_duration + self._settings.touch_lag
         whole = self._settings.tare == "free-air" and held.time[shown] <= settled
         return 0 if whole else max(shown - self._lag, 0)
@@ -209,11 +237,16 @@ class TouchFinder:
 
     def _mark(self, samples: Samples) -> Samples:
         """Samples after the first touch, in contact or not."""
+        contact = self._marks(samples)
+        return replace(samples, contact=contact, active=contact & samples.active)
+
+    def _marks(self, samples: Samples) -> NDArray[np.bool_]:
+        """Whether samples (n,) after the first touch are in contact; counts touches."""
         contact = self._contact(samples)
         begins = contact & ~np.concatenate([[self._in_contact], contact[:-1]])
         self.touches += int(np.count_nonzero(begins))
         self._in_contact = bool(contact[-1])
-        return replace(samples, contact=contact, active=contact & samples.active)
+        return contact
 
     def _listen_to_the_air(self, force: Floats) -> None:
         """What the force is before the first touch, where it should be none."""
@@ -230,8 +263,8 @@ class TouchFinder:
     def _contact(self, samples: Samples) -> NDArray[np.bool_]:
         """Hysteresis: on after some samples in a row above the threshold, off after as many below half of it.
 
-        After a touch that a rise told, it is off only where the tip is above the surface again, until the force has
-        passed the threshold once.
+        After a touch that was found by a rise, it is off only where the tip is above the surface again, until the force
+        has passed the threshold once.
         """
         limit = self._limit(samples.time)
         above = _in_a_row(samples.force > limit, self._above)

@@ -36,7 +36,7 @@ def _main(arguments: Sequence[str]) -> None:
             try:
                 call(arguments, ends=True)
             except SystemExit:
-                sys.stdout.flush()  # a full disk is told here, not by the interpreter
+                sys.stdout.flush()  # a full disk is reported here, not by the interpreter
                 raise
             sys.stdout.flush()
     except PalpateError as error:

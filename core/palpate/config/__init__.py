@@ -1,15 +1,8 @@
 """Configuration: a TOML file becomes a checked pipeline, or one clear list of what is wrong with it."""
 
 from palpate.config.assumed import taken_values
-from palpate.config.calibrated import CalibratedNumber, CalibrationUse
-from palpate.config.pipeline_file import (
-    Pipeline,
-    RunSettings,
-    Track,
-    build_parts,
-    build_pipeline,
-    load_pipeline,
-)
+from palpate.config.pipeline import CalibratedNumber, CalibrationUse, Pipeline, RunSettings, Track
+from palpate.config.pipeline_file import build_parts, build_pipeline, load_pipeline
 from palpate.config.resolved import plain_settings, resolved_text
 from palpate.config.source import Source
 from palpate.config.wiring import ports_of, wrong_channels

@@ -1,4 +1,4 @@
-"""What a pipeline takes for known of tip, model and alignment, and which of it nobody has stated."""
+"""The values of tip, model and alignment that a pipeline takes as known, and which of them are only assumed."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 from palpate.parts import numbers_of
-from palpate.units import people
+from palpate.units import display_unit
 
 if TYPE_CHECKING:
-    from palpate.config.pipeline_file import Pipeline
+    from palpate.config.pipeline import Pipeline
     from palpate.parts import Settings
 
 
 def taken_values(pipeline: Pipeline) -> dict[str, str]:
-    """What is taken for known, by key, as people read it: the tips, numbers of the models, delays, mass and tare."""
+    """The values taken as known, by key, in display units: the tips, numbers of the models, delays, mass and tare."""
     found: dict[str, str] = {}
     for name, tip in pipeline.indenters.items():
         found[f"indenter.{name}.type"] = pipeline.registry.name_of(type(tip))
@@ -36,7 +36,7 @@ def _numbers(settings: Settings, head: str, inner: bool = True) -> dict[str, str
 
 
 def _shown(value: float, unit: str) -> str:
-    word, factor = people(unit)
+    word, factor = display_unit(unit)
     return f"{value * factor:.6g}" + ("" if unit == "1" else f" {word}")
 
 

@@ -1,4 +1,4 @@
-"""Pipelines of older versions: what was renamed since is read by its old name, and said; what is newer is refused."""
+"""Pipelines of older versions: what was renamed since is read by its old name, with a flag; newer ones are refused."""
 
 from __future__ import annotations
 

@@ -1,114 +1,34 @@
-"""A pipeline: everything that one TOML file wires together."""
+"""One TOML file becomes a pipeline, checked, or all mistakes in it at once."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from fnmatch import fnmatchcase
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field
-
 from palpate import registry as registries
-from palpate.alignment import AlignmentSettings, Ports
+from palpate.alignment import AlignmentSettings
 from palpate.config.assumed import still_assumed
 from palpate.config.builder import Builder, unknown_tables
-from palpate.config.calibrated import CalibrationUse, calibration_of
+from palpate.config.calibrated import calibration_of
 from palpate.config.known import unknown_sources
 from palpate.config.migrations import MIGRATIONS, migrate
 from palpate.config.mistakes import Mistake, raise_mistakes
+from palpate.config.pipeline import Pipeline, RunSettings, Track
 from palpate.config.source import Source
 from palpate.config.wired_safety import contradictions, wired
 from palpate.config.wiring import ports_of, wrong_channels, wrong_wiring
-from palpate.contact import ContactModel, Indenter
+from palpate.contact import ContactModel
 from palpate.device import Device
 from palpate.errors import suggest
 from palpate.estimation import Estimator
 from palpate.flags import Flag
-from palpate.parts import File, Settings
 from palpate.registry import Registry
 from palpate.safety import SafetySettings
-from palpate.sink import Sink
 from palpate.track_name import TrackName
-from palpate.trajectory import Trajectory
 from palpate.trust import demand_trust
-from palpate.twin import Twin
-from palpate.units import Time
-
-
-class RunSettings(Settings):
-    """The ``[run]`` table: what concerns the run as a whole."""
-
-    name: str = Field(default="run", min_length=1, description="what the run is called, in its folder and its tables")
-    tracks: tuple[str, ...] = Field(
-        default=("*",), description='which model/estimator pairs run, as patterns: "dr/*", "*/ekf"'
-    )
-    plugins: tuple[File, ...] = Field(default=(), description="Python files beside the pipeline with parts of your own")
-    calibration: File | None = Field(
-        default=None, description="calibration file: mass, tare, timing and noise that this file leaves open"
-    )
-    calibration_valid: Time = Field(default=30 * 86400.0, gt=0, description="an older calibration is flagged")
-    seed: int = Field(default=0, ge=0, description="seed of everything that is random")
-    average: Time = Field(default=1.0, ge=0.05, description="results are means over so much time at the end")
-    uncertainties: dict[str, float | str] = Field(
-        default={},
-        description="standard uncertainties of what is taken for known, by key of the models and their tips, or "
-        '"force_scale", "position_scale": { radius = "20 um", poisson = 0.01, force_scale = 0.005 }; not declared: '
-        "a radius to 0.5 %, Poisson's ratio within 0.02 below its value",
-    )
-    assumed: tuple[str, ...] = Field(
-        default=(),
-        description='keys whose values nobody has stated, as patterns: "indenter.*", "alignment.tip_mass"; they are '
-        "flagged until they are taken out of here, or set on the command line",
-    )
-    report: bool = Field(default=False, description="write a report when the run has ended")
-    estimates_interval: Time = Field(
-        default=0.01, ge=0, description="estimates.csv has one row in so much time; 0: every sample"
-    )
-
-
-@dataclass(frozen=True)
-class Track:
-    """A contact model and an estimator, side by side with other tracks on the same samples."""
-
-    name: TrackName
-    model: ContactModel
-    estimator: Estimator
-
-
-@dataclass(frozen=True, kw_only=True)
-class Pipeline:
-    """Everything that one TOML file wires together, checked."""
-
-    path: Path
-    text: str
-    run: RunSettings
-    alignment: AlignmentSettings
-    indenters: Mapping[str, Indenter]
-    models: Mapping[str, ContactModel]
-    estimators: Mapping[str, Estimator]
-    devices: Mapping[str, Device]
-    trajectories: Mapping[str, Trajectory]
-    sinks: Mapping[str, Sink]
-    twins: Mapping[str, Twin]
-    safety: SafetySettings | None
-    tracks: tuple[Track, ...]
-    registry: Registry
-    calibration: CalibrationUse | None = None
-    tables: Mapping[str, Settings] = field(default_factory=dict)  # those of analyses that the file has, by name
-    stated: AlignmentSettings | None = None  # the alignment as the file has it, without the calibration
-    renamed: tuple[Flag, ...] = ()  # what the file calls by a name of an older version
-
-    @property
-    def ports(self) -> Ports:
-        """Where each signal is read."""
-        return self._ports
-
-    @cached_property
-    def _ports(self) -> Ports:
-        return ports_of(self.alignment, self.devices)
 
 
 def load_pipeline(path: Path, overrides: Iterable[str] = (), estimates: bool = True) -> Pipeline:
@@ -181,12 +101,18 @@ def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None, tuple
     renamed = migrate(source, MIGRATIONS)
     first = Builder(tables, Registry({}), base)
     run = first.settings(RunSettings, ("run",))
-    demand_trust(run.plugins if run else (), base)
-    registry = registries.load(run.plugins if run else ())
+    registry = _trusted(run, base)
     renamed += migrate(source, registry.migrations)
     builder = Builder(tables, registry, base)
     builder.mistakes += first.mistakes + unknown_tables(tables, registry)
     return builder, registry, run, renamed
+
+
+def _trusted(run: RunSettings | None, base: Path) -> Registry:
+    """The parts of the installed plugins and of those files that [run] names, once all of them are trusted."""
+    files = run.plugins if run else ()
+    demand_trust(files, base)
+    return registries.load(files)
 
 
 def _wrong_signals(
@@ -216,8 +142,7 @@ def build_parts(source: Source, kind: str, registry: Registry | None = None) -> 
         first = Builder(source.tables, Registry({}), base)
         run = first.settings(RunSettings, ("run",))
         raise_mistakes(first.mistakes, source)
-        demand_trust(run.plugins, base)
-        registry = registries.load(run.plugins)
+        registry = _trusted(run, base)
     migrate(source, (*MIGRATIONS, *registry.migrations))
     builder = Builder(source.tables, registry, base)
     found = builder.parts(kind)

@@ -9,7 +9,7 @@ import tomli_w
 
 from palpate.config.doubts import UNCHECKED, doubts
 from palpate.config.migrations import FORMAT, KEY
-from palpate.config.pipeline_file import Pipeline
+from palpate.config.pipeline import Pipeline
 from palpate.parts import Part, Settings
 from palpate.registry import Registry
 

@@ -15,7 +15,7 @@ from palpate.vectors import Floats
 _LEAST_STEPS = 4  # steps of the integration from one sample to the next
 _MOST_STEPS = 64
 _STEP_TIMES_RATE = 0.25  # Runge-Kutta's local error is then some 1e-5 of what a state forgets in the step
-_BUILT: dict[int, tuple[weakref.ref[Any], dict[int, Any]]] = {}  # by identity: a stranger's model need not be hashable
+_BUILT: dict[int, tuple[weakref.ref[Any], dict[int, Any]]] = {}  # by identity: a third-party model need not be hashable
 
 
 def force_over_time(

@@ -34,7 +34,7 @@ class Indenter(Part, ABC):
         return depth * sum(weight * self.contact_radius(depth * node) for node, weight in _quartic_nodes(8))
 
     def validity(self, depth: float) -> str:
-        """What does not hold of this tip at a depth [m], as a sentence for people; empty where all is well."""
+        """Which assumption of this tip fails at a depth [m], as a sentence; empty where all hold."""
         return ""
 
 
@@ -89,7 +89,7 @@ class ContactModel(Part, ABC):
     kind: ClassVar[str] = "model"
     parameters: ClassVar[tuple[Parameter, ...]]
     memory: ClassVar[tuple[str, ...]] = ()  # names of internal states, for materials that relax
-    # Groups of places in `parameters` that may change places with each other; they are told by rising last value.
+    # Groups of places in `parameters` that are interchangeable; they are ordered by rising last value.
     interchangeable: ClassVar[tuple[tuple[int, ...], ...]] = ()
     adhesive: ClassVar[bool] = False  # it may pull, and its force at rest may fall with depth, from `pull_off_depth` on
 
@@ -115,7 +115,7 @@ class ContactModel(Part, ABC):
         return ()
 
     def validity(self, depth: float) -> str:
-        """What does not hold of this model at a depth [m], as a sentence for people; empty where all is well."""
+        """Which assumption of this model fails at a depth [m], as a sentence; empty where all hold."""
         return ""
 
     def delay_shift(self, theta: Sequence[float]) -> tuple[float, ...]:

@@ -12,7 +12,7 @@ from palpate.pipeline.latency import Latency
 
 _SLICE = 0.05  # [s] of estimating, after which a live run records again what has come
 _LEAST, _MOST = 10, 5000  # samples in a slice
-_LONGEST = 60.0  # [s] of samples; where more wait, estimating is given up, for memory has an end
+_LONGEST = 60.0  # [s] of samples; where more wait, estimating is given up: memory is limited
 _NEWEST = 0.5  # of the pace: the latest slice against those before
 
 

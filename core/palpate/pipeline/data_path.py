@@ -1,4 +1,4 @@
-"""The data path: what becomes of readings, live or replayed."""
+"""The data path: from readings to estimates, live or replayed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from palpate.pipeline.latency import Latency
 from palpate.pipeline.outputs import Outputs
 from palpate.pipeline.tracks import Tracks
 
-_PATIENCE = 1.0  # [s] for the backlog of a run that somebody has stopped
+_PATIENCE = 1.0  # [s] for the backlog of a run that was stopped
 
 
 class DataPath:

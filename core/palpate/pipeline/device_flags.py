@@ -1,4 +1,4 @@
-"""What connected devices said of themselves that speaks against the numbers of a run."""
+"""Flags from the health that connected devices report."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ Health = Mapping[str, Mapping[str, Any]]  # by device
 def device_flags(alignment: AlignmentSettings, ports: Ports, live: Health | None) -> tuple[Flag, ...]:
     """What devices raise themselves, as `flags` of their health: codes with messages; clocks that wander, payloads."""
     health = live or {}
-    told = (Flag(code, text) for facts in health.values() for code, text in facts.get("flags", {}).items())
-    return (*told, *_clocks(ports, health), *(Flag("payload", text) for text in payloads(alignment, health)))
+    raised = (Flag(code, text) for facts in health.values() for code, text in facts.get("flags", {}).items())
+    return (*raised, *_clocks(ports, health), *(Flag("payload", text) for text in payloads(alignment, health)))
 
 
 def _clocks(ports: Ports, health: Health) -> Iterator[Flag]:
-    told = set()
+    flagged = set()
     for role in ("force", "position", "velocity"):
         if role not in ports.roles:
             continue
         port = ports[role]
         off, declared = health.get(port.device, {}).get("clock_deviation"), port.signal.uncertainty
-        if off is None or declared is None or port.signal.time != "stamp" or port.device in told:
+        if off is None or declared is None or port.signal.time != "stamp" or port.device in flagged:
             continue
         if off > declared:
-            told.add(port.device)
+            flagged.add(port.device)
             yield Flag(
                 "clock-wander",
                 f"the clock of {port.device} strayed by {1e3 * off:.2f} ms from an even one; [alignment] {role} "

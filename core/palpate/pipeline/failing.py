@@ -1,4 +1,4 @@
-"""Parts that raise or answer nonsense while a run goes on: which one, where, and when."""
+"""Parts that raise, or return malformed estimates, during a run: which one, where, and when."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Blame:
         return f"{part.kind} {found[0]!r} of plugin {found[1].plugin.name}"
 
     def _culprit(self, frames: list[tuple[FrameType, int]]) -> tuple[Part, FrameType, int]:
-        """The part whose code raised, or called what did, and where in it; the estimator where nobody can be told."""
+        """The part whose code raised, or called what did, and where in it; the estimator where that is unclear."""
         for frame, line in reversed(frames):
             for part in (self.track.model, getattr(self.track.model, "indenter", None), self.track.estimator):
                 if isinstance(part, Part) and _is_of(frame, part):

@@ -38,7 +38,7 @@ class Taken:
     behind: float = 0.0  # [s] that the estimates are behind the samples
 
 
-Take = Callable[[Arrivals], Taken | None]  # None: nobody makes samples of them
+Take = Callable[[Arrivals], Taken | None]  # None: no samples are made of them
 Noise = Mapping[str, tuple[float, float]]  # what estimators count on, by name: force [N], velocity [m/s]
 
 _LOOK = 5e-3  # [s] between the setpoints that devices are asked about before anything moves
@@ -133,7 +133,7 @@ class Flow:
             raise DeviceError(guard.reason)
 
     def _live(self, live: LiveLinks, guard: Guard, arms: Mapping[str, Arm], trajectory: Trajectory | None) -> None:
-        """Stand still, judge the standstill, move, until the arms are done or somebody has tripped the guard."""
+        """Stand still, judge the standstill, move, until the arms are done or the guard has tripped."""
         limits = self._pipeline.safety
         standstill = limits.standstill if limits else 1.0
         self._stand_still(live, guard, standstill)

@@ -43,7 +43,7 @@ class _Watch:
         """How long [s] it has been silent for sure, when its process looked at a stream of the device.
 
         A look counts from the next one at the same stream on: what was received before the first is here by then,
-        however late whoever takes the batches may be.
+        however late the batches are taken.
         """
         if news and stream == self.port.stream.name:
             self.heard = looked
@@ -64,7 +64,7 @@ class _Watch:
 
 
 class Guard:
-    """Sees every batch before anybody else does, in the thread that received it.
+    """Sees every batch first, in the thread that received it.
 
     It trips on a force beyond `stop_force` in any component that the force's stream declares, a tip below the depth
     limit, a reading that is over range or invalid, a sensor or robot that is silent, a device that fails, this program
@@ -129,7 +129,7 @@ class Guard:
         self._watch.start()
 
     def ended(self, device: str) -> None:
-        """A device has no more to say: a motion that is done is no fault of it."""
+        """A device has sent its last batch: the end of a motion is no fault."""
         self._looked.pop(device, None)
         if self._moving:
             self._moving.discard(device)
@@ -152,7 +152,7 @@ class Guard:
         self._stop_arms()
 
     def _add(self, hint: str) -> None:
-        """To the reason, whoever was the first to see it: an arm that stops by itself knows less."""
+        """Append a hint to the reason, also where an arm that stopped itself has given it."""
         with self._lock:
             if self.reason is not None and not self.reason.endswith(hint):
                 self.reason += hint
@@ -250,7 +250,7 @@ class Guard:
         return found
 
     def _look(self) -> None:
-        """Whoever is held up does not see it: somebody else has to look."""
+        """A thread that is held up cannot notice it: another one has to look."""
         while not self._over.wait(_LOOK_EVERY):
             if self._limits is None or self.reason is not None:
                 continue

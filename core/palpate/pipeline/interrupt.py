@@ -14,11 +14,11 @@ class Interrupt:
 
     def __init__(self) -> None:
         self.reason: str | None = None
-        self.signal: int = signal.SIGINT  # that an exit code tells of
+        self.signal: int = signal.SIGINT  # for the exit code
         self._trip: Callable[[str], None] | None = None
 
     def trips(self, trip: Callable[[str], None]) -> None:
-        """From now on whoever asks for a stop does so to the guard at once; a signal waits for the next batch."""
+        """From now on a request to stop goes to the guard at once; a signal waits for the next batch."""
         self._trip = trip
         if self.reason is not None:
             trip(self.reason)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from palpate.alignment import Port
 from palpate.device import Batch
 
-# Edges [s], 8 % apart: what a quantile is told to.
+# Edges [s], 8 % apart: the resolution of a quantile.
 _EDGES = np.geomspace(1e-4, 1e3, 210)
 
 

@@ -17,7 +17,7 @@ from palpate.pipeline.guard import Guard
 _GATHER, _GATHER_BEHIND = 0.006, 0.05
 _MOST = 20_000  # pieces that wait to be recorded
 _JOIN = 2.0  # [s]
-_LOOK = 0.05  # [s] that nothing may come before somebody looks whether the run is to go on
+_LOOK = 0.05  # [s] without any batch, after which it is asked whether the run is to continue
 
 
 class LiveLinks:
@@ -30,7 +30,7 @@ class LiveLinks:
         self._moving = {name for name, link in links.items() if isinstance(link, Arm)}
         self._running = set(links)
         self.largest_backlog = 0
-        self.behind = False  # whether whoever takes the batches has more to do than to wait for them
+        self.behind = False  # whether the consumer of the batches is busy rather than waiting for them
         self._threads = [
             threading.Thread(target=self._pump, args=item, daemon=True, name=f"{item[0]} batches")
             for item in links.items()

@@ -43,7 +43,7 @@ class Outputs:
                 writer.batch(device, batch)
 
     def write(self, samples: Samples, estimates: Mapping[str, Estimates] | None) -> None:
-        """Samples, and the estimates of the online tracks; None where nobody makes any."""
+        """Samples, and the estimates of the online tracks; None where there are none."""
         if not len(samples):
             return
         for writer in self.writers:

@@ -33,7 +33,7 @@ Pass = Callable[[Sequence[tuple[str, Batch]]], None]
 
 
 def hand_limits(links: Mapping[str, Link], guard: Guard, limits: SafetySettings) -> None:
-    """Tell every arm that can keep limits by itself what they are, and where it finds the force."""
+    """Give every arm that enforces limits itself these limits, and where it finds the force."""
     port, (channels, tare) = guard.force, guard.watched
     source = links.get(port.device)
     shared = source.shared(port.stream.name) if isinstance(source, Sharing) else None

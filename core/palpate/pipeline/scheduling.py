@@ -14,7 +14,7 @@ _PRIORITY = 20  # below that of robots and sensors
 
 @contextmanager
 def undisturbed() -> Iterator[str]:
-    """What there is now is no garbage, threads change quickly, and other programs wait; says whether they do."""
+    """Freeze the garbage collector, switch threads quickly, take real-time priority; report whether that was had."""
     before = sys.getswitchinterval()
     gc.collect()
     gc.freeze()
@@ -40,7 +40,7 @@ def _scheduled(priority: int) -> str:
     except (AttributeError, OSError):
         return "no real-time scheduling: not permitted"
     for thread in _threads():
-        with suppress(OSError):  # it has ended meanwhile
+        with suppress(OSError):  # the thread has ended meanwhile
             os.sched_setscheduler(thread, policy, os.sched_param(priority))
     return f"real-time scheduling, SCHED_FIFO {priority}" if priority else ""
 

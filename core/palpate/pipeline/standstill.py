@@ -1,4 +1,4 @@
-"""The standstill before a motion: whether what is measured there is plausible, and what the filters were told."""
+"""The standstill before a motion: whether its readings are plausible, and as noisy as the filters declare."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class Standstill:
 
 def declared_noise(pipeline: Pipeline) -> dict[str, tuple[float, float]]:
     """The noise of force [N] and velocity [m/s] that estimators count on, by their names."""
-    told = {track.name.estimator: track.estimator.declared_noise for track in pipeline.tracks}
-    return {name: noise for name, noise in told.items() if noise is not None}
+    declared = {track.name.estimator: track.estimator.declared_noise for track in pipeline.tracks}
+    return {name: noise for name, noise in declared.items() if noise is not None}
 
 
 def refuse_unsteady(
@@ -64,7 +64,7 @@ def _refuse_surprise(
         return
     shown = 1e3 * seen if unit == "mm/s" else seen
     raise DeviceError(
-        f"{what} of {shown:.3g} {unit} at standstill, {seen / expected:.1f} times what the filter was told ([estimator."
+        f"{what} of {shown:.3g} {unit} at standstill, {seen / expected:.1f} times what the filter declares ([estimator."
         f'{estimator}] {told}; [safety] standstill_excess = {limits.standstill_excess:g}): set noise = "measure", so '
         "that the filter takes what is measured at standstill, or look for what disturbs the rig"
     )

@@ -19,7 +19,7 @@ _EVERY = 1.0  # [s]
 
 
 class Telling:
-    """Health and flags once a second, the guard's state as it changes; costs nothing where nobody asks."""
+    """Health and flags once a second, the guard's state as it changes; costs nothing where no sink wants them."""
 
     def __init__(
         self, writers: Iterable[Writer], flow: Flow, aligner: Aligner, tracks: Tracks, pipeline: Pipeline

@@ -40,7 +40,7 @@ class RunningTrack:
             self.record.add(samples, estimates, time.perf_counter() - before)
         except PalpateError:
             raise  # on purpose: the user can mend it
-        except Exception as error:  # whatever a stranger's code raises: the other tracks go on
+        except Exception as error:  # whatever third-party code raises: the other tracks continue
             self.record.failure = self.blame.flag(error, samples)
             return Estimates.idle(samples, parameters)
         return estimates
@@ -57,12 +57,12 @@ class RunningTrack:
             return track_result(track.name, track.model, self.record, report, settings, average, online)
 
     def so_far(self, report: AlignmentReport, settings: AlignmentSettings, average: float) -> TrackResult | None:
-        """What the track would find if the run ended now; None where there is too little, or nobody can say."""
+        """What the track would find if the run ended now; None where that is not known yet."""
         if self.record.samples <= _FEW and self.record.failure is None:
             return None
         try:
             return track_result(self.track.name, self.track.model, self.record, report, settings, average, True)
-        except Exception:  # a model that cannot say what its parameters mean: the result will tell
+        except Exception:  # a model that fails here fails in the result, too, which reports it
             return None
 
 
@@ -165,7 +165,7 @@ def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
             raise ConfigurationError(f"{pipeline.path}: [estimator.{track.name.estimator}]: {error}") from error
         except PalpateError:
             raise
-        except Exception as error:  # whatever a stranger's code raises
+        except Exception as error:  # whatever third-party code raises
             raise PluginError(f"{pipeline.path}: track {track.name}: {blame.complaint(error)}") from error
         # An offline estimate holds for all of its samples, so all of them are looked at.
         summaries = tuple(function_of(summary)() for summary in pipeline.registry.summaries.values())

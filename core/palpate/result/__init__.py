@@ -11,8 +11,10 @@ from palpate.result.folder import (
     withdraw_folder,
 )
 from palpate.result.found import Derived, Found, finite, finite_tree
-from palpate.result.outcome import TrackResult, record_flags, stream_tables, track_result
-from palpate.result.record import TrackRecord, acceleration
+from palpate.result.outcome import record_flags, stream_tables, track_result
+from palpate.result.record import TrackRecord
+from palpate.result.tail import acceleration
+from palpate.result.track_result import TrackResult
 
 __all__ = [
     "GIVEN",

@@ -18,8 +18,8 @@ from palpate.flags import Flag
 from palpate.parts import Settings
 from palpate.result.evidence import Diagnosed, Ending, TrackEvidence
 from palpate.result.found import Derived, Found
-from palpate.result.outcome import TrackResult
 from palpate.result.record import TrackRecord
+from palpate.result.track_result import TrackResult
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def diagnosed(
 
 
 def _findings(name: str, diagnosis: Diagnosis, evidence: list[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """The findings of one diagnosis; what was estimated stays, whatever a stranger's function does."""
+    """The findings of one diagnosis; the estimates stay, whatever a third-party function raises."""
     try:
         return dict(function_of(diagnosis)(evidence))
     except Exception as error:
@@ -76,7 +76,13 @@ def with_findings(result: TrackResult, model: ContactModel, name: str, finding: 
     parameters = {
         key: _caused(
             result.parameters[key], finding, key, [abs(float(term.shifts[i])) for term in finding.sources]
-        ).diagnosed(cause, finding.terms.get(key, 0.0), key in finding.unknown, finding.biases.get(key))
+        ).diagnosed(
+            cause,
+            finding.terms.get(key, 0.0),
+            key in finding.unknown,
+            finding.biases.get(key),
+            finding.left.get(key),
+        )
         for i, key in enumerate(names)
     }
     return replace(
@@ -147,6 +153,7 @@ def _evidence(name: str, track: Diagnosable, result: TrackResult, of_run: Judged
         record.report,
         of_run.tables,
         _ending(track, of_run),
+        result.parameters,
     )
 
 
@@ -158,6 +165,6 @@ def _ending(track: Diagnosable, of_run: Judged) -> Ending | None:
     included = {*track.record.details.get("included", ()), *(["timing"] if track.record.timing_included else [])}
     record, run = track.record, of_run
     return Ending(
-        tail, tail.since(float(tail.time[-1]) - average), run.settings, run.report, run.uncertainties, record.held,
+        tail, tail.last(average), run.settings, run.report, run.uncertainties, record.held,
         frozenset(included), run.average, record.tracked, record.samples, record.is_sweep,
     )  # fmt: skip

@@ -12,9 +12,9 @@ from palpate.estimation import Estimator
 from palpate.fit_report import FitReport
 from palpate.flags import Flag
 from palpate.parts import Settings
-from palpate.result.found import Bias
+from palpate.result.found import Bias, Found
 from palpate.result.kept import Kept
-from palpate.result.record import Tail
+from palpate.result.tail import Tail
 from palpate.vectors import Floats
 
 
@@ -54,6 +54,7 @@ class TrackEvidence:
     report: FitReport | None  # of an offline fit
     tables: Mapping[str, Settings] = field(default_factory=dict)  # of analyses, as the pipeline has them, by name
     ending: Ending | None = None  # None where a track is judged without a run
+    found: Mapping[str, Found] = field(default_factory=dict)  # by parameter, what diagnoses of a lower order left
 
 
 @dataclass(frozen=True)
@@ -73,13 +74,14 @@ class Diagnosed:
 
     flags: tuple[Flag, ...] = ()
     terms: Mapping[str, float] = field(default_factory=dict)  # standard uncertainty [SI] that it adds, by parameter
-    unknown: frozenset[str] = frozenset()  # parameters whose uncertainty nobody can tell
+    unknown: frozenset[str] = frozenset()  # parameters whose uncertainty cannot be determined
     table: Mapping[str, Any] = field(default_factory=dict)  # plain data for result.json
     # Known, by parameter: the value stays, its uncertainty holds all of the shift, a corrected value stands beside it.
     biases: Mapping[str, Bias] = field(default_factory=dict)
     sources: tuple[Term, ...] = ()  # rows of the budget, each a cause of its own for all values
     delays: Mapping[str, float] = field(default_factory=dict)  # [s] that would explain a parameter or derived value
     settles: frozenset[str] = frozenset()  # codes of flags by lower orders that do not hold any more
+    left: Mapping[str, float] = field(default_factory=dict)  # in place of `terms` for a corrected value
 
 
 # Tracks of one run -> findings by the name of the track; tracks that it has nothing to say of may be left out.

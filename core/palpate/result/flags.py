@@ -1,4 +1,4 @@
-"""Which assumptions of the record failed, and what an estimator says of itself."""
+"""Which assumptions of the record failed, and the flags that an estimator raises itself."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _STUCK = 0.1  # [s] of exactly equal readings
 
 
 def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterator[Flag]:
-    """What was amiss with the record, whatever is estimated from it."""
+    """Faults of the record, whatever is estimated from it."""
     for name, health in report.streams.items():
         yield from _stream_flags(name, health)
         if health.rate and health.longest_repeat / health.rate > _STUCK:
@@ -68,7 +68,7 @@ def _drift_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterat
 
 
 def track_flags(record: TrackRecord, report: AlignmentReport) -> Iterator[Flag]:
-    """What an estimator says of itself, and whether it estimated at all; diagnoses judge what it found."""
+    """The flags that an estimator raises itself, and whether it estimated at all; diagnoses judge its values."""
     yield from (_with_sign(flag, report) for flag in record.flags)
     if record.failure is not None:
         yield record.failure
@@ -78,7 +78,7 @@ def track_flags(record: TrackRecord, report: AlignmentReport) -> Iterator[Flag]:
         yield Flag("never-started", f"{record.marks[Status.WAITING]} samples in contact were too few to start on")
         return
     if tail is None:
-        if record.flags:  # the estimator has said why
+        if record.flags:  # the estimator has given the reason
             return
         none = f"the force never stayed above {report.touch_force:.3g} N: nothing was estimated"
         yield _with_sign(Flag("no-contact", none), report)
@@ -103,7 +103,7 @@ def _status_flags(record: TrackRecord) -> Iterator[Flag]:
             "depth-not-positive", f"the estimated depth was not positive in {marks[Status.LIFTED]} samples in contact"
         )
     if marks[Status.RESTARTED]:
-        yield Flag("restarted", f"the filter began anew {marks[Status.RESTARTED]} times")
+        yield Flag("restarted", f"the filter restarted {marks[Status.RESTARTED]} times")
     if marks[Status.BLIND]:
         yield Flag("blind", f"{marks[Status.BLIND]} samples lacked a measurement and were predicted only")
     if marks[Status.STIFF]:

@@ -20,6 +20,7 @@ class Bias:
 
     shift: float  # [SI] value less truth
     std: float | None  # [SI] standard uncertainty of the shift; None: too little is known of it to correct the value
+    shared: bool = False  # by whatever is estimated from the same samples, least squares too, as a delay is
 
 
 @dataclass(frozen=True)
@@ -33,14 +34,15 @@ class Found:
     systematic: float | None = None  # standard uncertainty from timing, mass and tare; None where none is known
     budget: Mapping[str, float] = field(default_factory=dict)  # its terms by name
     per_shear: float | None = None  # [s] shift of timing that would explain the value: eta/G
-    unknown: bool = False  # nobody can tell how wrong it is
+    unknown: bool = False  # its uncertainty cannot be determined
     bias: Bias | None = None  # known, and with all of its shift in the combined uncertainty
     places: Mapping[str, float] = field(default_factory=dict)  # of a sweep: how many, and how they differ
     last: Mapping[str, float] = field(default_factory=dict)  # of a sweep: value and std at its end
+    left: Mapping[str, float] = field(default_factory=dict)  # terms that are others for the corrected value
 
     @property
     def combined(self) -> float:
-        """Standard uncertainty of all parts together; NaN where nobody can tell it."""
+        """Standard uncertainty of all parts together; NaN where it cannot be determined."""
         if self.unknown:
             return math.nan
         return math.hypot(self.std, self.settling, self.systematic or 0.0)
@@ -50,9 +52,9 @@ class Found:
         """The value less its known bias, with what is not known of that in place of all of it (GUM 3.2.4)."""
         if self.bias is None or self.bias.std is None:
             return None
-        shares = self.budget.values()
-        left = math.hypot(*shares) ** 2 - self.bias.shift**2 + self.bias.std**2 if shares else self.bias.std**2
-        return replace(self, value=self.value - self.bias.shift, systematic=math.sqrt(max(left, 0.0)), bias=None)
+        budget = {**self.budget, **self.left}
+        value, systematic = self.value - self.bias.shift, math.hypot(*budget.values())
+        return replace(self, value=value, systematic=systematic, budget=budget, left={}, bias=None)
 
     def table(self) -> dict[str, Any]:
         """As in ``result.json``; what is not a finite number becomes null."""
@@ -74,14 +76,21 @@ class Found:
         """What a source does to the value by a standard uncertainty [SI]."""
         return Effect(sensitivity, contribution, 100.0 * contribution / abs(self.value) if self.value else None)
 
-    def diagnosed(self, cause: str, share: float, unknown: bool = False, bias: Bias | None = None) -> Found:
-        """With one more cause of systematic uncertainty [SI], an uncertainty that nobody can tell, or a known bias."""
-        share = math.hypot(share, bias.shift) if bias is not None else share
+    def diagnosed(
+        self, cause: str, share: float, unknown: bool = False, bias: Bias | None = None, left: float | None = None
+    ) -> Found:
+        """With one more cause of systematic uncertainty [SI], one that cannot be determined, or a known bias.
+
+        `left` [SI] is the share for the corrected value, where it is another one.
+        """
+        others = dict(self.left) | ({} if left is None else {cause: left})
+        if bias is not None:
+            others = {cause: math.hypot(share, bias.std or 0.0)}
+            share = math.hypot(share, bias.shift)
         budget = dict(self.budget) | ({cause: share} if share > 0 else {})
         systematic = math.hypot(*budget.values()) if budget else None
-        return replace(
-            self, systematic=systematic, budget=budget, unknown=self.unknown or unknown, bias=bias or self.bias
-        )
+        unknown, bias = self.unknown or unknown, bias or self.bias
+        return replace(self, systematic=systematic, budget=budget, left=others, unknown=unknown, bias=bias)
 
 
 @dataclass(frozen=True)
@@ -102,7 +111,7 @@ def derived_values(
 ) -> tuple[Derived, ...]:
     """What the parameters found say of the material, with their scatter and settling carried over.
 
-    Scatter by the `covariance` (k, k) where the estimator tells it, else as uncorrelated. A value that is a parameter
+    Scatter by the `covariance` (k, k) where the estimator reports it, else as uncorrelated. A value that is a parameter
     itself is not repeated.
     """
     found = [parameters[parameter.name] for parameter in model.parameters]

@@ -28,7 +28,7 @@ class Kept:
     lateral: Floats  # (n, 2) [m]; NaN: not known
     used: NDArray[np.bool_]  # (n,) the track has an estimate there
     surface: Floats  # (n,) [m] by that estimate; NaN where there is none
-    innovation: Floats  # (n,) over its own standard deviation; NaN where the estimator tells none
+    innovation: Floats  # (n,) over its own standard deviation; NaN where the estimator reports none
 
 
 @dataclass

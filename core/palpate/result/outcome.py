@@ -1,75 +1,25 @@
-"""What a run found out: the contents of ``result.json``."""
+"""What a record comes to: the numbers of a track at its end, and what concerns every track."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.contact import ContactModel
-from palpate.fit_report import BudgetRow, FitReport
-from palpate.flags import Flag, Verdict, verdict
-from palpate.registry import Registry
+from palpate.fit_report import BudgetRow
+from palpate.flags import Flag
 from palpate.result.flags import alignment_flags, track_flags
-from palpate.result.found import Derived, Found, derived_values, finite, finite_tree
-from palpate.result.record import Tail, TrackRecord
+from palpate.result.found import Found, derived_values
+from palpate.result.record import TrackRecord
+from palpate.result.tail import Tail
+from palpate.result.track_result import TrackResult
 from palpate.track_name import TrackName
 from palpate.vectors import Floats
-
-
-@dataclass(frozen=True)
-class TrackResult:
-    """What one track found."""
-
-    model: str
-    estimator: str
-    samples: int
-    parameters: Mapping[str, Found]
-    surface: Found
-    force_rms: float  # [N]
-    nis: float  # mean over the averaging window at the end
-    flags: tuple[Flag, ...]
-    seconds_per_sample: float
-    derived: tuple[Derived, ...] = ()
-    details: Mapping[str, Any] = field(default_factory=dict)  # what the estimator says beyond its numbers
-    report: FitReport | None = None  # of an offline fit that was made
-    budget: tuple[BudgetRow, ...] = ()  # every source with its effect on each parameter
-    diagnoses: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # what diagnoses say, by name
-    verdict: Verdict = "good"  # worst severity of its flags and those of the record
-
-    @property
-    def usable(self) -> bool:
-        """Whether its numbers may be used at all."""
-        return self.verdict != "invalid"
-
-    def judged(self, registry: Registry, of_record: Sequence[Flag]) -> TrackResult:
-        """The result with severities and verdict; flags of the record (judged, too) concern every track."""
-        flags = registry.judged(self.flags)
-        return replace(self, flags=flags, verdict=verdict((*of_record, *flags)))
-
-    def table(self) -> dict[str, Any]:
-        """As in ``result.json``."""
-        return {
-            "model": self.model,
-            "estimator": self.estimator,
-            "verdict": self.verdict,
-            "samples": self.samples,
-            "parameters": {name: found.table() for name, found in self.parameters.items()},
-            "derived": {value.name: value.table() for value in self.derived},
-            "surface": self.surface.table(),
-            "force_rms": finite(self.force_rms),
-            "nis": finite(self.nis),
-            "budget": [finite_tree(asdict(row)) for row in self.budget],
-            "flags": [flag.table() for flag in self.flags],
-            "seconds_per_sample": self.seconds_per_sample,
-            **({"fit": finite_tree(self.report.table())} if self.report else {}),
-            **({"details": finite_tree(self.details)} if self.details else {}),
-            **({"diagnoses": finite_tree(self.diagnoses)} if self.diagnoses else {}),
-        }
 
 
 @dataclass(frozen=True)
@@ -83,7 +33,7 @@ class _Numbers:
 
 
 def _covariance(model: ContactModel, details: Mapping[str, Any]) -> Floats | None:
-    """Covariance (k, k) of the parameters as the estimator tells it in its details; None where it does not."""
+    """Covariance (k, k) of the parameters as the estimator reports it in its details; None where it does not."""
     table = details.get("covariance")
     if not isinstance(table, Mapping):
         return None

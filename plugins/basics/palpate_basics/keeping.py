@@ -1,4 +1,4 @@
-"""The samples of a run, for an analysis that wants nothing else of it."""
+"""The samples of a run, for an analysis that goes on with them in memory."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from palpate import Batch, Estimates, Samples
 
 @dataclass
 class KeptSamples:
-    """An observer of a run that keeps its samples."""
+    """An observer of a run that keeps its samples, and the latest block of estimates of each track: all of a fit's."""
 
     blocks: list[Samples] = field(default_factory=list)
+    found: dict[str, Estimates] = field(default_factory=dict)
 
     def batch(self, device: str, batch: Batch) -> None:
         """Raw readings are not kept."""
@@ -21,4 +22,5 @@ class KeptSamples:
         self.blocks.append(samples)
 
     def estimates(self, track: str, estimates: Estimates) -> None:
-        """Values are in the result."""
+        """Keep a block in place of the one before."""
+        self.found[track] = estimates

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from palpate import Flag, ReportSection
-from palpate.host import Found, Result, Table as Cells, TrackResult, function_of, measured, people, rounded
+from palpate.host import Found, Result, Table as Cells, TrackResult, display_unit, function_of, measured, rounded
 
 _ALONG = "ranges along the way of the tip; by place: palpate map {folder}"
 
@@ -27,7 +27,7 @@ def result_view(result: Result, sections: Mapping[str, ReportSection] | None = N
     table = Table(title=result.run["name"], title_justify="left")
     table.add_column("track")
     for name, unit in units.items():
-        table.add_column(f"{name}\n{people(unit)[0]}", justify="right")
+        table.add_column(f"{name}\n{display_unit(unit)[0]}", justify="right")
     for heading in ("eta/G\nms", "surface\nmm", "residual\nN", "NIS\n"):
         table.add_column(heading, justify="right")
     for label, track in result.tracks.items():
@@ -57,7 +57,7 @@ def _derived(result: Result) -> list[RenderableType]:
     from rich.text import Text
 
     lines = [
-        Text(f"  {label}: {value.name} {_shown(value.found)} {people(value.found.unit)[0]} ({value.caveat})")
+        Text(f"  {label}: {value.name} {_shown(value.found)} {display_unit(value.found.unit)[0]} ({value.caveat})")
         for label, track in result.tracks.items()
         for value in track.derived
         if math.isfinite(value.found.value)
@@ -100,7 +100,7 @@ def _swept(track: TrackResult) -> bool:
 
 
 def _scaled(value: float, unit: str) -> float:
-    return value * people(unit)[1]
+    return value * display_unit(unit)[1]
 
 
 def _plain(value: float) -> str:

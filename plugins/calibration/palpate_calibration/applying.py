@@ -89,12 +89,12 @@ class AppliedCalibration:
             return old
         then, present = (self._powered_since(pipeline, live, past) for past in (True, False))
         if then is None or present is None:
-            why = "nothing tells whether the sensor was started anew since its offset was taken ([device.*] supply)"
+            why = "it is not known whether the sensor was restarted after its offset was taken ([device.*] supply)"
             return Flag("calibration-offset-unknown", f"{self.path}: {why}")
         if abs((present - then).total_seconds()) > _OTHER_START + _CLOCKS * abs(self.age(now)):
             return Flag(
                 "calibration-offset",
-                f"{self.path}: the sensor was started anew since: it has its power since {present}, then since {then}",
+                f"{self.path}: the sensor was restarted: powered since {present}, at the calibration since {then}",
             )
         return None
 
@@ -209,15 +209,15 @@ class AppliedCalibration:
         if mass is not None and stated.tip_mass is not None and not _within(mass, stated.tip_mass):
             yield Flag(
                 "calibration-mass",
-                f"[alignment] tip_mass is {stated.tip_mass:.4g} kg; {self.path} says {mass.value:.4g}",
+                f"[alignment] tip_mass is {stated.tip_mass:.4g} kg; {self.path} states {mass.value:.4g}",
             )
         if delay is not None and self._timing_is_stated(stated):
             declared = stated.force.delay - stated.position.delay
             if not _within(delay, declared):
                 yield Flag(
                     "calibration-delay",
-                    f"[alignment] has the force {declared * 1e3:.3g} ms late; "
-                    f"{self.path} says {delay.value * 1e3:.3g} ms",
+                    f"[alignment] states a delay of {declared * 1e3:.3g} ms; "
+                    f"{self.path} states {delay.value * 1e3:.3g} ms",
                 )
 
 

@@ -12,12 +12,12 @@ CALIBRATION_FLAGS = {
     "calibration-sensor": _doubtful("The calibration was made with another sensor or arm.", "Calibrate this one."),
     "calibration-tip": _doubtful("The calibration was made with another tip.", "Calibrate with this tip."),
     "calibration-offset": _doubtful(
-        "The sensor was started anew since its offset was calibrated: the offset has moved.",
+        "The sensor was restarted after its offset was calibrated: the offset has moved.",
         "Calibrate again, or let the standstill or the free air give the tare.",
     ),
     "calibration-offset-unknown": FlagMeaning(
         "note",
-        "Nothing tells whether the sensor was started anew since its offset was calibrated.",
+        "It is not known whether the sensor was restarted after its offset was calibrated.",
         "State [device.*] supply, or let the standstill or the free air give the tare.",
     ),
     "calibration-mass": _doubtful(

@@ -110,11 +110,11 @@ def palpate_facts() -> dict[str, Fact]:
 
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
-    """What topics of a ROS 2 system have against them."""
+    """Flags on topics of a ROS 2 system."""
     return {
         "ros2-limit": FlagMeaning(
             "doubtful",
-            "A reading went beyond a limit of the device; nothing was stopped, for palpate moves no robot over ROS.",
+            "A reading exceeded a limit of the device; nothing was stopped: palpate moves no robot over ROS.",
             "Look at the motion and at the controller's own limits.",
         ),
         "ros2-publishers": FlagMeaning(
@@ -124,32 +124,32 @@ def palpate_flags() -> dict[str, FlagMeaning]:
         ),
         "ros2-restarted": FlagMeaning(
             "doubtful",
-            "A publisher went, and another one took over its topic: its tare and its settings may be others.",
+            "A publisher left and another one took over its topic: tare and settings may differ.",
             "Look at the driver, and record again.",
         ),
         "ros2-unread": FlagMeaning(
             "doubtful",
-            "A topic is published as it is not read: with another type, or best effort where reliable is asked for.",
-            "Look at who publishes it (palpate info ros2://DOMAIN), and whether it is still the same driver.",
+            "A topic cannot be read as published: it has another type, or is best effort where reliable is asked for.",
+            "Check who publishes it (palpate info ros2://DOMAIN), and whether it is still the same driver.",
         ),
         "ros2-clock": FlagMeaning(
             "doubtful",
-            "The stamps of a publisher leapt, as when a clock is set; they were mapped anew from there on.",
+            "The stamps of a publisher jumped, as when a clock is set; they were mapped again from there on.",
             "Let the clocks of all computers settle before a record (chrony, PTP).",
         ),
         "ros2-clocks": FlagMeaning(
             "invalid",
-            'Topics that are said to have one clock (clocks = "one") are stamped by several that do not agree.',
+            'Topics declared to share one clock (clocks = "one") are stamped by several that do not agree.',
             'Synchronise the computers (chrony, PTP), or set clocks = "each".',
         ),
         "ros2-missing": FlagMeaning(
             "note",
-            "Messages are missing between the stamps of those that came.",
+            "Messages are missing between the stamps of those received.",
             'Use a wire, a larger history, or reliability = "reliable".',
         ),
         "ros2-damaged": FlagMeaning(
             "note",
             "Messages could not be read, and were left out.",
-            "Look at who publishes them, and whether the type is the one that is given.",
+            "Check who publishes them, and whether the type given is theirs.",
         ),
     }

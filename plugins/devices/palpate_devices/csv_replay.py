@@ -16,6 +16,7 @@ from typing import Annotated, Self
 import numpy as np
 from palpate import Batch, Channel, File, Floats, Frequency, Link, LogError, Settings, Stream, is_number, to_si
 from pydantic import Field, model_validator
+from pydantic_core import from_json
 
 from palpate_devices.logs.csv_end import cut_number
 from palpate_devices.logs.csv_roles import suggest_csv, survey_csv, tables_csv
@@ -215,12 +216,9 @@ class _CsvLink:
         separators = ("\n" + comma * (self._width - 1)) * count
         if not text or text.translate(_OF_NUMBERS) != separators[1:]:
             return None
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)  # text that does not end as a number
-            try:
-                found = np.fromstring(text.replace(comma, ",").replace("\n", ","), sep=",")
-            except (DeprecationWarning, ValueError):
-                return None
+        found = _parsed(text.replace(comma, ",").replace("\n", ","))
+        if found is None:
+            return None
         whole = found.size == count * self._width and max(self._at, default=0) < self._width
         return found.reshape(count, self._width)[:, self._at] if whole else None
 
@@ -302,3 +300,18 @@ class _CsvLink:
             advice = "; a decimal comma? write the numbers with points" if is_number(text.replace(",", ".", 1)) else ""
             problem = f"column {place} holds {text!r}, which is no number{advice}"
             raise LogError(f"{self._log.file}:{line}: {problem}") from error
+
+
+def _parsed(numbers: str) -> Floats | None:
+    """The numbers (n,) between commas; None where they are none."""
+    try:  # a reader of JSON, which has the same numbers but for +1, .5 and 1., takes a third of the time
+        found = from_json(f"[{numbers}]")
+        return np.fromiter(found, np.float64, len(found))
+    except (ValueError, OverflowError):
+        pass
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)  # text that does not end as a number
+        try:
+            return np.fromstring(numbers, sep=",")
+        except (DeprecationWarning, ValueError):
+            return None

@@ -5,6 +5,7 @@ The import of `scipy.optimize` takes longer than most fits, and its least square
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -38,21 +39,21 @@ def least_squares(
     than a share `gain` of it, and takes that step: with n independent residuals it is sqrt(n gain) standard deviations
     long.
     """
-    x = np.clip(x, low, high)
+    x = _within(x, low, high)
     square, evaluations, damping, before = normal(x), 1, 0.0, np.inf
     while evaluations < most:
         cost = 0.5 * float(square[0, 0])
-        if not np.isfinite(square).all():
+        if not _finite(square):
             return Minimum(x, cost, evaluations, False)
         step, gained = bounded_step(square, low - x, high - x, damping)
         if gained <= gain * cost or bool((np.abs(step) <= _STILL * np.abs(x)).all()):
             if damping <= _FIRST:
-                x, cost = np.clip(x + step, low, high), max(cost - gained, 0.0)
+                x, cost = _within(x + step, low, high), max(cost - gained, 0.0)
             return Minimum(x, cost, evaluations, True)
-        there = np.clip(x + step, low, high)
+        there = _within(x + step, low, high)
         tried = normal(there)
         evaluations += 1
-        fallen = cost - 0.5 * float(tried[0, 0]) if np.isfinite(tried).all() else -np.inf
+        fallen = cost - 0.5 * float(tried[0, 0]) if _finite(tried) else -np.inf
         if fallen >= -_ROUNDING * cost and (fallen > 0 or gained <= _ROUNDING * cost):
             told = gained > _ROUNDING * cost  # by the difference of the costs, whether the step was good
             slow = not told and gained > _SLOW * before
@@ -84,6 +85,14 @@ def normal_by_differences(residual: Callable[[Floats], Floats], high: Floats) ->
     return normal
 
 
+def _finite(square: Floats) -> bool:
+    return math.isfinite(float(np.add.reduce(square, axis=None))) or bool(np.isfinite(square).all())
+
+
+def _within(x: Floats, low: Floats, high: Floats) -> Floats:
+    return np.minimum(np.maximum(x, low), high)
+
+
 def _eased(damping: float, ratio: float) -> float:
     """The damping after a step that gained so much of what it promised."""
     if ratio < 0.25:
@@ -99,7 +108,7 @@ def bounded_step(square: Floats, low: Floats, high: Floats, damping: float = 0.0
     lengths[lengths == 0] = 1.0
     scaled, slope = curvature / (lengths[:, None] * lengths), gradient / lengths
     damped = scaled.copy()
-    damped.flat[:: len(slope) + 1] += max(damping, _LEAST)
+    damped.ravel()[:: len(slope) + 1] += max(damping, _LEAST)
     step = bounded_quadratic(damped, slope, low * lengths, high * lengths)
     gained = -float(step @ slope) - 0.5 * float(step @ scaled @ step)
     return step / lengths, gained
@@ -110,7 +119,7 @@ def bounded_quadratic(curvature: Floats, slope: Floats, low: Floats, high: Float
 
     Active sets: what leaves its bounds is held there, what pulls inwards is let go (Nocedal and Wright 2006, 16.5).
     """
-    s = np.asarray(np.linalg.solve(curvature, -slope), np.float64)
+    s = _solved(curvature, slope)
     if bool(((s >= low) & (s <= high)).all()):
         return s
     s, held = np.zeros(len(slope)), np.zeros(len(slope), bool)
@@ -119,7 +128,7 @@ def bounded_quadratic(curvature: Floats, slope: Floats, low: Floats, high: Float
         loose = ~held
         if loose.any():
             pull = slope[loose] + curvature[np.ix_(loose, held)] @ s[held]
-            wanted[loose] = np.linalg.solve(curvature[np.ix_(loose, loose)], -pull)
+            wanted[loose] = _solved(curvature[np.ix_(loose, loose)], pull)
         way = wanted - s
         with np.errstate(divide="ignore", invalid="ignore"):
             room = np.where(way > 0, (high - s) / way, np.where(way < 0, (low - s) / way, np.inf))
@@ -138,3 +147,24 @@ def bounded_quadratic(curvature: Floats, slope: Floats, low: Floats, high: Float
             return s
         held[loosest] = False
     return s
+
+
+def _solved(curvature: Floats, slope: Floats) -> Floats:
+    """The s (p,) with A s = -b, A (p, p) positive definite: L D L^T in plain numbers, faster than a call of LAPACK."""
+    left, s = curvature.tolist(), (-slope).tolist()
+    for k, row in enumerate(left):
+        pivot = row[k]
+        if not pivot > 0.0:  # by rounding
+            return np.asarray(np.linalg.solve(curvature, -slope), np.float64)
+        for i in range(k + 1, len(s)):
+            below = left[i]
+            share = below[k] / pivot
+            if share:
+                for j in range(k + 1, i + 1):
+                    below[j] -= share * left[j][k]
+                s[i] -= share * s[k]
+    for k in range(len(s) - 1, -1, -1):
+        for i in range(k + 1, len(s)):
+            s[k] -= left[i][k] * s[i]
+        s[k] /= left[k][k]
+    return np.array(s)

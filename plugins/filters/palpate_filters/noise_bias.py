@@ -43,12 +43,12 @@ _FIRST = 1e-3  # [m] and [m/s], what the gains begin from
 BIAS_FLAGS = {
     "noise-bias": FlagMeaning(
         "note",
-        "The noise in this filter's own state shifts its estimates by what is predicted here.",
+        "The noise in this filter's own state biases its estimates by the amount predicted here.",
         "Give the corrected value with its own uncertainty, or use a fit.",
     ),
     "noise-bias-large": FlagMeaning(
         "doubtful",
-        "The noise in this filter's own state shifts its estimates by more than can be predicted.",
+        "The noise in this filter's own state biases its estimates by more than can be predicted.",
         "Palpate faster or wider, or use a fit (inertial filters: or a kinematic one).",
     ),
 }

@@ -31,6 +31,11 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "The material pulls the tip before it comes off, which the model leaves out.",
             "Use the model jkr (soft, large tips) or dmt (stiff, small ones), or wet the surface.",
         ),
+        "baseline-unclear": FlagMeaning(
+            "doubtful",
+            "The air does not tell the tilt of the baseline, which is held at zero, or the tilt is most of the force.",
+            "Record air over a fourth of the depth at least, or take --no-tilt where the force in air is level.",
+        ),
         "tilted-baseline": FlagMeaning(
             "note",
             "The force changes along the way through air, beyond its uncertainty; the line is taken off.",

@@ -17,9 +17,9 @@ from palpate.host import (
     Table,
     aside,
     console,
+    display_unit,
     make_folder,
     measured,
-    people,
     print_json,
     withdraw_folder,
     write_new,
@@ -108,17 +108,20 @@ def _stretch(text: str | None) -> tuple[float, float] | None:
 def views(found: Indentation, model: str) -> list[Any]:
     """Tables and sentences for people."""
     unit = found.law.unit
-    word, factor = people(unit)
+    word, factor = display_unit(unit)
     fit = found.fit
     length, per_length = _length(found.depth)
     shown: list[Any] = [
         f"{model}: {found.law.name} {measured(factor * fit.modulus, factor * found.combined)} {word} "
-        f"(fit {factor * fit.modulus_std:.3g}, contact point {factor * found.by_contact:.3g} {word}); "
+        f"(fit {factor * fit.modulus_std:.3g}, contact point {factor * found.by_contact:.3g}"
+        f"{f', tilt {factor * found.fitted.by_tilt:.3g}' * (found.fitted.untold is not None)} {word}); "
         f"{per_length * found.depth:.3g} {length} deep; residual {_force(fit.rms)}, noise {_force(found.press.noise)}"
     ]
-    if fit.tilt_std > 0:
+    tilted = found.fitted.untold or fit
+    if tilted.tilt_std > 0:
         reach = float(found.branch.height.max() - found.branch.height.min())
-        shown.append(f"baseline: tilted by {_force(fit.tilt * reach)} +- {_force(fit.tilt_std * reach)} over the way")
+        by = f"tilted by {_force(tilted.tilt * reach)} +- {_force(tilted.tilt_std * reach)} over the way"
+        shown.append(f"baseline: {by}" if tilted is fit else f"baseline: level; least squares would have it {by}")
     rows = [
         (
             name,

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate.host import common_limits, figure_of, legend_outside, people, save_figure, style
+from palpate.host import common_limits, display_unit, figure_of, legend_outside, save_figure, style
 
 from palpate_indentation.whole import Indentation
 
@@ -58,7 +58,7 @@ def _contact(axis: Any, found: Indentation, scale: float, per_force: float, thin
 
 
 def _modulus(axis: Any, found: Indentation, scale: float) -> None:
-    word, factor = people(found.law.unit)
+    word, factor = display_unit(found.law.unit)
     secant, tangent = found.secant, found.tangent
     for profile, colour, name in ((secant, "C0", "from contact on"), (tangent, "C1", "within windows")):
         value, std = factor * profile.modulus, factor * profile.std

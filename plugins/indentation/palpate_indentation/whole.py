@@ -12,6 +12,7 @@ from palpate.host import finite_tree
 
 from palpate_indentation.adhesion import PullOff, Theory, pull_off, tabor, theories
 from palpate_indentation.alternatives import Alternative, sphere_laws, sphere_radius
+from palpate_indentation.baseline import Fitted, fit_press, force_of
 from palpate_indentation.depth import Profile, change_over_depth, secant_profile, tangent_profile
 from palpate_indentation.fitting import CurveFit, fit_curve
 from palpate_indentation.law import Law
@@ -19,8 +20,8 @@ from palpate_indentation.points import Seen, contact_points, spread
 from palpate_indentation.press import Branch, Press
 
 _SURE = 3.0  # standard uncertainties
-_TOP = 0.01  # of the way
 _MATTERS = 0.05  # of the modulus
+_LARGE = 0.5  # of the force
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Indentation:
     law: Law
     press: Press
     branch: Branch  # that was fitted
-    fit: CurveFit
+    fitted: Fitted
     points: Mapping[str, Seen]
     surface_spread: float  # [m]
     by_contact: float  # [unit of the modulus] by the spread of the contact point
@@ -55,9 +56,14 @@ class Indentation:
     flags: tuple[Flag, ...]
 
     @property
+    def fit(self) -> CurveFit:
+        """What least squares finds."""
+        return self.fitted.fit
+
+    @property
     def combined(self) -> float:
-        """Standard uncertainty of the modulus: of the fit, and of the contact point by the methods' spread."""
-        return float(np.hypot(self.fit.modulus_std, self.by_contact))
+        """Standard uncertainty of the modulus: of the fit, of the methods' spread, and of a tilt that is not told."""
+        return float(np.linalg.norm([self.fit.modulus_std, self.by_contact, self.fitted.by_tilt]))
 
     @property
     def depth(self) -> float:
@@ -72,17 +78,12 @@ def looked_at(law: Law, press: Press, settings: Settings, name: str = "record") 
         if press.retract is None:
             raise LogError(f"{name}: there is no way out to fit")
         branch = press.retract
-    fit = fit_curve(law, branch, press.noise, tilt=settings.tilt, robust=settings.robust)
-    if not np.isfinite([fit.modulus, fit.modulus_std, fit.surface]).all() or fit.modulus <= 0:
-        raise LogError(f"{name}: no modulus above 0 explains the force")
-    if fit.surface > branch.height.max() - _TOP * np.ptp(branch.height):
-        raise LogError(f"{name}: the record begins in contact: without air there is no contact point")
+    fitted = fit_press(law, branch, press.noise, name, tilt=settings.tilt, robust=settings.robust)
+    fit, tilt = fitted.fit, settings.tilt and fitted.untold is None
     points = contact_points(press, fit)
     apart = spread(points)
     moved = [
-        fit_curve(
-            law, branch, press.noise, tilt=settings.tilt, robust=settings.robust, surface=fit.surface + side * apart
-        )
+        fit_curve(law, branch, press.noise, tilt=tilt, robust=settings.robust, surface=fit.surface + side * apart)
         for side in ((1, -1) if apart > 0 else ())
     ]
     by_contact = 0.5 * abs(moved[0].modulus - moved[1].modulus) if moved else 0.0
@@ -94,18 +95,18 @@ def looked_at(law: Law, press: Press, settings: Settings, name: str = "record") 
         sticking = tuple(theories(press.retract, fit, pull, radius, poisson))
     rise = change_over_depth(law, branch, fit, float(np.hypot(fit.surface_std, apart)))
     return Indentation(
-        law, press, branch, fit, points, apart, by_contact,
+        law, press, branch, fitted, points, apart, by_contact,
         secant_profile(law, branch, fit, float(np.hypot(fit.surface_std, apart)), settings.bins),
         tangent_profile(law, branch, fit, float(np.hypot(fit.surface_std, apart)), settings.windows),
-        rise, tuple(sphere_laws(law, branch, press.noise, tilt=settings.tilt, robust=settings.robust)),
-        pull, sticking, radius, tuple(_flags(fit, by_contact, rise, pull, settings)),
+        rise, tuple(sphere_laws(law, branch, press.noise, tilt=tilt, robust=settings.robust)),
+        pull, sticking, radius, tuple(_flags(law, branch, fitted, by_contact, rise, pull)),
     )  # fmt: skip
 
 
 def _flags(
-    fit: CurveFit, by_contact: float, rise: tuple[float, float], pull: PullOff | None, settings: Settings
+    law: Law, branch: Branch, fitted: Fitted, by_contact: float, rise: tuple[float, float], pull: PullOff | None
 ) -> list[Flag]:
-    found = []
+    found, fit = [], fitted.fit
     if abs(rise[0]) > max(_SURE * rise[1], _MATTERS):
         what = (
             f"the modulus changes by {rise[0]:+.0%} +- {rise[1]:.1%} from the shallower half of the depth to the deeper"
@@ -116,9 +117,24 @@ def _flags(
         found.append(Flag("contact-point-unclear", what))
     if pull is not None:
         found.append(Flag("adhesion", f"the material pulls with {pull.force:.3g} +- {pull.std:.2g} N"))
-    if settings.tilt and fit.tilt_std > 0 and abs(fit.tilt) > 2 * _SURE * fit.tilt_std:
+    if fit.tilt_std > 0 and abs(fit.tilt) > 2 * _SURE * fit.tilt_std:
         found.append(Flag("tilted-baseline", f"{fit.tilt:+.3g} +- {fit.tilt_std:.2g} N/m over the height"))
-    return found
+    return found + _of_baseline(law, branch, fitted)
+
+
+def _of_baseline(law: Law, branch: Branch, fitted: Fitted) -> list[Flag]:
+    fit, other = fitted.fit, fitted.untold
+    if other is not None and fitted.by_tilt > _MATTERS * fit.modulus:
+        what = (
+            f"the air does not tell the tilt ({other.tilt:+.3g} +- {other.tilt_std:.2g} N/m by least squares): held at "
+            f"zero, which counts {fitted.by_tilt / fit.modulus:.0%} in the uncertainty of the modulus"
+        )
+        return [Flag("baseline-unclear", what)]
+    taken = abs(fit.tilt) * float(fit.surface - branch.height.min()) / force_of(law, branch, fit)
+    if taken > _LARGE:
+        what = f"the tilt of the baseline makes {taken:.0%} of the press's force over its depth"
+        return [Flag("baseline-unclear", what)]
+    return []
 
 
 def table(found: Indentation) -> dict[str, Any]:
@@ -132,7 +148,7 @@ def table(found: Indentation) -> dict[str, Any]:
         "contact_point": found.by_contact,
         "combined": found.combined,
         "surface": {"value": fit.surface, "std": fit.surface_std, "spread": found.surface_spread},
-        "baseline": {"offset": fit.offset, "tilt": fit.tilt, "tilt_std": fit.tilt_std},
+        "baseline": {"offset": fit.offset, "tilt": fit.tilt, "tilt_std": fit.tilt_std, "by_tilt": found.fitted.by_tilt},
         "rms": fit.rms,
         "noise": found.press.noise,
         "correlation_time": fit.correlation_time,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Estimates, Floats, Parameter, Run, Samples, Status
-from palpate.host import people
+from palpate.host import display_unit
 
 COMMON = ("force", "position", "x", "y", "contact")
 PER_TRACK = ("surface", "force", "nis", "innovation")  # after value and uncertainty of each parameter
@@ -98,7 +98,7 @@ def described(run: Run, recorded: bool) -> dict[str, Any]:
 
 
 def _shown(parameter: Parameter) -> dict[str, Any]:
-    unit, factor = people(parameter.unit)
+    unit, factor = display_unit(parameter.unit)
     return {"name": parameter.name, "unit": unit, "factor": factor}
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Batch, Estimates, Flag, FlagMeaning, Floats, GuardState, Run, Samples
-from palpate.host import finite_tree, people
+from palpate.host import display_unit, finite_tree
 
 from palpate_live.columns import Columns, Table, beyond, described, rows_of
 from palpate_live.wire import pack, pack_rows, pieces
@@ -142,4 +142,4 @@ class Feed:
 
 def _value(part: Mapping[str, Any]) -> list[Any]:
     """Value and combined standard uncertainty [SI], the unit that is shown, and how many of it one SI unit is."""
-    return [part["value"], part["combined"], *people(part["unit"])]
+    return [part["value"], part["combined"], *display_unit(part["unit"])]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from palpate import Batch, Estimates, Flag, GuardState, Parameter, Samples
-from palpate.host import Pipeline, measured, people
+from palpate.host import Pipeline, display_unit, measured
 
 from palpate_live.columns import UNUSABLE, beyond
 
@@ -124,7 +124,7 @@ class Watcher:
 
     def _value(self, track: str, column: int) -> str:
         (value, std), beyond = self._values[track][:, column], self._beyond[track][column]
-        factor = people(self._tracks[track][column].unit)[1]
+        factor = display_unit(self._tracks[track][column].unit)[1]
         return measured(float(value) * factor, float(np.hypot(std, beyond)) * factor)
 
     def _codes(self, track: str | None) -> str:
@@ -138,7 +138,7 @@ class Watcher:
         for track, parameters in self._tracks.items():
             if not np.isfinite(self._values[track][0]).all():
                 continue
-            values = [f"{p.name} {self._value(track, i)} {people(p.unit)[0]}" for i, p in enumerate(parameters)]
+            values = [f"{p.name} {self._value(track, i)} {display_unit(p.unit)[0]}" for i, p in enumerate(parameters)]
             flags = self._codes(track)
             parts.append(f"{track}: {', '.join(values)}{f' ({flags})' if flags else ''}")
         if self._codes(None):
@@ -152,7 +152,7 @@ class Watcher:
         from rich.table import Table
         from rich.text import Text
 
-        units = {p.name: people(p.unit)[0] for parameters in self._tracks.values() for p in parameters}
+        units = {p.name: display_unit(p.unit)[0] for parameters in self._tracks.values() for p in parameters}
         table = Table(title=Text(self._name), title_justify="left")
         table.add_column("track")
         for name, unit in units.items():

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats
-from palpate.host import common_limits, figure_of, legend_outside, people, style
+from palpate.host import common_limits, display_unit, figure_of, legend_outside, style
 
 from palpate_maps.findings import Findings
 from palpate_maps.grid import StiffnessMap
@@ -23,7 +23,7 @@ def map_picture(
     A red line surrounds what is significantly stiffer than the baseline.
     """
     figure, axes = figure_of(2, height=60.0)
-    name, factor = people(unit)
+    name, factor = display_unit(unit)
     extent = [1e3 * edge for edge in (*_edges(field.x), *_edges(field.y))]
     fields = [(field.value * factor, f"{label} [{name}]", "viridis")]
     fields.append((100 * field.std / field.value, "standard deviation [%]", "magma"))
@@ -62,7 +62,7 @@ def sweep_picture(
 ) -> Any:
     """Estimates of tracks along a sweep, with two standard deviations, the lumps, and point palpations."""
     figure, axes = figure_of(height=70.0)
-    axis, (name, factor) = axes[0, 0], people(unit)
+    axis, (name, factor) = axes[0, 0], display_unit(unit)
     for track, (along, sites) in series.items():
         order = np.argsort(along)
         at, value = 1e3 * along[order], sites.value[order] * factor

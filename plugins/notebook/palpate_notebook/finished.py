@@ -131,7 +131,7 @@ class FinishedRun:
         return execute(build_pipeline(replay_source(carried)), None)
 
     def summary(self, si: bool = False) -> pandas.DataFrame:
-        """A row for each track and parameter: value, std, combined, unit, verdict; in people's units, or SI."""
+        """A row for each track and parameter: value, std, combined, unit, verdict; in display units, or SI."""
         from palpate_notebook.frames import summary_frame
 
         return summary_frame(self.document, si)

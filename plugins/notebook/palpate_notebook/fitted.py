@@ -61,7 +61,7 @@ class Fit:
         return self.track.residual
 
     def summary(self, si: bool = False) -> pandas.DataFrame:
-        """A row for each parameter: value, std, combined, unit; in people's units, or SI."""
+        """A row for each parameter: value, std, combined, unit; in display units, or SI."""
         return self.run.summary(si).loc[self.track.name]
 
     def budget(self) -> pandas.DataFrame:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from palpate.host import people
+from palpate.host import display_unit
 
 from palpate_notebook.wanted import library
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 
 def summary_frame(document: Mapping[str, Any], si: bool) -> pandas.DataFrame:
-    """A row for each track and parameter, in people's units or in SI."""
+    """A row for each track and parameter, in display units or in SI."""
     rows = []
     for name, track in document["tracks"].items():
         values = {**track["parameters"], **track.get("derived", {}), "surface": track["surface"]}
         for parameter, found in values.items():
-            unit, factor = (found["unit"], 1.0) if si else people(found["unit"])
+            unit, factor = (found["unit"], 1.0) if si else display_unit(found["unit"])
             numbers = {
                 key: math.nan if found[key] is None else factor * found[key] for key in ("value", "std", "combined")
             }

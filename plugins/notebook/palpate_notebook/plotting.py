@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from palpate import ConfigurationError, Floats, Samples
-from palpate.host import acceleration, common_limits, figure_of, legend_outside, people, style, suggest
+from palpate.host import acceleration, common_limits, display_unit, figure_of, legend_outside, style, suggest
 
 from palpate_notebook.picture import Picture
 
@@ -67,7 +67,7 @@ def _grid(count: int, height: float = 55.0) -> tuple[Any, list[Any]]:
 def _over_time(run: FinishedRun, parameters: list[str], units: dict[str, str]) -> Any:
     figure, axes = _grid(len(parameters))
     for axis, name in zip(axes, parameters, strict=True):
-        word, factor = people(units[name])
+        word, factor = display_unit(units[name])
         settled: list[Floats] = []
         for track in _usable(run):
             table = run.track_tables.get(track)

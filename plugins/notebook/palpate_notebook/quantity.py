@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from palpate import ConfigurationError, to_si
-from palpate.host import measured, people
+from palpate.host import display_unit, measured
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A value and its standard uncertainties, in SI; printed in the unit that people write.
+    """A value and its standard uncertainties, in SI; printed in display units.
 
     >>> print(Quantity("elasticity", 112840.0, 160.0, 200.0, "Pa"))
     112.84 ± 0.20 kPa
@@ -44,15 +44,15 @@ class Quantity:
         return self.value
 
     def __str__(self) -> str:
-        return f"{self.number} {people(self.unit)[0]}".removesuffix(" 1")
+        return f"{self.number} {display_unit(self.unit)[0]}".removesuffix(" 1")
 
     def __repr__(self) -> str:
         return str(self)
 
     @property
     def number(self) -> str:
-        """The value and its combined uncertainty in the unit that people write, without that unit."""
-        factor = people(self.unit)[1]
+        """The value and its combined uncertainty in display units, without that unit."""
+        factor = display_unit(self.unit)[1]
         return measured(self.value * factor, self.combined * factor)
 
 

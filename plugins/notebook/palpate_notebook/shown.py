@@ -7,7 +7,7 @@ from html import escape
 from typing import Any
 
 from palpate import printable
-from palpate.host import people, rounded
+from palpate.host import display_unit, rounded
 
 from palpate_notebook.quantity import Quantity
 
@@ -18,7 +18,7 @@ def _cells(document: Document) -> tuple[list[str], list[list[str]]]:
     """Headings and a row for each track, the truth last where it is known."""
     tracks, truth = document["tracks"], document["truth"]
     units = {name: found["unit"] for track in tracks.values() for name, found in _values(track).items()}
-    headings = ["track", *(f"{name} [{people(unit)[0]}]" for name, unit in units.items()), "NIS", "verdict"]
+    headings = ["track", *(f"{name} [{display_unit(unit)[0]}]" for name, unit in units.items()), "NIS", "verdict"]
     rows = []
     for name, track in tracks.items():
         found = {} if track["verdict"] == "invalid" else _values(track)
@@ -26,7 +26,7 @@ def _cells(document: Document) -> tuple[list[str], list[list[str]]]:
         nis = "" if track["nis"] is None else f"{track['nis']:.2f}"
         rows.append([name, *values, nis, track["verdict"]])
     if truth:
-        known = [rounded(truth[name] * people(unit)[1]) if name in truth else "" for name, unit in units.items()]
+        known = [rounded(truth[name] * display_unit(unit)[1]) if name in truth else "" for name, unit in units.items()]
         rows.append(["truth", *known, "", ""])
     return headings, rows
 

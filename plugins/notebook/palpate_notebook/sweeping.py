@@ -12,8 +12,9 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from palpate import ConfigurationError, OutputError, UserError
-from palpate.host import Job, built, on_all_cores
+from palpate import ConfigurationError, OutputError, PalpateError
+from palpate.host import Outcome, StoppedError, Written, on_all_cores
+from palpate_studies.sweep.combinations import Combination, refuse_hopeless
 from palpate_studies.sweep.table import rows_of
 
 from palpate_notebook.draft import Draft, load, written
@@ -66,13 +67,14 @@ def sweep(
     combinations = _combinations(values, combine)
     with _place(folder) as place:
         planned = [
-            Job(number, draft.text, str(draft.path), (*draft.changes, *_changes(one)), one, str(place))
+            Combination.of(number, one, Written(draft.text, draft.path, (*draft.changes, *_changes(one))), place)
             for number, one in enumerate(combinations, start=1)
         ]
-        _refuse_hopeless(planned)
+        refuse_hopeless(planned)
         found = _run(planned, jobs)
-    rows = [dict(row) for job in planned for row in rows_of(job, found[job.number])]
-    return Sweep(tuple(rows), {number: one["error"] for number, one in sorted(found.items()) if "error" in one})
+    rows = [dict(row) for one in planned for row in rows_of(one, found[one.job.name])]
+    failed = {one.number: found[one.job.name] for one in planned}
+    return Sweep(tuple(rows), {number: str(why) for number, why in failed.items() if isinstance(why, PalpateError)})
 
 
 def _combinations(values: Mapping[str, list[Any]], combine: str) -> list[dict[str, Any]]:
@@ -93,24 +95,13 @@ def _changes(values: Mapping[str, Any]) -> list[str]:
     return [f"{key}={written(key, value)}" for key, value in values.items()]
 
 
-def _refuse_hopeless(planned: list[Job]) -> None:
-    """Raise what is wrong with the first combination if the last one is wrong, too: then it is not a value's fault."""
-    try:
-        built(planned[0])
-    except UserError as error:
-        try:
-            built(planned[-1])
-        except UserError:
-            raise error from None
-
-
-def _run(planned: list[Job], jobs: int | None) -> dict[int, dict[str, Any]]:
+def _run(planned: list[Combination], jobs: int | None) -> dict[str, Outcome]:
     found = {}
-    with _without_script(), closing(on_all_cores(planned, jobs)) as running:
-        for job, result in running:
-            if "interrupted" in result:
-                raise KeyboardInterrupt(result["interrupted"])
-            found[job.number] = result
+    with _without_script(), closing(on_all_cores([one.job for one in planned], jobs)) as running:
+        for job, outcome in running:
+            if isinstance(outcome, StoppedError):
+                raise KeyboardInterrupt(str(outcome))
+            found[job.name] = outcome
     return found
 
 

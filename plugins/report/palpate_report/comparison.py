@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, LogError
-from palpate.host import differences, measured, people, rounded
+from palpate.host import differences, display_unit, measured, rounded
 
 from palpate_report.anonymous import Anonymous
 from palpate_report.compared import APART, Run, numbers_of
@@ -121,7 +121,7 @@ def _parameters(runs: Sequence[Run], track: str) -> dict[str, str]:
 
 def _statistics(runs: Sequence[Run], group: str, track: str, parameter: str, unit: str) -> dict[str, Any]:
     values, combined = numbers_of(runs, group, track, parameter)
-    word, factor = people(unit)
+    word, factor = display_unit(unit)
     of_group = sum(run.group == group for run in runs)
     row: dict[str, Any] = {"parameter": parameter, "group": group, "unit": word, "count": len(values), "of": of_group}
     if len(values) < 2:
@@ -145,7 +145,7 @@ def _statistics(runs: Sequence[Run], group: str, track: str, parameter: str, uni
 
 def _tests(runs: Sequence[Run], groups: Sequence[str], track: str, parameter: str, unit: str) -> list[dict[str, str]]:
     """Welch's t-test between each two groups of at least two runs each."""
-    word, factor = people(unit)
+    word, factor = display_unit(unit)
     rows = []
     for first, second in combinations(groups, 2):
         (a, _), (b, _) = (numbers_of(runs, group, track, parameter) for group in (first, second))

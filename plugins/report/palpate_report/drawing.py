@@ -106,7 +106,7 @@ def residuals(subject: Subject) -> Picture | None:
         axis.axhline(0.0, color="black", linewidth=0.5, linestyle="-")
         axis.set(xlabel=word, ylabel="measured less model [N]")
     legend_outside(axes[0])
-    caption = "What the model leaves of the force: medians, and the band that holds the middle half"
+    caption = "Residual of the force: medians, and the band that contains the middle half"
     return Picture(figure, caption, data)
 
 

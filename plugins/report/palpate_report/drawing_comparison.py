@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from palpate.host import WIDTHS, figure_of, legend_outside, people, style
+from palpate.host import WIDTHS, display_unit, figure_of, legend_outside, style
 
 from palpate_report.compared import APART, Run, found_of, numbers_of
 from palpate_report.verdict import LEVELS
@@ -22,7 +22,7 @@ def caption_of(parameter: str) -> str:
 @style()
 def values_by_run(runs: Sequence[Run], track: str, parameter: str, unit: str) -> Any:
     """A parameter of each run in its group's colour, with bars of two combined uncertainties."""
-    word, factor = people(unit)
+    word, factor = display_unit(unit)
     figure, axes = figure_of(width=WIDTHS["double"], height=50.0)
     axis = axes[0, 0]
     groups = list(dict.fromkeys(run.group for run in runs))
@@ -74,7 +74,7 @@ def sites_of(runs: Sequence[Run], track: str, parameter: str, unit: str) -> Any:
     found = [(run.place, table["value"]) for run in runs if run.place and (table := found_of(run, track, parameter))]
     if len(found) < 2 or np.ptp(np.array([place for place, _ in found]), axis=0).max() < APART:
         return None
-    word, factor = people(unit)
+    word, factor = display_unit(unit)
     figure, axes = figure_of(width=WIDTHS["middle"], height=70.0)
     x, y = 1e3 * np.array([place for place, _ in found]).T
     shown = axes[0, 0].scatter(x, y, c=[factor * value for _, value in found], s=40, edgecolors="black", linewidths=0.4)

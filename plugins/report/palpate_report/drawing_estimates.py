@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats
-from palpate.host import common_limits, figure_of, legend_outside, people
+from palpate.host import common_limits, display_unit, figure_of, legend_outside
 
 from palpate_report.curves import swept, thinned
 from palpate_report.subject import MOST, TRACKS, Picture, Subject, beside
@@ -44,7 +44,7 @@ def _draw_estimates(axis: Any, subject: Subject, names: Sequence[str], parameter
     found = [
         subject.record.document.get("tracks", {}).get(name, {}).get("parameters", {}).get(parameter) for name in names
     ]
-    word, factor = people(subject.record.unit(names[0], parameter))
+    word, factor = display_unit(subject.record.unit(names[0], parameter))
     settled = list[Floats]()
     bars = list[tuple[float, float]]()
     for name, table in zip(names, found, strict=True):

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Floats
-from palpate.host import WIDTHS, common_limits, figure_of, legend_outside, people
+from palpate.host import WIDTHS, common_limits, display_unit, figure_of, legend_outside
 
 from palpate_report.curves import Curves, along, moving, swept, thinned
 from palpate_report.grid import grid_of
@@ -21,7 +21,7 @@ def way(subject: Subject) -> Picture | None:
         return None
     main = subject.curves(subject.main)
     parameter = next(iter(main.values))
-    word, factor = people(subject.record.unit(subject.main, parameter))
+    word, factor = display_unit(subject.record.unit(subject.main, parameter))
     label = f"{parameter.replace('_', ' ')} [{word}]"
     if along(main.place) is not None:
         return _line(subject, parameter, label, factor)

@@ -7,7 +7,7 @@ from importlib.metadata import version
 from typing import Any
 
 from palpate import ADVICE, FlagMeaning, ReportSection
-from palpate.host import SEVERITIES, WIDTHS, Table, function_of, people, registry
+from palpate.host import SEVERITIES, WIDTHS, Table, display_unit, function_of, registry
 
 from palpate_report import texts
 from palpate_report.anonymous import Anonymous
@@ -152,7 +152,7 @@ def _numbers(document: Mapping[str, Any], subject: Subject) -> list[tuple[str, s
 def _along_the_way(table: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     for name, value in table["parameters"].items():
         places = value["places"]
-        word, factor = people(value["unit"])
+        word, factor = display_unit(value["unit"])
         doubt = texts.scaled(value["std"], value["unit"]) if value["std"] is not None else "not known"
         mean = f"mean of {places['places']} places {texts.scaled(value['value'], value['unit'])}"
         span = f"{factor * places['low']:.4g} to {factor * places['high']:.4g} {word}"
@@ -233,7 +233,7 @@ def _calibration(document: Mapping[str, Any], record: Record) -> dict[str, Any]:
     run = document.get("run", {})
     if tare := run.get("tare"):
         offset, std = tare.get("offset"), tare.get("std")
-        word, factor = people("N")
+        word, factor = display_unit("N")
         if offset is not None:
             found["tare"] = f"{offset * factor:.4g} {word}" + (f" ± {texts.scaled(std, 'N')}" if std else "")
         if tare.get("noise") is not None:

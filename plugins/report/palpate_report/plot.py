@@ -72,7 +72,7 @@ def plot(
 
 _MISSING = {
     "map": "it is of one place",
-    "innovations": "its estimators tell none",
+    "innovations": "its estimators report none",
     "force-depth": "no estimate was made, or the run was written before forces were in estimates.csv: replay it",
     "time": "no force was recorded, or the run was written before forces were in estimates.csv: replay it",
     "residuals": "no estimate was made, or the run was written before forces were in estimates.csv: replay it",

@@ -24,8 +24,8 @@ from palpate.host import (
 
 _SIGNS = ("result.json", "pipeline.toml", "estimates.csv", "estimates.parquet", "estimates.arrows")
 _WHY_NOT = {
-    False: "There is no result.json: the run was killed, lost its power, or still goes on.",
-    True: "The result.json is not whole: the run was cut while it was written.",
+    False: "There is no result.json: the run was killed, lost power, or is still going on.",
+    True: "The result.json is incomplete: the run ended while it was being written.",
 }
 
 

@@ -7,16 +7,16 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from palpate.host import measured, people
+from palpate.host import display_unit, measured
 
 
 def scaled(value: float, unit: str) -> str:
-    """A number in the unit that people write.
+    """A number in display units.
 
     >>> scaled(1772.66, "Pa")
     '1.77 kPa'
     """
-    word, factor = people(unit)
+    word, factor = display_unit(unit)
     return f"{value * factor:.3g} {word}".removesuffix(" 1").rstrip()
 
 
@@ -28,7 +28,7 @@ def value_of(found: Mapping[str, Any]) -> str:
     """
     if found["value"] is None:
         return "–"
-    word, factor = people(found["unit"])
+    word, factor = display_unit(found["unit"])
     combined = found.get("combined")
     number = measured(found["value"] * factor, math.nan if combined is None else combined * factor)
     return f"{number} {word}".removesuffix(" 1")

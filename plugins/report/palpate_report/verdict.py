@@ -74,7 +74,7 @@ def _track(name: str, table: Mapping[str, Any]) -> TrackVerdict:
         key for key, found in table["parameters"].items() if found["value"] is None or found.get("combined") is None
     ]
     if level == LEVELS[0] and unknown:
-        return TrackVerdict(name, LEVELS[1], (f"nobody can tell the uncertainty of {', '.join(unknown)}",))
+        return TrackVerdict(name, LEVELS[1], (f"the uncertainty of {', '.join(unknown)} is not known",))
     shares = table.get("diagnoses", {}).get("innovations", {}).get("autocorrelation", ())
     if level == LEVELS[0] and (most := max(map(abs, shares), default=0.0)) > _COLOURED:
         return TrackVerdict(name, LEVELS[1], (f"its innovations correlate by {most:.2g}: the model misses something",))

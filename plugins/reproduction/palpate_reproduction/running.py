@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from palpate import UserError, to_si
+from palpate import PalpateError, UserError, to_si
 from palpate.host import (
-    ClusterRun,
     Found,
+    Job,
     Pipeline,
     Result,
     RunFolder,
@@ -22,7 +22,7 @@ from palpate.host import (
     TrackResult,
     analysis,
     build_pipeline,
-    cluster_results,
+    on_cluster,
     progress,
     progressed,
     run_pipeline,
@@ -68,7 +68,7 @@ class Maker:
     folder: Path  # for run folders
     files: Mapping[str, Path]  # recordings on this machine
     recordings: Mapping[str, Recording]
-    _runs: dict[str, Result | UserError] = field(default_factory=dict)
+    _runs: dict[str, Result | PalpateError] = field(default_factory=dict)
 
     def make_ahead(self, items: Sequence[Item], scheduler: str, stage: str | None = None) -> None:
         """Make the runs of all items on the workers of a scheduler. Raises UserError."""
@@ -76,21 +76,21 @@ class Maker:
         for published in (row for item in items for row in item.published):
             if published.source != "arithmetic" and (not published.recording or published.recording in self.files):
                 wanted.setdefault(_key(published), published)
-        keys, runs = {}, []
+        keys, jobs = {}, []
         for number, (key, published) in enumerate(wanted.items(), start=1):
             name = _name(number, published)
             try:
-                runs.append(ClusterRun(name, self._pipeline(published), self.folder / name))
+                jobs.append(Job(name, self._pipeline(published), self.folder / name))
                 keys[name] = key
             except UserError as error:
                 self._runs[key] = error
         self.folder.mkdir(parents=True, exist_ok=True)
         with (
-            progress("runs", "", len(runs)),
-            contextlib.closing(cluster_results(scheduler, self.folder, runs, stage)) as found,
+            progress("runs", "", len(jobs)),
+            contextlib.closing(on_cluster(scheduler, self.folder, stage)(jobs)) as found,
         ):
-            for done, (run, outcome) in enumerate(found, start=1):
-                self._runs[keys[run.name]] = outcome if isinstance(outcome, UserError) else outcome.result
+            for done, (job, outcome) in enumerate(found, start=1):
+                self._runs[keys[job.name]] = outcome if isinstance(outcome, PalpateError) else outcome.result
                 progressed(done)
 
     def rows(self, item: Item) -> list[Row]:
@@ -102,7 +102,7 @@ class Maker:
             return Row(published, "skipped", said=f"{published.recording} is not here")
         try:
             value, std, flags = self._found(published)
-        except UserError as error:
+        except PalpateError as error:
             return Row(published, "failed", said=str(error))
         if value is None or not math.isfinite(value):
             return Row(published, "failed", said="no usable value", flags=flags)
@@ -137,7 +137,7 @@ class Maker:
             result.demand_whole()
             self._runs[key] = result
         found = self._runs[key]
-        if isinstance(found, UserError):
+        if isinstance(found, PalpateError):
             raise found
         return found
 

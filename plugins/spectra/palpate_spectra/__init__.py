@@ -22,7 +22,7 @@ def palpate_flags() -> dict[str, FlagMeaning]:
     return {
         "harmonics": FlagMeaning(
             "doubtful",
-            "The force has multiples or sums of the motion's frequencies that the tip's own law does not make.",
+            "The force has multiples or sums of the motion's frequencies that the tip's law does not explain.",
             "Use a smaller amplitude, another tip or thickness, or find out what rattles or slips.",
         ),
         "kramers-kronig": FlagMeaning(
@@ -42,22 +42,22 @@ def palpate_flags() -> dict[str, FlagMeaning]:
         ),
         "not-linear-viscoelastic": FlagMeaning(
             "doubtful",
-            "No linear material that relaxes, with this tip, makes the ramp and the hold of the record together.",
+            "No linear relaxing material explains both the ramp and the hold of the record with this tip.",
             "Check tip, layer and surface; hold two depths: a poroelastic material relaxes more slowly at the larger.",
         ),
         "ramp-long": FlagMeaning(
             "note",
             "The first points after a ramp are corrected for its duration by more than 5 %, by the fitted spectrum.",
-            "Take the points after some durations of the ramp, or make it faster.",
+            "Use the points after a few ramp durations, or make the ramp faster.",
         ),
         "drift-unknown": FlagMeaning(
             "note",
-            "The record ends before the tip is in free air again, so that nothing tells a drift of the force.",
-            "Record on until the tip has left the material and stood still in air.",
+            "The record ends before the tip is in free air again, so a drift of the force cannot be determined.",
+            "Record until the tip has left the material and stood still in air.",
         ),
         "no-law": FlagMeaning(
             "note",
             "No law that was tried, with a delay of the force, describes G' and G'' within their uncertainty.",
-            "Take the moduli as they are; of a fit, take a model with more memory.",
+            "Use the moduli as they are; for a fit, use a model with more memory.",
         ),
     }

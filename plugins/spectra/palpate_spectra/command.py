@@ -18,9 +18,9 @@ from palpate.host import (
     TrackOption,
     aside,
     console,
+    display_unit,
     make_folder,
     measured,
-    people,
     print_json,
     write_new,
 )
@@ -91,7 +91,7 @@ def spectrum(
 def table_of(lines: Sequence[Line]) -> Table:
     """The moduli, each with its standard uncertainty."""
     several = len({line.run for line in lines}) > 1
-    word, factor = people("Pa")
+    word, factor = display_unit("Pa")
     headings = ["f\nHz", "amplitude\nmm", f"G'\n{word}", f"G''\n{word}", f"E'\n{word}", f"E''\n{word}", "tan(delta)"]
     rows = []
     for line in lines:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from palpate import Flag
-from palpate.host import people
+from palpate.host import display_unit
 
 from palpate_spectra.consistency import Consistency, unexplained
 from palpate_spectra.laws import LawFit, supported
@@ -82,9 +82,9 @@ def sentence(fits: Sequence[LawFit], lines: Sequence[Line]) -> str:
 
 
 def values_of(fit: LawFit) -> str:
-    """The parameters of a law in the units that people write."""
+    """The parameters of a law in display units."""
     told = []
     for (name, unit), value, std in zip(fit.law.parameters, fit.values.tolist(), fit.stds.tolist(), strict=True):
-        word, factor = people(unit)
+        word, factor = display_unit(unit)
         told.append(f"{name} {factor * value:.4g} ± {factor * std:.2g} {word}".removesuffix(" 1"))
     return "\n".join(told)

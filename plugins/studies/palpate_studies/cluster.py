@@ -7,7 +7,6 @@ import time
 import uuid
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,7 +14,7 @@ from typing import Any, TypeVar
 from palpate import ConfigurationError, UserError
 from palpate.host import write_whole
 
-from palpate_studies.jobs import Engine, Job, built, finished, run_job
+from palpate_studies.jobs import Engine, Job, Outcome, Parcel, run_parcel
 from palpate_studies.workers import GO_ON, Watch, demand_alike, provenance
 
 _AHEAD = 2  # jobs that a worker holds, so that it never waits for the scheduler
@@ -28,49 +27,41 @@ _GATHER = 120.0  # [s] for a result to come here from its worker; then it is ask
 def on_cluster(address: str, folder: Path, stage: str | None = None) -> Engine:
     """The engine of a scheduler at an address such as ``tcp://10.0.0.5:8786``, for jobs whose runs go into a folder.
 
-    The folder is one that all workers see, or, with a `stage`, runs come into it by way of that place. Where a worker
+    The folder is one that all workers see, or, with a `stage`, inputs and runs go by way of that place. Where a worker
     is killed its jobs go to others, and one that has killed three is given up. Raises ConfigurationError where nobody
     answers, or where the workers are not what is here.
     """
 
-    def engine(jobs: Sequence[Job]) -> Generator[tuple[Job, dict[str, Any]]]:
+    def engine(jobs: Sequence[Job]) -> Generator[tuple[Job, Outcome]]:
         with connected(address, folder, shared=stage is None) as client:
-            everywhere = [_placed(job) for job in jobs]
-            done = spread(client, run_or_find, everywhere) if stage is None else _by_way_of(stage, client, everywhere)
-            try:
-                for job, outcome in done:
-                    if isinstance(outcome, BaseException):
-                        yield job, {"error": lost(outcome)}
-                    else:
-                        yield job, outcome
-            except KeyboardInterrupt:
-                yield jobs[0], {"interrupted": "interrupted by the user"}
-            finally:
-                done.close()
+            everywhere = {job.name: job.placed() for job in jobs}
+            done = _spread(client, everywhere, stage)
+            with closing(done):
+                for name, outcome in done:
+                    yield everywhere[name], outcome
 
     return engine
 
 
-def _by_way_of(url: str, client: Any, jobs: Sequence[Job]) -> Generator[tuple[Job, Any]]:
-    """What workers find that share no folder with this machine, with the run folders brought here."""
-    from palpate_studies.staging import Stage, StagedJob, fetched, run_staged
+def _spread(client: Any, jobs: Mapping[str, Job], url: str | None) -> Generator[tuple[str, Outcome]]:
+    """What workers make of jobs, by their names; run folders are here then."""
+    parcels = (Parcel.of(job) for job in jobs.values())
+    if url is None:
+        yield from ((parcel.name, _told(outcome)) for parcel, outcome in spread(client, run_parcel, parcels))
+        return
+    from palpate_studies.staging import Stage, Staged, brought, run_staged
 
     stage = Stage(url)
-    inputs = stage.put_inputs(built(job) for job in jobs)
-    done = spread(client, run_staged, [StagedJob(job, stage, inputs) for job in jobs])
+    inputs = stage.put_inputs(job.pipeline() for job in jobs.values())
+    done = spread(client, run_staged, (Staged(parcel, stage, inputs) for parcel in parcels))
     with closing(done):
         for staged, outcome in done:
-            yield staged.job, outcome if isinstance(outcome, BaseException) else fetched(staged, outcome)
+            yield staged.name, brought(jobs[staged.name], stage, _told(outcome))
 
 
-def _placed(job: Job) -> Job:
-    """A job whose paths mean the same wherever it runs."""
-    return replace(job, path=str(Path(job.path).resolve()), folder=str(Path(job.folder).resolve()))
-
-
-def run_or_find(job: Job) -> dict[str, Any]:
-    """What a job finds: already there where only its answer was lost with a worker."""
-    return found if (found := finished(job)) is not None else run_job(job)
+def _told(outcome: Any) -> Outcome:
+    """What came back from a worker; anything but an answer to its task is why there is none."""
+    return outcome if isinstance(outcome, Outcome) else UserError(lost(outcome))
 
 
 def _distributed() -> Any:

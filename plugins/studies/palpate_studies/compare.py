@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from palpate import ConfigurationError, UserError, printable
+from palpate import ConfigurationError, PalpateError, UserError, printable
 from palpate.host import (
     FormatOption,
     JsonOption,
@@ -40,6 +40,7 @@ from palpate.host import (
 
 from palpate_studies import comparison
 from palpate_studies.engines import SchedulerOption, StageOption, demand_scheduler
+from palpate_studies.jobs import Job
 
 if TYPE_CHECKING:
     from palpate.host import Result
@@ -100,13 +101,12 @@ def compare(
 
 def _there(pipeline: Pipeline, out: Path | None, scheduler: str, stage: str | None) -> Result:
     """The run on a worker of a scheduler: all tracks on one, for they share their samples and are weighed together."""
-    from palpate_studies.cluster_runs import ClusterRun, cluster_results
+    from palpate_studies.cluster import on_cluster
 
     folder = make_folder("compare", out, datetime.now(UTC).astimezone())
-    runs = [ClusterRun("compare", pipeline, folder / "run")]
-    with closing(cluster_results(scheduler, folder, runs, stage)) as found:
+    with closing(on_cluster(scheduler, folder, stage)([Job("compare", pipeline, folder / "run")])) as found:
         ((_, outcome),) = found
-    if isinstance(outcome, UserError):
+    if isinstance(outcome, PalpateError):
         raise outcome
     return outcome.result
 

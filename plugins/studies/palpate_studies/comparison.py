@@ -16,10 +16,10 @@ from palpate.host import (
     TrackResult,
     TrackTable,
     common_limits,
+    display_unit,
     figure_of,
     legend_outside,
     measured,
-    people,
     rounded,
     style,
 )
@@ -34,7 +34,7 @@ def tables(result: Result) -> Iterator[Table | str]:
     for model, group in groupby(ordered, key=lambda item: item[1].model):
         tracks = [track for _, track in group]
         units = {name: found.unit for track in tracks for name, found in track.parameters.items()}
-        headings = ["estimator", "verdict", *(f"{name}\n{people(unit)[0]}" for name, unit in units.items())]
+        headings = ["estimator", "verdict", *(f"{name}\n{display_unit(unit)[0]}" for name, unit in units.items())]
         rows = [_row(track, units) for track in tracks]
         if result.truth:
             known = [_true(result.truth.get(name), unit) for name, unit in units.items()]
@@ -55,12 +55,12 @@ def _row(track: TrackResult, units: Mapping[str, str]) -> list[str]:
 
 
 def _shown(found: Found | None) -> str:
-    factor = people(found.unit)[1] if found else 1.0
+    factor = display_unit(found.unit)[1] if found else 1.0
     return measured(found.value * factor, found.combined * factor) if found else ""
 
 
 def _true(value: float | None, unit: str) -> str:
-    return "" if value is None else rounded(value * people(unit)[1])
+    return "" if value is None else rounded(value * display_unit(unit)[1])
 
 
 def csv_text(result: Result) -> str:
@@ -110,7 +110,7 @@ def _panels(
 
 
 def _draw(axes: Any, curves: Mapping[str, TrackTable], parameter: str, unit: str, reference: str | None) -> None:
-    word, factor = people(unit)
+    word, factor = display_unit(unit)
     settled = []
     for label, table in curves.items():
         value, std = table.values[parameter] * factor, table.std[parameter] * factor

@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 from palpate import ConfigurationError
 
-from palpate_studies.jobs import Engine, on_all_cores
+from palpate_studies.cores import on_all_cores
+from palpate_studies.jobs import Engine
 
 SchedulerOption = Annotated[
     str | None,

@@ -1,145 +1,159 @@
-"""Runs as plain data, and the engine of this machine."""
+"""Jobs: runs that any process on any machine can make, each into a folder of its own, and none of them twice."""
 
 from __future__ import annotations
 
-import itertools
-import multiprocessing
-import os
-from collections import deque
-from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+import pickle
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
-from palpate import OutputError, PalpateError
-from palpate.host import Pipeline, RunFolder, Source, build_pipeline, resolved_text, run_pipeline
+from palpate import ConfigurationError, OutputError, PalpateError
+from palpate.host import Pipeline, Result, RunFolder, Source, build_pipeline, registry, resolved_text, run_pipeline
 
+from palpate_studies.answers import keep, kept
 from palpate_studies.differing import differences
 
-_DEATHS = 3  # processes that a job may take with it
+
+class OtherSettingsError(OutputError):
+    """What is in a folder was made with other settings."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a run has found, and what else whoever asked for it wants of it."""
+
+    result: Result
+    more: Any = None
+
+
+Outcome = Answer | PalpateError  # StoppedError where somebody stopped the run, which then says nothing of the job
+
+
+def run_or_find(job: Job) -> Answer:
+    """The result of a run that nobody has stopped: found where an earlier attempt has made it. Raises PalpateError."""
+    if (found := found_before(job)) is not None:
+        return Answer(found)
+    result = run_pipeline(job.pipeline(), unused(job.folder))
+    result.demand_whole()
+    keep(result)
+    return Answer(result)
+
+
+@dataclass(frozen=True)
+class Written:
+    """A pipeline as plain data, built where it is wanted."""
+
+    text: str  # of the pipeline file
+    path: Path  # where the file stands: what is relative in it is relative to here
+    overrides: tuple[str, ...] = ()  # "table.key=value"
+
+    def pipeline(self) -> Pipeline:
+        """The pipeline; raises UserError where it has a mistake."""
+        source = Source(self.text, self.path)
+        for assignment in self.overrides:
+            source.override(assignment)
+        return build_pipeline(source)
 
 
 @dataclass(frozen=True)
 class Job:
-    """One combination, as plain data that any engine can send anywhere."""
+    """One run, to be made by any process into a folder that no earlier attempt has used."""
 
-    number: int
-    text: str  # of the pipeline file
-    path: str  # where the file stands: what is relative in it is relative to here
-    overrides: tuple[str, ...]  # "table.key=value"
-    values: dict[str, Any]  # what is swept
-    folder: str  # in which the run makes its own
+    name: str  # no other job of an engine has it
+    plan: Pipeline | Written
+    folder: Path
+    work: Callable[[Job], Answer] = run_or_find  # raises PalpateError
 
+    def pipeline(self) -> Pipeline:
+        """The pipeline; raises UserError where it has a mistake."""
+        return self.plan.pipeline() if isinstance(self.plan, Written) else self.plan
 
-Engine = Callable[[Sequence[Job]], Generator[tuple[Job, dict[str, Any]]]]  # results in any order
-
-
-def built(job: Job) -> Pipeline:
-    """The pipeline of a job; raises UserError where it has a mistake."""
-    source = Source(job.text, Path(job.path))
-    for assignment in job.overrides:
-        source.override(assignment)
-    return build_pipeline(source)
+    def placed(self) -> Job:
+        """The job with paths that mean the same wherever it runs."""
+        plan = replace(self.plan, path=self.plan.path.resolve()) if isinstance(self.plan, Written) else self.plan
+        return replace(self, plan=plan, folder=self.folder.resolve())
 
 
-def run_job(job: Job) -> dict[str, Any]:
-    """Run one combination; its ``result.json``, or ``{"error": reason}``. For any process on any machine.
+Engine = Callable[[Sequence[Job]], Generator[tuple[Job, Outcome]]]  # outcomes in any order
 
-    ``{"interrupted": reason}`` where somebody stopped it: what was found until then is no result of the combination.
-    """
+
+def run_job(job: Job) -> Outcome:
+    """What a job comes to, or why to nothing."""
     try:
-        done = run_pipeline(built(job), _free(job))
-        return done.table() if done.interrupted is None else {"interrupted": done.interrupted}
+        return job.work(job)
     except PalpateError as error:
-        return {"error": str(error)}
+        return error
     except Exception as error:  # one broken plugin must not end a night's sweep
-        return {"error": f"{type(error).__name__}: {error}"}
+        return PalpateError(f"{type(error).__name__}: {error}")
 
 
-def _free(job: Job) -> Path:
-    """A folder that no earlier attempt has used."""
-    for attempt in itertools.count(1):
-        folder = Path(job.folder) / (f"{job.number:05d}" if attempt == 1 else f"{job.number:05d}-{attempt}")
-        if not folder.exists():
-            return folder
-    raise AssertionError
+def found_before(job: Job) -> Result | None:
+    """What an earlier attempt has found, where it is whole.
 
-
-def finished(job: Job) -> dict[str, Any] | None:
-    """What an earlier, interrupted sweep found for a combination; None where it did not get that far.
-
-    Raises OutputError where that was with other settings than the job has now.
+    Raises OtherSettingsError where that was with other settings.
     """
-    for path in sorted(Path(job.folder).glob(f"{job.number:05d}*")):
-        run = RunFolder(path)
-        if not run.finished:
-            continue
-        result = run.result
-        if not any(flag["code"] == "interrupted" for track in result["tracks"].values() for flag in track["flags"]):
-            demand_same(built(job), run, f"combination {job.number}")
-            return result
+    for folder in _attempts(job.folder):
+        if not folder.exists():
+            return None
+        if (run := RunFolder(folder)).finished and (found := kept(folder)) is not None:
+            demand_same(job.pipeline(), run, job.name)
+            return found
     return None
 
 
+def unused(folder: Path) -> Path:
+    """The folder, or one beside it where an earlier attempt has left something, as a process does that was killed."""
+    return next(path for path in _attempts(folder) if not path.exists())
+
+
+def _attempts(folder: Path) -> Iterator[Path]:
+    yield folder
+    yield from (folder.with_name(f"{folder.name}.{attempt}") for attempt in count(2))
+
+
 def demand_same(pipeline: Pipeline, run: RunFolder, name: str) -> None:
-    """Raise OutputError where a run was made with other settings than a pipeline has now; `name` says what it is."""
+    """Raise OtherSettingsError where a run, `name`, was made with other settings than a pipeline has now."""
     told = differences(resolved_text(pipeline), run.pipeline.read_text(encoding="utf-8"), pipeline.registry.tables)
     if told:
-        raise OutputError(
+        raise OtherSettingsError(
             f"{run.path}: {name} was run with other settings: {told}; nothing is mixed: give --out another folder, or "
             "the settings of then"
         )
 
 
-def on_all_cores(jobs: Sequence[Job], workers: int | None = None) -> Generator[tuple[Job, dict[str, Any]]]:
-    """The engine of this machine: as many processes as cores.
+@dataclass(frozen=True)
+class Parcel:
+    """A job on its way to another process, which imports the plugin files that its parts are of before it unpacks."""
 
-    Where a process is killed, as the kernel does when memory is short, what is unfinished is run again in fresh ones:
-    jobs that ran beside it one by one, so that the one that kills its process is known and given up after three.
-    """
-    count = min(workers or len(os.sched_getaffinity(0)), len(jobs))
-    if count <= 1:
-        yield from ((job, run_job(job)) for job in jobs)
-        return
-    left: deque[Job] = deque(jobs)
-    suspects: deque[tuple[Job, int]] = deque()  # and how many processes died while each ran
-    while left or suspects:
-        if left:
-            suspects.extend([(job, 1) for job in (yield from _pooled(left, count))])
-            continue
-        job, deaths = suspects.popleft()
-        if (found := finished(job)) is not None:  # it was done, only its answer was lost
-            yield job, found
-        elif (yield from _pooled(deque([job]), 1)):
-            if deaths + 1 < _DEATHS:
-                suspects.append((job, deaths + 1))
-            else:
-                reason = f"its process was killed {_DEATHS} times: is the memory enough?"
-                yield job, {"error": f"lost: {reason}"}
+    name: str
+    plugins: tuple[Path, ...]
+    content: bytes
 
-
-def _pooled(left: deque[Job], count: int) -> Generator[tuple[Job, dict[str, Any]], None, list[Job]]:
-    """Run what is left, in so many processes, until one of them dies; the jobs that were running then."""
-    context = multiprocessing.get_context("spawn")  # forking a process with threads is asking for trouble
-    running: dict[Future[dict[str, Any]], Job] = {}
-    with ProcessPoolExecutor(count, mp_context=context) as pool:
+    @classmethod
+    def of(cls, job: Job) -> Parcel:
+        """A job, packed; raises ConfigurationError where it cannot be."""
+        plugins = () if isinstance(job.plan, Written) else job.plan.run.plugins
         try:
-            while left or running:
-                while left and len(running) < count:
-                    running[pool.submit(run_job, left[0])] = left[0]
-                    left.popleft()
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    error = future.exception()
-                    if isinstance(error, BrokenProcessPool):
-                        continue
-                    job = running.pop(future)
-                    yield job, future.result() if error is None else {"error": f"lost: {error}"}
-                if any(future.done() for future in running):
-                    break
-        except BrokenProcessPool:
-            pass  # it died before it was given anything more
-        finally:
-            pool.shutdown(cancel_futures=True)
-    return list(running.values())
+            return cls(job.name, plugins, pickle.dumps(job))
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            raise ConfigurationError(
+                f"{job.name}: cannot be sent to another process: {error}; install what is in a plugin file as a "
+                "distribution"
+            ) from error
+
+    def unpacked(self) -> Job:
+        """The job; raises PluginError where a plugin file is not there."""
+        if self.plugins:
+            registry.load(self.plugins)
+        job: Job = pickle.loads(self.content)
+        return job
+
+
+def run_parcel(parcel: Parcel) -> Outcome:
+    """What the job in a parcel comes to; for any process on any machine."""
+    try:
+        return run_job(parcel.unpacked())
+    except PalpateError as error:
+        return error

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate.host import figure_of, legend_outside, people, save_figure, style
+from palpate.host import display_unit, figure_of, legend_outside, save_figure, style
 
 
 @style()
 def draw_repeatability(document: Mapping[str, Any], path: Path) -> None:
     """Histogram, autocorrelation, moving average and force error of every group, in one picture; raises UserError."""
-    word, factor = people(document["unit"])
+    word, factor = display_unit(document["unit"])
     bands = {name: band for name, found in document["groups"].items() if (band := found.get("force_error"))}
     figure, panels = figure_of(2, 2) if bands else figure_of(3)
     axes = panels.ravel()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from palpate.host import measured, people
+from palpate.host import display_unit, measured
 
 _BAR = 40  # characters of the tallest bar
 _CAUTION = (
@@ -18,7 +18,7 @@ def views(document: dict[str, Any]) -> Iterator[Any]:
     """Statistics of every group, a histogram and an average of each, and tests between groups."""
     from rich.table import Table
 
-    word, factor = people(document["unit"])
+    word, factor = display_unit(document["unit"])
     table = Table(title=f"{document['parameter']} [{word}]", title_justify="left")
     headings = ("group", "n", "mean", "std", "of mean", "correlation\nof neighbours", "correlation\nwith order (p)")
     for heading in headings:

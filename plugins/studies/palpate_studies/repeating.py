@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import typer
-from palpate import ConfigurationError, Device, Length, Settings, Time, UserError
+from palpate import ConfigurationError, Device, Length, PalpateError, Settings, Time, UserError
 from palpate.host import Pipeline, check_motion, load_pipeline, make_folder, progress, progressed, run_pipeline
 from pydantic import Field
 
 from palpate_studies.engines import demand_scheduler
+from palpate_studies.jobs import Job
 
 
 class RepeatSettings(Settings):
@@ -120,19 +121,19 @@ def _place(folder: Path, number: int, count: int) -> Path:
 
 
 def _spread(planned: Sequence[Pipeline], folder: Path, scheduler: str, stage: str | None) -> list[Path]:
-    """Every palpation on the workers of a scheduler; raises UserError where one failed, when all have ended."""
-    from palpate_studies.cluster_runs import ClusterRun, cluster_results
+    """Every palpation on the workers of a scheduler; raises PalpateError where one failed, when all have ended."""
+    from palpate_studies.cluster import on_cluster
 
     count = len(planned)
-    runs = [ClusterRun(str(k), pipeline, _place(folder, k, count)) for k, pipeline in enumerate(planned, start=1)]
+    jobs = [Job(str(k), pipeline, _place(folder, k, count)) for k, pipeline in enumerate(planned, start=1)]
     done: dict[int, Path] = {}
-    failures: dict[int, UserError] = {}
-    with progress("palpations", "", count), closing(cluster_results(scheduler, folder, runs, stage)) as found:
-        for run, outcome in found:
-            if isinstance(outcome, UserError):
-                failures[int(run.name)] = outcome
+    failures: dict[int, PalpateError] = {}
+    with progress("palpations", "", count), closing(on_cluster(scheduler, folder, stage)(jobs)) as found:
+        for job, outcome in found:
+            if isinstance(outcome, PalpateError):
+                failures[int(job.name)] = outcome
             else:
-                done[int(run.name)] = outcome.result.folder
+                done[int(job.name)] = outcome.result.folder
             progressed(len(done) + len(failures))
     typer.echo(f"{len(done)} of {count} palpations are whole, in {folder}", err=True)
     if failures:

@@ -18,9 +18,9 @@ from palpate.host import (
     Table,
     TrackOption,
     console,
+    display_unit,
     finite_tree,
     measured,
-    people,
     suggest,
     write_whole,
 )
@@ -160,7 +160,7 @@ def _row(one: Rated) -> dict[str, object]:
 
 
 def _table(found: Sequence[Rated], parameter: str) -> Table:
-    word, factor = people(found[0].reading.unit)
+    word, factor = display_unit(found[0].reading.unit)
     headings = ["run", "rating", f"{parameter}\n{word}", "apart\nsigma", "residual\nN", "verdict", "flags"]
     rows = []
     for one in found:

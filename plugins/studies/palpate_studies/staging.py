@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
@@ -11,12 +10,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from palpate import ConfigurationError, OutputError, UserError
+from palpate import ConfigurationError, OutputError, PalpateError
 from palpate.host import RESULT, Pipeline
 from pydantic import BaseModel
 
-from palpate_studies.cluster_runs import Answer, ClusterRun, Parcel, Work, found_before, unused
-from palpate_studies.jobs import Job, finished, run_job
+from palpate_studies.jobs import Answer, Job, Outcome, Parcel, found_before, run_job, unused
 
 
 @dataclass(frozen=True)
@@ -77,12 +75,10 @@ class Stage:
             raise OutputError(f"--stage {self.url}: {path} is not whole there: remove inputs/{digest}")
         os.replace(partial.name, path)
 
-    def find(self, run: str) -> dict[str, Any] | None:
-        """What a run that is whole in the place has found, as its ``result.json`` has it."""
+    def holds(self, run: str) -> bool:
+        """Whether a run is whole in the place."""
         files, root = self._reached()
-        path = f"{root}/runs/{run}/{RESULT}"
-        found: dict[str, Any] | None = json.loads(files.cat_file(path)) if files.exists(path) else None
-        return found
+        return bool(files.exists(f"{root}/runs/{run}/{RESULT}"))
 
     def put_run(self, folder: Path, run: str) -> None:
         """Put a run folder into the place, its result last."""
@@ -104,86 +100,45 @@ class Stage:
 
 
 @dataclass(frozen=True)
-class StagedJob:
+class Staged:
     """A job with the place of its inputs and of its run folder."""
 
-    job: Job
-    stage: Stage
-    inputs: Mapping[str, str]  # SHA-256 by path
-
-
-def run_staged(staged: StagedJob) -> dict[str, Any]:
-    """What a job finds, on a worker that shares no folder; it is looked for in the place first."""
-    stage, job = staged.stage, staged.job
-    if (found := stage.find(_name(job))) is not None:
-        return found
-    try:
-        stage.get_inputs(staged.inputs)
-    except OutputError as error:
-        return {"error": str(error)}
-    with tempfile.TemporaryDirectory(prefix="palpate-") as folder:
-        outcome = run_job(replace(job, folder=folder))
-        if "error" not in outcome and "interrupted" not in outcome:
-            (run,) = Path(folder).iterdir()
-            stage.put_run(run, _name(job))
-    return outcome
-
-
-def fetched(staged: StagedJob, outcome: dict[str, Any]) -> dict[str, Any]:
-    """What a job has found, with its run folder brought here; raises OutputError where it is another sweep's."""
-    if "error" in outcome or "interrupted" in outcome:
-        return outcome
-    job = staged.job
-    staged.stage.get_run(_name(job), Path(job.folder, _name(job)))
-    found = finished(job)
-    return outcome if found is None else found
-
-
-def _name(job: Job) -> str:
-    return f"{job.number:05d}"
-
-
-@dataclass(frozen=True)
-class StagedRun:
-    """A run and who makes it, with the place of its inputs and of its folder."""
-
     parcel: Parcel
-    work: Work
     stage: Stage
     inputs: Mapping[str, str]  # SHA-256 by path
 
     @property
     def name(self) -> str:
-        """That of the run."""
+        """That of the job."""
         return self.parcel.name
 
 
-def answer_staged(staged: StagedRun) -> Answer | UserError:
-    """What a run finds, on a worker that shares no folder; one that is whole in the place is brought, and not made."""
+def run_staged(staged: Staged) -> Outcome:
+    """What a job comes to on a worker that shares no folder; a run that is whole in the place is brought, not made."""
     stage = staged.stage
     try:
         stage.get_inputs(staged.inputs)
-        run = staged.parcel.unpacked()
+        job = staged.parcel.unpacked()
         with tempfile.TemporaryDirectory(prefix="palpate-") as temporary:
-            folder = Path(temporary, run.folder.name)
-            whole = stage.find(run.folder.name) is not None
+            folder = Path(temporary, job.folder.name)
+            whole = stage.holds(job.folder.name)
             if whole:
-                stage.get_run(run.folder.name, folder)
-            answer = staged.work(replace(run, folder=folder))
-            if not whole or answer.result.folder != folder:
-                stage.put_run(answer.result.folder, run.folder.name)
-    except UserError as error:
+                stage.get_run(job.folder.name, folder)
+            outcome = run_job(replace(job, folder=folder))
+            if isinstance(outcome, Answer) and (not whole or outcome.result.folder != folder):
+                stage.put_run(outcome.result.folder, job.folder.name)
+    except PalpateError as error:
         return error
-    return answer
+    return outcome
 
 
-def brought(run: ClusterRun, stage: Stage, outcome: Answer | UserError) -> Answer | UserError:
+def brought(job: Job, stage: Stage, outcome: Outcome) -> Outcome:
     """An outcome with its run folder brought here; raises OutputError where that cannot be."""
-    if isinstance(outcome, UserError):
+    if not isinstance(outcome, Answer):
         return outcome
-    if (found := found_before(run)) is None:
-        folder = unused(run.folder)
-        stage.get_run(run.folder.name, folder)
+    if (found := found_before(job)) is None:
+        folder = unused(job.folder)
+        stage.get_run(job.folder.name, folder)
         found = replace(outcome.result, folder=folder)
     return replace(outcome, result=found)
 

@@ -43,7 +43,7 @@ def palpate_tables() -> dict[str, type[Settings]]:
 def palpate_commands() -> dict[str, Command]:
     """What the uncertainty of a run is made of."""
     return {
-        "budget": Command("palpate_uncertainty.budget:budget", "What the uncertainty of a run's values is made of."),
+        "budget": Command("palpate_uncertainty.budget:budget", "The uncertainty budget of a run's values."),
         "choose": Command("palpate_uncertainty.choose:choose", "Which of several models the data support."),
     }
 
@@ -62,7 +62,7 @@ def palpate_flags() -> dict[str, FlagMeaning]:
         ),
         "self-timed": FlagMeaning(
             "note",
-            "Nobody has declared the timing, and the motion tells the delay of the force, by law.",
+            "The timing is not declared; the motion determines the delay of the force, law by law.",
             "Give the corrected value, or declare the delay with its uncertainty in [alignment].",
         ),
         "thickness-undeclared": FlagMeaning(
@@ -72,13 +72,13 @@ def palpate_flags() -> dict[str, FlagMeaning]:
         ),
         "one-frequency": FlagMeaning(
             "note",
-            "At one frequency a stiffness that fades fast looks like viscosity, here like more than half of it.",
+            "At one frequency a fast-fading stiffness looks like viscosity; here it could be more than half of it.",
             "Palpate at several frequencies, or call it the viscosity at this frequency.",
         ),
         "delay-by-law": FlagMeaning(
             "doubtful",
-            "The motion tells the delay of the force, but the record prefers another law than the model's.",
-            "Calibrate the delay and declare it, or use a model of the law that is named.",
+            "The motion determines the delay of the force, but the record prefers a law other than the model's.",
+            "Calibrate the delay and declare it, or use a model of the law named.",
         ),
         "tare-undeclared": FlagMeaning(
             "doubtful",
@@ -97,13 +97,12 @@ def palpate_flags() -> dict[str, FlagMeaning]:
         ),
         "force-late": FlagMeaning(
             "doubtful",
-            "The force follows the motion later than any contact that only takes in work can explain; no viscosity "
-            "holds.",
+            "The force lags the motion by more than any passive contact can explain; no viscosity is valid.",
             "Calibrate the timing (`palpate calibrate`), or declare the force's delay in [alignment].",
         ),
         "lack-of-fit": FlagMeaning(
             "doubtful",
-            "What the model leaves of the force is not the noise that the channel had at standstill, and it matters.",
+            "The model's residual is not the noise that the channel had at standstill, and it matters.",
             "Use a model of the named reason (thickness, memory, timing, lift-off, tip, drift), or declare it.",
         ),
         "elsewhere": FlagMeaning(
@@ -114,22 +113,22 @@ def palpate_flags() -> dict[str, FlagMeaning]:
         "overconfident": FlagMeaning(
             "doubtful",
             "The filter's standard deviation is below half of the Cramer-Rao bound of the samples that it used.",
-            "Use a model with fewer parameters, or a motion that tells them apart: several frequencies, or a ramp.",
+            "Use a model with fewer parameters, or a motion that distinguishes them: several frequencies, or a ramp.",
         ),
         "model-choice": FlagMeaning(
             "note",
-            "Several models are admitted; the record's evidence for each, and what all of them say together.",
+            "Several models are admitted; it gives the record's evidence for each, and their combined value.",
             "Give the combined value, or state the geometry that leaves one model.",
         ),
         "choice-incomplete": FlagMeaning(
             "doubtful",
-            "A model that the stated geometry admits has no result, so that the spread of the models leaves it out.",
+            "A model that the stated geometry admits has no result, so the spread of the models does not include it.",
             "Correct the name in [choice] candidates, or let the model run with the same estimator.",
         ),
         "unloading": FlagMeaning(
             "doubtful",
-            "A material that remembers leaves the tip sooner on the way out than a contact that follows the depth.",
-            'Use ting-fit (one loading, one unloading), or fit the way in only (casadi-fit, segment = "load").',
+            "During unloading, a material with memory leaves the tip sooner than a contact that follows the depth.",
+            'Use ting-fit (one loading, one unloading), or fit the loading only (casadi-fit, segment = "load").',
         ),
         "outliers": FlagMeaning(
             "doubtful",

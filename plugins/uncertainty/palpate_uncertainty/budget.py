@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import FormatOption, JsonOption, RunFolder, console, people, progress, progressed, suggest
+from palpate.host import FormatOption, JsonOption, RunFolder, console, display_unit, progress, progressed, suggest
 
 if TYPE_CHECKING:
     from palpate_uncertainty.monte_carlo import Propagated
@@ -61,7 +61,7 @@ def _draws(run: Path, tracks: list[str], draws: int, seed: int) -> dict[str, Pro
     from palpate_uncertainty.monte_carlo import cases, propagated
 
     if draws < _FEWEST:
-        raise ConfigurationError(f"--monte-carlo: {draws} draws say nothing of a distribution; at least {_FEWEST}")
+        raise ConfigurationError(f"--monte-carlo: {draws} draws are too few; at least {_FEWEST} are needed")
     found = {}
     for case in cases(run, tracks):
         with progress(case.name, "draws", draws):
@@ -137,6 +137,6 @@ def _combined(value: Mapping[str, Any]) -> str:
 
 
 def _shown(value: float, unit: str) -> str:
-    """A number in the unit that people write."""
-    written, scale = people(unit)
+    """A number in display units."""
+    written, scale = display_unit(unit)
     return f"{value * scale:.3g} {written}".removesuffix(" 1").rstrip()

@@ -96,11 +96,11 @@ def _finding(
         "bic": dict(zip(names, bic.tolist(), strict=True)),
     }  # fmt: skip
     said = ", ".join(f"{name} {100 * weight:.0f} %" for name, weight in by_name.items())
-    text = f"the record weighs the admitted models {said} ({counted[1]:.3g} of {counted[0]:.0f} samples independent)"
+    text = f"the record weights the admitted models {said} ({counted[1]:.3g} of {counted[0]:.0f} samples independent)"
     first = next(iter(results), None)
     if first is not None:
         result = results[first]
-        text += f"; all of them say {first} {result.value:.4g} ± {result.combined:.2g} {_unit(track, first)}"
+        text += f"; combined, {first} is {result.value:.4g} ± {result.combined:.2g} {_unit(track, first)}"
     return Diagnosed((Flag("model-choice", text),), terms, frozenset(), table)
 
 

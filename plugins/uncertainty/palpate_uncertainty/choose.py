@@ -23,8 +23,8 @@ from palpate.host import (
     build_pipeline,
     carried_by,
     console,
+    display_unit,
     measured,
-    people,
     print_json,
     progress,
     progressed,
@@ -226,7 +226,7 @@ def sentence(standings: Sequence[Standing], records: int) -> str:
     over = f"over {records} records" if records > 1 else "of the record"
     fair = [one for one in standings if one.misfits < one.records and np.isfinite(one.behind)]
     if not fair:
-        return f"None of the models describes the data {over}: each leaves what is not the channel's noise."
+        return f"None of the models describes the data {over}: the residual of each is not the channel's noise."
     best = standings[0]
     level = [one.model for one in standings if one.behind < _SUPPORTED]
     refuted = [f"{one.model} by {one.behind:.3g}" for one in standings if one.behind >= _SUPPORTED]
@@ -234,14 +234,14 @@ def sentence(standings: Sequence[Standing], records: int) -> str:
     told += " alike" if len(level) > 1 else f" (weight {100 * best.weight:.0f} %)"
     told += f"; less {', '.join(refuted)} of BIC" if refuted else ""
     if best.blocks:
-        told += f"; {best.model} foretells {best.best_blocks} of {best.blocks} held-out blocks best"
+        told += f"; {best.model} predicts {best.best_blocks} of {best.blocks} held-out blocks best"
     if best.misfits:
         told += f"; it leaves a lack of fit in {best.misfits} of {best.records}"
     return told + "."
 
 
 def _table(standings: Sequence[Standing]) -> Table:
-    word, factor = people("Pa")
+    word, factor = display_unit("Pa")
     rows = [
         [
             one.model, f"{one.behind:.3g}", f"{100 * one.weight:.0f}", f"{one.held_out:.4f}",
@@ -254,7 +254,7 @@ def _table(standings: Sequence[Standing]) -> Table:
         "model", "BIC behind", "weight\n%", "held out\nN", "best in\nblocks", "lack of fit\nrecords",
         f"elasticity\n{word}",
     ]  # fmt: skip
-    return Table.of("models by what the data say", headings, rows, ["model"])
+    return Table.of("models by the evidence of the data", headings, rows, ["model"])
 
 
 def _row(one: Candidate) -> dict[str, Any]:

@@ -60,6 +60,6 @@ def compliance_flags(shares: Mapping[str, float], stiffness: float | None) -> It
     if stiffness is not None and strong:
         yield Flag(
             "series-compliance",
-            f"robot and sensor give way with {1e-3 * stiffness:.3g} N/mm, which shifts {', '.join(strong)}; it is not "
-            "corrected",
+            f"robot and sensor have a stiffness of {1e-3 * stiffness:.3g} N/mm, which shifts "
+            f"{', '.join(strong)}; it is not corrected",
         )

@@ -61,6 +61,9 @@ def _judge(track: TrackEvidence) -> Diagnosed:
     terms = np.where(elsewhere | (free & (away > _COUNTS * track.combined)), away, 0.0)
     lacks = np.where(free & (track.std < _CERTAIN * bound), np.maximum(bound**2 - track.std**2, 0.0), 0.0)
     terms = np.hypot(terms, np.sqrt(lacks))
+    left = {
+        name: float(np.hypot(_apart(track, name, best.theta[i]), np.sqrt(lacks[i]))) for i, name in enumerate(names)
+    }
     flags = []
     if elsewhere.any():
         said = [_said(track, names, int(i), float(best.theta[i])) for i in np.flatnonzero(elsewhere)]
@@ -72,9 +75,9 @@ def _judge(track: TrackEvidence) -> Diagnosed:
         ]
         said += [f"{name} has no effect on the force" for name in blind]
         pairs = _pairs(names, correlation)
-        told = f"; hard to tell apart: {', '.join(pairs)}" if pairs else ""
+        alike = f"; hard to tell apart: {', '.join(pairs)}" if pairs else ""
         flags.append(
-            Flag("overconfident", f"the record cannot tell what the estimator claims: {', '.join(said)}{told}")
+            Flag("overconfident", f"the estimator claims more than the record determines: {', '.join(said)}{alike}")
         )
     flags += _untold(track, np.hypot(track.combined, terms))
     table: dict[str, Any] = {
@@ -83,7 +86,17 @@ def _judge(track: TrackEvidence) -> Diagnosed:
         "pairs": _pairs(names, correlation),
         "without_effect": blind,
     }
-    return Diagnosed(tuple(flags), dict(zip(names, terms.tolist(), strict=True)), table=table)
+    return Diagnosed(tuple(flags), dict(zip(names, terms.tolist(), strict=True)), left=left, table=table)
+
+
+def _apart(track: TrackEvidence, name: str, best: float) -> float:
+    """How far a corrected value is from least squares, where that is more than one of its uncertainties; else 0."""
+    found = track.found.get(name)
+    corrected = found.corrected if found is not None else None
+    if found is None or corrected is None or found.bias is None:
+        return 0.0
+    away = abs(best - found.bias.shift * found.bias.shared - corrected.value)
+    return away if away > _COUNTS * corrected.combined else 0.0
 
 
 def _untold(track: TrackEvidence, combined: Floats) -> Iterator[Flag]:
@@ -133,17 +146,17 @@ def _along_the_way(track: TrackEvidence) -> Diagnosed:
     if not wrong.any():
         return Diagnosed(table={"stretches": table})
     said = [
-        f"{names[i]} of {low[i]:.4g} to {high[i]:.4g} {track.model.parameters[i].unit} where it says "
-        f"{track.values[i]:.4g} of all of them"
+        f"{names[i]} of {low[i]:.4g} to {high[i]:.4g} {track.model.parameters[i].unit} where its one "
+        f"value is {track.values[i]:.4g}"
         for i in np.flatnonzero(wrong)
     ]
     terms = np.where(wrong, np.sqrt(np.mean(found**2, axis=0)), 0.0)
-    flag = Flag("elsewhere", f"least squares on stretches of the way finds {', '.join(said)}")
+    flag = Flag("elsewhere", f"least squares on stretches of the path finds {', '.join(said)}")
     return Diagnosed((flag,), dict(zip(names, terms.tolist(), strict=True)), table={"stretches": table})
 
 
 def _said(track: TrackEvidence, names: list[str], i: int, value: float) -> str:
-    return f"{names[i]} {value:.4g} {track.model.parameters[i].unit} where it says {track.values[i]:.4g}"
+    return f"{names[i]} {value:.4g} {track.model.parameters[i].unit} where it gives {track.values[i]:.4g}"
 
 
 def _percent(name: str, value: float, std: float, bound: float) -> str:

@@ -240,14 +240,14 @@ def _sentence(
 ) -> str:
     level = f"p {found.p:.0e}" if found.p > 1e-99 else "p < 1e-99"
     sizes = [f"{name} by {_percent(effect)}" for name, effect in effects.items() if effect > _SMALL]
-    off = f"{', '.join(sizes)} may be wrong" if sizes else "what it does to the parameters is small"
+    off = f"{', '.join(sizes)} may be wrong" if sizes else "its effect on the parameters is small"
     likely = f"; likely {' or '.join(reasons)}" if reasons else ""
     unknown = "" if explained else "; no alternative explains it"
     if not explained and null != "standstill":
-        unknown += ", and there is no standstill to know the noise by"
+        unknown += ", and no standstill gives the noise"
     if not known:
         unknown = "; no alternative explains all of it, so the uncertainty is not known"
-    return f"what the model leaves is not the noise of the channel ({level}){likely}; {off}{unknown}"
+    return f"the residual is not the noise of the channel ({level}){likely}; {off}{unknown}"
 
 
 def _percent(share: float) -> str:

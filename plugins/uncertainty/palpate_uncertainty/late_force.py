@@ -23,7 +23,7 @@ def late_force(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
         late = force_lateness(end.tail, track.tip_mass or 0.0) if end is not None and not end.is_sweep else None
         if end is None or late is None:
             continue
-        said = f"the contact gives out work: the force is at least {1e3 * late:.2g} ms late"
+        said = f"the contact does net work: the force is at least {1e3 * late:.2g} ms late"
         if not np.isfinite(track.values).all():
             said += ", which is likely why the estimates diverged: the viscosity would be negative"
             found[track.name] = Diagnosed((Flag("force-late", said),))

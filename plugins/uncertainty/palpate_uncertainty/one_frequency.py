@@ -32,7 +32,7 @@ def _said(track: TrackEvidence, table: Mapping[str, Any]) -> Diagnosed:
     """The table, and a flag where it is more than half of the value."""
     values = {p.name: v for p, v in zip(track.model.parameters, track.values.tolist(), strict=True)}
     parts = [
-        f"{100 * FADING:.0f} % of the stiffness that fade within {1e3 * table['time']:.2g} ms would be "
+        f"{100 * FADING:.0f} % of the stiffness fading within {1e3 * table['time']:.2g} ms would look like "
         f"{like['value']:.3g} of {values[name]:.3g} {like['unit']} of {name}"
         for name, like in table["looks_like"].items()
         if like["value"] > _MATTERS * abs(values[name])

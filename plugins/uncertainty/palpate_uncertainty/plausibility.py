@@ -38,12 +38,12 @@ PLAUSIBILITY_FLAGS = {
     "surface-mismatch": FlagMeaning(
         "doubtful",
         "The estimated surface is not where the tip first touched.",
-        "Check model and tip, and whether the first touch was one.",
+        "Check model and tip, and whether the first touch was real.",
     ),
     "beyond-model-range": FlagMeaning(
         "doubtful",
-        "Depth or tip is outside of what the model, or its thickness correction, holds for.",
-        "Palpate less deep, or use a model that holds there.",
+        "Depth or tip is outside the range of the model or of its thickness correction.",
+        "Palpate less deep, or use a model that is valid there.",
     ),
 }
 

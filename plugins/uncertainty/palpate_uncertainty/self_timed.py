@@ -210,7 +210,7 @@ def _judged(track: TrackEvidence) -> Diagnosed:
     # What the estimator's own scatter holds already is not counted twice.
     rest = np.sqrt(np.maximum(left**2 - timed.values_std**2, 0.0))
     biases = {
-        name: Bias(float(shift), float(std))
+        name: Bias(float(shift), float(std), shared=True)
         for name, shift, std in zip(names, shifts.tolist(), rest.tolist(), strict=True)
     }
     said = [

@@ -20,7 +20,7 @@ def unloading(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
         depth = depth[np.isfinite(depth)]
         if len(depth) and (left := float(depth[int(np.argmax(depth)) :].min()) / float(depth.max())) < _OUT:
             text = (
-                f"the tip came back to {100 * max(left, 0.0):.0f} % of its depth; on the way out the contact is smaller"
+                f"the tip came back to {100 * max(left, 0.0):.0f} % of its depth; the contact is smaller in unloading"
             )
             found[track.name] = Diagnosed((Flag("unloading", text),))
     return found

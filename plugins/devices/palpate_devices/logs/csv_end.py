@@ -20,10 +20,13 @@ def cut_number(path: Path, delimiter: str) -> str | None:
         return None
     with path.open("rb") as file:
         size = file.seek(0, 2)
+        file.seek(max(size - 1, 0))
+        if file.read() in b"\r\n":
+            return None
         file.seek(max(size - _TAIL, 0))
         text = file.read().decode(errors="replace")
     *above, last = text.splitlines() or [""]
-    if text.endswith(("\n", "\r")) or '"' in text:
+    if '"' in text:
         return None
     cells = [line.split(delimiter) for line in above[size > _TAIL :]]
     width, cell = last.count(delimiter) + 1, last.split(delimiter)[-1].strip()

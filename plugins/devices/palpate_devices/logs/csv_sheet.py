@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import IO
 
 import numpy as np
-from palpate import Floats, LogError, is_number
+from palpate import Floats, LogError, is_number, printable
 
 from palpate_devices.logs.files import regular
 from palpate_devices.logs.readings import si_unit
@@ -24,6 +24,7 @@ _LOOKED = 50  # lines by which the separator is told
 _LINE = 100_000  # characters; the csv module takes no longer cell
 _BLOCK = 4096  # rows at once
 _UNIT = 20  # characters of a unit; a longer one is none
+_NAME, _NAMED = 40, 12  # characters of a column's name, and columns, that are shown
 _SUFFIXES = ("mm_s", "um_s", "m_s", "mm", "um", "cm", "mN", "kN", "ns", "us", "ms", "m", "N", "s")
 
 
@@ -76,6 +77,25 @@ class Sheet:
     def column(self, index: int) -> int | str:
         """How a pipeline names a column: by the header where that is clear, else by its number."""
         return self.names[index] if self.header and self.names.count(self.names[index]) == 1 else index
+
+    @property
+    def columns(self) -> str:
+        """The columns that there are, not more than a line can hold."""
+        names = [shown(name) for name in self.names[:_NAMED]]
+        return ", ".join(names) + (", ..." if len(self.names) > _NAMED else "")
+
+    def index_of(self, role: str, choice: str) -> int:
+        """The column that a choice names, by the header or by its number; raises LogError where there is none."""
+        if choice in self.names:
+            return self.names.index(choice)
+        if choice.isdigit() and int(choice) < len(self.names):
+            return int(choice)
+        raise LogError(f"{self.path}: --{role}: there is no column {choice!r} (there are: {self.columns})")
+
+
+def shown(column: int | str) -> str:
+    """The name or the number of a column, cut and without what a terminal would obey."""
+    return printable(str(column))[:_NAME]
 
 
 def _refuse_decimal_commas(

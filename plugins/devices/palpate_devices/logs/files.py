@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from stat import S_ISREG
 from typing import IO
 
 from palpate import LogError
@@ -13,7 +14,9 @@ from palpate import LogError
 def regular(path: Path) -> Path:
     """The path, if it is a file on a disk; raises LogError: a pipe or a device would be waited for, or have no end."""
     try:
-        there, usual = path.exists(), path.is_file()
+        there, usual = True, S_ISREG(path.stat().st_mode)
+    except (FileNotFoundError, NotADirectoryError):
+        there = usual = False
     except (OSError, ValueError) as error:  # a name that is too long, or holds a zero
         raise LogError(f"{str(path)[:80]!r}: no file can have this name: {error}") from error
     if not there:

@@ -85,6 +85,7 @@ def nanoseconds(seconds: Floats) -> Stamps:
 
 
 @cache
+@cache
 def si_unit(unit: str) -> tuple[str, float]:
     """The SI unit of a unit's dimension, and how much of it one of the unit is; raises ValueError."""
     if unit == "1":

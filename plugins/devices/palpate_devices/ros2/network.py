@@ -92,28 +92,6 @@ def demand_reachable(middleware: str, interface: str | None, peers: Sequence[str
         raise ValueError(f"peers of DDS are addresses without a protocol, such as 192.168.1.10, and not {wrong!r}")
 
 
-def participant(network: Network) -> Participant:
-    """A member that listens; raises DeviceError where the middleware does not come up."""
-    if network.middleware == "zenoh":
-        from palpate_devices.ros2.zenoh_member import ZenohParticipant
-
-        return ZenohParticipant(network)
-    from palpate_devices.ros2.cyclone import CycloneParticipant
-
-    return CycloneParticipant(network)
-
-
-def talker(network: Network) -> Talker:
-    """A member that publishes; raises DeviceError where the middleware does not come up."""
-    if network.middleware == "zenoh":
-        from palpate_devices.ros2.zenoh_member import ZenohTalker
-
-        return ZenohTalker(network)
-    from palpate_devices.ros2.cyclone import CycloneTalker
-
-    return CycloneTalker(network)
-
-
 def network_of(settings: Mapping[str, Any]) -> Network:
     """A network from plain settings."""
     peers: Sequence[str] = settings.get("peers", ())

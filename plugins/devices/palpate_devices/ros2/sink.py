@@ -10,8 +10,9 @@ import numpy as np
 from palpate import DeviceError, Estimates, Flag, OutputError, Run, Samples, Sink, Time, Writer
 from pydantic import Field, model_validator
 
+from palpate_devices.ros2.member import talker
 from palpate_devices.ros2.messages import DIAGNOSTICS, VECTOR, cloud, diagnostics, legal_name, vector_stamped
-from palpate_devices.ros2.network import Middleware, Network, Talker, demand_reachable, talker
+from palpate_devices.ros2.network import Middleware, Network, Talker, demand_reachable
 
 _CLOUD_EVERY = 1.0  # [s] of the record
 _PLACES = 5000  # of one track that a map shows

@@ -14,8 +14,9 @@ from palpate import DeviceError, LogError
 from palpate_devices.process.child import Parent, real_time
 from palpate_devices.process.ring import WORDS, Ring
 from palpate_devices.ros2.frames import Outlet
+from palpate_devices.ros2.member import participant
 from palpate_devices.ros2.messages import boolean
-from palpate_devices.ros2.network import Participant, Publication, network_of, participant
+from palpate_devices.ros2.network import Participant, Publication, network_of
 
 _IDLE = 0.02  # [s]
 _NEWS = 50_000_000  # [ns] between two looks at who is there

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from palpate_devices.twins.scene import begun_at, softened
 
 if TYPE_CHECKING:
-    from palpate_devices.twins.bench import World
+    from palpate_devices.twins.world import World
 
 Words = list[str]
 Action = Callable[[Any, Words], object]  # on a World

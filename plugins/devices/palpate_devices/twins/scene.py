@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from palpate_devices.twins.bench import VirtualBench
+    from palpate_devices.twins.settings import BenchSettings
 
 
-def begun_at(settings: VirtualBench, numbers: list[float]) -> VirtualBench:
+def begun_at(settings: BenchSettings, numbers: list[float]) -> BenchSettings:
     """The tip elsewhere at the start: place [mm] and rotation vector of the tool [deg]; raises ValueError."""
     if len(numbers) != 6:
         raise ValueError
@@ -19,7 +19,7 @@ def begun_at(settings: VirtualBench, numbers: list[float]) -> VirtualBench:
     return settings.model_copy(update=changes)
 
 
-def softened(settings: VirtualBench, elasticity: float) -> VirtualBench:
+def softened(settings: BenchSettings, elasticity: float) -> BenchSettings:
     """A specimen of another elasticity [Pa], and all else in proportion."""
     specimen = settings.specimen
     factor = elasticity / specimen.parameters["elasticity"]

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from palpate import Floats
 
+from palpate_devices.ur3e.following import Following, length, mm
 from palpate_devices.ur3e.frame import WorkFrame
 from palpate_devices.ur3e.kinematics import JOINTS, Model, rotation_matrix, rotation_vector, tip_and_links
 from palpate_devices.ur3e.layout import SETPOINT
@@ -22,12 +23,9 @@ _EXCESS = 2e-3  # [m/s] of noise in a measured speed
 _MARGIN = 1e-3  # [m] that a command may lead, or a measured tip may swing, over the box of the setpoints
 _SUDDEN = 1.5
 _FARTHEST = 0.15  # [rad] that a joint may have to go from where it is to where the command is
-_STILL = 10  # states that are the same to the last bit
-_STILL_WAY = 0.1e-3  # [m] that commands go on meanwhile
 _CANCELLED = 12.0  # times the tip's speed
 SINGULAR = "the arm is near a singular posture: bring the specimen elsewhere in its reach"
 _LINKS = ("elbow", "wrist 1", "wrist 2", "wrist 3", "flange")
-_STUCK, _STUCK_WAY, _STUCK_PART = 40, 0.8e-3, 0.1  # periods, [m], part of the commanded way
 
 
 @dataclass(frozen=True)
@@ -60,20 +58,14 @@ class Fence:
         self.limits: dict[str, Any] | None = None
         self._commands: deque[Floats] = deque(maxlen=2 * _WINDOW + 1)
         self._speeds: deque[Floats] = deque(maxlen=_WINDOW)
-        # A soft servo is allowed twice its own lag.
-        self._window = _STUCK + round(2.0 * own.get("lag", 0.0) / PERIOD)
-        self._past: deque[tuple[int, Floats, Floats]] = deque()
-        self._cycles = 0  # of the motion
-        self._same, self._anchor, self._last = 0, np.zeros(3), [0.0, 0.0, 0.0]
+        self._following = Following(own.get("lag", 0.0))
         self.begin(np.zeros(3))
 
     def begin(self, command: Floats) -> None:
         """A motion begins, from rest."""
         self._commands.extend([command.copy()] * (2 * _WINDOW + 1))
-        self._past.clear()
-        self._cycles = 0
         self._speeds.clear()
-        self._same, self._anchor = 0, command.copy()
+        self._following.begin(command)
 
     def table(self, rows: Floats) -> Verdict | None:
         """A table of setpoints (n, 7), whole, before anything moves."""
@@ -89,7 +81,7 @@ class Fence:
         for what, velocity in (("the setpoints move", moved), ("the setpoints say that they move", stated)):
             fastest = float(np.linalg.norm(velocity, axis=1).max(initial=0.0))
             if fastest > self.limits["speed"] * 1.001 + 1e-6:
-                return Verdict(f"{what} at {1e3 * fastest:.1f} mm/s, over the limit of {_mm(self.limits['speed'])}/s")
+                return Verdict(f"{what} at {1e3 * fastest:.1f} mm/s, over the limit of {mm(self.limits['speed'])}/s")
             sudden = np.linalg.norm(np.diff(velocity, axis=0), axis=1).max(initial=0.0) / PERIOD
             if sudden > self.limits["acceleration"] * 1.01 + 1e-3:
                 limit = self.limits["acceleration"]
@@ -119,17 +111,15 @@ class Fence:
 
     def in_motion(self, command: Floats, seen: ArmState) -> Verdict | None:
         """What the robot says of itself, on the way or in the motion."""
-        if (verdict := self._stands_still(command, seen)) is not None:
-            return verdict
+        if (text := self._following.complaint(command, seen.position, seen.fresh)) is not None:
+            return Verdict(text, False)
         if self.limits is None:
             return None
         verdict = self._out_of_box(seen.position.tolist(), "the tip")
         self._speeds.append(seen.velocity)
-        speed = _length(sum(self._speeds, np.zeros(3))) / len(self._speeds)
+        speed = length(sum(self._speeds, np.zeros(3))) / len(self._speeds)
         if len(self._speeds) == _WINDOW and speed > _MORE * self.limits["speed"] + _EXCESS:
-            return Verdict(
-                f"the tip moves at {1e3 * speed:.1f} mm/s: the limit is {_mm(self.limits['speed'])}/s", False
-            )
+            return Verdict(f"the tip moves at {1e3 * speed:.1f} mm/s: the limit is {mm(self.limits['speed'])}/s", False)
         return verdict
 
     def _outside(self, position: Floats, low: Floats, high: Floats, what: str) -> Verdict | None:
@@ -139,7 +129,7 @@ class Fence:
             for value, wrong, key in ((least, least < low[axis], "low"), (most, most > high[axis], "high")):
                 if wrong:
                     way, limit = "below" if key == "low" else "above", self.limits[key][axis]
-                    return Verdict(f"{what} is at {name} = {1e3 * value:.2f} mm, {way} the limit of {_mm(limit)}")
+                    return Verdict(f"{what} is at {name} = {1e3 * value:.2f} mm, {way} the limit of {mm(limit)}")
         return None
 
     def _out_of_box(self, place: list[float], what: str) -> Verdict | None:
@@ -149,7 +139,7 @@ class Fence:
         for x, low, high, name in zip(place, self.limits["low"], self.limits["high"], "xyz", strict=True):
             if not low - _MARGIN <= x <= high + _MARGIN:
                 way, limit = ("below", low) if x < low else ("above", high)
-                return Verdict(f"{what} is at {name} = {1e3 * x:.2f} mm, {way} the limit of {_mm(limit)}")
+                return Verdict(f"{what} is at {name} = {1e3 * x:.2f} mm, {way} the limit of {mm(limit)}")
         return None
 
     def _speeds_of(self, command: Floats, turn: Floats, before: tuple[Floats, Floats], leaving: bool) -> Verdict | None:
@@ -157,16 +147,16 @@ class Fence:
             return None
         verdict = None
         limit, past = self.limits["speed"], self._commands
-        speed = _length(command - before[0]) / PERIOD
+        speed = length(command - before[0]) / PERIOD
         mean = (past[-1] - past[-1 - _WINDOW]) / (_WINDOW * PERIOD)
-        if speed > _MORE * limit + _SLACK or (_length(mean) > 1.1 * limit + 1e-3 and not leaving):
-            verdict = Verdict(f"a command would move the tip at {1e3 * speed:.1f} mm/s: the limit is {_mm(limit)}/s")
+        if speed > _MORE * limit + _SLACK or (length(mean) > 1.1 * limit + 1e-3 and not leaving):
+            verdict = Verdict(f"a command would move the tip at {1e3 * speed:.1f} mm/s: the limit is {mm(limit)}/s")
         earlier = (past[-1 - _WINDOW] - past[0]) / (_WINDOW * PERIOD)
-        sudden = _length(mean - earlier) / (_WINDOW * PERIOD)
+        sudden = length(mean - earlier) / (_WINDOW * PERIOD)
         most = max(self.limits["acceleration"], self._acceleration)
         if sudden > _SUDDEN * most and not leaving:
             verdict = Verdict(f"commands accelerate the tip at {sudden:.2f} m/s^2: the limit is {most:g} m/s^2")
-        turning = _length(turn - before[1]) / PERIOD
+        turning = length(turn - before[1]) / PERIOD
         if turning > 1.05 * self.limits["angular_speed"] + 1e-3:
             most = math.degrees(self.limits["angular_speed"])
             verdict = Verdict(
@@ -178,19 +168,19 @@ class Fence:
         self, command: Floats, turn: Floats, before: tuple[Floats, Floats], seen: ArmState, leaving: bool
     ) -> Verdict | None:
         """Joint speeds of the command, its distance from the arm, and where elbow and wrist are."""
-        away = _length(command - seen.position)
+        away = length(command - seen.position)
         if away > self._tracking:
             return Verdict(
-                f"the arm does not follow: it is {_mm(away)} from its command, over {_mm(self._tracking)}", False
+                f"the arm does not follow: it is {mm(away)} from its command, over {mm(self._tracking)}", False
             )
         work = self._work.matrix[:3, :3]
         tool = self._work.tool
         askew = rotation_vector((tool @ rotation_matrix(turn.tolist()) if turn.any() else tool) @ seen.rotation.T)
         limit = self.limits["orientation"] if self.limits is not None else math.inf
         most = math.degrees(limit)
-        if (angle := _length(turn)) > 1.01 * limit and not leaving:
+        if (angle := length(turn)) > 1.01 * limit and not leaving:
             return Verdict(f"the tool is {math.degrees(angle):.1f} deg off the work frame, over {most:g} deg")
-        if (angle := _length(askew)) > limit:
+        if (angle := length(askew)) > limit:
             return Verdict(f"the tool is {math.degrees(angle):.1f} deg from its command, over {most:g} deg", False)
         _, jacobian, places = tip_and_links(seen.q, self._tool, self._model)
         twist = np.concatenate([work @ (command - before[0]), tool @ (turn - before[1])]) / PERIOD
@@ -226,41 +216,6 @@ class Fence:
                 )
         return None
 
-    def _stands_still(self, command: Floats, seen: ArmState) -> Verdict | None:
-        """A pose that stands still while commands go on: to the last bit, or as good as."""
-        self._cycles += 1
-        if not seen.fresh:
-            return None
-        if seen.position.tolist() == self._last:
-            self._same += 1
-        else:
-            self._same, self._anchor = 0, command.copy()
-        self._last = seen.position.tolist()
-        gone = _length(command - self._anchor)
-        if self._same >= _STILL and gone > _STILL_WAY:
-            return Verdict(
-                f"the measured pose stands still to the last digit while the arm was told to move by {_mm(gone)}", False
-            )
-        return self._lags(command, seen.position)
-
-    def _lags(self, command: Floats, position: Floats) -> Verdict | None:
-        """An arm that has gone hardly any of its way within a time of commands, however many states came meanwhile."""
-        past = self._past
-        past.append((self._cycles, command.copy(), position))
-        while len(past) > 1 and self._cycles - past[1][0] >= self._window:
-            past.popleft()
-        began, first_command, first_place = past[0]
-        told = _length(command - first_command)
-        if self._cycles - began < self._window or told <= _STUCK_WAY:
-            return None
-        done = _length(position - first_place)
-        if done < _STUCK_PART * told:
-            # A swing that has turned round meanwhile is back where it was, and has moved all the same.
-            done = max(_length(place - first_place) for _, _, place in past)
-        if done < _STUCK_PART * told:
-            return Verdict(f"the arm was told to move by {_mm(told)} and has moved by {_mm(done)}", False)
-        return None
-
 
 def is_singular(jacobian: Floats) -> bool:
     """Whether joints near this Jacobian (6, 6) of the tip have to move by much to move it a little."""
@@ -277,14 +232,6 @@ def _against_one_another(jacobian: Floats, inverse: Any) -> float:
     cancel out, and where one of them lags, brakes or is at its limit, the tip goes astray.
     """
     return float(np.linalg.norm(np.linalg.norm(jacobian[:3], axis=0)[:, None] * inverse))
-
-
-def _length(vector: Floats) -> float:
-    return math.hypot(*vector.tolist())
-
-
-def _mm(length: float) -> str:
-    return f"{1e3 * length:.4g} mm"
 
 
 def tool_turn(work: WorkFrame, rotation: Floats) -> Floats:

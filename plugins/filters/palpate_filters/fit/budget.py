@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -87,9 +88,13 @@ class Sensitivities:
         self._record = record if residual.model.memory else record.thinned(_SAMPLES)
         self._x = x
         self.jacobian = residual.whole(self._record, x)[1]
-        loose = np.where(held, 0.0, 1.0)
-        self._inverse = scaled_inverse((self.jacobian.T @ self.jacobian) * np.outer(loose, loose)) * loose[:, None]
+        self._held = held
         self._columns: dict[tuple[int, float], Floats] = {}
+
+    @cached_property
+    def _inverse(self) -> Floats:
+        loose = np.where(self._held, 0.0, 1.0)
+        return scaled_inverse((self.jacobian.T @ self.jacobian) * np.outer(loose, loose)) * loose[:, None]
 
     def of_model(self, path: tuple[str, ...], std: float) -> Floats:
         """Shift (p,) of the free unknowns for one standard uncertainty of a key of the model."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from palpate import ConfigurationError, OutputError, UserError
+from palpate import ConfigurationError, OutputError, PalpateError
 from palpate.host import (
     FormatOption,
     Overrides,
@@ -74,7 +74,7 @@ def fit(
         return
     if scheduler is not None:  # workers stand elsewhere
         sources, pipeline = [source.resolve() for source in sources], pipeline.resolve() if pipeline else None
-    failures: dict[str, UserError] = {}
+    failures: dict[str, PalpateError] = {}
     folder, logs = _fitted(sources, pipeline, overrides or [], out, scheduler, stage, pictures, failures)
     crossed = evaluate(logs, carry) if len(logs) > 1 else []
     by_cycle = [row for log in logs for row in each_cycle(log)] if cycles else []
@@ -97,7 +97,7 @@ def _fitted(
     scheduler: str | None,
     stage: str | None,
     pictures: bool,
-    failures: dict[str, UserError],
+    failures: dict[str, PalpateError],
 ) -> tuple[Path, list[LogFit]]:
     """The folder, and the logs that were fitted in the order of the sources; of the others, `failures` hold why.
 
@@ -110,7 +110,7 @@ def _fitted(
     folder = _folder(out, names)
     logs: list[LogFit] = []
     for name, outcome in fits_of(loaded, folder, scheduler, stage, pictures):
-        if isinstance(outcome, UserError):
+        if isinstance(outcome, PalpateError):
             leave_out(name, outcome, failures)
             continue
         logs.append(outcome)

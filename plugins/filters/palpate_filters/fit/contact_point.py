@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from palpate import Floats, Samples, change_point
 
+from palpate_filters.fit.motion import median, third_differences
 from palpate_filters.fit.segments import RecordCourse
 
 CONTACT_METHODS = ("threshold", "deviation-from-baseline", "gradient")
@@ -37,7 +39,7 @@ class Approach:
     air: int  # samples before touch
     interval: float  # [s]
 
-    @property
+    @cached_property
     def noise(self) -> float:
         """Standard deviation [N] of one sample in the air."""
         return float(self.force[: self.air].std(ddof=1))
@@ -47,13 +49,14 @@ def first_approach(samples: Samples, course: RecordCourse) -> Approach | None:
     """The first approach with enough air before it; None where the record has no such thing."""
     known = np.isfinite(samples.force) & (course.cycle <= 1)
     touched = int(np.argmax(samples.contact))
-    known[touched + int(np.argmin(np.where(known & samples.contact, samples.position, np.inf)[touched:])) + 1 :] = False
+    deepest = np.where(known[touched:] & samples.contact[touched:], samples.position[touched:], np.inf).argmin()
+    known[touched + int(deepest) + 1 :] = False
     near = samples.position < course.touch + max(2.0 * course.travel, 1e-12)
     rows = np.flatnonzero(known & near)
     air = int(np.count_nonzero(rows < touched))
     if air < _LEAST_AIR or len(rows) - air < 5:
         return None
-    interval = float(np.median(np.diff(samples.time[rows])))
+    interval = median(np.diff(samples.time[rows]))
     return _ended(Approach(samples.position[rows], samples.force[rows], air, interval))
 
 
@@ -63,8 +66,8 @@ def _ended(approach: Approach) -> Approach:
     A slow ramp is in contact long before its force shows in a single sample; contact is looked for where the force is
     still near its noise, as only there the law of a change point is good for every tip.
     """
-    noise = float(np.sqrt(np.mean(np.diff(approach.force, 3) ** 2) / 20.0))
-    beyond = np.flatnonzero(approach.force[approach.air :] - np.median(approach.force[: approach.air]) > _NEAR * noise)
+    noise = float(np.sqrt(np.mean(third_differences(approach.force) ** 2) / 20.0))
+    beyond = np.flatnonzero(approach.force[approach.air :] - median(approach.force[: approach.air]) > _NEAR * noise)
     end = approach.air + (int(beyond[_IN_ALL - 1]) if len(beyond) >= _IN_ALL else len(approach.force))
     found = change_point(approach.height[:end], approach.force[:end])
     if found is None:

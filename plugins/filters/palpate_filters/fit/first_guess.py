@@ -9,6 +9,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import ContactModel, Floats
 
 from palpate_filters.fit.record import FitRecord
@@ -21,7 +22,7 @@ _SAMPLES = 500
 _LINEAR_EXTRAS = ("bias", "slope", "tip_mass")
 _INSIDE = np.linspace(0.0, 1.0, 41)[1:]  # heights within the record, as shares of its range from the bottom
 _ABOVE = np.geomspace(0.01, 12.0, 36)  # heights above it
-_SINGULAR, _ROUNDING = 1e-8, 1e-7  # of scaled squares; their sums are exact to some 1e-13 over the first of both
+_SINGULAR, _ROUNDING = 1e-7, 1e-7  # of scaled squares; their sums are exact to some 1e-13 over the first of both
 _GRIDS = {"1": (1.0, 1.5, 2.0, 3.0), "s": (0.03, 0.1, 0.3, 1.0)}  # of what is not linear, by unit
 _DECLARED = ("Pa", "m^2/s")  # where what is not linear begins as the model says, unless its material flows
 
@@ -80,14 +81,19 @@ def first_guess(
     names = [i for i in range(len(unknowns.items)) if i != unknowns.index("surface")]
     starts = np.zeros((math.prod(len(grid) for grid in grids), len(unknowns.items)))
     starts[:, [*names, unknowns.index("surface")]] = list(product(*grids))
-    least = (
-        np.zeros(len(starts)) if model.memory or not linear else _least(residual(tuple(linear)), thin, starts, linear)
-    )
+    squares, least, clear = np.zeros(0), np.zeros(len(starts)), np.zeros(len(starts), bool)
+    if linear and not model.memory:
+        starts[:, list(linear)] = 0.0
+        squares = residual(tuple(linear)).normal(thin, starts)
+        least, clear = _least(squares)
     found: list[tuple[float, int, Floats]] = []
     for place in np.argsort(least, kind="stable").tolist():
         if found and least[place] > min(found)[0]:
             break
-        guess = solve_linear(model, unknowns, thin, starts[place], linear)
+        if clear[place]:
+            guess = _solved(squares[place], unknowns, starts[place], linear)
+        else:
+            guess = solve_linear(model, unknowns, thin, starts[place], linear)
         if np.isfinite(guess.cost):
             found.append((guess.cost, place, guess.x))
     if not found:
@@ -95,19 +101,34 @@ def first_guess(
     return min(found, key=lambda one: one[:2])[2]
 
 
-def _least(residual: Residual, record: FitRecord, starts: Floats, linear: Sequence[int]) -> Floats:
-    """Costs (m,) that no values of the linear unknowns beside given others (m, P) can fall below; 0: nobody knows."""
-    bases = starts.copy()
-    bases[:, list(linear)] = 0.0
-    last_first = [*range(1, len(linear) + 1), 0]
-    squares = residual.normal(record, bases)[:, last_first][:, :, last_first]
-    scale = np.sqrt(np.maximum(np.diagonal(squares, axis1=1, axis2=2), 1e-300))
-    known = np.asarray(np.isfinite(squares).all(axis=(1, 2)))
-    unit = np.where(known[:, None, None], squares / (scale[:, :, None] * scale[:, None, :]), np.eye(len(linear) + 1))
-    roots, directions = np.linalg.eigh(unit[:, :-1, :-1])
-    shares = np.einsum("nij,ni->nj", directions, unit[:, :-1, -1]) ** 2 / np.maximum(roots, _SINGULAR)
-    left = np.maximum(1.0 - shares.sum(axis=1) - _ROUNDING, 0.0) * scale[:, -1] ** 2
-    return np.where(known & (roots[:, 0] > _SINGULAR), left, 0.0)
+def _least(squares: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Costs (m,) that no values of the linear unknowns can fall below, by [r, J]^T [r, J] (m, 1 + p, 1 + p); and which
+    of them tell these unknowns, the others being 0.
+
+    What is left of r when every column of J is taken out of it, one after the other (Gauss).
+    """
+    scale = np.sqrt(np.maximum(squares.diagonal(axis1=1, axis2=2), 1e-300))
+    known = np.asarray(np.isfinite(scale).all(axis=1))  # and with its squares all other products
+    with np.errstate(all="ignore"):  # where nothing is known
+        left = np.moveaxis(squares / (scale[:, :, None] * scale[:, None, :]), 0, -1)
+        for k in range(len(left) - 1, 0, -1):
+            pivot = left[k, k]
+            known &= pivot > _SINGULAR
+            left = left[:k, :k] - left[:k, k, None] * (left[k, :k] / pivot)
+    return np.where(known, np.maximum(left[0, 0] - _ROUNDING, 0.0) * scale[:, 0] ** 2, 0.0), known
+
+
+def _solved(square: Floats, unknowns: Unknowns, base: Floats, linear: Sequence[int]) -> Guess:
+    """The best values of the linear unknowns, within bounds, by [r, J]^T [r, J] (1 + p, 1 + p) where they are 0."""
+    scale = np.sqrt(np.maximum(square.diagonal(), 1e-300))
+    unit = square / (scale[:, None] * scale)
+    low, high = (edge * scale[1:] / scale[0] for edge in unknowns.bounds(linear))
+    middle = np.minimum(np.maximum(0.0, low), high)
+    found = middle + bounded_quadratic(unit[1:, 1:], unit[1:, 0] + unit[1:, 1:] @ middle, low - middle, high - middle)
+    x = base.copy()
+    x[list(linear)] = found * scale[0] / scale[1:]
+    left = unit[0, 0] + 2.0 * float(unit[0, 1:] @ found) + float(found @ unit[1:, 1:] @ found)
+    return Guess(x, max(left, 0.0) * float(scale[0]) ** 2)
 
 
 def _grid(item: FitUnknown, place: int, linear: Sequence[int], record: FitRecord, start: float) -> tuple[float, ...]:

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 from palpate import Floats
 
-from palpate_filters.fit.motion import noise_of
 from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.residual import Residual
 from palpate_filters.fit.solvers import Solution
@@ -20,18 +19,13 @@ _AT_EDGE = 1e-3  # standard deviations
 _FARTHEST = 0.1  # of a value; a correction beyond that is no first order
 
 
-def height_noise(record: FitRecord) -> float:
-    """Standard deviation [m] of white noise on the height, by its third differences."""
-    return noise_of(record.height if record.used.all() else record.height[record.used])
-
-
 def force_noise(residual: Residual, record: FitRecord, x: Floats, surface: int) -> float:
     """Standard deviation [N] that the noise of the height gives the residual: its own times the RMS of dF/dd."""
     thinned, up, down = record.thinned(_SAMPLES), x.copy(), x.copy()
     up[surface] += _STEP
     down[surface] -= _STEP
     slope = (residual.errors(thinned, up) - residual.errors(thinned, down)) / (2 * _STEP)
-    return height_noise(record) * float(np.sqrt(np.mean(slope**2)))
+    return record.height_noise * float(np.sqrt(np.mean(slope**2)))
 
 
 def unattenuated(residual: Residual, record: FitRecord, unknowns: Unknowns, solution: Solution) -> Solution:
@@ -49,12 +43,14 @@ def unattenuated(residual: Residual, record: FitRecord, unknowns: Unknowns, solu
     squares = residual.normal(thinned, solution.x)[1:, 1:]
     values, (low, high) = solution.x[free], unknowns.bounds(free)
     sigma = np.sqrt(2.0 * solution.cost / len(record))
-    edge = _AT_EDGE * sigma * np.sqrt(np.maximum(np.diag(scaled_inverse(squares)), 0.0))
+    inverse, pull = scaled_inverse(squares), change.T @ slope * record.height_noise**2
+    edge = _AT_EDGE * sigma * np.sqrt(np.maximum(inverse.diagonal(), 0.0))
     loose = (values - low > edge) & (high - values > edge)
     moved = np.zeros(len(free))
-    moved[loose] = (
-        scaled_inverse(squares[np.ix_(loose, loose)]) @ (change[:, loose].T @ slope) * height_noise(record) ** 2
-    )
+    if loose.all():
+        moved = inverse @ pull
+    else:
+        moved[loose] = scaled_inverse(squares[np.ix_(loose, loose)]) @ pull[loose]
     place = unknowns.index("surface")
     relative = [abs(m) / abs(v) for m, v, i in zip(moved, values, free, strict=True) if i != place and v]
     if not np.isfinite(moved).all() or max(relative, default=0.0) > _FARTHEST:

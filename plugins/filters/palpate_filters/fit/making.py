@@ -5,44 +5,27 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from palpate import Batch, Estimates, LogError, Samples, UserError
+from palpate import LogError, PalpateError, Samples, UserError
 from palpate.host import (
     Answer,
-    ClusterRun,
+    Job,
+    KeptSamples,
+    Outcome,
     Pipeline,
     Result,
     TrackResult,
-    cluster_results,
     found_before,
     keep,
+    on_cluster,
     progress,
     progressed,
     run_pipeline,
     unused,
 )
-
-
-@dataclass
-class KeptRun:
-    """A writer that keeps samples and offline estimates in memory, for tables and pictures."""
-
-    blocks: list[Samples] = field(default_factory=list)
-    found: dict[str, Estimates] = field(default_factory=dict)
-
-    def batch(self, device: str, batch: Batch) -> None:
-        """Raw readings are not kept."""
-
-    def samples(self, samples: Samples) -> None:
-        """Keep a block."""
-        self.blocks.append(samples)
-
-    def estimates(self, track: str, estimates: Estimates) -> None:
-        """Keep the estimates of a track."""
-        self.found[track] = estimates
 
 
 @dataclass(frozen=True)
@@ -62,53 +45,55 @@ class LogFit:
 
 def fits_of(
     loaded: Sequence[tuple[str, Pipeline]], folder: Path, scheduler: str | None, stage: str | None, pictures: bool
-) -> Iterator[tuple[str, LogFit | UserError]]:
+) -> Iterator[tuple[str, LogFit | PalpateError]]:
     """What every log gives, as it is ready: in their order here, in any order on the workers of a scheduler."""
-    runs = [ClusterRun(name, pipeline, folder / name) for name, pipeline in loaded]
     work = partial(fit_or_find, pictures=pictures)
+    jobs = {name: Job(name, pipeline, folder / name, work) for name, pipeline in loaded}
+    pipelines = dict(loaded)
     if scheduler is not None:
-        with closing(cluster_results(scheduler, folder, runs, stage, work)) as found:
-            for run, outcome in found:
-                yield run.name, outcome if isinstance(outcome, UserError) else _log_fit(run, outcome)
+        with closing(on_cluster(scheduler, folder, stage)([*jobs.values()])) as found:
+            for job, outcome in found:
+                yield job.name, _log_fit(job.name, pipelines[job.name], outcome)
         return
-    for run in runs:
+    for name, job in jobs.items():
         try:
-            yield run.name, _log_fit(run, work(run))
+            yield name, _log_fit(name, pipelines[name], work(job))
         except UserError as error:
-            yield run.name, error
+            yield name, error
 
 
-def _log_fit(run: ClusterRun, answer: Answer) -> LogFit:
-    return LogFit(run.name, run.pipeline, answer.result, answer.more)
+def _log_fit(name: str, pipeline: Pipeline, outcome: Outcome) -> LogFit | PalpateError:
+    return outcome if isinstance(outcome, PalpateError) else LogFit(name, pipeline, outcome.result, outcome.more)
 
 
-def fit_or_find(run: ClusterRun, pictures: bool) -> Answer:
+def fit_or_find(job: Job, pictures: bool) -> Answer:
     """The fits of a log with its samples; found where an earlier attempt has made them. Raises UserError."""
-    if (found := found_before(run)) is not None:
-        return Answer(found, _samples(run))
-    kept = KeptRun()
-    with progress(run.name, "s"):
-        result = run_pipeline(run.pipeline, unused(run.folder), progressed, kept)
+    pipeline = job.pipeline()
+    if (found := found_before(job)) is not None:
+        return Answer(found, _samples(job.name, pipeline))
+    kept = KeptSamples()
+    with progress(job.name, "s"):
+        result = run_pipeline(pipeline, unused(job.folder), progressed, kept)
     result.demand_whole()
-    samples = _joined(run, kept.blocks)
+    samples = _joined(job.name, kept.blocks)
     if pictures:
         from palpate_filters.fit.pictures import draw
 
-        draw(samples, kept.found, run.pipeline.alignment.tip_mass or 0.0, result.folder)
+        draw(samples, kept.found, pipeline.alignment.tip_mass or 0.0, result.folder)
     keep(result)
     return Answer(result, samples)
 
 
-def _samples(run: ClusterRun) -> Samples:
+def _samples(name: str, pipeline: Pipeline) -> Samples:
     """The samples of a log, without any estimates."""
-    kept = KeptRun()
-    with tempfile.TemporaryDirectory(prefix="palpate-") as folder, progress(run.name, "s"):
-        reading = replace(run.pipeline, tracks=(), sinks={})
+    kept = KeptSamples()
+    with tempfile.TemporaryDirectory(prefix="palpate-") as folder, progress(name, "s"):
+        reading = replace(pipeline, tracks=(), sinks={})
         run_pipeline(reading, Path(folder, "run"), progressed, kept).demand_whole()
-    return _joined(run, kept.blocks)
+    return _joined(name, kept.blocks)
 
 
-def _joined(run: ClusterRun, blocks: Sequence[Samples]) -> Samples:
+def _joined(name: str, blocks: Sequence[Samples]) -> Samples:
     if not blocks:
-        raise LogError(f"{run.name}: the log holds no samples")
+        raise LogError(f"{name}: the log holds no samples")
     return Samples.joined(blocks)

@@ -34,6 +34,7 @@ class FitRecord:
     )
     transition: float  # [m] over which contact sets in; far below anything that is measured
     history: Floats | None = None  # (n, 3) interval [s], and height and rate of the sample before
+    noise: float | None = None  # [m] of the height, by its third differences; None: not taken yet
 
     def __len__(self) -> int:
         return len(self.height)
@@ -53,6 +54,13 @@ class FitRecord:
         """(n, 9) the parts and the history, or (n, 6) where there is none."""
         parts = np.column_stack(self.parts)
         return parts if self.history is None else np.concatenate([parts, self.history], axis=1)
+
+    @cached_property
+    def height_noise(self) -> float:
+        """Standard deviation [m] of white noise on the height of the samples that count."""
+        if not self.used.all():
+            return noise_of(self.height[self.used])
+        return noise_of(self.height) if self.noise is None else self.noise
 
     @cached_property
     def used(self) -> NDArray[np.bool_]:
@@ -100,4 +108,4 @@ def make_record(columns: Sequence[Floats], travel: float | None = None, remember
     whole = _TRANSITION * max(float(np.ptp(height)), 1e-12)
     noise = noise_of(height) if n > 3 else 0.0
     transition = whole if travel is None else min(whole, max(_TRANSITION * travel, noise))
-    return FitRecord(height, rate, acceleration, force, centred, weight, transition, history)
+    return FitRecord(height, rate, acceleration, force, centred, weight, transition, history, noise if n > 3 else None)

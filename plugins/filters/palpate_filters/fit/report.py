@@ -13,7 +13,7 @@ from palpate import Estimates, FitReport, Flag, Floats
 from palpate_filters.fit.bootstrap import block_bootstrap
 from palpate_filters.fit.budget import TIMING, Sensitivities, row, shift_of
 from palpate_filters.fit.height_noise import force_noise
-from palpate_filters.fit.identifiability import INDISTINCT, identifiability
+from palpate_filters.fit.identifiability import INDISTINCT, conditioning, identifiability
 from palpate_filters.fit.profile import ProfileIntervals
 from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.refusal import NotFitted
@@ -106,7 +106,7 @@ def _judge(fit: Fit) -> _Judged:
 
     found = scatter(fit.residual, fit.record, fit.solution.least, fit.loss)
     free = list(fit.residual.free)
-    variance = np.diag(found.covariance)
+    variance = found.covariance.diagonal()
     if not (variance >= 0).all():  # the unknowns cannot be told apart to the last digit
         raise NotFitted("diverged", "the fit ended where the force hardly depends on its unknowns")
     random = np.sqrt(variance)
@@ -120,7 +120,8 @@ def _judge(fit: Fit) -> _Judged:
     if "delay" not in names and not fit.brief:  # no flag is raised from it
         jacobian = np.column_stack([jacobian, sensitivities.column(fit.unknowns.index("delay"), _PROBE)])
         names.append("delay")
-    apart = identifiability(jacobian, names, len(free))
+    apart = {} if fit.brief else conditioning(jacobian[:, : len(free)])
+    apart |= identifiability(jacobian.T @ jacobian, names, len(free))
     quantile = float(stdtrit(max(found.effective_samples - len(free), 1.0), 0.5 + fit.settings.confidence / 2))
     return _Judged(fit, found, random, systematic, held, table, apart, quantile)
 

@@ -63,7 +63,7 @@ class Residual:
 
     def blocks(self, record: FitRecord, x: Floats, length: int = _BLOCK) -> Iterator[tuple[slice, Floats]]:
         """Rows, `length` at most, and, for each of them, residual and Jacobian side by side (n, 1 + p)."""
-        return self._evaluate.blocks(record, np.concatenate([x, [record.transition]]), length)
+        return self._evaluate.blocks(record, _with_transition(x, record), length)
 
     def whole(self, record: FitRecord, x: Floats) -> tuple[Floats, Floats]:
         """Residual (n,) and Jacobian (n, p)."""
@@ -136,7 +136,9 @@ class _Forgetting:
 
 
 def _with_transition(x: Floats, record: FitRecord) -> Floats:
-    return np.concatenate([x, np.full((*x.shape[:-1], 1), record.transition)], axis=-1)
+    both = np.empty((*x.shape[:-1], x.shape[-1] + 1))
+    both[..., :-1], both[..., -1] = x, record.transition
+    return both
 
 
 def _normal(evaluation: _Forgetting | _Remembering, record: FitRecord, x: Floats, loss: LossFunction) -> Floats:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import typer
-from palpate import ConfigurationError, UserError
+from palpate import ConfigurationError, PalpateError, UserError
 from palpate.host import (
     Carried,
     Pipeline,
@@ -21,14 +21,14 @@ from palpate.host import (
 )
 
 
-def leave_out(name: str, error: UserError, failures: dict[str, UserError]) -> None:
+def leave_out(name: str, error: PalpateError, failures: dict[str, PalpateError]) -> None:
     """Note and tell that a log of many is left out, and why."""
     failures[name] = error
     typer.echo(f"{name} is left out: {error}", err=True)
 
 
 def named_pipelines(
-    sources: Sequence[Path], reader: Path | None, overrides: list[str], failures: dict[str, UserError]
+    sources: Sequence[Path], reader: Path | None, overrides: list[str], failures: dict[str, PalpateError]
 ) -> list[tuple[str, Pipeline]]:
     """Every source as a pipeline, with a name of its own; of many, one that cannot be read is a failure of its own."""
     found: list[tuple[str, Pipeline]] = []

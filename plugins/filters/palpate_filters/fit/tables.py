@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from palpate import BudgetRow, Effect, Flag
-from palpate.host import Result, Table, TrackResult, measured, people
+from palpate.host import Result, Table, TrackResult, display_unit, measured
 
 from palpate_filters.fit.budget import TIMING
 
@@ -105,7 +105,7 @@ def _number(value: float | None, form: str) -> str:
 
 
 def _parameter(name: str, value: float, std: float | None, unit: str) -> str:
-    word, factor = people(unit)
+    word, factor = display_unit(unit)
     return f"{name} {measured(value * factor, (std or 0.0) * factor)} {word}"
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from palpate import Floats
 
 from palpate_filters.fit.loss import LossFunction
+from palpate_filters.fit.motion import third_differences
 from palpate_filters.fit.record import FitRecord
 from palpate_filters.fit.residual import Residual
 
@@ -46,11 +47,11 @@ def scatter(residual: Residual, record: FitRecord, x: Floats, loss: LossFunction
     gamma, reach = _autocovariance(pieces.errors, p)
     inverse = scaled_inverse(pieces.normal)
     middle = _pair_sum(pieces.slopes, gamma, reach)
-    if np.any(np.diag(middle) < 0) or np.any(np.diag(inverse @ middle @ inverse) < 0):
-        middle = _pair_sum(pieces.slopes, gamma, reach, tapered=True)
+    covariance = inverse @ middle @ inverse
+    if (middle.diagonal() < 0).any() or (covariance.diagonal() < 0).any():
+        covariance = inverse @ _pair_sum(pieces.slopes, gamma, reach, tapered=True) @ inverse
     time = max(_long_run(gamma, reach) / gamma[0], 0.05) * pieces.size if gamma[0] > 0 else 1.0
     effective = min(pieces.samples / time, float(pieces.samples))
-    covariance = inverse @ middle @ inverse
     return ResidualScatter(
         covariance, inverse, pieces.samples, effective, time, pieces.first_correlation, pieces.rss, pieces.noise
     )
@@ -88,8 +89,8 @@ def _collect(residual: Residual, record: FitRecord, x: Floats, loss: LossFunctio
         rss += float(r @ r)
         for stretch in _stretches(r):
             neighbours += float(np.sum(stretch[:, 1:] * stretch[:, :-1]))
-            differences = np.diff(stretch, 3)
-            third, thirds = third + float(np.sum(differences**2)), thirds + differences.size
+            differences = third_differences(stretch)
+            third, thirds = third + float(np.sum(differences * differences)), thirds + differences.size
         joined = np.column_stack([influence, jacobian])
         if size == 1:
             errors.append(joined[:, 0])
@@ -186,9 +187,9 @@ def _smooth_length(least: int) -> int:
 
 def scaled_inverse(normal: Floats) -> Floats:
     """Inverse of a normal matrix (p, p) whose unknowns differ by many powers of ten."""
-    lengths = np.sqrt(np.diag(normal))
-    lengths = np.where(lengths > 0, lengths, 1.0)
-    across = np.outer(lengths, lengths)
+    lengths = np.sqrt(normal.diagonal())
+    lengths[~(lengths > 0)] = 1.0
+    across = lengths[:, None] * lengths
     return np.asarray(symmetric_inverse(normal / across, 1e-14) / across)
 
 

@@ -28,7 +28,7 @@ class Table:
 
     def __init__(self, columns: Sequence[Floats]) -> None:
         self.columns = tuple(np.ascontiguousarray(column, np.float64) for column in columns)
-        self._addresses: dict[int, list[tuple[int, Any]]] = {}
+        self._addresses: dict[int, list[tuple[int, Any, int]]] = {}
 
     def __len__(self) -> int:
         return len(self.columns[0])
@@ -37,13 +37,16 @@ class Table:
         """Rows from begin to end; shares their memory."""
         return Table([column[begin:end] for column in self.columns])
 
-    def addresses(self, length: int) -> list[tuple[int, Any]]:
-        """Of each block of `length` rows at most: how many they are, and an array of where the columns begin."""
+    def addresses(self, length: int) -> list[tuple[int, Any, int]]:
+        """Of each block of `length` rows at most: how many they are, where the columns begin, and where that stands."""
         if length not in self._addresses:
             begins = np.array([column.ctypes.data for column in self.columns], np.uintp)
             count = len(self)
+            starts = range(0, count, length)
+            places = [begins + np.uintp(8 * start) for start in starts] if count > length else [begins]
             self._addresses[length] = [
-                (min(length, count - start), begins + np.uintp(8 * start)) for start in range(0, count, length)
+                (min(length, count - start), place, place.ctypes.data)
+                for start, place in zip(starts, places, strict=False)
             ]
         return self._addresses[length]
 
@@ -72,7 +75,9 @@ class ColumnFunction:
         self._function = with_roots(function)
         self._used, self._width = 0, int(output.numel())
         self._kernel: Kernel = _OnVirtualMachine(self._function)
-        self._upper = np.triu_indices(self._width)
+        self._upper = np.zeros((self._width, self._width), np.intp)  # which of the sums stands where
+        first, second = np.triu_indices(self._width)
+        self._upper[first, second] = self._upper[second, first] = np.arange(len(first))
 
     def values(self, table: Table, settings: Floats) -> Floats:
         """Values (ny, n) at every row of a table."""
@@ -80,15 +85,11 @@ class ColumnFunction:
 
     def products(self, table: Table, settings: Floats) -> Floats:
         """Sum of y y^T over a table: (ny, ny) for settings (np,), (m, ny, ny) for settings (m, np)."""
-        many = np.atleast_2d(np.ascontiguousarray(settings, np.float64))
+        many = np.ascontiguousarray(settings, np.float64).reshape(-1, settings.shape[-1])
         lanes = self._used_for(len(table) * len(many)).lanes(table, many, _BLOCK)
         blocks = (lanes[..., 0] + lanes[..., 1]) + (lanes[..., 2] + lanes[..., 3])
         total = blocks[:, 0] if blocks.shape[1] == 1 else blocks.sum(axis=1)
-        square = np.empty((len(many), self._width, self._width))
-        first, second = self._upper
-        square[:, first, second] = total
-        square[:, second, first] = total
-        return square if settings.ndim == 2 else square[0]
+        return total.take(self._upper, axis=1) if settings.ndim == 2 else total[0].take(self._upper)
 
     def _used_for(self, samples: int) -> Kernel:
         before, self._used = self._used, self._used + samples

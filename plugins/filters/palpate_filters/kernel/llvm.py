@@ -58,6 +58,7 @@ class CompiledColumns:
 
     def __init__(self, function: Any) -> None:
         self._width = int(function.numel_out(1))
+        self._each = np.arange(self._width, dtype=np.uintp)
         with _COMPILING:
             self._values, self._products = _compiled_columns(function.serialize())
 
@@ -66,19 +67,19 @@ class CompiledColumns:
         count = len(table)
         found = np.empty((self._width, count))
         if count:
-            columns = found.ctypes.data + np.arange(self._width, dtype=np.uintp) * np.uintp(8 * count)
-            ((_, places),) = table.addresses(count)
-            self._values(count, places.ctypes.data, settings.ctypes.data, columns.ctypes.data)
+            columns = found.ctypes.data + self._each * np.uintp(8 * count)
+            ((_, _, places),) = table.addresses(count)
+            self._values(count, places, settings.ctypes.data, columns.ctypes.data)
         return found
 
     def lanes(self, table: Table, settings: Floats, length: int) -> Floats:
         """See `columns.Kernel`."""
-        blocks = [(count, places.ctypes.data) for count, places in table.addresses(length)]
+        blocks = table.addresses(length)
         sums = np.zeros((len(settings), len(blocks), self._width * (self._width + 1) // 2, LANES))
         out, step = sums.ctypes.data, 8 * sums.shape[2] * LANES
         first, width = settings.ctypes.data, 8 * settings.shape[1]
         for one in range(first, first + width * len(settings), width):
-            for count, places in blocks:
+            for count, _, places in blocks:
                 self._products(count, places, one, out)
                 out += step
         return sums

@@ -124,10 +124,10 @@ def tell_curves(
 
 
 def _table(curves: Mapping[str, TrackCurve], points: tuple[Any, Sites] | None, unit: str) -> Any:
-    from palpate.host import people
+    from palpate.host import display_unit
     from rich.table import Table
 
-    word, factor = people(unit)
+    word, factor = display_unit(unit)
     table = Table(title="along the sweep", title_justify="left")
     table.add_column("track")
     table.add_column("lumps: place (contrast)")

@@ -55,9 +55,9 @@ def lumps(
 
 
 def _view(findings: Findings, track: str, unit: str) -> str:
-    from palpate.host import people
+    from palpate.host import display_unit
 
-    name, factor = people(unit)
+    name, factor = display_unit(unit)
     head = f"{track}: background {findings.background * factor:.4g} {name}, by {findings.method}"
     if not findings.lumps:
         return f"{head}\nno lumps"

@@ -3,11 +3,40 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from palpate import ConfigurationError
+from palpate import ConfigurationError, UserError
 from palpate.host import Source
+
+from palpate_studies.jobs import Job, Written
+
+
+@dataclass(frozen=True)
+class Combination:
+    """One value for every swept setting, and the job that is a run of it."""
+
+    number: int
+    values: Mapping[str, Any]
+    job: Job
+
+    @classmethod
+    def of(cls, number: int, values: Mapping[str, Any], plan: Written, folder: Path) -> Combination:
+        """The combination of a number, whose run goes into a folder of the sweep's."""
+        return cls(number, values, Job(f"combination {number}", plan, folder / f"{number:05d}"))
+
+
+def refuse_hopeless(planned: Sequence[Combination]) -> None:
+    """Raise what is wrong with the first combination if the last one is wrong, too: then it is not a value's fault."""
+    try:
+        planned[0].job.pipeline()
+    except UserError as error:
+        try:
+            planned[-1].job.pipeline()
+        except UserError:
+            raise error from None
 
 
 def combinations_of(source: Source) -> list[dict[str, Any]]:

@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
 import tomli_w
 import typer
-from palpate import OutputError, UserError
+from palpate import OutputError, PalpateError, UserError
 from palpate.host import (
-    Engine,
     FormatOption,
-    Job,
     JsonOption,
     Overrides,
     Points,
     Source,
+    StoppedError,
     analysis,
     aside,
-    built,
     console as terminal,
-    finished,
     make_folder,
     print_json,
     progress,
@@ -32,7 +29,8 @@ from palpate.host import (
 )
 
 from palpate_studies.engines import SchedulerOption, StageOption, engine_of
-from palpate_studies.sweep.combinations import combinations_of
+from palpate_studies.jobs import Answer, Engine, OtherSettingsError, Outcome, Written, found_before
+from palpate_studies.sweep.combinations import Combination, combinations_of, refuse_hopeless
 from palpate_studies.sweep.table import best_rows, rows_of, write_rows
 
 
@@ -57,17 +55,19 @@ def sweep(
     source = _source(file, overrides or [])
     combinations = combinations_of(source)
     if out is None or not (out / "sweep.toml").is_file():
-        _refuse_hopeless(_planned(source, combinations, overrides or [], Path()))
+        refuse_hopeless(_planned(source, combinations, overrides or [], Path()))
     folder = _folder(source, out)
     planned = _planned(source, combinations, overrides or [], folder)
-    found = {job.number: done for job in planned if (done := finished(job)) is not None}
+    found: dict[int, Outcome] = {
+        one.number: Answer(done) for one in planned if (done := found_before(one.job)) is not None
+    }
     earlier = len(found)
     gone: UserError | None = None
     try:
         _carry_out(planned, found, engine_of(scheduler, jobs, folder, stage))
     except UserError as error:
         gone = error
-    rows = [row for job in planned if job.number in found for row in rows_of(job, found[job.number])]
+    rows = [row for one in planned if one.number in found for row in rows_of(one, found[one.number])]
     write_rows(folder, rows)
     failed = _tell_failures(found)
     if gone is not None:
@@ -87,45 +87,53 @@ def sweep(
     if failed == len(planned):
         raise typer.Exit(1)
     if picture or points is not None:
-        runs = _runs(planned)
+        runs = _runs(planned, found)
         with aside(as_json):
             analysis("curves")(list(runs.values()), list(runs), points, folder / "sweep.png")
 
 
-def _carry_out(planned: Sequence[Job], found: dict[int, dict[str, Any]], engine: Engine) -> None:
-    """Run what is not `found` yet, until all is done or somebody stops it."""
-    rest = [job for job in planned if job.number not in found]
-    with progress("sweep", "combinations", len(planned)), closing(engine(rest)) as running:
+def _carry_out(planned: Sequence[Combination], found: dict[int, Outcome], engine: Engine) -> None:
+    """Run what is not `found` yet, until all is done or somebody stops it; raises OtherSettingsError."""
+    rest = {one.job.name: one for one in planned if one.number not in found}
+    with (
+        progress("sweep", "combinations", len(planned)),
+        closing(engine([one.job for one in rest.values()])) as running,
+        suppress(KeyboardInterrupt),
+    ):
         progressed(len(found))
-        for job, result in running:
-            if "interrupted" in result:
+        for job, outcome in running:
+            if isinstance(outcome, StoppedError):
                 return
-            found[job.number] = result
+            if isinstance(outcome, OtherSettingsError):
+                raise outcome
+            found[rest[job.name].number] = outcome
             progressed(len(found))
 
 
-def _tell_failures(found: Mapping[int, dict[str, Any]]) -> int:
+def _tell_failures(found: Mapping[int, Outcome]) -> int:
     """Say which combinations failed, and why; how many."""
-    failures = {number: result["error"] for number, result in sorted(found.items()) if "error" in result}
+    failures = {number: outcome for number, outcome in sorted(found.items()) if isinstance(outcome, PalpateError)}
     for number, reason in failures.items():
         typer.echo(f"combination {number} failed: {reason}", err=True)
     return len(failures)
 
 
-def _planned(source: Source, combinations: Sequence[dict[str, Any]], overrides: list[str], folder: Path) -> list[Job]:
+def _planned(
+    source: Source, combinations: Sequence[dict[str, Any]], overrides: list[str], folder: Path
+) -> list[Combination]:
     return [
-        Job(number, source.text, str(source.path), (*overrides, *_assignments(values)), values, str(folder))
+        Combination.of(number, values, Written(source.text, source.path, (*overrides, *_assignments(values))), folder)
         for number, values in enumerate(combinations, start=1)
     ]
 
 
-def _runs(planned: Sequence[Job]) -> dict[str, Path]:
-    """The latest run of each combination, by its values."""
+def _runs(planned: Sequence[Combination], found: Mapping[int, Outcome]) -> dict[str, Path]:
+    """The run of each combination that has one, by its values."""
     runs = {}
-    for job in planned:
-        told = ", ".join(f"{key.rpartition('.')[2]} {value}" for key, value in job.values.items())
-        for run in sorted(Path(job.folder).glob(f"{job.number:05d}*"))[-1:]:
-            runs[told] = run
+    for one in planned:
+        if isinstance(outcome := found[one.number], Answer):
+            told = ", ".join(f"{key.rpartition('.')[2]} {value}" for key, value in one.values.items())
+            runs[told] = outcome.result.folder
     return runs
 
 
@@ -150,14 +158,3 @@ def _folder(source: Source, wanted: Path | None) -> Path:
     if (wanted / "sweep.toml").read_text(encoding="utf-8") != source.text:
         raise OutputError(f"{wanted}: holds the sweep of another pipeline file, or of this one before it was changed")
     return wanted
-
-
-def _refuse_hopeless(planned: Sequence[Job]) -> None:
-    """Raise what is wrong with the first combination if the last one is wrong, too: then it is not a value's fault."""
-    try:
-        built(planned[0])
-    except UserError as error:
-        try:
-            built(planned[-1])
-        except UserError:
-            raise error from None

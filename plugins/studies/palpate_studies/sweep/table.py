@@ -9,17 +9,21 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from palpate.host import Job, Table, measured, people, whole_file, write_whole
+from palpate import PalpateError
+from palpate.host import Table, display_unit, measured, whole_file, write_whole
+
+from palpate_studies.jobs import Outcome
+from palpate_studies.sweep.combinations import Combination
 
 _VERDICTS = ("good", "note", "doubtful", "invalid")
 
 
-def rows_of(job: Job, result: dict[str, Any]) -> list[dict[str, Any]]:
+def rows_of(combination: Combination, outcome: Outcome) -> list[dict[str, Any]]:
     """One row for each track of a combination; one with the reason where it failed."""
-    head = {"combination": job.number, **job.values}
-    if "error" in result:
-        return [{**head, "error": result["error"]}]
-    rows = []
+    head = {"combination": combination.number, **combination.values}
+    if isinstance(outcome, PalpateError):
+        return [{**head, "error": str(outcome)}]
+    rows, result = [], outcome.result.table()
     for name, track in result["tracks"].items():
         row = {**head, "track": name}
         for parameter, found in {**track["parameters"], "surface": track["surface"]}.items():
@@ -62,7 +66,7 @@ def _combined_key(row: dict[str, Any]) -> str:
 
 def _numbers(row: dict[str, Any]) -> list[str]:
     name, _, unit = _value_key(row).rstrip("]").partition(" [")
-    word, factor = people(unit)
+    word, factor = display_unit(unit)
     value, combined = row.get(_value_key(row)), row.get(_combined_key(row))
     shown = measured(value * factor, (combined or math.nan) * factor) if isinstance(value, float) else "-"
     nis = row.get("nis")

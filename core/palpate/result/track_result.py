@@ -1,0 +1,77 @@
+"""What one track found, as it stands in ``result.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Protocol
+
+from palpate.contact import ContactModel
+from palpate.estimation import Estimates, Samples
+from palpate.fit_report import BudgetRow, FitReport
+from palpate.flags import Flag, Verdict, verdict
+from palpate.registry import Registry
+from palpate.result.found import Derived, Found, finite, finite_tree
+
+
+@dataclass(frozen=True)
+class TrackResult:
+    """What one track found."""
+
+    model: str
+    estimator: str
+    samples: int
+    parameters: Mapping[str, Found]
+    surface: Found
+    force_rms: float  # [N]
+    nis: float  # mean over the averaging window at the end
+    flags: tuple[Flag, ...]
+    seconds_per_sample: float
+    derived: tuple[Derived, ...] = ()
+    details: Mapping[str, Any] = field(default_factory=dict)  # what the estimator says beyond its numbers
+    report: FitReport | None = None  # of an offline fit that was made
+    budget: tuple[BudgetRow, ...] = ()  # every source with its effect on each parameter
+    diagnoses: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # what diagnoses say, by name
+    verdict: Verdict = "good"  # worst severity of its flags and those of the record
+
+    @property
+    def usable(self) -> bool:
+        """Whether its numbers may be used at all."""
+        return self.verdict != "invalid"
+
+    def judged(self, registry: Registry, of_record: Sequence[Flag]) -> TrackResult:
+        """The result with severities and verdict; flags of the record (judged, too) concern every track."""
+        flags = registry.judged(self.flags)
+        return replace(self, flags=flags, verdict=verdict((*of_record, *flags)))
+
+    def table(self) -> dict[str, Any]:
+        """As in ``result.json``."""
+        return {
+            "model": self.model,
+            "estimator": self.estimator,
+            "verdict": self.verdict,
+            "samples": self.samples,
+            "parameters": {name: found.table() for name, found in self.parameters.items()},
+            "derived": {value.name: value.table() for value in self.derived},
+            "surface": self.surface.table(),
+            "force_rms": finite(self.force_rms),
+            "nis": finite(self.nis),
+            "budget": [finite_tree(asdict(row)) for row in self.budget],
+            "flags": [flag.table() for flag in self.flags],
+            "seconds_per_sample": self.seconds_per_sample,
+            **({"fit": finite_tree(self.report.table())} if self.report else {}),
+            **({"details": finite_tree(self.details)} if self.details else {}),
+            **({"diagnoses": finite_tree(self.diagnoses)} if self.diagnoses else {}),
+        }
+
+
+class TrackSummary(Protocol):
+    """What the function of a `palpate.Summary` answers for each track: it takes in blocks and has the last word."""
+
+    def add(self, samples: Samples, estimates: Estimates) -> None:
+        """Take in a block; the same comes of it however a record is cut into blocks."""
+        ...
+
+    def of(self, result: TrackResult, model: ContactModel, is_sweep: bool) -> TrackResult:
+        """What the result becomes when the run has ended; `is_sweep`: the tip went along the surface."""
+        ...

@@ -1,0 +1,54 @@
+"""In which units the columns of a CSV file are, where its header does not say so."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from palpate_devices.logs.guess import Found
+from palpate_devices.logs.readings import si_unit
+from palpate_devices.logs.suggesting import force_unit, length_unit
+
+DIMENSIONS = {"N": "force", "m": "position", "m/s": "velocity"}  # roles, by the SI unit of a column
+_LIKE = 0.25  # by which a velocity may miss the slope of the position, of their units' ratio
+
+
+def units_of(found: Found, clocked: bool) -> tuple[dict[str, str], list[str]]:
+    """Units as the header says, else the likeliest; and which of them are guesses; `clocked`: its time is known."""
+    units = {
+        r: p.series.unit
+        for r, p in found.picks.items()
+        if p.series.unit and DIMENSIONS.get(si_unit(p.series.unit)[0]) == r
+    }
+    doubts = []
+    spans = {r: float(np.subtract(*np.nanpercentile(p.series.values, (99.8, 0.2)))) for r, p in found.picks.items()}
+    if "position" not in units:
+        units["position"] = length_unit(spans["position"])
+        doubts.append(
+            f"unit of the position: {units['position']} is a guess, by how far it moves: {spans['position']:.3g}"
+        )
+    way = spans["position"] * si_unit(units["position"])[1]
+    if "force" not in units:
+        units["force"], elasticity = force_unit(spans["force"], way)
+        doubts.append(
+            f"unit of the force: {units['force']} is a guess, by which a tip of 5 mm would feel some "
+            f"{elasticity / 1e3:.3g} kPa"
+        )
+    if "velocity" in found.picks and "velocity" not in units:
+        units["velocity"], doubt = _speed_unit(found, units["position"], clocked)
+        doubts.append(doubt)
+    return units, doubts
+
+
+def _speed_unit(found: Found, length: str, clocked: bool) -> tuple[str, str]:
+    """The unit in which a velocity is the slope of the position."""
+    if not clocked or not found.gain:
+        return f"{length}/s", f"unit of the velocity: {length}/s is a guess, as that of the position"
+    ratios = {unit: abs(found.gain) * si_unit(unit)[1] / si_unit(length)[1] for unit in ("m/s", "mm/s", "um/s", "cm/s")}
+    unit = min(ratios, key=lambda u: abs(np.log(ratios[u])))
+    fits = abs(ratios[unit] - 1.0) < _LIKE
+    by = (
+        "by which it is the slope of the position"
+        if fits
+        else f"though it is {ratios[unit]:.2f} times the position's slope"
+    )
+    return unit, f"unit of the velocity: {unit} is a guess, {by}"
