@@ -7,6 +7,7 @@ Parts need `palpate` only; commands and other tools use `palpate` and this.
 from palpate_basics.continuation import continued as continued, recorded_pipeline as recorded_pipeline
 from palpate_basics.keeping import KeptSamples as KeptSamples
 from palpate_basics.options import (
+    FolderOption as FolderOption,
     FormatOption as FormatOption,
     JsonOption as JsonOption,
     Overrides as Overrides,

@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from palpate.errors import ConfigurationError
+from palpate.errors import ConfigurationError, suggest
 
 _BARE_QUANTITY = re.compile(r"=\s*[-+.\d]+\s*[A-Za-z]+\s*(#.*)?$")
 _TABLE = re.compile(r"\s*\[\[?([^\[\]]+)\]\]?\s*(?:#.*)?$")
@@ -40,6 +40,8 @@ class Source:
             return cls(path.read_text(encoding="utf-8"), path)
         except (OSError, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+            if isinstance(error, FileNotFoundError) and (beside := [file.name for file in path.parent.glob("*.toml")]):
+                reason = f"{reason}{suggest(path.name, beside)}"
             raise ConfigurationError(f"{path}: cannot read the pipeline file: {reason}") from error
 
     def override(self, assignment: str) -> None:

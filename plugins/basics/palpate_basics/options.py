@@ -22,6 +22,10 @@ Points = Annotated[
     ),
 ]
 TrackOption = Annotated[str | None, typer.Option(help="Track, as model/estimator. [default: the best there is]")]
+FolderOption = Annotated[
+    Path | None,
+    typer.Option("--out", "-o", help="Folder to write to; must be new or empty. [default: runs/DATE_TIME_NAME]"),
+]
 FormatOption = Annotated[
     Layout,
     typer.Option("--format", callback=choose, help="Print the tables as they are, as CSV, or as LaTeX (booktabs)."),

@@ -7,7 +7,16 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import FormatOption, JsonOption, Overrides, build_pipeline, carried_by, progress, replay_source
+from palpate.host import (
+    FolderOption,
+    FormatOption,
+    JsonOption,
+    Overrides,
+    build_pipeline,
+    carried_by,
+    progress,
+    replay_source,
+)
 
 from palpate_basics.run import execute
 
@@ -24,9 +33,7 @@ def replay(
     models: Annotated[
         list[str] | None, typer.Option("--add-model", metavar="TYPE", help="One more contact model, on the same tip.")
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Run folder; must be new or empty. [default: runs/DATE_TIME_NAME]")
-    ] = None,
+    out: FolderOption = None,
     as_json: JsonOption = False,
     layout: FormatOption = "table",
 ) -> None:

@@ -12,7 +12,17 @@ from typing import Annotated
 
 import typer
 from palpate import ConfigurationError
-from palpate.host import FormatOption, Overrides, Pipeline, console, function_of, load_pipeline, progress, run_pipeline
+from palpate.host import (
+    FolderOption,
+    FormatOption,
+    Overrides,
+    Pipeline,
+    console,
+    function_of,
+    load_pipeline,
+    progress,
+    run_pipeline,
+)
 
 from palpate_basics.layout import layout
 from palpate_basics.rehearsal import rehearse
@@ -23,9 +33,7 @@ _LOGS = (".mcap", ".db3", ".csv", ".gz")
 
 def run(
     file: Annotated[Path, typer.Argument(help="The pipeline file.")],
-    out: Annotated[
-        Path | None, typer.Option(help="Run folder; must be new or empty. [default: runs/DATE_TIME_NAME]")
-    ] = None,
+    out: FolderOption = None,
     overrides: Overrides = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print result.json instead of the table.")] = False,
     dry: Annotated[bool, typer.Option("--dry-run", help="Show the motion and its limits; connect to nothing.")] = False,

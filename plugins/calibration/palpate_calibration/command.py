@@ -58,7 +58,8 @@ _MEANING = {
 def calibrate(
     file: Annotated[Path, typer.Argument(help="A pipeline file, or one with devices and [alignment] only.")],
     out: Annotated[
-        Path | None, typer.Option(help="The calibration file; must be new. [default: FILE.calibration.toml]")
+        Path | None,
+        typer.Option("--out", "-o", help="The calibration file; must be new. [default: FILE.calibration.toml]"),
     ] = None,
     overrides: Overrides = None,
     picture: Annotated[

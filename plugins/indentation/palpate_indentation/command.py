@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import typer
 from palpate import ConfigurationError, to_si
 from palpate.host import (
+    FolderOption,
     JsonOption,
     Overrides,
     Table,
@@ -52,9 +53,7 @@ def indentation(
     retract: Annotated[bool, typer.Option("--retract", help="Fit the way out in place of the way in.")] = False,
     bins: Annotated[int, typer.Option(help="Bins of depth for E from the contact point on.", min=4, max=1000)] = 40,
     windows: Annotated[int, typer.Option(help="Windows of depth for E by itself.", min=2, max=200)] = 8,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder; must be new or empty. [default: runs/DATE_TIME_indentation]")
-    ] = None,
+    out: FolderOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Look at one press as a whole: modulus over depth, contact point by all methods, baseline, adhesion, large strain.

@@ -30,7 +30,7 @@ def plot(
     ] = None,
     width: Annotated[str, typer.Option(help="Width of the picture [mm]: 85, 120 or 175, or a column's name.")] = "85",
     format: Annotated[list[str] | None, typer.Option("--format", help="png, svg or pdf; can be repeated.")] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Folder to write to. [default: RUN/pictures]")] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder to write to. [default: RUN/pictures]")] = None,
 ) -> None:
     """Draw pictures of a run as PDF, SVG or PNG in widths of journals, each with a CSV of its numbers beside it."""
     from palpate_report.drawing import PICTURES, draw

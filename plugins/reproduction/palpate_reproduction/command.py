@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 from palpate.host import (
+    FolderOption,
     JsonOption,
     SchedulerOption,
     StageOption,
@@ -37,9 +38,7 @@ def reproduce(
     data: Annotated[
         Path | None, typer.Option(help="Folder with the authors' files, known by their SHA-256, plain or gzipped.")
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder; must be new or empty. [default: runs/DATE_TIME_reproduce]")
-    ] = None,
+    out: FolderOption = None,
     paper: Annotated[
         Path, typer.Option(help="Folder of another paper: items/*.toml, pipelines/, recordings.toml.")
     ] = HERE,

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import typer
 from palpate import ConfigurationError
 from palpate.host import (
+    FolderOption,
     FormatOption,
     JsonOption,
     Table,
@@ -49,9 +50,7 @@ def spectrum(
         str | None, typer.Option(help='Of the motion, with commas between: "0.5 Hz, 2 Hz". [default: found]')
     ] = None,
     surface: SurfaceOption = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder; must be new or empty. [default: runs/DATE_TIME_spectrum]")
-    ] = None,
+    out: FolderOption = None,
     as_json: JsonOption = False,
     layout: FormatOption = "table",
 ) -> None:

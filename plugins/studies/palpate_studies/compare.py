@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from palpate import ConfigurationError, PalpateError, UserError, printable
 from palpate.host import (
+    FolderOption,
     FormatOption,
     JsonOption,
     Overrides,
@@ -52,7 +53,7 @@ def compare(
     models: Annotated[str | None, typer.Option(help="Contact models by type, with commas between.")] = None,
     estimators: Annotated[str | None, typer.Option(help="Estimators by type, with commas between.")] = None,
     reference: Annotated[str | None, typer.Option(metavar="TRACK", help="Show this track as the truth.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Run folder; must be new or empty.")] = None,
+    out: FolderOption = None,
     overrides: Overrides = None,
     time: Annotated[str | None, typer.Option(metavar="COLUMN", help="What is the time in a CSV file.")] = None,
     rate: Annotated[str | None, typer.Option(help="Rate of a CSV file without a time, such as '500 Hz'.")] = None,

@@ -84,7 +84,7 @@ def repeat(
         str | None, typer.Option(help='What it is known to be, such as "282.1 kPa": prints the error of each group.')
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the runs of a pipeline file; must be new or empty.")
+        Path | None, typer.Option("--out", "-o", help="Folder of the runs of a pipeline file; must be new or empty.")
     ] = None,
     overrides: Overrides = None,
     scheduler: SchedulerOption = None,

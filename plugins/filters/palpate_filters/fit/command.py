@@ -46,7 +46,9 @@ def fit(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder; what is fitted already in one of the same logs is kept. [default: runs/...]"),
+        typer.Option(
+            "--out", "-o", help="Folder; what is fitted already in one of the same logs is kept. [default: runs/...]"
+        ),
     ] = None,
     overrides: Overrides = None,
     carry: Annotated[

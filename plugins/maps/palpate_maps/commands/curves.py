@@ -78,7 +78,7 @@ def curves(
         list[str] | None, typer.Option("--label", help="What each run is called, in their order. [default: its folder]")
     ] = None,
     points: Points = None,
-    out: Annotated[Path, typer.Option(help="The picture to draw: .png or .svg.")] = Path("sweep.png"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="The picture to draw: .png or .svg.")] = Path("sweep.png"),
     as_json: JsonOption = False,
 ) -> None:
     """Draw the curves of all tracks of runs along a line with the lumps in each, and print their table."""

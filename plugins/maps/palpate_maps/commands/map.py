@@ -46,7 +46,7 @@ def map_run(
     method: Annotated[str, typer.Option(help="gaussian-process or average.")] = "gaussian-process",
     reach: Annotated[str | None, typer.Option(help="How far from a site the map goes. [default: 1.2 pitches]")] = None,
     points: Points = None,
-    out: Annotated[Path | None, typer.Option(help="Folder to write to. [default: RUN/maps]")] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder to write to. [default: RUN/maps]")] = None,
     svg: Annotated[bool, typer.Option("--svg", help="SVG pictures instead of PNG.")] = False,
     mcap: Annotated[bool, typer.Option("--mcap", help="Write map.mcap, too: a Grid that robot viewers draw.")] = False,
     as_json: JsonOption = False,

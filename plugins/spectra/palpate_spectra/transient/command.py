@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import typer
 from palpate import Flag, Floats
 from palpate.host import (
+    FolderOption,
     FormatOption,
     JsonOption,
     Table,
@@ -36,9 +37,7 @@ def relaxation(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Run folder, log or pipeline file of a ramp and a hold.")],
     track: TrackOption = None,
     surface: SurfaceOption = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder; must be new or empty. [default: runs/DATE_TIME_relaxation]")
-    ] = None,
+    out: FolderOption = None,
     as_json: JsonOption = False,
     layout: FormatOption = "table",
 ) -> None:

@@ -38,7 +38,9 @@ def sweep(
     file: Annotated[Path, typer.Argument(help="A pipeline file with a [sweep] table.")],
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder of the sweep; one that holds a part of it is gone on with. [default: runs/...]"),
+        typer.Option(
+            "--out", "-o", help="Folder of the sweep; one that holds a part of it is gone on with. [default: runs/...]"
+        ),
     ] = None,
     overrides: Overrides = None,
     jobs: Annotated[int | None, typer.Option(help="Runs at a time. [default: one per core]", min=1)] = None,

@@ -37,7 +37,9 @@ def plan(
             metavar="PARAMETER=VALUE", help="Expected material, for the force. [default: the simulated truth]"
         ),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Picture to draw, .png or .svg. [default: NAME-plan.png]")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Picture to draw, .png or .svg. [default: NAME-plan.png]")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Check the motion of a pipeline without moving: duration, speeds, depth, expected force, and a picture."""

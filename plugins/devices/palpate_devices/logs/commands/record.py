@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from palpate import ConfigurationError
 from palpate.host import (
+    FolderOption,
     JsonOption,
     Overrides,
     Result,
@@ -25,9 +26,7 @@ from palpate_devices.mcap_sink import McapSink
 
 def record(
     file: Annotated[Path, typer.Argument(help="The pipeline file; its estimators are not used.")],
-    out: Annotated[
-        Path | None, typer.Option(help="Run folder; must be new or empty. [default: runs/DATE_TIME_NAME]")
-    ] = None,
+    out: FolderOption = None,
     overrides: Overrides = None,
     as_json: JsonOption = False,
 ) -> None:
