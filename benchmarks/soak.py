@@ -17,7 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -33,31 +33,73 @@ _BACKLOG = 100  # batches that may have waited at once
 
 
 def family(pid: int) -> list[int]:
-    """A process and its children."""
+    """A process and its children, whichever of its threads has begun them."""
     try:
-        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+        children = [int(word) for task in Path(f"/proc/{pid}/task").iterdir() for word in _words(task / "children")]
     except OSError:
         return []
-    return [pid, *(member for child in children for member in family(int(child)))]
+    return [pid, *(member for child in children for member in family(child))]
 
 
-def memory_of(pid: int) -> tuple[int, int]:
-    """Processes of a job, and what they hold together [kB]: what several share counts once."""
-    found = []
-    for member in family(pid):
-        with contextlib.suppress(OSError):
-            for line in Path(f"/proc/{member}/smaps_rollup").read_text().splitlines():
-                if line.startswith("Pss:"):
-                    found.append(int(line.split()[1]))
-    return len(found), sum(found)
+def _words(file: Path) -> list[str]:
+    try:
+        return file.read_text().split()
+    except OSError:  # the thread has ended
+        return []
 
 
-def watch(job: subprocess.Popen[bytes], interval: float, file: Path) -> list[tuple[float, int, int]]:
-    """Time [s], processes and memory [kB], until the job ends; Ctrl-C, which it hears as well, ends it sooner."""
+def mapped(pid: int) -> tuple[int, int, dict[str, int]]:
+    """Proportional share, anonymous pages, and the pages of each file that a process has in memory [kB]."""
+    share, anonymous, files, name = 0, 0, dict[str, int](), ""
+    for line in Path(f"/proc/{pid}/smaps").read_text().splitlines():
+        words = line.split(maxsplit=5)
+        match words[0]:
+            case "Rss:":
+                files[name] = files.get(name, 0) + int(words[1])
+            case "Pss:":
+                share += int(words[1])
+            case "Anonymous:":
+                anonymous += int(words[1])
+                files[name] -= int(words[1])
+            case first if not first.endswith(":"):
+                # Two pieces of memory without a name are two, though both are called "palpate".
+                name = f"{words[4]} {words[5]}" if len(words) > 5 else ""
+    return share, anonymous, files
+
+
+@dataclass(frozen=True)
+class Look:
+    """What a job and its children hold at an instant."""
+
+    time: float  # [s]
+    processes: int
+    share: int  # [kB] proportional share (PSS) of all: what others on this machine map as well counts in part
+    own: int  # [kB] anonymous pages of all, and every page of a file once: does not depend on who else is there
+    descriptors: int
+    threads: int
+
+    @classmethod
+    def at(cls, pid: int, time: float) -> Look:
+        """A job, now."""
+        share = own = processes = descriptors = threads = 0
+        once: dict[str, int] = {}
+        for member in family(pid):
+            with contextlib.suppress(OSError):
+                its, anonymous, files = mapped(member)
+                descriptors += len(os.listdir(f"/proc/{member}/fd"))
+                threads += len(os.listdir(f"/proc/{member}/task"))
+                processes, share, own = processes + 1, share + its, own + anonymous
+                for name, pages in files.items():
+                    once[name] = max(once.get(name, 0), pages)
+        return cls(time, processes, share, own + sum(once.values()), descriptors, threads)
+
+
+def watch(job: subprocess.Popen[bytes], interval: float, file: Path) -> list[Look]:
+    """Looks until the job ends; Ctrl-C, which it hears as well, ends it sooner."""
     began, seen = time.monotonic(), []
     while job.poll() is None:
-        seen.append((time.monotonic() - began, *memory_of(job.pid)))
-        write(file, dict(zip(("time", "processes", "memory_kB"), seen[-1], strict=True)) | {"load": os.getloadavg()[0]})
+        seen.append(Look.at(job.pid, time.monotonic() - began))
+        write(file, asdict(seen[-1]) | {"load": os.getloadavg()[0]})
         with contextlib.suppress(KeyboardInterrupt, subprocess.TimeoutExpired):
             job.wait(interval)
     return seen
@@ -69,16 +111,21 @@ def write(file: Path, row: dict[str, Any]) -> None:
         lines.write(json.dumps(row) + "\n")
 
 
-def slope(memory: np.ndarray) -> tuple[float, float]:
-    """How fast memory rises and its standard error [MB a minute], over the last four fifths of the time.
+def late(looks: list[Look]) -> list[Look]:
+    """Looks of the last four fifths of the time; while processes begin or end they lack one of them, and do not count.
 
-    Looks while processes begin or end lack one of them: only those with all of them count.
+    The last one may be of a job that is about to go.
     """
-    whole = memory[memory[:, 1] == memory[:, 1].max()]
-    late = whole[whole[:, 0] > 0.2 * memory[-1, 0]]
-    if len(late) < 4:
+    most = max(look.processes for look in looks)
+    return [look for look in looks[:-1] if look.processes == most and look.time > 0.2 * looks[-1].time]
+
+
+def slope(looks: list[Look]) -> tuple[float, float]:
+    """How fast memory rises and its standard error [MB a minute], over the last four fifths of the time."""
+    time, own = (np.array([getattr(look, key) for look in late(looks)], float) for key in ("time", "own"))
+    if len(time) < 4:
         return float("nan"), float("nan")
-    line, covariance = np.polyfit(late[:, 0] / 60, late[:, 2] / 1024, 1, cov=True)
+    line, covariance = np.polyfit(time / 60, own / 1024, 1, cov=True)
     return float(line[0]), float(np.sqrt(covariance[0, 0]))
 
 
@@ -108,7 +155,7 @@ class Soaked:
     """What a soak left behind."""
 
     code: int  # of the job
-    memory: np.ndarray  # (n, 3) time [s], processes, memory of them all [kB]
+    looks: list[Look]
     table: dict[str, Any]  # result.json
     state: dict[str, Any]  # of the twin
     log: Path
@@ -135,7 +182,7 @@ def soak(minutes: float, silence: float, folder: Path, every: float, file: Path,
         print(twin.stdout.readline().strip())
         out = folder / "out"
         job = subprocess.Popen([*_PALPATE, "run", str(PIPELINE), "--out", str(out), *options])
-        memory = np.array(watch(job, every, file), float)
+        looks = watch(job, every, file)
         twin.stdin.write("state\n")
         twin.stdin.flush()
         state = json.loads(twin.stdout.readline().removeprefix("state "))
@@ -143,7 +190,7 @@ def soak(minutes: float, silence: float, folder: Path, every: float, file: Path,
         twin.stdin.close()
         twin.wait(10)
         twin.stdout.close()
-    return Soaked(job.returncode, memory, json.loads((out / "result.json").read_text()), state, out / "log.mcap")
+    return Soaked(job.returncode, looks, json.loads((out / "result.json").read_text()), state, out / "log.mcap")
 
 
 def recorded(log: Path, device: str, stream: str) -> tuple[np.ndarray, np.ndarray]:
@@ -171,9 +218,13 @@ def drifts(log: Path) -> dict[str, float]:
 def verdicts(soaked: Soaked) -> Iterator[tuple[bool, str]]:
     """What must hold on a quiet machine, and whether it does."""
     live, state = soaked.table["run"]["live"], soaked.state
-    rise, error = slope(soaked.memory)
+    rise, error = slope(soaked.looks)
     yield soaked.code == 0, f"the job ends with exit code {soaked.code}"
     yield rise < _RISE + 2 * error, f"memory rises by {rise:+.3f} +- {error:.3f} MB a minute"
+    counted = late(soaked.looks) or soaked.looks
+    for what in ("descriptors", "threads"):
+        first, last = getattr(counted[0], what), getattr(counted[-1], what)
+        yield first == last, f"{what}: {first} after a fifth of the time, {last} at the end"
     backlog = live["largest_backlog"]
     yield backlog <= _BACKLOG, f"{backlog} batches waited at most"
     sensor, arm = live["devices"]["sensor"], live["devices"]["arm"]
@@ -197,7 +248,8 @@ def report(soaked: Soaked, file: Path) -> bool:
     """Print the figures, and add them to the file; whether all is well."""
     table = soaked.table
     live = table["run"]["live"]
-    print(f"memory: {soaked.memory[:, 2].max() / 1024:.1f} MB at most, shared pages once")
+    most = {key: max(getattr(look, key) for look in soaked.looks) / 1024 for key in ("own", "share")}
+    print(f"memory: {most['own']:.1f} MB at most, every page once; proportional share {most['share']:.1f} MB at most")
     size = soaked.log.stat().st_size / 2**20
     print(f"log: {size:.1f} MB; CPU of the live system: {live['cpu_cores']:.2f} cores")
     for name, device in live["devices"].items():

@@ -113,7 +113,7 @@ TOO_FAST = f"[calibration]\ntop_speed = '0.1 m/s'\n[calibration.standstill]\n{ST
         ("[calibration.standstill]", "[calibration.standstill] needs a motion, such as"),
         (f"[calibration.standstill]\n{SHAKE}", "no standstill of 2 s or more"),
         (f"[calibration.shake]\n{STAY}", "no shake of 2 s or more"),
-        (f"[calibration.noise]\n{STAY}", "no even to-and-fro motion"),
+        (f"[calibration.noise]\n{STAY}", "no steady oscillation"),
         (f"[calibration.shakes]\n{STAY}", "unknown key 'shakes'; did you mean 'shake'"),
         (f"[calibration.orientations]\ndown = [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]\n{STAY}", "down"),
         (f"[calibration.orientations]\ndown = [[0.0, 0.0, -2.0], [0.0, 0.0, 1.0], [1.0, 0.0]]\n{STAY}", "no direction"),

@@ -225,7 +225,7 @@ def test_a_spring_that_softens_the_inertia_shows_at_two_frequencies():
     """Soft contact: a force of 20 N/m works against the inertia; one frequency would call it a smaller mass."""
     record = twin(sines=((3.0, 0.004), (7.0, 0.002)))
     pushed = record.force.values - 20.0 * np.interp(record.force.time, record.position.time, record.position.values)
-    with pytest.raises(LogError, match="no one mass"):
+    with pytest.raises(LogError, match="no single mass"):
         shake_fit(
             CalibrationRecord(Trace(record.force.time, pushed, record.force.health), record.position, None), WHOLE
         )
@@ -273,7 +273,7 @@ def test_weight_and_centre_of_mass_from_orientations():
 
 def test_orientations_that_tell_nothing_are_refused():
     wrenches = np.zeros((3, 6))
-    with pytest.raises(LogError, match="too much alike"):
+    with pytest.raises(LogError, match="too similar"):
         weight_fit(wrenches, np.tile([0.0, 0.0, -1.0], (3, 1)), (0.01, 1e-3))
     with pytest.raises(LogError, match="need three"):
         weight_fit(wrenches[:2], poses()[:2], (0.01, 1e-3))

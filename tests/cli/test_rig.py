@@ -28,7 +28,9 @@ def test_a_dry_run_shows_the_motion_and_connects_to_nothing(capsys, live, tmp_pa
     assert "#" in text
     assert "z: -5.00 to 5.00 mm (limits -7 to 20)" in text
     assert "at most 15.1 N by computation" in text
-    assert "device arm: goes to the start by itself, straight, from at most 30 mm away at no more than 20 mm/s" in text
+    assert (
+        "device arm: moves to the start on its own, straight, from at most 30 mm away at no more than 20 mm/s" in text
+    )
     assert not (tmp_path / "runs").exists()
 
 

@@ -9,7 +9,7 @@ from palpate import DeviceError, ForceWatch, Setpoint
 from palpate.safety import SafetySettings
 from palpate_devices.bota.device import BotaSensor
 from palpate_devices.ur3e.device import UR
-from palpate_devices.ur3e.servo import PERIOD
+from palpate_devices.ur3e.plan import PERIOD
 from palpate_trajectories.point import Point
 
 WORK = {"origin": (-0.3, -0.13, 0.1)}

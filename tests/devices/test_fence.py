@@ -14,7 +14,8 @@ from palpate_devices.ur3e.kinematics import (
     tip,
     told_apart,
 )
-from palpate_devices.ur3e.servo import PERIOD, Commander, Law, way
+from palpate_devices.ur3e.plan import PERIOD, Plan
+from palpate_devices.ur3e.servo import Commander, Law, way
 from palpate_devices.ur3e.states import complaint
 
 WORK = WorkFrame.model_construct(origin=(-0.3, -0.13, 0.1), rotation=(0.0, 0.0, 0.0), turn=0.0)
@@ -235,7 +236,7 @@ def test_place_and_speed_are_watched_in_motion(position, velocity, words, truste
 def test_a_command_that_is_taken_back_leaves_no_trace():
     commander = Commander(LAW, np.array([0.0, 0.0, 0.003]))
     rows = table(np.concatenate([straight(0.02, 40), [[0.0, 0.0, -0.004]], straight(0.02, 5, (0, 0, -0.004))]))
-    commander.follow(rows)
+    commander.follow(Plan.of(rows))
     place = commander.command
     while True:
         before, place = place, commander.next(place, STILL)
@@ -253,7 +254,7 @@ def test_a_trip_on_the_way_goes_back_to_where_the_way_began():
     """An obstacle between here and the start: the start lies behind it."""
     begin = np.array([0.0, 0.0, 0.01])
     commander = Commander(LAW, begin)
-    commander.follow(table(straight(0.02, 50, (0, 0, 0.001))))
+    commander.follow(Plan.of(table(straight(0.02, 50, (0, 0, 0.001)))))
     for _ in range(250):
         place = commander.next(begin, STILL)
     assert place[2] < 0.008
@@ -271,7 +272,7 @@ def test_the_tool_turns_only_on_the_way_and_about_its_tip():
         commander.next(begin, STILL)
         np.testing.assert_array_equal(commander.turn, turn)
     assert commander.command[2] == pytest.approx(0.0045)
-    commander.follow(table(straight(0.02, 5)))
+    commander.follow(Plan.of(table(straight(0.02, 5))))
     turns, places = [commander.turn], [commander.command]
     while commander.mode == "approach":
         places.append(commander.next(begin, STILL))

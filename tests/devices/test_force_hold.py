@@ -12,7 +12,8 @@ from palpate.safety import SafetySettings
 from palpate_devices.bota.device import BotaSensor
 from palpate_devices.leading import ForceLead, refusal
 from palpate_devices.ur3e.device import UR
-from palpate_devices.ur3e.servo import PERIOD, Commander, Law
+from palpate_devices.ur3e.plan import PERIOD, Plan
+from palpate_devices.ur3e.servo import Commander, Law
 from palpate_trajectories.force_hold import ForceHold
 
 from tests.simulated import pipeline, solid
@@ -104,7 +105,7 @@ def test_an_arm_without_news_of_the_force_stays_where_it_is_and_then_leaves():
     setpoint = HOLD.at(times)
     table = np.column_stack([setpoint.position, setpoint.velocity, setpoint.measuring])
     commander = Commander(Law("pd", 20.0, 0.5, 0.02, 0.05, 1.0), np.array([0.0, 0.0, 0.002]))
-    commander.follow(table, HOLD.force_law)
+    commander.follow(Plan.of(table), HOLD.force_law)
     position = before = np.array([0.0, 0.0, 0.002])
     lowest, silent = 1.0, 0
     for _ in range(len(table) + 500):

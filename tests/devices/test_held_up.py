@@ -10,7 +10,8 @@ from palpate_devices.ur3e.fence import ArmState
 from palpate_devices.ur3e.frame import WorkFrame
 from palpate_devices.ur3e.kinematics import UR3E, joints_at, matrix_of, tip
 from palpate_devices.ur3e.pace import Beat, next_deadline
-from palpate_devices.ur3e.servo import PERIOD, Commander, Law
+from palpate_devices.ur3e.plan import PERIOD, Plan
+from palpate_devices.ur3e.servo import Commander, Law
 from palpate_devices.ur3e.worker import _Loop
 
 WORK = WorkFrame.model_construct(origin=(-0.3, -0.13, 0.1), rotation=(0.0, 0.0, 0.0), turn=0.0)
@@ -109,7 +110,7 @@ def driven(rows, held_up, unseen=0.0, jam=np.inf, longest=6.0):
     commander = loop._commander = Commander(loop._law, robot.look().position)
     loop._obey(LIMITS, commander)
     loop._fence.begin(commander.command)
-    commander.follow(rows)
+    commander.follow(Plan.of(rows))
     now = deadline = ticked = cycles = 0
     try:
         while commander.mode != "done" and now < longest * 1e9:
@@ -198,7 +199,7 @@ def test_a_table_is_made_up_for_a_tenth_faster_and_to_the_bit_where_nothing_was_
     told = {}
     for held_up in (0, 20):
         commander = Commander(law, rows[0, :3])
-        commander.follow(rows)
+        commander.follow(Plan.of(rows))
         places = [commander.command]
         while commander.mode != "done":
             places.append(commander.next(places[-1], np.zeros(3)))

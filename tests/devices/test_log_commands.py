@@ -54,7 +54,7 @@ def test_recovery_of_a_whole_log_of_nothing_and_onto_something(palpate, recordin
     assert done.stdout.startswith("the log was whole: ")
     assert numbers(tmp_path / "again.mcap").keys() == numbers(recording).keys()
     for source, out, words in (
-        (recording, "again.mcap", "is there already"),
+        (recording, "again.mcap", "exists already"),
         ("none.mcap", "x.mcap", "there is no such file"),
         ("head.mcap", "x.mcap", "nothing in it is whole"),
     ):
@@ -83,7 +83,7 @@ def test_a_bag_that_is_cut_gives_what_is_whole(palpate, tmp_path, whole):
     np.testing.assert_array_equal(np.concatenate([b.values[:, 0] for b in batches]), time // 10**6 / 8)
     assert len(time) > 0.8 * whole * len(messages)
     assert f"{len(time)} messages over" in done.stdout
-    assert "is there already" in palpate("recover", "bag.db3", "-o", "good.db3").stderr
+    assert "exists already" in palpate("recover", "bag.db3", "-o", "good.db3").stderr
 
 
 def test_messages_of_many_pages_are_whole_or_not_there(tmp_path):
@@ -208,7 +208,7 @@ def test_a_table_is_the_same_however_it_is_cut(tmp_path, monkeypatch, window):
     ("arguments", "words"),
     [
         (("-o", "x.doc"), "the name must end in one of .csv, .npz, .mat, .parquet"),
-        (("-o", "bag.csv"), "is there already"),
+        (("-o", "bag.csv"), "exists already"),
         (("-o", "x.csv", "--topic", "/none"), "--topic /none: holds no numbers and no texts (there are: /fast, /slow)"),
         (("-o", "no/where.csv"), "cannot write"),
     ],

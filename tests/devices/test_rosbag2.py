@@ -171,7 +171,7 @@ def test_a_database_without_its_last_bytes_is_refused(tmp_path, missing):
 def test_a_recovery_overwrites_nothing(tmp_path):
     bag = bag_of(tmp_path / "bag.db3", [[0.0, 1.0]])
     (tmp_path / "good.db3").write_text("mine")
-    with pytest.raises(OutputError, match=r"good\.db3: is there already, and nothing is ever overwritten"):
+    with pytest.raises(OutputError, match=r"good\.db3: exists already, and nothing is ever overwritten"):
         Rosbag2Replay.recover(bag, tmp_path / "good.db3")
     assert (tmp_path / "good.db3").read_text() == "mine"
 

@@ -245,7 +245,7 @@ def test_a_pipeline_file_elsewhere_and_a_picture(palpate, tmp_path):
     assert (tmp_path / "log.png").read_bytes()[:4] == b"\x89PNG"
     assert 'file = "../logs/log.csv"' in (tmp_path / "pipelines" / "log.toml").read_text()
     assert palpate("check", "pipelines/log.toml").returncode == 0
-    assert "is there already" in palpate("info", "logs/log.csv", "-o", "pipelines/log.toml").stderr
+    assert "exists already" in palpate("info", "logs/log.csv", "-o", "pipelines/log.toml").stderr
 
 
 def test_a_force_that_counts_the_other_way_is_asked_for(palpate, tmp_path):

@@ -16,8 +16,9 @@ from palpate_devices.ur3e.kinematics import (
     rotation_vector,
     tip,
 )
+from palpate_devices.ur3e.plan import PERIOD, Plan
 from palpate_devices.ur3e.robot import send_at_once
-from palpate_devices.ur3e.servo import PERIOD, Commander, Law, way
+from palpate_devices.ur3e.servo import Commander, Law, way
 from palpate_testing import check_trajectory
 from palpate_trajectories.point import Point
 
@@ -86,7 +87,7 @@ def test_the_way_to_the_start_keeps_what_it_promises(length):
     assert np.abs(velocity).max() <= LAW.approach_speed * (1 + 1e-9)
     assert np.abs(np.diff(velocity, axis=0)).max() / PERIOD <= LAW.acceleration
     commander = Commander(LAW, begin)
-    commander.follow(np.tile(np.array([*end, 0.0, 0.0, 0.0, 0.0]), (5, 1)))
+    commander.follow(Plan.of(np.tile(np.array([*end, 0.0, 0.0, 0.0, 0.0]), (5, 1))))
     track = followed(commander, begin, len(times), until="follow")
     np.testing.assert_allclose(track[: len(times)], position[: len(track)], atol=1e-12)
 
@@ -95,7 +96,7 @@ def test_it_goes_to_the_start_and_follows():
     setpoint = PRESS.at(np.arange(0, PRESS.total_duration, PERIOD))
     table = np.column_stack([setpoint.position, setpoint.velocity, setpoint.measuring])
     commander = Commander(LAW, np.array([0.001, 0.0, 0.01]))
-    commander.follow(table)
+    commander.follow(Plan.of(table))
     track = followed(commander, np.array([0.001, 0.0, 0.01]), 5000)
     assert commander.mode == "done"
     # 20/s of gain lag the sine by less than 0.6 of its amplitude; the depth is reached.
@@ -108,7 +109,7 @@ def test_it_retracts_along_the_normal_from_any_motion():
     table = np.column_stack([setpoint.position, setpoint.velocity, setpoint.measuring])
     for steps in (100, 200, 300, 500):
         commander = Commander(LAW, np.array([0.0, 0.0, 0.003]))
-        commander.follow(table)
+        commander.follow(Plan.of(table))
         before = followed(commander, np.array([0.0, 0.0, 0.003]), steps)
         commander.retract()
         track = followed(commander, before[-1], 3000)

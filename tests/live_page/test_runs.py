@@ -119,7 +119,7 @@ def test_a_run_ends_as_ever_though_its_page_stands_still_or_dies(how, run_live, 
     assert result.tracks["dr/ekf"].samples > 100
     addresses.get()
     if how == signal.SIGKILL:
-        assert "ended from outside; the run has not waited" in addresses.get()
+        assert "ended from outside; the run did not wait" in addresses.get()
     with pytest.raises(ProcessLookupError):  # nothing is left behind
         os.kill(pids[0], 0)
 
@@ -179,7 +179,7 @@ def test_a_run_without_a_log_is_not_estimated_once_more(run_point, palpate, tmp_
     folder = run_point("trajectory.press.duration=1 s", name="bare").folder
     (folder / "log.mcap").unlink()
     done = palpate("watch", folder, "--set", "alignment.tip_mass=100 g")
-    assert (done.returncode, "no log to estimate once more" in done.stderr) == (2, True)
+    assert (done.returncode, "no log to estimate again" in done.stderr) == (2, True)
     (folder / "result.json").unlink()
     done = palpate("watch", folder)
     assert (done.returncode, "neither a log nor a result" in done.stderr) == (2, True)

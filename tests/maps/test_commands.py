@@ -221,7 +221,7 @@ def test_a_motion_that_can_only_be_done_as_one_does_not_resume(palpate, sweep_ru
     (cut / "estimates.csv").write_text("".join(rows[:1000]))
     done = palpate("resume", cut)
     assert done.returncode == 2
-    assert "only be done as one" in done.stderr
+    assert "cannot be continued" in done.stderr
 
 
 def test_a_plan_is_drawn_before_anything_moves(palpate, root, tmp_path):
@@ -308,7 +308,9 @@ def test_a_run_of_a_sweep_prints_ranges(palpate, root, tmp_path):
     row = next(line for line in done.stdout.splitlines() if "dr/kinematic" in line)
     assert re.search(r"\d to \d", row)
     assert "±" not in row
-    assert f"ranges along the way of the tip; by place: palpate map {tmp_path / 'out'}" in " ".join(done.stdout.split())
+    assert f"ranges along the path of the tip; by place: palpate map {tmp_path / 'out'}" in " ".join(
+        done.stdout.split()
+    )
 
 
 def test_no_map_is_written_over_an_earlier_one(palpate, raster_run, tmp_path):

@@ -153,7 +153,7 @@ def test_too_few_rows_are_no_table(tmp_path, monkeypatch):
 
 def test_time_is_bounded(tmp_path):
     pytest.importorskip("skfem", reason="scikit-fem is not installed")
-    with pytest.raises(ConfigurationError, match="the time was over on the way"):
+    with pytest.raises(ConfigurationError, match="the time limit was reached on the way"):
         told(tmp_path, "--fine", "8", "--limit", "1 us")
 
 

@@ -186,7 +186,7 @@ def test_mistakes_of_the_file_are_those_of_the_command_line(short):
         short.set("indenter.tip.radius", "5 kPa").run()
     with pytest.raises(ConfigurationError, match="is a table"):
         short.set("indenter.tip", {"radius": "5 mm"})
-    with pytest.raises(ConfigurationError, match="nothing that a pipeline file can hold"):
+    with pytest.raises(ConfigurationError, match="cannot be written in a pipeline file"):
         short.set("run.seed", object())
 
 
@@ -328,8 +328,8 @@ def test_a_csv_is_a_record(arrays, tmp_path):
     ("change", "what"),
     [
         ({"force": [1.0, 2.0]}, "must be equally long: time has .*, force has 2"),
-        ({"force": "words"}, "force: holds something that is no number"),
-        ({"force": np.ones((3, 2))}, "force: must be one column of numbers, and is 3 x 2"),
+        ({"force": "words"}, "force: contains something that is no number"),
+        ({"force": np.ones((3, 2))}, "force: must be one column of numbers, not 3 x 2"),
         ({"force": 3.0}, "force: must be one column"),
         ({"time": None}, "give either time"),
         ({"rate": "500 Hz"}, "give either time"),
@@ -360,7 +360,7 @@ def test_times_that_are_none(arrays):
 @pytest.mark.parametrize(
     ("arguments", "what"),
     [
-        ({"model": "dr"}, "wants a tip"),
+        ({"model": "dr"}, "needs a tip"),
         ({"model": "doctor", "tip": Sphere(radius="5 mm")}, "there is no model 'doctor'"),
         ({"model": 3, "tip": Sphere(radius="5 mm")}, "3 is no model"),
         ({"tip": "sphere"}, "'sphere' is no indenter"),

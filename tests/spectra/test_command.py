@@ -21,7 +21,7 @@ def run(tmp_path_factory, root):
 def test_a_run_folder_becomes_a_table_a_csv_and_a_picture(palpate, run, tmp_path):
     done = palpate("spectrum", run, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    assert "One frequency cannot tell a delay from a loss" in done.stdout
+    assert "One frequency cannot distinguish a delay from a loss" in done.stdout
     with (tmp_path / "out" / "spectrum.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)
     assert float(row["frequency_Hz"]) == pytest.approx(2.0, abs=0.01)

@@ -175,7 +175,7 @@ def test_a_short_way_is_short():
         (Raster, {"size": (0.06, 0.04), "pitch": 1e-6, "press": PRESS}, "lines"),
         (Raster, {"size": (0.06, 0.04), "pitch": 0.005, "speed": 0.05, "press": PRESS}, "periods"),
         (Raster, {"size": (0.06, 0.04), "pitch": 0.005, "first_line": 9, "press": PRESS}, "first_line"),
-        (LineSweep, {"end": (0.0, 0.0), "press": PRESS}, "one place"),
+        (LineSweep, {"end": (0.0, 0.0), "press": PRESS}, "the same place"),
         (LineSweep, {"end": (0.0, 0.01), "speed": 0.1, "press": PRESS}, "periods"),
         (Press, {"bias": 0.004, "amplitude": 0.004}, "amplitude"),
         (Press, {"bias": 0.02, "amplitude": 0.01, "frequency": 10.0}, "m/s"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,18 +50,19 @@ def change_point(position: Floats, force: Floats) -> ChangePoint | None:
         return None
     centred = f - f.mean()
     total = float((centred**2).sum())
-    best = (total, top)
+    best, count, held, pulls = (total, top), len(z), z, centred
     low, high = bottom, top
     for _ in range(_LEVELS):
         heights = _STEPS * ((high - low) / (_GRID - 1)) + low
         heights[-1] = high
-        below = z < high  # the law is none for the others, whatever the height
-        sums = _left(z[below], centred[below], len(z), total, heights)
+        below = held < high  # the law is none for the others, whatever the height
+        held, pulls = held[below], pulls[below]
+        sums = _left(held, pulls, count, total, heights)
         at = int(np.argmin(sums))
         best = min(best, (float(sums[at]), float(heights[at])))
         low, high = float(heights[max(at - 1, 0)]), float(heights[min(at + 1, _GRID - 1)])
     left, surface = best
-    noise = max(left, 0.0) / (len(z) - 3)  # rounding leaves less than nothing of a law without noise
+    noise = max(left, 0.0) / (count - 3)  # rounding leaves less than nothing of a law without noise
     shape = np.maximum(surface - z, 0.0)
     shape *= np.sqrt(shape)
     spread = float(((shape - shape.mean()) ** 2).sum())
@@ -79,6 +81,7 @@ def _hanging_together(residual: Floats) -> float:
     return max(float(parts @ parts) / _PARTS * len(residual) / _PARTS / variance, 1.0) if variance > 0 else 1.0
 
 
+@lru_cache(64)
 def even_parts(count: int, parts: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Where parts of equal length begin, the first ones longer by one, and how long they are: of `count` samples."""
     each, longer = divmod(count, parts)

@@ -107,7 +107,8 @@ class TouchFinder:
     def _prepare(self, samples: Samples) -> None:
         """Settle lag and tare on the beginning of the record, the same however much more has come."""
         settings = self._settings
-        interval = float(np.median(samples.interval[1:_FIRST])) if len(samples) > 1 else 0.0
+        first = np.sort(samples.interval[1:_FIRST]).tolist()
+        interval = 0.5 * (first[(len(first) - 1) // 2] + first[len(first) // 2]) if first else 0.0  # the median
         lag = int(settings.touch_lag / interval) if interval > 0 else 0
         self._after = int(_AFTER * lag)
         self._lag = lag - self._after

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from palpate.trajectory import OwnMotion, Setpoint, Trajectory
 from palpate.vectors import Floats
 
 _STEP = 0.002  # [s] between the instants that are checked
+_STRETCH, _COMMON = 30_000, 2  # instants; what two stretches share, for accelerations are of three of them
 _TOLERANCE = 1e-9
 _ROUNDING = 1e-9
 _CONTRADICTION = 1e-3  # [m/s] between stated velocity and what the positions do
@@ -34,25 +37,68 @@ class MotionReport:
 
 
 def check_motion(trajectory: Trajectory, limits: SafetySettings) -> MotionReport:
-    """Every setpoint of a motion against the limits."""
-    times = np.arange(0.0, trajectory.total_duration + _STEP, _STEP)
-    return check_setpoints(times, trajectory.at(times), limits)
+    """Every setpoint of a motion against the limits; of one of hours a stretch is in memory at a time."""
+    count = math.ceil((trajectory.total_duration + _STEP) / _STEP)
+    spans = (np.arange(max(first - _COMMON, 0), min(first + _STRETCH, count)) for first in range(0, count, _STRETCH))
+    times = (np.asarray(span * _STEP, np.float64) for span in spans)
+    return _judged(((time, trajectory.at(time)) for time in times), limits)
 
 
 def check_setpoints(times: Floats, setpoint: Setpoint, limits: SafetySettings) -> MotionReport:
     """Setpoints at times (n,) [s] against the limits."""
-    reach, moved = Reach.of(times, setpoint), np.diff(setpoint.position, axis=0) / np.diff(times)[:, None]
-    inward = max(float((-column[:, 2]).max(initial=0.0)) for column in (setpoint.velocity, moved))
-    finite = bool(np.isfinite(setpoint.position).all() and np.isfinite(setpoint.velocity).all())
-    problems = [] if finite else ["a setpoint is not a finite number"]
+    return _judged([(times, setpoint)], limits)
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """What there is to know of setpoints one after the other."""
+
+    times: tuple[float, float]  # [s] first and last
+    reach: Reach
+    inward: float  # [m/s]
+    turn: float  # [rad/s]
+    finite: bool
+    apart: tuple[float, float, float]  # [m/s] stated velocity and what the positions do: too far apart by, and both
+
+    @classmethod
+    def of(cls, times: Floats, setpoint: Setpoint, limits: SafetySettings) -> _Stretch:
+        moved = np.diff(setpoint.position, axis=0) / np.diff(times)[:, None]
+        return cls(
+            (float(times[0]), float(times[-1])),
+            Reach.of(times, setpoint),
+            max(float((-column[:, 2]).max(initial=0.0)) for column in (setpoint.velocity, moved)),
+            setpoint.fastest_turn,
+            bool(np.isfinite(setpoint.position).all() and np.isfinite(setpoint.velocity).all()),
+            _apart(moved, setpoint.velocity, limits.acceleration * np.diff(times)),
+        )
+
+    def and_of(self, other: _Stretch) -> _Stretch:
+        """With the one after it."""
+        return _Stretch(
+            (self.times[0], other.times[1]),
+            self.reach.and_of(other.reach),
+            max(self.inward, other.inward),
+            max(self.turn, other.turn),
+            self.finite and other.finite,
+            max(self.apart, other.apart),
+        )
+
+
+def _judged(stretches: Iterable[tuple[Floats, Setpoint]], limits: SafetySettings) -> MotionReport:
+    whole = reduce(_Stretch.and_of, (_Stretch.of(times, setpoint, limits) for times, setpoint in stretches))
+    reach, inward, (apart, stated, seen) = whole.reach, whole.inward, whole.apart
+    problems = [] if whole.finite else ["a setpoint is not a finite number"]
     problems += [_sentence(excess) for excess in limits.motion.excesses(reach)]
-    problems += _contradiction(moved, setpoint.velocity, limits.acceleration * np.diff(times))
+    if apart > _CONTRADICTION:
+        problems.append(
+            f"the setpoints move at {1e3 * seen:.1f} mm/s where their stated velocity is {1e3 * stated:.1f} mm/s"
+        )
     problems += _too_hard(inward, limits)
-    if setpoint.fastest_turn > limits.angular_speed * (1.0 + _ROUNDING):
-        turn, most = math.degrees(setpoint.fastest_turn), math.degrees(limits.angular_speed)
+    if whole.turn > limits.angular_speed * (1.0 + _ROUNDING):
+        turn, most = math.degrees(whole.turn), math.degrees(limits.angular_speed)
         problems.append(f"the tool turns at {turn:.1f} deg/s, over the limit of {most:.1f} deg/s")
     return MotionReport(
-        float(times[-1] - times[0]),
+        whole.times[1] - whole.times[0],
         reach.low,
         reach.high,
         reach.speed,
@@ -63,15 +109,14 @@ def check_setpoints(times: Floats, setpoint: Setpoint, limits: SafetySettings) -
     )
 
 
-def _contradiction(moved: Floats, velocity: Floats, change: Floats) -> list[str]:
-    """Where positions do not move as the stated velocity says; within a step it may change by so much (n,)."""
+def _apart(moved: Floats, velocity: Floats, change: Floats) -> tuple[float, float, float]:
+    """Where positions move least as the stated velocity says, which within a step may change by so much (n,)."""
     stated = 0.5 * (velocity[1:] + velocity[:-1])
     apart = np.linalg.norm(moved - stated, axis=1) - change
-    if not len(apart) or not float(np.nanmax(apart, initial=0.0)) > _CONTRADICTION:
-        return []
+    if np.isnan(apart).all():
+        return 0.0, 0.0, 0.0
     worst = int(np.nanargmax(apart))
-    stated_speed, seen = (1e3 * float(np.linalg.norm(column[worst])) for column in (stated, moved))
-    return [f"the setpoints move at {seen:.1f} mm/s where their stated velocity is {stated_speed:.1f} mm/s"]
+    return float(apart[worst]), float(np.linalg.norm(stated[worst])), float(np.linalg.norm(moved[worst]))
 
 
 def _sentence(excess: Excess) -> str:

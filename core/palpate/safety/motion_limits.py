@@ -32,6 +32,11 @@ class Reach:
         speed = max(_largest(velocity), _largest(moved)) + setpoint.fastest_turn * setpoint.lever
         return cls(position.min(axis=0), position.max(axis=0), speed, sudden)
 
+    def and_of(self, other: Reach) -> Reach:
+        """What two stretches of a motion ask of an arm."""
+        low, high = np.minimum(self.low, other.low), np.maximum(self.high, other.high)
+        return Reach(low, high, max(self.speed, other.speed), max(self.acceleration, other.acceleration))
+
 
 @dataclass(frozen=True)
 class Excess:

@@ -15,8 +15,8 @@ def palpate_commands() -> dict[str, Command]:
     """What is done with one pipeline, and what there is to build it of."""
     return {
         "run": Command("palpate_basics.run:run", "Run a pipeline; print what was found.", "run"),
-        "replay": Command("palpate_basics.replay:replay", "Estimate once more from the log of a run.", "run"),
-        "resume": Command("palpate_basics.resume:resume", "Go on with a run that was interrupted.", "run"),
+        "replay": Command("palpate_basics.replay:replay", "Estimate again from the log of a run.", "run"),
+        "resume": Command("palpate_basics.resume:resume", "Continue a run that was interrupted.", "run"),
         "check": Command(
             "palpate_basics.inspect:check", "Show every mistake in a pipeline, without running it.", "run"
         ),

@@ -18,10 +18,10 @@ PluginFiles = Annotated[
 Points = Annotated[
     Path | None,
     typer.Option(
-        help="Point palpations on the same line, to hold the sweep against: a run, or a pipeline file to run."
+        help="Point palpations on the same line, to compare the sweep with: a run, or a pipeline file to run."
     ),
 ]
-TrackOption = Annotated[str | None, typer.Option(help="Track, as model/estimator. [default: the best there is]")]
+TrackOption = Annotated[str | None, typer.Option(help="Track, as model/estimator. [default: the best]")]
 FolderOption = Annotated[
     Path | None,
     typer.Option("--out", "-o", help="Folder to write to; must be new or empty. [default: runs/DATE_TIME_NAME]"),

@@ -36,8 +36,8 @@ def _own_motions(pipeline: Pipeline, limits: SafetySettings) -> Iterator[str]:
     """What arms do by themselves: what can be said of it is printed, what breaks the limits is told."""
     for name, own in own_motions(pipeline.devices).items():
         typer.echo(
-            f"device {name}: goes to the start by itself, straight, from at most {1e3 * own.distance:g} mm away at no "
-            f"more than {1e3 * own.speed:g} mm/s; checked against the box when it is known where the tip stands"
+            f"device {name}: moves to the start on its own, straight, from at most {1e3 * own.distance:g} mm away at "
+            f"no more than {1e3 * own.speed:g} mm/s; checked against the box once the tip's position is known"
         )
         yield from (f"device {name}: {problem}" for problem in check_own_motion(own, limits))
 

@@ -41,7 +41,7 @@ def remaining_pipeline(folder: Path) -> Pipeline | None:
     where, pipeline, remaining = left[0]
     if not isinstance(remaining, Resumable):
         (name,) = pipeline.trajectories
-        raise ConfigurationError(f"{where}: [trajectory.{name}] can only be done as one; run it again")
+        raise ConfigurationError(f"{where}: [trajectory.{name}] cannot be continued, only repeated: run it again")
     return continued(pipeline, remaining, len(run.parts))
 
 

@@ -16,6 +16,6 @@ def resume(run: Annotated[Path, typer.Argument(help="The folder of the run that 
     """Do what an interrupted run left: whole lines of a raster, whole points; in a folder inside the run's."""
     pipeline = remaining_pipeline(run)
     if pipeline is None:
-        typer.echo(f"{run}: was finished; nothing is left to do")
+        typer.echo(f"{run}: is complete; nothing is left to do")
         return
     execute(pipeline, RunFolder(run).next_part)

@@ -44,7 +44,7 @@ def run(
 ) -> None:
     """Run a pipeline; print what was found and where it is written."""
     if file.is_dir() or file.suffix in _LOGS:
-        raise ConfigurationError(f"{file}: is no pipeline file; a recorded run is estimated anew by `palpate replay`")
+        raise ConfigurationError(f"{file}: is no pipeline file; `palpate replay` estimates a recorded run again")
     assignments = [*(overrides or []), *([f"run.seed={seed}"] if seed is not None else [])]
     assignments += ["run.report=true"] if report else []
     assignments += ['sink.live.type="live"'] if live else []

@@ -12,7 +12,7 @@ from palpate.host import FORMAT, KEY, KINDS, UNCHECKED, AlignmentSettings, Regis
 _UNCHECKED = {
     "type": "array",
     "items": {"type": "string"},
-    "description": "keys of this table whose numbers without a unit are meant as they are",
+    "description": "keys of this table whose numbers without a unit are intended",
 }
 
 
@@ -20,7 +20,7 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
     """JSON schema (draft 2020-12) of every table, key and part that the loaded plugins know."""
     definitions: dict[str, Any] = {}
     properties: dict[str, Any] = {
-        KEY: {"type": "string", "description": f'version for which the file is written; today "{FORMAT}"'},
+        KEY: {"type": "string", "description": f'version for which the file is written; currently "{FORMAT}"'},
         "run": _table(RunSettings, "run", definitions),
         "alignment": _table(AlignmentSettings, "alignment", definitions),
         "safety": _table(SafetySettings, "safety", definitions),

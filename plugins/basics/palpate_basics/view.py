@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from palpate import Flag, ReportSection
 from palpate.host import Found, Result, Table as Cells, TrackResult, display_unit, function_of, measured, rounded
 
-_ALONG = "ranges along the way of the tip; by place: palpate map {folder}"
+_ALONG = "ranges along the path of the tip; by place: palpate map {folder}"
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -193,12 +193,12 @@ class AppliedCalibration:
         aside, own = payload * math.hypot(*centre[:2]), mass.value * math.hypot(tip[0].value, tip[1].value)
         if abs(aside - own) > slack:
             yield (
-                f"counts on a payload with its centre of mass {1e3 * math.hypot(*centre[:2]):.1f} mm off its flange's "
+                f"assumes a payload with its centre of mass {1e3 * math.hypot(*centre[:2]):.1f} mm off its flange's "
                 f"axis: the tip of {self.path} asks for {1e3 * own / max(payload, 1e-9):.1f} mm"
             )
         if payload * centre[2] < mass.value * tip[2].value - slack:
             yield (
-                f"counts on a payload with its centre of mass {1e3 * centre[2]:.1f} mm before its flange: the tip of "
+                f"assumes a payload with its centre of mass {1e3 * centre[2]:.1f} mm before its flange: the tip of "
                 f"{self.path} alone asks for {1e3 * mass.value * tip[2].value / max(payload, 1e-9):.1f} mm or more"
             )
 

@@ -66,7 +66,7 @@ def calibrate(
         Path | None, typer.Option(help="Draw force and inertia into this file (.png, .svg or .pdf).")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Write over an older calibration file.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: whoever is at the rig has prepared it.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: the rig has been prepared.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Calibrate mass, force-motion delay, tare and noise from a shake in free air; write them with uncertainties.
@@ -138,7 +138,7 @@ def _ask(say: Callable[[str], None], yes: bool) -> Callable[[str], None]:
         try:
             typer.prompt(f"{text}; then press Enter", default="", show_default=False, prompt_suffix=" ", err=True)
         except (EOFError, typer.Abort) as error:
-            raise ConfigurationError("nobody answers; --yes goes on without asking") from error
+            raise ConfigurationError("no answer; --yes continues without asking") from error
 
     return ask
 

@@ -41,7 +41,7 @@ class Calibration(Settings):
     name: str = Field(default="", description="what the calibration is called")
     created: datetime = Field(description="when it was made, with time zone")
     values: dict[str, CalibratedValue] = Field(description="by name: mass, delay, offset, ...")
-    channels: dict[str, str] = Field(description="which channel was force, position, velocity")
+    channels: dict[str, str] = Field(description="channels of force, position and velocity")
     devices: dict[str, dict[str, str]] = Field(default={}, description="type, serial number, versions, file and hash")
     tip: dict[str, Any] | None = Field(default=None, description="the indenter that was mounted, where it was named")
     shake: dict[str, Any] = Field(default={}, description="frequencies [Hz], amplitudes [m], residual [N]")
@@ -49,7 +49,7 @@ class Calibration(Settings):
         default={}, description="noise at standstill of force, position and velocity"
     )
     logs: dict[str, dict[str, str]] = Field(default={}, description="file and hash of each log, by step and device")
-    notes: tuple[str, ...] = Field(default=(), description="what a user should know")
+    notes: tuple[str, ...] = Field(default=(), description="notes for the user")
     versions: dict[str, str] = Field(default={}, description="of palpate and its libraries")
 
     def text(self) -> str:

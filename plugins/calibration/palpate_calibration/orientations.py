@@ -57,9 +57,7 @@ class WrenchRecorder:
         for begin, end in stretches or [(0.0, float(time[-1]))]:
             rows = (time >= begin + _EDGE) & (time < end - _EDGE)
             if end - begin < _SHORTEST or rows.sum() < 100:
-                raise LogError(
-                    f"calibration: a standstill of {end - begin:.2f} s is too short to weigh what hangs there"
-                )
+                raise LogError(f"calibration: a standstill of {end - begin:.2f} s is too short to weigh the load")
             found.append(_pose(values[rows]))
         return found
 

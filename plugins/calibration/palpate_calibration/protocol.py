@@ -58,7 +58,7 @@ def shaken(records: Sequence[CalibrationRecord], settings: CalibrationSettings) 
         moving, still = shaking(record, settings.settle), standing_still(record)
         if not moving:
             raise LogError(
-                "calibration: the record holds no shake of 2 s or more: no even to-and-fro motion; the tip moves by "
+                "calibration: the record contains no shake of 2 s or more: no steady oscillation; the tip moves by "
                 f"{1e3 * float(np.ptp(record.position.values)):.3g} mm in {record.end - record.begin:.3g} s"
             )
         fits = [shake_fit(record, segment, settings.frequencies) for segment in moving]
@@ -100,7 +100,9 @@ def _on_plate(record: CalibrationRecord) -> tuple[Floats, Floats]:
     refuse_broken(record)
     still = standing_still(record)
     if not still:
-        raise LogError("calibration: the record holds no standstill before the tip presses, so the force has no zero")
+        raise LogError(
+            "calibration: the record contains no standstill before the tip presses, so the force has no zero"
+        )
     force, position = record.force, record.position
     free = force.values - standstill_fit(record, still[:1]).offset.value
     inside = (force.time > position.time[0] + _MARGIN) & (force.time < position.time[-1] - _MARGIN)
@@ -204,7 +206,7 @@ def _notes(shakes: Sequence[ShakeFit], standstills: Sequence[StandstillFit]) -> 
     notes = []
     if not standstills:
         notes.append(
-            "no-standstill: the records hold no standstill in free air, so offset, bias, drift and noise are not known"
+            "no-standstill: the records contain no standstill in free air, so offset, bias, drift and noise are unknown"
         )
     colour = max((item.colour for fit in standstills for item in fit.stretches), default=1.0)
     if colour > 2.0:
@@ -216,7 +218,7 @@ def _notes(shakes: Sequence[ShakeFit], standstills: Sequence[StandstillFit]) -> 
     if left > _NOTED * noise:
         notes.append(
             f"unexplained: mass and delay leave {left:.3g} N of the force, where the noise at standstill is "
-            f"{noise:.3g} N: something shook along, or the clocks stumbled"
+            f"{noise:.3g} N: something else vibrated, or the clocks stumbled"
         )
     lags = [shake.velocity_delay for shake in shakes if shake.velocity_delay is not None]
     if lags:
@@ -224,5 +226,5 @@ def _notes(shakes: Sequence[ShakeFit], standstills: Sequence[StandstillFit]) -> 
         small = abs(lag.value) <= _SMALL
         if abs(lag.value) > (5 if small else 3) * lag.combined:
             late = f"velocity-late: the velocity is {lag.value * 1e3:.3g} ms later than the position"
-            notes.append(f"{late}: certain, but too little for it to be moved" if small else late)
+            notes.append(f"{late}: certain, but too small to correct" if small else late)
     return notes

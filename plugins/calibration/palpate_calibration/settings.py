@@ -22,7 +22,7 @@ class StepSettings(Settings):
     """One step of a guided calibration."""
 
     repeats: int | None = Field(
-        default=None, ge=1, le=100, description="how often; left out: that of [calibration]; a log has had all its own"
+        default=None, ge=1, le=100, description="number of repeats; left out: that of [calibration]; a log has its own"
     )
     trajectory: Trajectory | None = Field(default=None, description="the motion, where a device moves for it")
     device: dict[str, Device] = Field(
@@ -40,9 +40,9 @@ _FOUR = (
 
 
 class Orientations(Settings):
-    """The step in which the tool is turned: weight and centre of mass of what hangs behind the sensor."""
+    """The step in which the tool is turned: weight and centre of mass of the load behind the sensor."""
 
-    repeats: int | None = Field(default=None, ge=1, le=100, description="how often all of them; a log: once")
+    repeats: int | None = Field(default=None, ge=1, le=100, description="number of repeats of all of them; a log: once")
     trajectory: Trajectory | None = Field(default=None, description="the motion, where a device moves for it")
     device: dict[str, Device] = Field(default={}, description="devices of this step; left out: those of the file")
     down: tuple[tuple[float, ...], ...] = Field(
@@ -52,7 +52,7 @@ class Orientations(Settings):
         default=math.radians(0.5), ge=0, description="standard uncertainty of each direction, about each of two axes"
     )
     duration: Time = Field(
-        default=3.0, ge=1.0, description="standstill in each orientation, where a person turns the tool"
+        default=3.0, ge=1.0, description="standstill in each orientation, where the tool is turned by hand"
     )
 
     @model_validator(mode="after")
@@ -65,10 +65,10 @@ class Orientations(Settings):
 
 STEPS: dict[str, str] = {  # in the order in which they are done
     "standstill": "the tip hangs free and stays where it is: offset, drift and noise",
-    "orientations": "the tool is turned and stands still: weight and centre of mass of what hangs behind the sensor",
+    "orientations": "the tool is turned and stands still: weight and centre of mass of the load behind the sensor",
     "shake": "the tip is shaken in free air: mass, and time between force and motion",
-    "noise": "the tip moves to and fro in free air: noise of the velocity while it moves",
-    "tap": "the tip taps on a stiff plate: time between force and motion once more",
+    "noise": "the tip oscillates in free air: noise of the velocity while it moves",
+    "tap": "the tip taps on a stiff plate: time between force and motion again",
     "press": "the tip presses on a stiff plate: compliance of robot and sensor",
 }
 ON_A_PLATE = ("tap", "press")
@@ -91,18 +91,16 @@ class CalibrationSettings(Settings):
         default="shake",
         description='"shake": in free air; "plate": pressed on a rigid plate, for a second delay and the compliance',
     )
-    repeats: int = Field(default=3, ge=1, le=100, description="how often the motion is repeated")
+    repeats: int = Field(default=3, ge=1, le=100, description="number of repeats of the motion")
     frequencies: tuple[Frequency, ...] = Field(
         default=(), description="frequencies of the shake; left out: those found in the motion"
     )
-    settle: Time = Field(
-        default=0.2, ge=0, description="how much of each shake's beginning is left to the robot to settle"
-    )
+    settle: Time = Field(default=0.2, ge=0, description="part of each shake's beginning left for the robot to settle")
     gravity: bool = Field(
         default=True,
         description="the force is along gravity, so that the mass has a weight in the reading at standstill",
     )
-    type_b: TypeB = Field(default=TypeB(), description="standard uncertainties that no repeat shows")
+    type_b: TypeB = Field(default=TypeB(), description="standard uncertainties that repeats do not show")
     top_speed: Speed = Field(default=0.25, gt=0, description="limit of the motion's speed")
     top_acceleration: Acceleration = Field(default=10.0, gt=0, description="limit of its acceleration")
     lowest: Length = Field(default=0.001, description="limit of its height over the work frame's origin, the skin")

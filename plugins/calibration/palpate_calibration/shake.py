@@ -128,7 +128,7 @@ def _refuse_contact(
                 gap = abs(first.value - second.value)
                 if gap > max(_APART * math.hypot(first.std, second.std), _APART_AT_ALL * scale):
                     raise LogError(
-                        f"calibration: no one {name} explains the force at {lines[i]:.3g} Hz and at the other "
+                        f"calibration: no single {name} explains the force at {lines[i]:.3g} Hz and at the other "
                         f"frequencies ({first.value:.4g} and {second.value:.4g}): the tip is in contact, or the "
                         "sensor filters"
                     )
@@ -148,7 +148,7 @@ def _refuse_harmonics(left: Floats, force: SineFit, lines: tuple[float, ...], sw
         if modulus > max(_HARMONIC * math.sqrt(variance), _HARMONIC_AT_ALL * swing):
             raise LogError(
                 f"calibration: the force has {modulus:.3g} N at {frequency:.3g} Hz, a harmonic that the motion does "
-                "not explain: the tip is in contact, or touches something now and then"
+                "not explain: the tip is in contact, or touches something at times"
             )
 
 

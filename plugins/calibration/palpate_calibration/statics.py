@@ -69,7 +69,7 @@ def _solved(design: Floats, values: Floats, scale: float) -> tuple[Floats, Float
     singular = np.linalg.svd(design / np.linalg.norm(design, axis=0), compute_uv=False)
     if singular[-1] < 1e-3:
         raise LogError(
-            "calibration: the orientations are too much alike to tell weight from bias; turn the tool by some 30 "
+            "calibration: the orientations are too similar to separate weight from bias; turn the tool by some 30 "
             "degrees or more, about two axes"
         )
     inverse = np.asarray(np.linalg.inv(design.T @ design), np.float64)
@@ -91,7 +91,7 @@ def tap_delay(force: tuple[Floats, Floats], position: tuple[Floats, Floats]) -> 
     noise = float(np.sqrt(np.mean(np.diff(readings, 2) ** 2) / 6.0))
     touching = readings > max(0.2 * float(readings.max()), 5.0 * noise)
     if touching.sum() < 20:
-        raise LogError("calibration: the record holds no tap: the force does not rise for 20 readings")
+        raise LogError("calibration: the record contains no tap: the force does not rise for 20 readings")
     from scipy.interpolate import CubicSpline
     from scipy.signal import savgol_filter
 

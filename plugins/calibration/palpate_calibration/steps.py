@@ -38,7 +38,7 @@ def still(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -
         refuse_broken(record)
         segment = longest_standstill(record)
         if segment is None or segment.length < _ENOUGH:
-            raise LogError("calibration: the record holds no standstill of 2 s or more: the tip moves, or shakes")
+            raise LogError("calibration: the record contains no standstill of 2 s or more: the tip moves, or shakes")
         segments.append(segment)
     fits = [long_standstill_fit(record, segment) for record, segment in zip(records, segments, strict=True)]
     notes = []
@@ -64,7 +64,7 @@ def noisy(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -
             raise LogError("calibration: the noise of the velocity needs [alignment] velocity")
         segments = shaking(record, settings.settle)
         if not segments:
-            raise LogError("calibration: the record holds no even to-and-fro motion of 2 s or more")
+            raise LogError("calibration: the record contains no steady oscillation of 2 s or more")
         for segment in segments:
             times, speeds = record.velocity.between(segment.begin, segment.end)
             paper += [rmse for rmse in [against_average(speeds)] if rmse is not None]

@@ -203,7 +203,7 @@ class _CsvLink:
         What is left without the characters of numbers must be the same separators in every line.
         """
         comma = self._log.delimiter
-        text = text.replace("\r\n", "\n")
+        text = text.replace("\r\n", "\n") if "\r" in text else text
         if self._at is None:
             first, _, rest = text.partition("\n")
             if not first.strip() or '"' in text:
@@ -216,7 +216,7 @@ class _CsvLink:
         separators = ("\n" + comma * (self._width - 1)) * count
         if not text or text.translate(_OF_NUMBERS) != separators[1:]:
             return None
-        found = _parsed(text.replace(comma, ",").replace("\n", ","))
+        found = _parsed((text if comma == "," else text.replace(comma, ",")).replace("\n", ","))
         if found is None:
             return None
         whole = found.size == count * self._width and max(self._at, default=0) < self._width

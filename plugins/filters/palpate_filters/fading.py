@@ -12,7 +12,7 @@ from pydantic import Field
 Preset = Literal["palpate", "paper", "authors"]
 PRESET = (
     '"palpate": ours; "paper": its rule to the letter (signed test, no cap); "authors": constants of their code; '
-    "keys that are given stand over the preset"
+    "keys that are given override the preset"
 )
 
 
@@ -33,7 +33,7 @@ class Fading(Settings):
         default=1.0,
         gt=0,
         allow_inf_nan=False,
-        description="fading raises no standard deviation beyond so many times its first value",
+        description="fading raises no standard deviation beyond this multiple of its first value",
     )
 
 

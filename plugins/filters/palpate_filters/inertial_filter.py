@@ -78,7 +78,7 @@ class InertialFilter(PaperStart, ABC):
     )
     start_duration: Time = Field(default=0.5, gt=0, description="length of the fit; nothing is estimated before")
     order: int = Field(
-        default=0, ge=0, le=4, description="evolution order: how many time derivatives of the parameters are states"
+        default=0, ge=0, le=4, description="evolution order: number of time derivatives of the parameters as states"
     )
     evolution_time: Time = Field(
         default=1.0, gt=0, description="first std of a k-th derivative: that of the parameter over this to the power k"

@@ -43,7 +43,7 @@ class KinematicSettings(Estimator, ABC):
         default=1e-3, ge=0, allow_inf_nan=False, description="density of the other parameters' logarithms, in 1/s"
     )
     bias_std: Force = Field(
-        default=0.0, ge=0, description="standard deviation of a force bias that is to be found; 0: none at the tare"
+        default=0.0, ge=0, description="standard deviation of a force bias to be estimated; 0: none at the tare"
     )
     drift: ForceDrift | None = Field(
         default=None,

@@ -41,12 +41,13 @@ def least_squares(
     """
     x = _within(x, low, high)
     square, evaluations, damping, before = normal(x), 1, 0.0, np.inf
+    if not _finite(square):
+        return Minimum(x, 0.5 * float(square[0, 0]), evaluations, False)
     while evaluations < most:
         cost = 0.5 * float(square[0, 0])
-        if not _finite(square):
-            return Minimum(x, cost, evaluations, False)
         step, gained = bounded_step(square, low - x, high - x, damping)
-        if gained <= gain * cost or bool((np.abs(step) <= _STILL * np.abs(x)).all()):
+        still = all(abs(s) <= _STILL * abs(v) for s, v in zip(step.tolist(), x.tolist(), strict=True))
+        if gained <= gain * cost or still:
             if damping <= _FIRST:
                 x, cost = _within(x + step, low, high), max(cost - gained, 0.0)
             return Minimum(x, cost, evaluations, True)

@@ -41,12 +41,12 @@ class KinematicSmoother(KinematicSettings):
     stiffness_trend: float = Field(
         default=3e-3, ge=0, allow_inf_nan=False, description="density of the first logarithm's trend, in 1/s^3"
     )
-    lag: Time | None = Field(default=None, gt=0, description="how far ahead it looks; left out: to the end")
+    lag: Time | None = Field(default=None, gt=0, description="lag of the smoother; left out: to the end")
     passes: int = Field(
         default=3,
         ge=1,
         le=5,
-        description="times that it goes forwards and back; once on a sweep, with a lag, and where a model remembers",
+        description="number of passes forwards and back; one on a sweep, with a lag, and for a model with memory",
     )
 
     def relinearisations(self, model: ContactModel) -> int:

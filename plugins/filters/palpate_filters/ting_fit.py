@@ -53,10 +53,10 @@ class TingFit(Estimator):
     online: ClassVar[bool] = False
     unloading: ClassVar[str] = "ting"
 
-    fixed: dict[str, float | str] = Field(default={}, description="values that are known, by name of the parameter")
-    first_guess: dict[str, float | str] = Field(default={}, description="where to start, by name of the parameter")
+    fixed: dict[str, float | str] = Field(default={}, description="known values, by name of the parameter")
+    first_guess: dict[str, float | str] = Field(default={}, description="start values, by name of the parameter")
     smoothing: Time = Field(default=0.02, gt=0, description="window of the local cubic for depth and acceleration")
-    reversal: Depth = Field(default=5e-5, gt=0, description="way back that is noise, and no second maximum")
+    reversal: Depth = Field(default=5e-5, gt=0, description="retraction that is noise, and no second maximum")
 
     def start(self, problem: Problem) -> Tracker:
         """A tracker of a whole record; raises ConfigurationError for a model without a relaxation modulus."""

@@ -14,7 +14,7 @@ from palpate_filters.predictions import Points, unscented
 _ALPHA = "spread of the sigma points around the mean (merwe)"
 _BETA = "weight of the centre in the covariance; 2 for a Gaussian (merwe)"
 _KAPPA = "secondary spread: alpha^2 (n + kappa) is the squared reach of the points (merwe, julier)"
-_REDRAW = "whether the update sees the process noise, as if sigma points were drawn again after the prediction"
+_REDRAW = "whether the update includes the process noise, as if sigma points were drawn again after the prediction"
 
 
 class UnscentedKalmanFilter(InertialFilter):
@@ -52,7 +52,7 @@ class AdaptiveFadingUkf(InertialFilter):
     preset: Preset = Field(default="palpate", description=PRESET)
     fading: Fading = Field(default=Fading(), description="how the covariance is inflated")
     order: int = Field(
-        default=2, ge=0, le=4, description="evolution order: how many time derivatives of the parameters are states"
+        default=2, ge=0, le=4, description="evolution order: number of time derivatives of the parameters as states"
     )
 
     @model_validator(mode="before")

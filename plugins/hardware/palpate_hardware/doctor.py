@@ -30,4 +30,4 @@ def doctor(
     if as_json:
         print_json({"findings": found, "bad": bad})
     if bad:
-        raise UserError(f"{bad} finding{'s' if bad > 1 else ''} to mend")
+        raise UserError(f"{bad} problem{'s' if bad > 1 else ''} to fix")

@@ -43,7 +43,7 @@ def examine(pipeline: Pipeline, duration: float) -> Iterator[Finding]:
         links: dict[str, Link] = {}
         for name, device in pipeline.devices.items():
             if not device.live:
-                yield Finding("note", name, "is not live: nothing to look at")
+                yield Finding("note", name, "is not live: nothing to examine")
                 continue
             try:
                 links[name] = stack.enter_context(_listening(device, pipeline.run.seed))

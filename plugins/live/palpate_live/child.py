@@ -157,7 +157,7 @@ class Child:
         if code > 0:
             return f"the {self.served.name} ended early: {printable(words[-1]) if words else f'exit code {code}'}"
         if self.lost is not None:
-            return f"the {self.served.name} was ended from outside; the run has not waited for it"
+            return f"the {self.served.name} was ended from outside; the run did not wait for it"
         if self.dropped:
             lost = f"{self.dropped} of {self.sent + self.dropped} messages were not shown"
             return f"the {self.served.name} was too slow: {lost}"

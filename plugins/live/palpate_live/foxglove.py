@@ -180,7 +180,7 @@ class Bridge:
                 try:
                     self._heard(viewer, said)
                 except (ValueError, LookupError, TypeError, RecursionError):
-                    told = {"op": "status", "level": 2, "message": "only subscribe and unsubscribe are understood here"}
+                    told = {"op": "status", "level": 2, "message": "only subscribe and unsubscribe are supported here"}
                     broadcast([viewer], json.dumps(told))
         self._viewers.pop(viewer, None)
 
@@ -200,7 +200,7 @@ class Bridge:
             gone = set(asked["subscriptionIds"])
             self._viewers[viewer] = {channel: number for channel, number in own.items() if number not in gone}
         else:
-            raise ValueError("nothing else can be asked for")
+            raise ValueError("no other request is supported")
 
     async def finish(self) -> None:
         """Close all connections."""

@@ -44,7 +44,7 @@ def _stranger(request: Request, token: str) -> str | None:
     given = request.path.removeprefix("/").partition("/")[0]
     if hmac.compare_digest(given.encode(errors="replace"), token.encode()):
         return None
-    return "the address lacks the token that the run has printed, or has that of another run"
+    return "the address lacks the token that the run printed, or has that of another run"
 
 
 def admit_viewer(request: Request, token: str) -> Response | None:
@@ -62,7 +62,7 @@ def refusal(request: Request, token: str) -> str | None:
         return "this page is served to localhost and 127.0.0.1 only"
     origins = request.headers.get_all("Origin")
     if any(origin != f"http://{host}" for origin in origins) or len(origins) > 1:
-        return "another page has no business here"
+        return "requests from other pages are refused"
     if (why := _stranger(request, token)) is not None:
         return why
     _, _, rest = request.path.removeprefix("/").partition("/")

@@ -120,7 +120,7 @@ class Server:
         with suppress(ConnectionClosed):
             async for said in viewer:
                 if said != _STOP:
-                    await viewer.close(1008, "the only word here is stop")
+                    await viewer.close(1008, "the only command here is stop")
                 elif not self._history.recorded:
                     with suppress(OSError):
                         self._run.send(_STOP.encode())

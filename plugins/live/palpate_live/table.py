@@ -32,7 +32,7 @@ def recorded(source: Path) -> Recorded | None:
     if not source.is_dir() or any(source.glob("*.mcap")) or (online := folder.online_table) is None:
         return None
     if not folder.finished:
-        raise LogError(f"{source}: has neither a log nor a result: `palpate report {source}` shows what there is")
+        raise LogError(f"{source}: has neither a log nor a result: `palpate report {source}` shows what it contains")
     result, offline = folder.result, [table for table in folder.tables if table.path != online.path]
     units = {name: {key: part["unit"] for key, part in t["parameters"].items()} for name, t in result["tracks"].items()}
     tracks = {

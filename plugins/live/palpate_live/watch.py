@@ -32,7 +32,7 @@ def watch(
     """
     if (known := recorded(source)) is not None:
         if overrides:
-            raise ConfigurationError(f"{source}: has no log to estimate once more from; watch it without --set")
+            raise ConfigurationError(f"{source}: has no log to estimate again from; watch it without --set")
         say("the run has no log: its table of estimates is shown, with flags and devices as they were at the end")
         _serve(port, lambda child: tell(known, Feed(known.run, child.send, meanings(), recorded=True)))
         return

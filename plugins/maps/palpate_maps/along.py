@@ -42,7 +42,9 @@ def curve_along(sites: Sites, along: Floats, settings: LumpSettings) -> LineCurv
     """The curve of the sites of a sweep; raises LogError where it is too short for surroundings."""
     at = np.arange(along.min(), along.max(), STEP)
     if len(at) * STEP < 3 * settings.width:
-        raise LogError(f"a sweep of {1e3 * len(at) * STEP:.3g} mm is too short to tell a lump from its surroundings")
+        raise LogError(
+            f"a sweep of {1e3 * len(at) * STEP:.3g} mm is too short to distinguish a lump from its surroundings"
+        )
     kernel = np.exp(-0.5 * ((at[:, None] - along[None]) / (settings.width / np.sqrt(12))) ** 2)
     kernel /= np.maximum(kernel.sum(axis=1, keepdims=True), 1e-300)
     noise = np.sqrt(settings.spread**2 + sites.kept**2 * (kernel @ sites.std**2))

@@ -24,7 +24,7 @@ class Area:
     """Places that may be visited: those of a grid that nothing refuses."""
 
     nodes: Floats  # (m, 2) [m]
-    told_by: str  # what bounds it, in words
+    bounded_by: str  # what bounds it, in words
     _allows: Callable[[Floats], NDArray[np.bool_]]
 
     def allows(self, places: Floats) -> NDArray[np.bool_]:
@@ -42,14 +42,14 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
     simulated = any(isinstance(device, Simulated) for device in pipeline.devices.values())
     limits = pipeline.safety
     if given is not None:
-        box, told_by = given, "--area"
+        box, bounded_by = given, "--area"
     elif simulated:
         box = (low[0] - _BEYOND, high[0] + _BEYOND, low[1] - _BEYOND, high[1] + _BEYOND)
-        told_by = "the specimen"
+        bounded_by = "the specimen"
     elif limits is not None:
-        box, told_by = (limits.low[0], limits.high[0], limits.low[1], limits.high[1]), "the workspace"
+        box, bounded_by = (limits.low[0], limits.high[0], limits.low[1], limits.high[1]), "the workspace"
     else:
-        box, told_by = (low[0], high[0], low[1], high[1]), "what was palpated; --area lets it go farther"
+        box, bounded_by = (low[0], high[0], low[1], high[1]), "what was palpated; --area extends it"
     x0, x1, y0, y1 = box
     if not (x1 >= x0 and y1 >= y0):
         raise ConfigurationError(f"--area: {1e3 * x0:g} to {1e3 * x1:g} mm, {1e3 * y0:g} to {1e3 * y1:g} mm is empty")
@@ -69,8 +69,8 @@ def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -
     nodes = _grid(box)
     nodes = nodes[allows(nodes)]
     if not len(nodes):
-        raise ConfigurationError(f"nothing may be palpated within {told_by}: the rig refuses every place of it")
-    return Area(nodes, told_by, allows)
+        raise ConfigurationError(f"nothing may be palpated within {bounded_by}: the rig refuses every place in it")
+    return Area(nodes, bounded_by, allows)
 
 
 def _refused(pipeline: Pipeline, places: Floats, rows: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:

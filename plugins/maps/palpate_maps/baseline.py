@@ -41,7 +41,7 @@ def find_baseline(log: Floats, level: float = 0.05, share: float = 0.5, floor: f
         return found
     mode = lowest_mode(log, floor)
     members = np.abs(log - mode.mean) <= 3 * mode.spread
-    return Baseline(mode.mean, mode.spread, mode.told_by, members, single=False)
+    return Baseline(mode.mean, mode.spread, mode.spread_from, members, single=False)
 
 
 def _without_outliers(log: Floats, level: float, share: float, floor: float) -> Baseline:

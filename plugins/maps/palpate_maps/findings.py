@@ -54,5 +54,5 @@ class Findings:
             return None
         return (
             f"the sites are not one population with a few lumps: the {100 * self.several:.0f} % of them about the "
-            "lowest common value are taken for the background"
+            "lowest common value are taken as the background"
         )

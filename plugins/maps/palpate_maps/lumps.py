@@ -24,7 +24,9 @@ def find_lumps(sites: Sites, settings: LumpSettings | None = None) -> Findings:
     settings = settings or LumpSettings()
     settings = replace(settings, spread=max(settings.spread, sites.relief))
     if len(sites) < _FEWEST:
-        raise LogError(f"{len(sites)} sites are too few to tell a lump from its surroundings; {_FEWEST} are needed")
+        raise LogError(
+            f"{len(sites)} sites are too few to distinguish a lump from its surroundings; {_FEWEST} are needed"
+        )
     along = line_coordinate(sites)
     if along is not None and not sites.standing.all():
         curve = curve_along(sites, along, settings)

@@ -38,7 +38,7 @@ def read_path(folder: Path, track: str | None = None, parameter: str | None = No
     if not paths:
         _demand_estimates(folder, parts)
         raise LogError(
-            f"{folder}: holds no estimates in contact with a place: set lateral_x or lateral_y in [alignment]"
+            f"{folder}: contains no estimates in contact with a place: set lateral_x or lateral_y in [alignment]"
         )
     return _joined(paths)
 
@@ -110,7 +110,7 @@ def _demand_track(part: RunFolder, track: str) -> None:
         return
     if any(_read_part(part, other, None) is not None for other in there):
         raise LogError(
-            f"{part.path}: has no estimates of {track}: it was ended before that could be made (there are: "
+            f"{part.path}: has no estimates of {track}: it ended before they could be made (there are: "
             f"{', '.join(there)}); choose one of these with --track, or none for the best of each part"
         )
 

@@ -22,7 +22,7 @@ class Mode:
 
     mean: float
     spread: float  # standard deviation, by what lies below the mean, where nothing stiff is
-    told_by: int  # values that the spread is told from
+    spread_from: int  # number of values that determine the spread
 
 
 def is_one(log: Floats) -> bool:
@@ -45,12 +45,12 @@ def lowest_mode(log: Floats, floor: float) -> Mode:
     first = _first_minimum(widths)
     window = values[first : first + size]
     mean = float(window.mean())
-    spread, told_by = _spread_below(mean, values, floor)
+    spread, spread_from = _spread_below(mean, values, floor)
     for _ in range(_ROUNDS):  # a window about the middle that flanks above do not draw along
         near = values[np.abs(values - mean) <= spread]
         mean = float(np.clip(near.mean() if len(near) else mean, window[0], window[-1]))
-        spread, told_by = _spread_below(mean, values, floor)
-    return Mode(mean, spread, told_by)
+        spread, spread_from = _spread_below(mean, values, floor)
+    return Mode(mean, spread, spread_from)
 
 
 def _first_minimum(widths: Floats) -> int:
@@ -70,8 +70,8 @@ def _spread_below(mean: float, values: Floats, floor: float) -> tuple[float, int
     below = mean - values[values <= mean]
     if len(below) < _FIRST_BELOW:
         return max(floor, float(np.median(below)) / 0.6745 if len(below) else 0.0), max(len(below), 2)
-    spread, told_by = float(np.quantile(below, 0.25)) / 0.3186, len(below)
+    spread, spread_from = float(np.quantile(below, 0.25)) / 0.3186, len(below)
     for _ in range(_ROUNDS):
         kept = below[below <= 3 * max(spread, 0.2 * floor)]
-        spread, told_by = float(np.sqrt(np.mean(kept**2))) if len(kept) else floor, max(len(kept), 2)
-    return max(floor, spread), told_by
+        spread, spread_from = float(np.sqrt(np.mean(kept**2))) if len(kept) else floor, max(len(kept), 2)
+    return max(floor, spread), spread_from

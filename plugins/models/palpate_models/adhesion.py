@@ -31,7 +31,7 @@ class _Sticking(ContactModel):
         """Depth beyond which the paraboloid that both theories take for a sphere is off by 2 %."""
         if depth <= 0.2 * self.radius:
             return ""
-        return f"the depth is {depth / self.radius:.0%} of the radius; a paraboloid is taken for the sphere, up to 20 %"
+        return f"the depth is {depth / self.radius:.0%} of the radius; a paraboloid approximates the sphere up to 20 %"
 
     def _plane_strain(self, elasticity: Any) -> Any:
         """E* = E/(1 - nu^2) [Pa]."""

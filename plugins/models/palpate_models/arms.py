@@ -106,7 +106,7 @@ class Burgers(Relaxing):
         Parameter(
             "delayed_elasticity", "E_K", "Pa", "Young's modulus of the delayed part", start=100e3, start_std=200e3
         ),
-        Parameter("delayed_viscosity", "eta_K", "Pa*s", "shear viscosity that delays it", start=3e3, start_std=10e3),
+        Parameter("delayed_viscosity", "eta_K", "Pa*s", "shear viscosity of the delay", start=3e3, start_std=10e3),
     )
 
     def spectrum(self, theta: Sequence[Any]) -> Spectrum:

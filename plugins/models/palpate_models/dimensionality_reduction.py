@@ -45,8 +45,8 @@ class DimensionalityReduction(ContactModel):
     thickness: OptionalThickness = Field(
         default=None,
         description='correction for a layer, such as { law = "dimitriadis", height = "22 mm", bonded = false }; '
-        'laws: dimitriadis, garcia, finite-cylinder, table; "half-space": the specimen is thick, and nothing is to be '
-        'corrected; left out or "none": the same, though nobody has said so',
+        'laws: dimitriadis, garcia, finite-cylinder, table; "half-space": the specimen is thick, nothing is corrected; '
+        'left out or "none": the same, but not declared',
     )
 
     @model_validator(mode="after")

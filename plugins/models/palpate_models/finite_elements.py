@@ -106,7 +106,7 @@ class SoftCylinder:
         norms = [float(np.linalg.norm(residual[free]))]
         for _ in range(_TRIES):
             if time.monotonic() > until:
-                raise NoEquilibriumError(f"the time was over on the way to a depth of {1e3 * depth:.3g} mm")
+                raise NoEquilibriumError(f"the time limit was reached on the way to a depth of {1e3 * depth:.3g} mm")
             change = self._solve(self._tangent(x, tip, depth), -residual, fixed, np.zeros(len(x)))
             length = float(np.max(np.abs(change[: self._moves.N])))
             if not math.isfinite(length):

@@ -45,8 +45,8 @@ class _Fractional(Relaxing):
 
     memory: ClassVar[tuple[str, ...]] = tuple(f"force_{k}" for k in range(1, _STATES + 1))
 
-    shortest: Time = Field(default=0.02, gt=0, description="shortest time after a change at which the law is to hold")
-    longest: Time = Field(default=20.0, gt=0, description="longest time at which the law is to hold")
+    shortest: Time = Field(default=0.02, gt=0, description="shortest time after a change at which the law is valid")
+    longest: Time = Field(default=20.0, gt=0, description="longest time at which the law is valid")
 
     @model_validator(mode="after")
     def _spans(self) -> Self:

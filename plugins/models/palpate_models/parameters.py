@@ -34,13 +34,13 @@ REFERENCE_DAMPING = Parameter(
     start_std=100.0,
 )
 EXPONENT = Parameter(
-    "exponent", "n", "1", "power of the depth that the force goes with", lower=0.5, upper=4.0, start=1.5, start_std=0.3
+    "exponent", "n", "1", "power of the depth in the force", lower=0.5, upper=4.0, start=1.5, start_std=0.3
 )
 RELAXING_ELASTICITY = Parameter(
     "relaxing_elasticity",
     "E_1",
     "Pa",
-    "part of Young's modulus that is felt at once and fades away",
+    "part of Young's modulus that acts at once and fades",
     start=20e3,
     start_std=50e3,
 )
@@ -82,5 +82,5 @@ DASHPOT_VISCOSITY = Parameter(
     start_std=VISCOSITY.start_std,
 )
 ADHESION_WORK = Parameter(
-    "adhesion_work", "w", "J/m^2", "energy to part tip and material, per area", start=0.05, start_std=0.1
+    "adhesion_work", "w", "J/m^2", "energy to separate tip and material, per area", start=0.05, start_std=0.1
 )

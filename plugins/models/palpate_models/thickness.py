@@ -70,7 +70,7 @@ class Thickness(Settings):
     sticking: bool = Field(default=False, description="finite-cylinder: whether the tip sticks to the surface")
     diameter: Depth | None = Field(default=None, gt=0, description="finite-cylinder: diameter of the specimen")
     radius: Depth | None = Field(
-        default=None, gt=0, description="radius R of the sphere that the tip counts as, where it is none by type"
+        default=None, gt=0, description="radius R of the sphere that approximates the tip, where its type is no sphere"
     )
 
     @model_validator(mode="after")

@@ -49,7 +49,7 @@ def thickness(
     from palpate_models.thickness_table import smoothed, table_text, tip_facts
 
     if out.exists():
-        raise ConfigurationError(f"{out}: is there already, and nothing is ever overwritten")
+        raise ConfigurationError(f"{out}: exists already, and nothing is ever overwritten")
     sizes = {name: _length(name, text) for name, text in (("diameter", diameter), ("height", height), ("depth", depth))}
     indenter = _tip(tip, overrides or [])
     profile = _fitting(indenter, sizes, sticking)
@@ -128,7 +128,7 @@ def _seconds(text: str) -> float:
     except ValueError as error:
         raise ConfigurationError(f"--limit: {error}") from error
     if not value > 0:
-        raise ConfigurationError(f"--limit: {text!r} is no time to compute in")
+        raise ConfigurationError(f"--limit: {text!r} is no computing time")
     return value
 
 
@@ -148,7 +148,7 @@ def _tip(name: str, overrides: list[str]) -> Indenter:
         source.override(f"indenter.tip.{assignment}")
     found: Indenter = build_parts(source, "indenter")["tip"]
     if type(found).__name__ in _NO_SHAPE:
-        raise ConfigurationError(f"--tip {name}: has a sharp edge, or is no shape; the elements take smooth tips")
+        raise ConfigurationError(f"--tip {name}: has a sharp edge, or is no shape; the elements need a smooth tip")
     return found
 
 

@@ -87,7 +87,7 @@ def relaxation_of(model: ContactModel, theta: Sequence[float]) -> Spectrum:
         return Spectrum(theta[0], theta[1], ())
     if isinstance(model, Relaxing) and model.pace(1e-3, theta) is None:
         return model.spectrum(theta)
-    raise ValueError(f"Ting's unloading wants a linear material with a relaxation modulus, not {type(model).__name__}")
+    raise ValueError(f"Ting's unloading needs a linear material with a relaxation modulus, not {type(model).__name__}")
 
 
 def _one_maximum(depth: Floats, reversal: float) -> int:

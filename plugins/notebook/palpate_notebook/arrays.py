@@ -19,7 +19,7 @@ def numbers(name: str, given: Any, unit: str, written: str | None = None) -> Flo
     """
     if hasattr(given, "magnitude") and hasattr(given, "to"):  # of pint
         if written is not None:
-            raise ConfigurationError(f"{name}: has a unit of its own, {given.units}: leave it out of units")
+            raise ConfigurationError(f"{name}: carries its own unit, {given.units}: leave it out of units")
         written, given = f"{given.units:~}", given.magnitude
     attributes = getattr(given, "attrs", None)
     if written is None and isinstance(attributes, dict) and isinstance(attributes.get("units"), str):
@@ -27,10 +27,10 @@ def numbers(name: str, given: Any, unit: str, written: str | None = None) -> Flo
     try:
         column = np.asarray(given, float)
     except (TypeError, ValueError) as error:
-        raise ConfigurationError(f"{name}: holds something that is no number: {error}") from error
+        raise ConfigurationError(f"{name}: contains something that is no number: {error}") from error
     if column.ndim != 1:
         shape = " x ".join(map(str, column.shape)) or "a single number"
-        raise ConfigurationError(f"{name}: must be one column of numbers, and is {shape}")
+        raise ConfigurationError(f"{name}: must be one column of numbers, not {shape}")
     return column * _scale(name, written, unit)
 
 

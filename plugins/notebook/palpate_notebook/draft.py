@@ -67,7 +67,7 @@ def written(key: str, value: Any) -> str:
     try:
         return tomli_w.dumps({"v": plain}).strip().removeprefix("v = ")
     except TypeError as error:
-        raise ConfigurationError(f"{key}: {value!r} is nothing that a pipeline file can hold") from error
+        raise ConfigurationError(f"{key}: {value!r} cannot be written in a pipeline file") from error
 
 
 def load(path: str | Path) -> Draft:

@@ -114,7 +114,7 @@ class FinishedRun:
         """The aligned samples as arrays; raises LogError like `samples`."""
         samples = self._found[0] if self._found is not None else self.replay()._whole
         if samples is None:
-            raise LogError(f"{self.name}: the record holds no samples")
+            raise LogError(f"{self.name}: the record contains no samples")
         return samples
 
     @property

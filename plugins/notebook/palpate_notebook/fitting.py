@@ -105,7 +105,9 @@ def _source(record: Record, tables: dict[str, Any]) -> Source:
     try:
         return Source(tomli_w.dumps(tables), record.path)
     except TypeError as error:
-        raise ConfigurationError(f"{record.name}: holds something that no pipeline file can hold: {error}") from error
+        raise ConfigurationError(
+            f"{record.name}: contains something that cannot be written in a pipeline file: {error}"
+        ) from error
 
 
 def _tables(given: Sequence[str | Part], kind: str, known: Registry, with_tip: bool) -> dict[str, Any]:
@@ -117,7 +119,7 @@ def _tables(given: Sequence[str | Part], kind: str, known: Registry, with_tip: b
             wanted = known.find(kind, table["type"]).model_fields.get("indenter")
             if wanted is not None and (with_tip or wanted.is_required()):
                 if not with_tip:
-                    raise ConfigurationError(f'{kind} {part!r} wants a tip, such as tip=Sphere(radius="5 mm")')
+                    raise ConfigurationError(f'{kind} {part!r} needs a tip, such as tip=Sphere(radius="5 mm")')
                 table["indenter"] = "tip"
         else:
             table = table_of(part, kind, kind, known)

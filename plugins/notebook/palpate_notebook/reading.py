@@ -47,7 +47,7 @@ def read(
     else:
         suggestion = suggestion_of(log, choices)
         if suggestion.blanks:
-            raise ConfigurationError(f"{log}: {'; '.join(suggestion.blanks)}: say it in signals={{...}}")
+            raise ConfigurationError(f"{log}: {'; '.join(suggestion.blanks)}: state it in signals={{...}}")
         doubts = suggestion.doubts
         for text in doubts:
             warnings.warn(f"{log.name}: {text}", stacklevel=2)

@@ -119,7 +119,7 @@ def _demand_equal_lengths(lengths: Mapping[str, int]) -> None:
         told = ", ".join(f"{key} has {length}" for key, length in lengths.items())
         raise ConfigurationError(f"the columns of a record must be equally long: {told}")
     if lengths["time"] < 2:
-        raise ConfigurationError(f"a record of {lengths['time']} readings is none")
+        raise ConfigurationError(f"a record of {lengths['time']} readings is too short")
 
 
 def _stamps(time: Any, rate: str | float | None, columns: Mapping[str, Floats], unit: str | None) -> Any:

@@ -79,7 +79,7 @@ def sweep(
 
 def _combinations(values: Mapping[str, list[Any]], combine: str) -> list[dict[str, Any]]:
     if not values or not all(values.values()):
-        raise ConfigurationError('a sweep wants lists of values by setting, such as {"run.seed": range(8)}')
+        raise ConfigurationError('a sweep needs lists of values by setting, such as {"run.seed": range(8)}')
     lengths = {key: len(column) for key, column in values.items()}
     if combine == "grid":
         return [dict(zip(values, one, strict=True)) for one in product(*values.values())]
@@ -87,7 +87,7 @@ def _combinations(values: Mapping[str, list[Any]], combine: str) -> list[dict[st
         raise ConfigurationError(f'combine: {combine!r} is none of "grid", "list"')
     if len(set(lengths.values())) > 1:
         told = ", ".join(f"{key} has {length}" for key, length in lengths.items())
-        raise ConfigurationError(f'combine="list" wants lists of one length: {told}')
+        raise ConfigurationError(f'combine="list" needs lists of one length: {told}')
     return [dict(zip(values, one, strict=True)) for one in zip(*values.values(), strict=True)]
 
 

@@ -13,4 +13,4 @@ def library(name: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        raise UserError(f"this wants {name}, which is not installed: pip install 'palpate[notebook]'") from error
+        raise UserError(f"this needs {name}, which is not installed: pip install 'palpate[notebook]'") from error

@@ -24,7 +24,7 @@ from palpate_report.verdict import LEVELS, judge
 _SHOWN = 200  # runs whose rows are on the page
 _CAUTION = (
     "p is the chance of such a difference between repeats (Welch's t-test). Sites of one material differ, too: before "
-    "a difference is called a lump, compare it with the spread over a dozen sites."
+    "calling a difference a lump, compare it with the spread over a dozen sites."
 )
 
 

@@ -52,10 +52,10 @@ def _line(subject: Subject, parameter: str, label: str, factor: float) -> Pictur
             f"{name}:{parameter}": value / factor,
             f"{name}:{parameter}_std": std / factor,
         }
-    axis.set(xlabel="along the way [mm]", ylabel=label)
+    axis.set(xlabel="along the path [mm]", ylabel=label)
     axis.set_ylim(common_limits(settled, 0.0))
     legend_outside(axis, 4)
-    return Picture(figure, "Estimates along the way, with bands of two standard deviations by the estimator", data)
+    return Picture(figure, "Estimates along the path, with bands of two standard deviations by the estimator", data)
 
 
 def _area(subject: Subject, main: Curves, parameter: str, label: str, factor: float) -> Picture:

@@ -22,7 +22,7 @@ _FACTS = {  # of `run` in the result: what they are called, and their unit
     "started": ("started", ""),
     "log_duration": ("length of the record", "s"),
     "samples": ("samples", ""),
-    "duration": ("time of the computing", "s"),
+    "duration": ("computing time", "s"),
     "seed": ("seed", ""),
     "pipeline": ("pipeline", ""),
     "command": ("command", ""),
@@ -156,7 +156,7 @@ def _along_the_way(table: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
         doubt = texts.scaled(value["std"], value["unit"]) if value["std"] is not None else "not known"
         mean = f"mean of {places['places']} places {texts.scaled(value['value'], value['unit'])}"
         span = f"{factor * places['low']:.4g} to {factor * places['high']:.4g} {word}"
-        yield texts.readable(name), span, f"along the way; {mean}; u of a place about {doubt}"
+        yield texts.readable(name), span, f"along the path; {mean}; u of a place about {doubt}"
 
 
 def _record_flags(document: Mapping[str, Any]) -> list[Any]:

@@ -73,9 +73,9 @@ def plot(
 _MISSING = {
     "map": "it is of one place",
     "innovations": "its estimators report none",
-    "force-depth": "no estimate was made, or the run was written before forces were in estimates.csv: replay it",
-    "time": "no force was recorded, or the run was written before forces were in estimates.csv: replay it",
-    "residuals": "no estimate was made, or the run was written before forces were in estimates.csv: replay it",
+    "force-depth": "no estimate was made, or the run dates from before forces were in estimates.csv: replay it",
+    "time": "no force was recorded, or the run dates from before forces were in estimates.csv: replay it",
+    "residuals": "no estimate was made, or the run dates from before forces were in estimates.csv: replay it",
 }
 
 

@@ -9,5 +9,5 @@ from palpate import Command, plugin
 def palpate_commands() -> dict[str, Command]:
     """One command."""
     return {
-        "reproduce": Command("palpate_reproduction.command:reproduce", "The paper's tables and figures, made anew."),
+        "reproduce": Command("palpate_reproduction.command:reproduce", "The paper's tables and figures, reproduced."),
     }

@@ -36,13 +36,13 @@ def reproduce(
         list[str] | None, typer.Argument(metavar="[NAME...]", help="Tables and figures by label. [default: all]")
     ] = None,
     data: Annotated[
-        Path | None, typer.Option(help="Folder with the authors' files, known by their SHA-256, plain or gzipped.")
+        Path | None, typer.Option(help="Folder with the authors' files, identified by their SHA-256, plain or gzipped.")
     ] = None,
     out: FolderOption = None,
     paper: Annotated[
         Path, typer.Option(help="Folder of another paper: items/*.toml, pipelines/, recordings.toml.")
     ] = HERE,
-    strict: Annotated[bool, typer.Option("--strict", help="End with 1 where a recording is missing, too.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Also end with 1 where a recording is missing.")] = False,
     scheduler: SchedulerOption = None,
     stage: StageOption = None,
     as_json: JsonOption = False,

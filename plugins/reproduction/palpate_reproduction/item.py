@@ -98,7 +98,7 @@ def load_items(paper: Path, names: Sequence[str] = ()) -> list[Item]:
     """All items of a paper's folder, or those of some names or labels, in its order; raises ConfigurationError."""
     items = [_read(path, Item) for path in sorted((paper / "items").glob("*.toml"))]
     if not items:
-        raise ConfigurationError(f"{paper}: has no items/*.toml, so it is no paper's folder")
+        raise ConfigurationError(f"{paper}: has no items/*.toml, so it is not the folder of a paper")
     known = {name: item for item in items for name in (item.name, item.label)}
     for name in names:
         if name not in known:

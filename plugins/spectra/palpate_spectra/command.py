@@ -47,7 +47,7 @@ def spectrum(
     ],
     track: TrackOption = None,
     frequencies: Annotated[
-        str | None, typer.Option(help='Of the motion, with commas between: "0.5 Hz, 2 Hz". [default: found]')
+        str | None, typer.Option(help='Of the motion, separated by commas: "0.5 Hz, 2 Hz". [default: found]')
     ] = None,
     surface: SurfaceOption = None,
     out: FolderOption = None,
@@ -122,7 +122,7 @@ def law_table(fits: Sequence[LawFit]) -> Table:
 
 def _kramers_kronig(found: Consistency) -> str:
     if not found.freedom:
-        return "Kramers-Kronig: too few frequencies to tell"
+        return "Kramers-Kronig: too few frequencies to decide"
     word = "not those of one passive linear material" if found.failed else "consistent"
     return f"Kramers-Kronig: {word} (chi^2 {found.chi2:.3g}, {found.freedom} degrees of freedom, p = {found.p:.2g})"
 

@@ -36,7 +36,7 @@ def _harmonics(answer: Answer) -> Iterator[Flag]:
     worst = sorted(unexplained(answer), key=lambda one: -one.excess)
     if worst:
         told = ", ".join(f"{1e3 * one.excess:.2g} mN at {one.frequency:.3g} Hz" for one in worst[:3])
-        yield Flag("harmonics", f"{answer.recorded.name}: {told} beyond what the tip's law makes")
+        yield Flag("harmonics", f"{answer.recorded.name}: {told} beyond what the tip's law explains")
 
 
 def _timing(answers: Sequence[Answer], lines: Sequence[Line]) -> Iterator[Flag]:
@@ -46,7 +46,9 @@ def _timing(answers: Sequence[Answer], lines: Sequence[Line]) -> Iterator[Flag]:
     hidden = [line for line in lines if abs(line.shear.imag) < 2 * abs(line.shifts.get("timing", 0j).imag)]
     if hidden:
         told = ", ".join(f"{line.frequency:.3g}" for line in hidden)
-        yield Flag("loss-not-distinguishable", f"at {told} Hz G'' is below twice what the timing's uncertainty makes")
+        yield Flag(
+            "loss-not-distinguishable", f"at {told} Hz G'' is below twice the effect of the timing's uncertainty"
+        )
 
 
 def _laws(answers: Sequence[Answer], fits: Sequence[LawFit]) -> Iterator[Flag]:
@@ -68,9 +70,9 @@ def _laws(answers: Sequence[Answer], fits: Sequence[LawFit]) -> Iterator[Flag]:
 def sentence(fits: Sequence[LawFit], lines: Sequence[Line]) -> str:
     """What the data say of law and delay, as one sentence."""
     if len({round(line.frequency, 3) for line in lines}) < 2:
-        return "One frequency cannot tell a delay from a loss: record another, or calibrate the timing."
+        return "One frequency cannot distinguish a delay from a loss: record another, or calibrate the timing."
     if not fits:
-        return "So few frequencies leave nothing to judge a law with a free delay by."
+        return "So few frequencies cannot test a law with a free delay."
     standing = supported(fits)
     if not standing:
         return "None of the laws, each with a delay of the force, describes the data."

@@ -160,13 +160,13 @@ def _stretch(samples: Samples, path: Path) -> tuple[Samples, slice]:
     whole = samples.active & np.isfinite(samples.force) & np.isfinite(samples.position)
     known = samples[whole]
     if len(known) < _LEAST:
-        raise LogError(f"{path}: has {len(known)} samples in contact; a spectrum wants {_LEAST}")
+        raise LogError(f"{path}: has {len(known)} samples in contact; a spectrum needs {_LEAST}")
     step = np.diff(known.time)
     edges = [0, *(np.flatnonzero(step > _GAP * float(np.median(step))) + 1).tolist(), len(known)]
     lengths = np.diff(edges)
     longest = int(np.argmax(lengths))
     if lengths[longest] < _LEAST:
-        raise LogError(f"{path}: its longest stretch without a gap has {lengths[longest]} samples, {_LEAST} are wanted")
+        raise LogError(f"{path}: its longest stretch without a gap has {lengths[longest]} samples, {_LEAST} are needed")
     return known, slice(edges[longest], edges[longest + 1])
 
 

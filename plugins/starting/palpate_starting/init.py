@@ -14,7 +14,7 @@ from palpate.host import registry, suggest, write_new
 from palpate_starting.distribution import KINDS, distribution
 
 _PACKAGE = "palpate_starting"
-_VERSION = 'palpate = "0.2"                        # the version in whose words this is written'
+_VERSION = 'palpate = "0.2"                        # the version for which this is written'
 _NEXT = {
     "ur3e": "palpate twin {0}   # in another terminal: robot and sensor in software\npalpate run {0}",
     "raster": "palpate run {0} --out raster\npalpate map raster",

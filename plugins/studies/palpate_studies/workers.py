@@ -61,7 +61,7 @@ class Watch:
             )
         if now - self._told >= _TELL:
             self._told = now
-            begin = datetime.now(UTC).astimezone() - timedelta(seconds=now - self._since)
+            begin = datetime.now(UTC).astimezone() - timedelta(seconds=time.monotonic() - self._since)
             print(
                 f"{self._nobody(workers)} since {begin:%H:%M:%S}: start some, such as `dask worker {self._address}`",
                 file=sys.stderr,

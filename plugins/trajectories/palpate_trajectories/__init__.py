@@ -89,4 +89,4 @@ def palpate_migrations() -> tuple[Migration, ...]:
 @plugin
 def palpate_commands() -> dict[str, Command]:
     """Motions looked at before they are made."""
-    return {"plan": Command("palpate_trajectories.plan.command:plan", "Look at a motion before it is made.", "run")}
+    return {"plan": Command("palpate_trajectories.plan.command:plan", "Look at a motion before running it.", "run")}

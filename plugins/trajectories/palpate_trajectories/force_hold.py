@@ -26,13 +26,15 @@ class ForceHold(Trajectory):
     """
 
     force: Force = Field(gt=0, description="force that is held")
-    depth: Depth = Field(gt=0, description="envelope: deepest that the tip may go, below the nominal surface")
-    duration: Time = Field(default=30.0, gt=0, le=3600, description="envelope: how long the force leads, with approach")
-    speed: Speed = Field(default=0.005, gt=0, le=0.02, description="envelope: fastest, in and out")
-    acceleration: Acceleration = Field(default=0.1, gt=0, le=0.5, description="largest, in and out")
-    stiffness: Stiffness = Field(gt=0, description="stiffest material that the tip may meet, force per depth")
+    depth: Depth = Field(gt=0, description="envelope: greatest depth of the tip, below the nominal surface")
+    duration: Time = Field(
+        default=30.0, gt=0, le=3600, description="envelope: duration of force control, with approach"
+    )
+    speed: Speed = Field(default=0.005, gt=0, le=0.02, description="envelope: highest speed, in and out")
+    acceleration: Acceleration = Field(default=0.1, gt=0, le=0.5, description="highest acceleration, in and out")
+    stiffness: Stiffness = Field(gt=0, description="stiffest material expected, force per depth")
     response: Time = Field(default=0.4, ge=0.2, description="time constant of the loop in that material")
-    clearance: Depth = Field(default=0.002, gt=0, description="height over the nominal surface at both ends")
+    clearance: Depth = Field(default=0.002, gt=0, description="height above the nominal surface at both ends")
     standstill: Time = Field(default=1.0, ge=0, description="standstill in free air before and after it")
     place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
     surface: Surface = Field(default=Surface(), description="nominal surface")
@@ -41,7 +43,7 @@ class ForceHold(Trajectory):
     def _possible(self) -> Any:
         way = self.depth + self.clearance
         if way <= self.speed * self._turn:
-            raise ValueError(f"speed {self.speed:g} m/s is never reached on a way of {way:g} m: lower it")
+            raise ValueError(f"speed {self.speed:g} m/s is never reached over a distance of {way:g} m: lower it")
         if self.duration <= 2 * self._way_time:
             raise ValueError(
                 f"duration {self.duration:g} s is too short: the way down and up at {self.speed:g} m/s takes up to "

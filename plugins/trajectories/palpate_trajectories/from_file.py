@@ -32,7 +32,7 @@ class FromFile(Trajectory):
         if lowest < -self.deepest:
             raise ValueError(f"{self.file}: the motion goes to z = {lowest:.3g} m, allowed {-self.deepest:g}")
         if not setpoint.measuring.any():
-            raise ValueError(f"{self.file}: nothing of the motion is for measuring")
+            raise ValueError(f"{self.file}: no part of the motion is for measuring")
         return self
 
     @cached_property

@@ -35,11 +35,11 @@ class GridPoints(Trajectory):
     places: tuple[tuple[Length, Length], ...] = Field(default=(), description="the points themselves [x, y]")
     centre: tuple[Length, Length] = Field(default=(0.0, 0.0), description="middle of the grid [x, y]")
     angle: Angle = Field(default=0.0, description="direction of the grid, from the x axis towards y")
-    order: tuple[int, ...] | None = Field(default=None, description="order of the visits; left out: a short way")
+    order: tuple[int, ...] | None = Field(default=None, description="order of the visits; left out: a short path")
     duration: Time = Field(default=3.0, gt=0, description="measured part of each visit")
     settle: Time = Field(default=0.5, ge=0, description="sine before the measured part of each visit")
     travel_speed: Speed = Field(default=0.05, gt=0, le=0.25, description="speed from point to point, in free air")
-    first_point: int = Field(default=0, ge=0, description="visit to begin with, counted from 0; to go on with")
+    first_point: int = Field(default=0, ge=0, description="first visit, counted from 0; to continue a run")
     press: Press = Field(description="depth, sine, approach")
     surface: Surface = Field(default=Surface(), description="nominal surface that it follows")
 

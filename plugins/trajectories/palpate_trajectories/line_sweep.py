@@ -21,18 +21,18 @@ class LineSweep(Trajectory):
     continuous velocity and acceleration (paper, section Online Dynamic Estimation).
     """
 
-    start: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where it begins [x, y]")
-    end: tuple[Length, Length] = Field(description="where it ends [x, y]")
+    start: tuple[Length, Length] = Field(default=(0.0, 0.0), description="start [x, y]")
+    end: tuple[Length, Length] = Field(description="end [x, y]")
     speed: Speed = Field(default=0.004, gt=0, description="speed along the line")
     settle: Time = Field(default=10.0, ge=0, description="palpation at the beginning, before it moves")
-    ramp: Time = Field(default=0.25, gt=0, description="time in which it speeds up, and slows down")
+    ramp: Time = Field(default=0.25, gt=0, description="time of acceleration, and of deceleration")
     press: Press = Field(description="depth, sine, approach")
     surface: Surface = Field(default=Surface(), description="nominal surface that it follows")
 
     @model_validator(mode="after")
     def _possible(self) -> Any:
         if self._way < 1e-6:
-            raise ValueError("start and end are one place: there is no line to sweep")
+            raise ValueError("start and end are the same place: there is no line to sweep")
         refuse_hasty(self.press, self._way, self.speed)
         return self
 

@@ -24,7 +24,7 @@ class LoadUnload(Trajectory):
     speeds: tuple[Speed, ...] = Field(default=(0.006,), min_length=1, description="speeds, one after the other")
     cycles: int = Field(default=1, ge=1, le=1000, description="cycles at each speed")
     turn: Time = Field(default=0.1, gt=0, description="duration of each turn, and of starting and stopping")
-    clearance: Depth = Field(default=0.005, gt=0, description="height over the nominal surface to which it returns")
+    clearance: Depth = Field(default=0.005, gt=0, description="height above the nominal surface to which it returns")
     standstill: Time = Field(
         default=1.0, ge=0, description="standstill in free air before the first cycle, for the tare"
     )
@@ -61,7 +61,7 @@ class Compression(Trajectory):
     speed: Speed = Field(default=0.05 / 60, gt=0, description="speed down and up")
     hold: Time = Field(default=0.0, ge=0, description="rest at the deepest point, for relaxation")
     turn: Time = Field(default=0.1, gt=0, description="duration of each turn, and of starting and stopping")
-    clearance: Depth = Field(default=0.001, gt=0, description="height over the nominal surface at both ends")
+    clearance: Depth = Field(default=0.001, gt=0, description="height above the nominal surface at both ends")
     standstill: Time = Field(default=1.0, ge=0, description="standstill in free air before it, for the tare")
     place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="where [x, y]")
     surface: Surface = Field(default=Surface(), description="nominal surface")

@@ -13,7 +13,7 @@ class Moved(Trajectory):
     """Another motion, moved along the surface as it is; times, heights and speeds stay the same."""
 
     of: Trajectory = Field(description="the motion")
-    by: tuple[Length, Length] = Field(description="how far it is moved [x, y]")
+    by: tuple[Length, Length] = Field(description="displacement [x, y]")
 
     @property
     def total_duration(self) -> float:

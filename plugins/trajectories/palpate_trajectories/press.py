@@ -25,7 +25,7 @@ class Press(Settings):
     bias: Depth = Field(gt=0, description="depth around which the sine goes, below the nominal surface")
     amplitude: Depth = Field(default=0.001, gt=0, description="amplitude of the sine")
     frequency: Frequency = Field(default=2.0, gt=0, description="frequency of the sine")
-    clearance: Depth = Field(default=0.005, gt=0, description="height over the nominal surface in free air")
+    clearance: Depth = Field(default=0.005, gt=0, description="height above the nominal surface in free air")
     standstill: Time = Field(
         default=1.0, ge=0, description="standstill in free air before the first approach, for the tare"
     )

@@ -24,10 +24,10 @@ class RampHold(Trajectory):
     """
 
     depths: tuple[Depth, ...] = Field(min_length=1, description="depths that are held, below the nominal surface")
-    hold: Time = Field(default=30.0, gt=0, le=3600, description="how long each of them is held")
-    speed: Speed = Field(default=0.01, gt=0, description="speed of the ramps, and of the way back")
+    hold: Time = Field(default=30.0, gt=0, le=3600, description="duration of each hold")
+    speed: Speed = Field(default=0.01, gt=0, description="speed of the ramps, and of the retraction")
     turn: Time = Field(default=0.1, gt=0, description="duration of each turn, and of starting and stopping")
-    clearance: Depth = Field(default=0.001, gt=0, description="height over the nominal surface at both ends")
+    clearance: Depth = Field(default=0.001, gt=0, description="height above the nominal surface at both ends")
     standstill: Time = Field(
         default=1.0, ge=0, description="standstill in free air before and after it, for tare and drift"
     )

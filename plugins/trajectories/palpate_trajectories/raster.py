@@ -34,8 +34,8 @@ class Raster(Trajectory):
     boustrophedon: bool = Field(default=True, description="every second line backwards")
     dwell: Time = Field(default=0.0, ge=0, description="palpation at rest at each end of a line")
     settle: Time = Field(default=2.0, ge=0, description="palpation at the beginning of the first line")
-    ramp: Time = Field(default=0.25, gt=0, description="time in which it speeds up, and slows down")
-    first_line: int = Field(default=0, ge=0, description="line to begin with, counted from 0; to go on with a raster")
+    ramp: Time = Field(default=0.25, gt=0, description="time of acceleration, and of deceleration")
+    first_line: int = Field(default=0, ge=0, description="first line, counted from 0; to continue a raster")
     press: Press = Field(description="depth, sine, approach")
     surface: Surface = Field(default=Surface(), description="nominal surface that it follows")
 

@@ -36,7 +36,7 @@ class Shake(Trajectory):
             raise ValueError("frequencies must be positive")
         lowest = self.height - len(self.frequencies) * self.amplitude
         if lowest <= 0:
-            raise ValueError(f"height {self.height:g} m lets the tip come down to {lowest:g} m: it must stay in air")
+            raise ValueError(f"height {self.height:g} m lowers the tip to {lowest:g} m: it must stay in air")
         return self
 
     @property

@@ -73,7 +73,7 @@ def choose(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders, logs of runs or pipeline files.")],
     models: Annotated[
         str | None,
-        typer.Option(help="Names or types of models, with commas between. [default: all of the pipeline]"),
+        typer.Option(help="Names or types of models, separated by commas. [default: all of the pipeline]"),
     ] = None,
     as_json: JsonOption = False,
     layout: FormatOption = "table",

@@ -22,6 +22,7 @@ from palpate_devices.process.ring import Ring
 
 _REBOOT_TEXTS = (b"App Init", b"FW version")
 _IDLE = 0.02  # [s]
+_MOST = 4096  # bytes; a terminal hands out no more at a time, and room for more would leave holes in the heap
 
 
 def main() -> None:
@@ -69,7 +70,7 @@ def _read(port: Any, ring: Ring, parent: Parent, silence: float) -> None:
         now = time.monotonic_ns()
         ring.beat(now)
         if port.fileno() in ready:
-            data = os.read(port.fileno(), 65536)
+            data = os.read(port.fileno(), _MOST)
             if not data:
                 raise DeviceError("the sensor is disconnected (its port was closed)")
             frames = decoder.feed(data)

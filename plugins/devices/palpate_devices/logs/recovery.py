@@ -27,7 +27,7 @@ _NEW = "new.mcap"
 def recover_mcap(path: Path, out: Path) -> str:
     """Write the whole part of a log into a new file, and say how much that is; raises LogError, OutputError."""
     if out.exists():
-        raise OutputError(f"{out}: is there already, and nothing is ever overwritten")
+        raise OutputError(f"{out}: exists already, and nothing is ever overwritten")
     log = McapFile(path, accept_cut=True)
     try:
         with scratch(out.parent) as folder:
@@ -35,7 +35,7 @@ def recover_mcap(path: Path, out: Path) -> str:
             if not saved.messages:
                 raise LogError(f"{path}: nothing in it is whole")
             if out.exists():
-                raise OutputError(f"{out}: is there by now, and nothing is ever overwritten")
+                raise OutputError(f"{out}: exists by now, and nothing is ever overwritten")
             (folder / _NEW).rename(out)
     except OSError as error:
         raise OutputError(f"{out}: cannot write: {error.strerror}") from error

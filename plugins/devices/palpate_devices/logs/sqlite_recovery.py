@@ -30,7 +30,7 @@ _PATIENCE = 16  # windows in a row that give nothing, before ever more is passed
 def recover_bag(path: Path, out: Path) -> str:
     """Write what can be read of a ``.db3`` file into a new one, and say how much that is."""
     if out.exists():
-        raise OutputError(f"{out}: is there already, and nothing is ever overwritten")
+        raise OutputError(f"{out}: exists already, and nothing is ever overwritten")
     regular(path)
     with scratch() as folder:
         copy = folder / path.name

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 LEAK = 200e-6  # clocks may run apart by so much
-_EVERY = 200_000_000  # [ns] between the points of the map that are kept
+_EVERY = 200_000_000  # [ns] between the points of the map that are kept, at first
+_MOST = 4096  # of them: where there would be more, every other one is forgotten
 _FEW = 5
 
 
@@ -39,6 +40,7 @@ class ClockMap:
         self._bounds = [np.inf, -np.inf]
         self._began = 0
         self._kept: list[tuple[int, float]] = []  # stamp and offset [ns]
+        self._every = _EVERY
 
     def to_host(self, device: NDArray[np.int64], received: NDArray[np.int64]) -> NDArray[np.int64]:
         """Host time [ns] (n,) of device time-stamps [ns] (n,) received at host times [ns] (n,)."""
@@ -55,9 +57,15 @@ class ClockMap:
             mapped[i] = self._last = host
             if stamp - self._began > 1_000_000_000:
                 self._bounds = [min(self._bounds[0], self._offset), max(self._bounds[1], self._offset)]
-                if not self._kept or stamp - self._kept[-1][0] >= _EVERY:
-                    self._kept.append((stamp, self._offset))
+                if not self._kept or stamp - self._kept[-1][0] >= self._every:
+                    self._keep(stamp, self._offset)
         return mapped
+
+    def _keep(self, stamp: int, offset: float) -> None:
+        self._kept.append((stamp, offset))
+        if len(self._kept) == _MOST:
+            del self._kept[1::2]
+            self._every *= 2
 
     @property
     def wander(self) -> float:

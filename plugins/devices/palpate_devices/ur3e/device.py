@@ -32,8 +32,9 @@ from palpate_devices.ur3e.frame import WorkFrame
 from palpate_devices.ur3e.kinematics import JOINTS
 from palpate_devices.ur3e.layout import ROW
 from palpate_devices.ur3e.link import URLink
+from palpate_devices.ur3e.plan import PERIOD
 from palpate_devices.ur3e.probe import load_known, model_said, probe
-from palpate_devices.ur3e.servo import PERIOD, Law
+from palpate_devices.ur3e.servo import Law
 
 _HINT = ": the client library does that where it loses the link to the controller"
 

@@ -14,7 +14,7 @@ from palpate_devices.ur3e.following import Following, length, mm
 from palpate_devices.ur3e.frame import WorkFrame
 from palpate_devices.ur3e.kinematics import JOINTS, Model, rotation_matrix, rotation_vector, tip_and_links
 from palpate_devices.ur3e.layout import SETPOINT
-from palpate_devices.ur3e.servo import PERIOD
+from palpate_devices.ur3e.plan import PERIOD
 
 _WINDOW = 10  # periods over which speeds are averaged: the command of a PD law carries the noise of what it measures
 _MORE = 1.2  # what a command may do for a moment, in limits
@@ -68,7 +68,7 @@ class Fence:
         self._following.begin(command)
 
     def table(self, rows: Floats) -> Verdict | None:
-        """A table of setpoints (n, 7), whole, before anything moves."""
+        """Setpoints (n, 7), before anything moves."""
         if not np.isfinite(rows).all():
             return Verdict("a setpoint is not a finite number")
         if self.limits is None:

@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 from palpate import Floats
 
-from palpate_devices.ur3e.servo import PERIOD
+from palpate_devices.ur3e.plan import PERIOD
 
 _STILL = 10  # states that are the same to the last bit
 _STILL_WAY = 0.1e-3  # [m] that commands go on meanwhile

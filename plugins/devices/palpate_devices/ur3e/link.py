@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, replace
@@ -27,13 +27,14 @@ from palpate_devices.leading import refusal
 from palpate_devices.process.child import Child
 from palpate_devices.process.clock import ClockMap, epoch_offset
 from palpate_devices.process.lateness import lateness_table
-from palpate_devices.process.ring import integers, shared_memory
+from palpate_devices.process.ring import integers
 from palpate_devices.ur3e import layout
 from palpate_devices.ur3e.fence import SINGULAR, is_singular
 from palpate_devices.ur3e.frame import agreement
 from palpate_devices.ur3e.kinematics import MODELS, UR3E, matrix_of, quaternion, tip
 from palpate_devices.ur3e.layout import ROW
-from palpate_devices.ur3e.servo import PERIOD, Law, way
+from palpate_devices.ur3e.plan import PERIOD, written
+from palpate_devices.ur3e.servo import Law, way
 
 if TYPE_CHECKING:
     from palpate_devices.ur3e.device import UR
@@ -141,18 +142,16 @@ class URLink:
 
     def follow(self, trajectory: Trajectory) -> None:
         """Go to the first setpoint, then follow them all."""
-        count = int(np.floor(trajectory.total_duration / PERIOD + 1e-9)) + 1
-        times = np.asarray(np.arange(count) * PERIOD, np.float64)
-        setpoint = trajectory.at(times)
-        table = np.column_stack([setpoint.position, setpoint.velocity, setpoint.measuring.astype(float)])
         self.way(trajectory)  # refused where it is too far
-        memory = shared_memory(table.nbytes)
+        law = asdict(trajectory.force_law) if isinstance(trajectory, ForceLed) else None
         try:
-            os.pwrite(memory, np.ascontiguousarray(table).tobytes(), 0)
-            law = asdict(trajectory.force_law) if isinstance(trajectory, ForceLed) else None
-            self._child.hand_over("follow", memory, rows=len(table), law=law)
-        finally:
-            os.close(memory)
+            with written(trajectory) as (file, count):
+                self._child.hand_over("follow", file.fileno(), rows=count, law=law)
+        except OSError as error:
+            raise DeviceError(
+                f"{self._child.name}: no room for the setpoints of the motion in {tempfile.gettempdir()}: "
+                f"{error.strerror}"
+            ) from error
 
     def stop(self) -> None:
         """Stop where it is."""

@@ -16,7 +16,7 @@ from typing import NoReturn
 
 from palpate_devices.process.lateness import Lateness
 from palpate_devices.process.ring import Ring
-from palpate_devices.ur3e.servo import PERIOD
+from palpate_devices.ur3e.plan import PERIOD
 
 _TICK = round(PERIOD * 1e9)  # [ns]
 _STEP = 5_000  # [ns] by which a deadline is moved at most: a quarter of a per cent of the speed

@@ -26,7 +26,7 @@ from palpate_devices.ur3e.kinematics import (
     told_apart,
 )
 from palpate_devices.ur3e.layout import MOTION, POSE, STATE, TWIST
-from palpate_devices.ur3e.servo import PERIOD
+from palpate_devices.ur3e.plan import PERIOD
 from palpate_devices.ur3e.states import PLAYING
 
 _VARIABLES = [

@@ -10,8 +10,8 @@ from palpate import Floats, ForceLaw
 
 from palpate_devices.leading import ForceLead
 from palpate_devices.ur3e.layout import SETPOINT
+from palpate_devices.ur3e.plan import PERIOD, Plan
 
-PERIOD = 0.002  # [s]
 _Z, _VZ = SETPOINT["position"].start + 2, SETPOINT["velocity"].start + 2
 _SHORTEST = 0.15  # [s] of a way, however short
 _MOST_BEHIND = 25.0  # periods; what is later is not made up for
@@ -67,7 +67,7 @@ def way(begin: Floats, end: Floats, law: Law, turn: float = 0.0) -> StraightWay:
 
 
 class Commander:
-    """Holds, retreats, goes to the start, follows a table of setpoints, or retracts; says where the tip shall be next.
+    """Holds, retreats, goes to the start, follows a plan of setpoints, or retracts; says where the tip shall be next.
 
     The orientation is a rotation vector of the tool from where the work frame wants it; it vanishes on the way to the
     start and is never changed but there.
@@ -79,37 +79,37 @@ class Commander:
         self.turn = np.zeros(3) if turn is None else turn.copy()  # (3,) the latest
         self._speed = np.zeros(3)
         self._before = self.command, self._speed, self.turn
-        self._table: Floats = np.zeros((0, SETPOINT.size))
+        self._plan = Plan.of(np.zeros((0, SETPOINT.size)))
         self._row, self._haste, self._behind = 0.0, 0.0, 0.0  # periods
         self._way: list[tuple[Floats, Floats]] = []
-        self.lead: ForceLead | None = None  # what the force makes of the table, which then is an envelope
+        self.lead: ForceLead | None = None  # what the force makes of the plan, which then is an envelope
         self.home: Floats | None = None  # where the motion began
         self.mode = "hold"  # "hold", "retreat", "stay", "approach", "follow", "retract", "done"
 
     @property
     def setpoint(self) -> Floats:
         """Position, velocity (3 + 3) and whether it is meant for estimation, as of now."""
-        if self.mode == "follow" and len(self._table):
-            row = self._in_table()
+        if self.mode == "follow" and len(self._plan):
+            row = self._in_plan()
             if self.lead is not None:
                 row[_Z], row[_VZ] = self.lead.height, self.lead.speed
             return row
         return np.array([*self.command, *self._speed, 0.0])
 
     def held_up(self, periods: int) -> None:
-        """So many periods had no command: a table is followed a little faster until that is made up for."""
+        """So many periods had no command: a plan is followed a little faster until that is made up for."""
         if self.mode == "follow":
             self._behind = min(self._behind + periods, _MOST_BEHIND)
 
-    def _in_table(self) -> Floats:
-        """The setpoint (7,) that is due, between two rows of the table while it makes up for something."""
-        last = len(self._table) - 1
+    def _in_plan(self) -> Floats:
+        """The setpoint (7,) that is due, between two rows of the plan while it makes up for something."""
+        last = len(self._plan) - 1
         low = min(int(self._row), last)
-        part = self._row - low
+        part, before = self._row - low, self._plan[low]
         if part <= 0.0 or low == last:
-            return np.array(self._table[low])
-        row = self._table[low] + part * (self._table[low + 1] - self._table[low])
-        row[SETPOINT["measuring"]] = self._table[low, SETPOINT["measuring"]]
+            return before
+        row = before + part * (self._plan[low + 1] - before)
+        row[SETPOINT["measuring"]] = before[SETPOINT["measuring"]]
         return np.asarray(row)
 
     def settle(self, position: Floats, turn: Floats) -> None:
@@ -126,19 +126,17 @@ class Commander:
         self._set_out(self.command + np.array([0.0, 0.0, length]), law, 0.0)
         self.mode = "retreat"
 
-    def follow(self, table: Floats, law: ForceLaw | None = None) -> None:
-        """Go to the first setpoint, then through the table (n, 7): position, velocity, measuring.
+    def follow(self, plan: Plan, law: ForceLaw | None = None) -> None:
+        """Go to the first setpoint of a plan that was looked over, then through it.
 
-        With a law the force leads, and the table is the envelope.
+        With a law the force leads, and the plan is the envelope.
         """
-        self.lead = None if law is None else ForceLead.of(law, table[:, _Z], PERIOD)
-        self._table, self._row, self._behind, self.mode = table, 0.0, 0.0, "approach"
-        fastest = (
-            float(np.linalg.norm(np.diff(table[:, SETPOINT["position"]], axis=0), axis=1).max(initial=0.0)) / PERIOD
-        )
-        self._haste = min(max(self.law.most / max(fastest, 1e-9) - 1.0, 0.0), _HASTE)
+        start = plan[0]
+        self.lead = None if law is None else ForceLead(law, float(start[_Z]), plan.lowest, PERIOD)
+        self._plan, self._row, self._behind, self.mode = plan, 0.0, 0.0, "approach"
+        self._haste = min(max(self.law.most / max(plan.fastest, 1e-9) - 1.0, 0.0), _HASTE)
         self.home = self.command.copy()
-        self._set_out(table[0, SETPOINT["position"]], self.law, float(np.linalg.norm(self.turn)))
+        self._set_out(start[SETPOINT["position"]], self.law, float(np.linalg.norm(self.turn)))
 
     def _set_out(self, end: Floats, law: Law, turn: float) -> None:
         found, turn_now = way(self.command, end, law, turn), self.turn
@@ -173,7 +171,7 @@ class Commander:
             elif self.mode == "retreat":
                 self.mode, self._speed = "stay", np.zeros(3)
             else:
-                self.mode, self.home = "follow", self._table[0, SETPOINT["position"]].copy()
+                self.mode, self.home = "follow", self._plan[0][SETPOINT["position"]]
         if self.mode == "follow":
             self._follow(position, velocity)
         elif self.mode == "retract":
@@ -182,7 +180,7 @@ class Commander:
 
     def _follow(self, position: Floats, velocity: Floats) -> None:
         law = self.law
-        row, before = self._in_table(), self.command
+        row, before = self._in_plan(), self.command
         if self.lead is not None:
             row[_Z], row[_VZ] = self.lead.next(self._row * PERIOD, float(row[_Z]))
         faster = min(self._haste, self._behind)
@@ -196,7 +194,7 @@ class Commander:
         self._speed = (self.command - before) / PERIOD
         self._row += 1.0 + faster
         self._behind -= faster
-        if self._row >= len(self._table):
+        if self._row >= len(self._plan):
             self.mode = "done"
 
     def _retract(self) -> None:

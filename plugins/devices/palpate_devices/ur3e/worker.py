@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import gc
 import json
-import mmap
 import os
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any, NoReturn
 
 import numpy as np
@@ -23,8 +24,9 @@ from palpate_devices.ur3e.force_watch import ForceEye
 from palpate_devices.ur3e.frame import WorkFrame
 from palpate_devices.ur3e.layout import RETRACT, ROW, SETPOINT, STOP
 from palpate_devices.ur3e.pace import Beat, Pace
+from palpate_devices.ur3e.plan import PERIOD, Plan
 from palpate_devices.ur3e.robot import Robot, by_joints
-from palpate_devices.ur3e.servo import PERIOD, Commander, Law
+from palpate_devices.ur3e.servo import Commander, Law
 from palpate_devices.ur3e.states import NORMAL, STOPPED, complaint
 
 _BLIND = 2_300_000  # [ns] without a new state: of more commands than two on their way only the last would count
@@ -55,6 +57,15 @@ def main() -> None:
     _Loop(parent, ring, robot, settings).run()
 
 
+@dataclass(frozen=True)
+class _Offer:
+    """A motion that is being looked over: nothing of it is done yet."""
+
+    plan: Plan
+    pieces: Iterator[Floats]
+    law: ForceLaw | None
+
+
 class _Loop:
     def __init__(self, parent: Parent, ring: Ring, robot: Robot, settings: dict[str, Any]) -> None:
         self._parent, self._ring, self._robot = parent, ring, robot
@@ -65,6 +76,7 @@ class _Loop:
         self._commander: Commander | None = None
         self._eye: ForceEye | None = None
         self._setpoint = np.zeros(SETPOINT.size)
+        self._offered: _Offer | None = None
         self._cycles = 0
         self._beat = Beat()
 
@@ -85,6 +97,8 @@ class _Loop:
         robot, commander = self._robot, self._commander
         if commander is None:
             return
+        if self._offered is not None:
+            self._look_over(self._offered, commander)
         self._look_at_force(commander, now)
         if commander.mode == "done":
             self._finish()
@@ -204,20 +218,36 @@ class _Loop:
                 self._eye = ForceEye(self._parent.descriptors.pop(0), message)
             case "retreat" | "follow" if self._fence.limits is None:
                 self._refuse("no limits were told: `link.limit` comes before a motion", commander)
-            case "retreat" | "follow":
-                commander.settle(self._robot.look().position, self._robot.turn())
-                self._fence.begin(commander.command)
-                if message["say"] == "retreat":
-                    commander.retreat(message["way"], message["speed"])
-                    return
-                table = _table(self._parent.descriptors.pop(0), message["rows"])
+            case "retreat":
+                self._begin(commander)
+                commander.retreat(message["way"], message["speed"])
+            case "follow":
+                plan = Plan.in_file(self._parent.descriptors.pop(0), message["rows"])
                 law = None if message.get("law") is None else ForceLaw(**message["law"])
-                verdict = self._fence.table(table)
-                text = verdict.text if verdict is not None else self._refusal(law, len(table) * PERIOD)
-                if text is not None:
-                    self._refuse(text, commander)
-                else:
-                    commander.follow(table, law)
+                self._offered = _Offer(plan, plan.pieces(), law)
+
+    def _begin(self, commander: Commander) -> None:
+        commander.settle(self._robot.look().position, self._robot.turn())
+        self._fence.begin(commander.command)
+
+    def _look_over(self, offer: _Offer, commander: Commander) -> None:
+        """A piece of a plan in each period; the motion begins when all of it keeps the limits."""
+        if commander.mode in ("retract", "done"):
+            self._offered = None
+            return
+        rows = next(offer.pieces, None)
+        if rows is not None:
+            verdict = self._fence.table(rows)
+            text = None if verdict is None else verdict.text
+        else:
+            text = self._refusal(offer.law, len(offer.plan) * PERIOD)
+        if text is not None:
+            self._offered = None
+            self._refuse(text, commander)
+        elif rows is None:
+            self._offered = None
+            self._begin(commander)
+            commander.follow(offer.plan, offer.law)
 
     def _refusal(self, law: ForceLaw | None, duration: float) -> str | None:
         """Why a force must not lead; None where it may, or none does."""
@@ -278,12 +308,6 @@ def _slower(law: Law, limits: dict[str, Any]) -> dict[str, float]:
         "angular_speed": limits["angular_speed"],
         "most": limits["speed"],
     }
-
-
-def _table(descriptor: int, rows: int) -> Floats:
-    memory = mmap.mmap(descriptor, rows * SETPOINT.size * 8)
-    os.close(descriptor)
-    return np.frombuffer(memory, np.float64).reshape(rows, SETPOINT.size)
 
 
 if __name__ == "__main__":

@@ -30,12 +30,14 @@ from palpate import (
     PalpateError,
     Problem,
     Samples,
+    Stream,
     Tracker,
     finite_rows,
 )
 from palpate.host import (
     Aligner,
     Pipeline,
+    Ports,
     Source,
     Track,
     build_pipeline,
@@ -82,6 +84,7 @@ class _Fits:
 
     pipeline: Pipeline
     fits: dict[int, Tracker]
+    ports: dict[tuple[Stream, ...], Ports]
 
     def tracker(self, place: int, track: Track) -> Tracker:
         """A tracker that has seen nothing."""
@@ -96,6 +99,21 @@ class _Fits:
             self.fits[place] = found
         return found
 
+    def samples(self, device: str, curve: Curve) -> Samples:
+        """The samples of one curve; raises PalpateError where it cannot be read or holds none."""
+        alignment, log = self.pipeline.alignment, self.pipeline.devices[device]
+        if curve.file:
+            log = log.model_copy(update={"file": Path(curve.file)})
+        streams = log.streams
+        if streams not in self.ports:  # files of one kind have the same
+            self.ports.clear()
+            self.ports[streams] = ports_of(alignment, {device: log})
+        aligner = Aligner(alignment, self.ports[streams])
+        with ExitStack() as stack:
+            batches = curve.batches or stack.enter_context(log.connect(self.pipeline.run.seed)).batches()
+            blocks = [aligner.aligned([(device, batch)], last) for batch, last in _told_last(batches)]
+        return Samples.joined(blocks or [aligner.samples(final=True)])
+
 
 def _for_a_row(estimator: Estimator) -> Estimator:
     """The estimator without what no column of the table shows and no flag is raised from."""
@@ -109,7 +127,7 @@ def _fits(reader: Reader) -> _Fits:
     source = Source(reader.text, Path(reader.path))
     for assignment in reader.overrides:
         source.override(assignment)
-    return _Fits(build_pipeline(source), {})
+    return _Fits(build_pipeline(source), {}, {})
 
 
 def fitted(reader: Reader, curves: Sequence[Curve]) -> list[list[Row]]:
@@ -121,7 +139,7 @@ def _rows(fits: _Fits, device: str, curve: Curve) -> Iterator[Row]:
     pipeline = fits.pipeline
     tracks = [track for track in pipeline.tracks if not track.estimator.online]
     try:
-        samples = _samples(pipeline, device, curve)
+        samples = fits.samples(device, curve)
     except PalpateError as error:
         yield from ({"curve": curve.name, "track": str(track.name), "error": str(error)} for track in tracks)
         return
@@ -154,18 +172,6 @@ def _numbers(found: Estimates, samples: Samples, names: Sequence[str], flags: Se
             table |= dict(zip(("x", "y"), place[np.isfinite(place).all(axis=1)].mean(axis=0), strict=True))
     told = {name: f"{value:.10g}" for name, value in table.items() if np.isfinite(value)}
     return told | {"samples": str(len(rows)), "flags": " ".join(sorted({flag.code for flag in flags}))}
-
-
-def _samples(pipeline: Pipeline, device: str, curve: Curve) -> Samples:
-    """The samples of one curve; raises PalpateError where it cannot be read or holds none."""
-    log = pipeline.devices[device]
-    if curve.file:
-        log = log.model_copy(update={"file": Path(curve.file)})
-    aligner = Aligner(pipeline.alignment, ports_of(pipeline.alignment, {device: log}))
-    with ExitStack() as stack:
-        batches = curve.batches or stack.enter_context(log.connect(pipeline.run.seed)).batches()
-        blocks = [aligner.aligned([(device, batch)], last) for batch, last in _told_last(batches)]
-    return Samples.joined(blocks or [aligner.samples(final=True)])
 
 
 def _told_last(batches: Iterable[Batch]) -> Iterator[tuple[Batch, bool]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -80,7 +79,10 @@ def first_guess(
     grids.append(grids.pop(unknowns.index("surface")))
     names = [i for i in range(len(unknowns.items)) if i != unknowns.index("surface")]
     starts = np.zeros((math.prod(len(grid) for grid in grids), len(unknowns.items)))
-    starts[:, [*names, unknowns.index("surface")]] = list(product(*grids))
+    each = len(starts)
+    for place, grid in zip([*names, unknowns.index("surface")], grids, strict=True):
+        each //= len(grid)
+        starts[:, place] = np.tile(np.repeat(grid, each), len(starts) // (each * len(grid))) if len(grid) > 1 else grid
     squares, least, clear = np.zeros(0), np.zeros(len(starts)), np.zeros(len(starts), bool)
     if linear and not model.memory:
         starts[:, list(linear)] = 0.0
@@ -140,7 +142,7 @@ def _grid(item: FitUnknown, place: int, linear: Sequence[int], record: FitRecord
         low, reach = float(record.height.min()), float(np.ptp(record.height))
         heights = np.concatenate([low + reach * _INSIDE, low + reach * (1 + _ABOVE)])
         inside = heights[(heights >= item.lower) & (heights <= item.upper)]
-        return tuple(inside.tolist()) or (item.inside(float(record.height.max())),)
+        return tuple(inside) or (item.inside(float(record.height.max())),)
     if item.name == "delay":
         return (item.inside(0.0),)
     if np.isfinite(item.upper) and item.upper > item.lower and item.name not in EXTRAS:

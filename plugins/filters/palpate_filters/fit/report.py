@@ -48,7 +48,8 @@ class _Judged:
 def estimates_of(fit: Fit) -> Estimates:
     """Estimates (n,) of a fit, with details and flags."""
     judged = _judge(fit)
-    samples, rows, x = fit.samples, fit.rows, fit.solution.x
+    samples, x = fit.samples, fit.solution.x
+    rows: Any = slice(None) if fit.rows.all() else fit.rows
     k = len(fit.problem.model.parameters)
     total = _total(judged)
     empty = Estimates.idle(samples, k)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -117,7 +118,7 @@ class FitTracker:
             unknowns = with_times_that_show(unknowns, record)
         linear = self._linear_places(unknowns)
         loss = LossFunction(settings.loss, settings.loss_scale)
-        residual = self._residual(tuple(unknowns.free))
+        residual = self._residual(unknowns.free)
         x = first_guess(model, unknowns, record, linear, self._residual)
         if len(record) > 2 * _THIN and not model.memory:
             x = solve_lm(residual, unknowns, record.thinned(_THIN), x, loss, gain=1e-9).x
@@ -147,7 +148,7 @@ class FitTracker:
         settings, unknowns = self._settings, self._unknowns
         air = int(np.count_nonzero(rows & ~samples.contact))
         if settings.unknowns is None and "bias" not in settings.fixed and air > _AIR_SHARE * np.count_nonzero(rows):
-            unknowns = unknowns.changed("bias", free=True)
+            unknowns = self._biased
         if settings.contact_point != "free":
             if settings.contact_point not in points:
                 raise NotFitted(
@@ -157,6 +158,10 @@ class FitTracker:
         elif settings.force_uncertainty is not None:
             unknowns = self._constrained(unknowns, approach, settings.force_uncertainty, notes)
         return unknowns
+
+    @cached_property
+    def _biased(self) -> Unknowns:
+        return self._unknowns.changed("bias", free=True)
 
     @staticmethod
     def _constrained(unknowns: Unknowns, approach: Approach | None, limit: float, notes: list[Flag]) -> Unknowns:
@@ -194,7 +199,7 @@ class FitTracker:
         return make_record(columns, max(course.travel, 1e-12), remembers)
 
     def _linear_places(self, unknowns: Unknowns) -> tuple[int, ...]:
-        free = tuple(unknowns.free)
+        free = unknowns.free
         if free not in self._linear:
             self._linear[free] = tuple(linear_places(self._problem.model, unknowns))
         return self._linear[free]

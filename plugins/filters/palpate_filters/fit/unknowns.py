@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -36,15 +37,15 @@ class Unknowns:
 
     items: tuple[FitUnknown, ...]
 
-    @property
-    def names(self) -> list[str]:
+    @cached_property
+    def names(self) -> tuple[str, ...]:
         """Every name."""
-        return [item.name for item in self.items]
+        return tuple(item.name for item in self.items)
 
-    @property
-    def free(self) -> list[int]:
+    @cached_property
+    def free(self) -> tuple[int, ...]:
         """Places of those that are looked for."""
-        return [i for i, item in enumerate(self.items) if item.free]
+        return tuple(i for i, item in enumerate(self.items) if item.free)
 
     def index(self, name: str) -> int:
         """Place of a name."""

@@ -68,14 +68,14 @@ def points_of(points: Path, folder: Path, parameter: str | None = None) -> tuple
     sites = sites[sites.standing]
     along = maps.line_coordinate(sites) if len(sites) > 1 else None
     if along is None:
-        raise LogError(f"{run}: holds no point palpations on a line")
+        raise LogError(f"{run}: contains no point palpations on a line")
     return along, sites
 
 
 def curves(
     runs: Annotated[list[Path], typer.Argument(help="Run folders of sweeps along one line.")],
     label: Annotated[
-        list[str] | None, typer.Option("--label", help="What each run is called, in their order. [default: its folder]")
+        list[str] | None, typer.Option("--label", help="Names of the runs, in their order. [default: their folders]")
     ] = None,
     points: Points = None,
     out: Annotated[Path, typer.Option("--out", "-o", help="The picture to draw: .png or .svg.")] = Path("sweep.png"),

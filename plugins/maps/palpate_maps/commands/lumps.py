@@ -24,14 +24,14 @@ def lumps(
     run: Run,
     track: TrackOption = None,
     parameter: Parameter = None,
-    rate: Annotated[float, typer.Option(help="False-discovery rate; chance of an alarm where nothing is.")] = 0.005,
+    rate: Annotated[float, typer.Option(help="False-discovery rate; chance of a false alarm without lumps.")] = 0.005,
     contrast: Annotated[float, typer.Option(help="Least contrast that is reported.")] = 0.04,
     spread: Annotated[
-        float, typer.Option(help="Spread of the stiffness between sites that is always believed.")
+        float, typer.Option(help="Spread of the stiffness between sites that is always assumed.")
     ] = 0.005,
     width: Annotated[str, typer.Option(help="Width of a site.")] = "4 mm",
     method: Annotated[
-        str, typer.Option(help="Along a sweep: prominence, or cusum, a sequential test in the order of time.")
+        str, typer.Option(help="Along a sweep: prominence, or cusum, a sequential test in time order.")
     ] = "prominence",
     as_json: Annotated[bool, typer.Option("--json", help="Print lumps.json instead of the table.")] = False,
 ) -> None:
@@ -95,7 +95,7 @@ def compare(
     if test == "welch":
         found = maps.welch(groups[0], groups[1])
         typer.echo(
-            "welch takes the scatter of repeats for that between sites: many false alarms where sites differ",
+            "welch takes the scatter of repeats for the scatter between sites: many false alarms where sites differ",
             err=as_json,
         )
     else:

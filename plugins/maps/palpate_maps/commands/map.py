@@ -44,7 +44,7 @@ def map_run(
     parameter: Parameter = None,
     cell: Annotated[str, typer.Option(help="Size of the map's cells.")] = "1 mm",
     method: Annotated[str, typer.Option(help="gaussian-process or average.")] = "gaussian-process",
-    reach: Annotated[str | None, typer.Option(help="How far from a site the map goes. [default: 1.2 pitches]")] = None,
+    reach: Annotated[str | None, typer.Option(help="Reach of the map around a site. [default: 1.2 pitches]")] = None,
     points: Points = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder to write to. [default: RUN/maps]")] = None,
     svg: Annotated[bool, typer.Option("--svg", help="SVG pictures instead of PNG.")] = False,

@@ -32,11 +32,9 @@ def search(
     contrast: Annotated[float, typer.Option(help="Contrast that counts as a lump.")] = 0.05,
     area: Annotated[
         str | None,
-        typer.Option(
-            help='Where it may go: "-30 mm, 30 mm, -20 mm, 20 mm" (x, then y). [default: specimen, workspace]'
-        ),
+        typer.Option(help='Area to search: "-30 mm, 30 mm, -20 mm, 20 mm" (x, then y). [default: specimen, workspace]'),
     ] = None,
-    go: Annotated[bool, typer.Option("--go", help="Visit the places, and go on until a stop rule holds.")] = False,
+    go: Annotated[bool, typer.Option("--go", help="Visit the places, and continue until a stop rule is met.")] = False,
     budget: Annotated[float, typer.Option(help="Seconds of motion after which --go stops.")] = 120.0,
     sure: Annotated[
         float, typer.Option(help="A lump is certain once points on it have a smaller p-value and leave it in place.")
@@ -119,7 +117,7 @@ def _report(lumps: Sequence[Watched], spent: float) -> None:
     typer.echo(f"after {spent:.0f} s of visits: {len(lumps)} lumps, {certain} of them certain")
     for item in lumps:
         if item.beyond:
-            typer.echo(f"  {_where(item)} is stiffest at the border of what was palpated: it goes on beyond")
+            typer.echo(f"  {_where(item)} is stiffest at the border of what was palpated: it continues beyond")
 
 
 def _end(lumps: Sequence[Watched], area: Area, why: str) -> None:
@@ -129,7 +127,7 @@ def _end(lumps: Sequence[Watched], area: Area, why: str) -> None:
         if item.beyond:
             words += "; stiffest at the border of what was palpated, so its middle may lie beyond"
         elif item.cut:
-            words += f"; it reaches the border of {area.told_by}, so its middle may lie beyond"
+            words += f"; it reaches the border of {area.bounded_by}, so its middle may lie beyond"
         typer.echo(f"  {_where(item)}: p = {item.lump.p:.2g}, {words}")
     if not lumps:
         typer.echo("  no lump was found")
@@ -143,7 +141,7 @@ def _where(item: Watched) -> str:
 def _press(pipeline: Pipeline, run: Path) -> Any:
     """The motion of a run, with a press to palpate points with; raises ConfigurationError."""
     if len(pipeline.trajectories) != 1:
-        raise ConfigurationError(f"{run}: moves nothing, so it cannot go anywhere")
+        raise ConfigurationError(f"{run}: moves nothing, so it cannot visit places")
     ((name, motion),) = pipeline.trajectories.items()
     if not hasattr(motion, "press") or not hasattr(motion, "surface"):
         raise ConfigurationError(f"{run}: [trajectory.{name}] has no press = {{...}} to palpate points with")

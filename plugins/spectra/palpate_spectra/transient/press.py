@@ -63,7 +63,7 @@ def pressed(replayed: Replayed, name: str) -> Pressed:
     begin = max(first - round(_BEFORE / step), 0)
     before, after = _air(samples.contact, samples.position, begin, last, touch)
     if len(before) < _AIR:
-        raise LogError(f"{name}: begins in contact, or nearly so; without its ramp a hold says nothing of E(t)")
+        raise LogError(f"{name}: begins in contact, or nearly so; without its ramp a hold does not determine E(t)")
     zero, offset_std, drift = _zero(time, force, before, after)
     rows = slice(begin, last)
     contact = force - zero

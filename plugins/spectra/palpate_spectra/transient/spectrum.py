@@ -74,7 +74,7 @@ def flags_of(curve: Curve) -> Iterator[Flag]:
     if (away := beyond(curve.pressed.seen, curve.rig.surface)) > _AWAY:
         yield Flag(
             "surface-mismatch",
-            f"ramp and hold want the skin {1e3 * away:.2g} mm farther from where the tip touched than the touch allows",
+            f"ramp and hold put the skin {1e3 * away:.2g} mm farther from where the tip touched than the touch allows",
         )
     if curve.pressed.rig["timing"] is None:
         slope = (
@@ -83,7 +83,7 @@ def flags_of(curve: Curve) -> Iterator[Flag]:
         yield Flag("timing-undeclared", f"1 ms between force and motion changes the curve by up to {0.1 * slope:.2g} %")
     if curve.pressed.drift is None:
         yield Flag(
-            "drift-unknown", "there is no free air after the hold: a drift of the force is taken for the material"
+            "drift-unknown", "there is no free air after the hold: a drift of the force is taken as the material's"
         )
     worst = float(np.max(np.abs(curve.correction - 1.0)))
     if worst > _RAMP:

@@ -26,7 +26,7 @@ def export(
     if write is None:
         raise ConfigurationError(f"--out {out}: the name must end in one of {', '.join(WRITERS)}")
     if out.exists():
-        raise OutputError(f"{out}: is there already, and nothing is ever overwritten")
+        raise OutputError(f"{out}: exists already, and nothing is ever overwritten")
     try:
         with scratch(out.parent) as folder, progress(f"export of {log.name}", "messages"):
             numbers = topics_of(log, topics, folder)

@@ -95,7 +95,7 @@ def _written(text: str, out: Path | None, as_json: bool, suggestion: Suggestion 
         with out.open("x", encoding="utf-8") as file:
             file.write(text)
     except FileExistsError as error:
-        raise OutputError(f"{out}: is there already, and nothing is ever overwritten") from error
+        raise OutputError(f"{out}: exists already, and nothing is ever overwritten") from error
     except OSError as error:
         raise OutputError(f"{out}: cannot write: {error.strerror}") from error
     typer.echo(f"the pipeline is in {out}; palpate run {out}", err=as_json)
