@@ -5,7 +5,7 @@ import time
 
 import pytest
 from palpate import LogError
-from palpate_devices.logs.ahead import ahead
+from palpate_devices.ahead import ahead
 
 
 def counted(count, made, raised=None):

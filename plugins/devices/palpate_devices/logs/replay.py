@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from palpate import Batch, Floats, LogError
 
-from palpate_devices.logs.ahead import ahead
+from palpate_devices.ahead import ahead
 from palpate_devices.logs.decoders import decoder_of
 from palpate_devices.logs.feeds import Feed, mapped_feeds, said_of
 from palpate_devices.logs.files import readable, regular

@@ -1,4 +1,4 @@
-"""Reading ahead: a thread reads, unpacks and decodes while what it has read is worked on."""
+"""Making ahead: a thread reads, unpacks, decodes or simulates while what it has made is worked on."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class _Line(Generic[T]):
         self.found: SimpleQueue[tuple[T] | BaseException | None] = (
             SimpleQueue()
         )  # what was raised, or the end, comes last
-        self._thread = threading.Thread(target=self._make, name="reading ahead", daemon=True)
+        self._thread = threading.Thread(target=self._make, name="ahead", daemon=True)
         self._thread.start()
 
     def _make(self) -> None:
