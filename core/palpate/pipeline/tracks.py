@@ -87,7 +87,7 @@ class Tracks:
         first, *others = self.online
         running = [self._beside.submit(track.run, samples) for track in others]
         try:
-            found = {first.track.name: first.run(samples)}
+            found: dict[str, Estimates] = {first.track.name: first.run(samples)}
         finally:
             wait(running)
         return found | {track.track.name: one.result() for track, one in zip(others, running, strict=True)}
