@@ -167,7 +167,8 @@ def soak(minutes: float, silence: float, folder: Path, every: float, file: Path,
     sets = [f"twin.bench.host={host}", f"twin.bench.port={port}", f"device.arm.host={host}"]
     sets += [f"device.sensor.port={port}", f"trajectory.press.duration={60 * minutes} s"]
     limits = ("device.sensor.silence", "device.arm.stale", "safety.stale")
-    sets += [f"{limit}={silence} s" for limit in limits] + [f"device.arm.watchdog={max(1 / silence, 1.0)} Hz"]
+    sets += [f"{limit}={silence} s" for limit in limits] + [f"device.arm.host_limit={max(silence, 0.25)} s"]
+    sets += [f"device.arm.watchdog={max(1 / silence, 1.0)} Hz"]
     options = [word for item in sets for word in ("--set", item)]
     twin = subprocess.Popen(
         [*_PALPATE, "twin", str(PIPELINE), *options],

@@ -257,3 +257,20 @@ def test_cycles_begin_when_the_controller_has_sent_its_state(phase, wander):
     assert min(off[800:]) > 0.1e6  # [ns] from the last tick
     assert max(off[800:]) < 0.6e6
     assert np.abs(moved).max() <= 0.0025 * period
+
+
+def test_an_arm_that_leaves_because_the_main_job_is_silent_says_so():
+    """A motion that ends early for it would be taken for a whole one."""
+    told, robot, rows = [], VirtualRobot(0.003), sine(0.02)
+    parent = SimpleNamespace(tell=lambda word, **facts: told.append(facts["text"]), messages=list, gone=False)
+    beaten = SimpleNamespace(head=np.zeros(64, np.int64), last_beat=lambda host: 1_000_000_000)
+    loop = _Loop(parent, beaten, robot, SETTINGS)
+    commander = loop._commander = Commander(loop._law, robot.look().position)
+    commander.follow(Plan.of(rows))
+    loop._listen(10_900_000_000)
+    assert (commander.mode, told) == ("approach", [])
+    loop._listen(11_100_000_000)
+    assert commander.mode == "retract"
+    loop._listen(11_200_000_000)
+    assert len(told) == 1
+    assert "the main job gave no sign of life for 10100 ms" in told[0]

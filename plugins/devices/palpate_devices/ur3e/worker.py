@@ -202,8 +202,12 @@ class _Loop:
         if head[STOP]:
             self._finish()
         elif commander is not None:
-            silent = commander.mode != "hold" and (now - beat) / 1e9 > self._host_limit
-            if head[RETRACT] or silent:
+            silence = (now - beat) / 1e9
+            if head[RETRACT]:
+                commander.retract()
+            elif commander.mode in _MOVING and silence > self._host_limit:
+                text = f"the main job gave no sign of life for {1e3 * silence:.0f} ms: is the computer too busy?"
+                self._parent.tell("limit", text=f"{text} ([device.*] host_limit)", at=now)
                 commander.retract()
 
     def _obey(self, message: dict[str, Any], commander: Commander) -> None:

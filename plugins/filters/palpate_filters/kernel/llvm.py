@@ -6,8 +6,10 @@ import ctypes
 import ctypes.util
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from hashlib import sha256
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ from palpate_filters.kernel import column_translation, translation
 from palpate_filters.kernel.column_translation import ColumnTranslation
 from palpate_filters.kernel.columns import LANES, Table
 from palpate_filters.kernel.kept import kept
+from palpate_filters.kernel.object_file import ObjectFile, UnknownError, here
 from palpate_filters.kernel.translation import LIBRARY, Translation
 
 _ENGINES: list[Any] = []
@@ -88,35 +91,55 @@ class CompiledColumns:
 @cache
 def _compiled(text: str) -> tuple[Callable[..., None], Callable[[int], None]]:
     """Machine code of a serialised step, over a block and of one sample; one for each step in a process."""
-    engine = _engine("step", text, Translation)
+    address = _addresses("step", text, Translation)
     pointer = ctypes.c_void_p
     block = ctypes.CFUNCTYPE(None, ctypes.c_int64, *([pointer] * 4))
     single = ctypes.PYFUNCTYPE(None, pointer)  # over before another thread could make use of the interpreter
-    return block(engine.get_function_address("run")), single(engine.get_function_address("single"))
+    return block(address("run")), single(address("single"))
 
 
 @cache
 def _compiled_columns(text: str) -> tuple[Callable[..., None], Callable[..., None]]:
     """Machine code of a serialised function over columns: its values, and the sums of their products."""
-    engine = _engine("columns", text, ColumnTranslation)
+    address = _addresses("columns", text, ColumnTranslation)
     kind = ctypes.CFUNCTYPE(None, ctypes.c_int64, *([ctypes.c_void_p] * 3))
-    return kind(engine.get_function_address("values")), kind(engine.get_function_address("products"))
+    return kind(address("values")), kind(address("products"))
 
 
-def _engine(kind: str, text: str, translator: type[Translation]) -> Any:
-    """What runs the machine code of a serialised function."""
-    import llvmlite
+def _addresses(kind: str, text: str, translator: type[Translation]) -> Callable[[str], int]:
+    """Where the functions of a serialised function's machine code are; LLVM is imported where it has work to do."""
+    key = (kind, text, version("llvmlite"), _translator(), *_processor())
+    code = kept(key, lambda: _translated(text, _machine(), translator))
+    if here():
+        with suppress(UnknownError, OSError):
+            return ObjectFile(code).loaded(_functions())
+    return _loaded_by_llvm(code)
+
+
+def _loaded_by_llvm(code: bytes) -> Callable[[str], int]:
     import llvmlite.binding as binding
 
-    machine = _machine()
-    versions = llvmlite.__version__, str(binding.llvm_version_info), _translator()
-    processor = binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten(), machine.triple
-    code = kept((kind, text, *versions, *processor), lambda: _translated(text, machine, translator))
-    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
+    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), _machine())
     engine.add_object_file(binding.ObjectFileRef.from_data(code))
     engine.finalize_object()
     _ENGINES.append(engine)  # the code lives as long as its engine
-    return engine
+    found: Callable[[str], int] = engine.get_function_address
+    return found
+
+
+@cache
+def _processor() -> tuple[str, ...]:
+    """What code depends on, besides what it does: the processor with all that it can do, as Linux or LLVM has it."""
+    with suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").partition("\n\n")[0].splitlines()
+        facts = {name.strip(): value.strip() for name, _, value in (line.partition(":") for line in lines)}
+        if here() and {"model name", "flags"} <= facts.keys():
+            named = ("vendor_id", "cpu family", "model", "model name", "stepping")
+            return (*(facts.get(name, "") for name in named), *sorted(facts["flags"].split()))
+    import llvmlite.binding as binding
+
+    machine = _machine()
+    return binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten(), machine.triple
 
 
 def _translated(text: str, machine: Any, translator: type[Translation]) -> bytes:
@@ -152,12 +175,18 @@ def _machine() -> Any:
 
 @cache
 def _library() -> None:
-    """Start LLVM, and tell it where the functions of the C library are, under names that it does not rewrite."""
+    """Start LLVM, and tell it where the functions of the C library are."""
     import llvmlite.binding as binding
 
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
+    for name, address in _functions().items():
+        binding.add_symbol(name, address)
+
+
+@cache
+def _functions() -> dict[str, int]:
+    """Where the functions of the C library are, under names that LLVM does not rewrite."""
     library = ctypes.CDLL(ctypes.util.find_library("m"))
-    for name in set(LIBRARY.values()):
-        address = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
-        binding.add_symbol(f"palpate_{name}", address)
+    found = {name: ctypes.cast(getattr(library, name), ctypes.c_void_p).value for name in set(LIBRARY.values())}
+    return {f"palpate_{name}": address for name, address in found.items() if address is not None}
