@@ -14,10 +14,19 @@ from palpate.cli import main
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
 
+from tests import forked
 from tests.results import _results_are_what_the_schema_says  # noqa: F401
 
 ROOT = Path(__file__).parent.parent
 _LIVE = {"bench", "shared_bench", "main_job"}  # fixtures that run a twin in real time
+_BESIDE_A_RIG = ("tests/devices/ros2/", "tests/live_page/test_page.py")  # live, and no arm moves
+_LONG = (
+    *("filters/test_conformance.py", "filters/test_export_filter.py", "studies/test_cluster.py"),
+    *("uncertainty/test_matrix.py", "maps/test_commands.py", "core/test_small_core.py", "test_plugin_readmes.py"),
+    *("filters/test_fit_command.py", "filters/test_fit.py", "report/test_report.py", "test_third_party.py"),
+    *("filters/test_parity.py", "filters/test_kinematic_parity.py", "studies/test_sweep.py", "devices/test_ur3e.py"),
+    *("devices/test_bota.py", "test_pipelines.py", "starting/test_starting.py"),
+)
 
 
 def pytest_configure(config):
@@ -42,12 +51,28 @@ def pytest_collection(session):
 
 
 def pytest_collection_modifyitems(items):
-    """A job that moves the twins wants the cores to itself, as on a rig; what only talks to them runs beside others."""
+    """A job that moves the twins wants the cores to itself, as on a rig; long files come first, lest one be left."""
     for item in items:
-        if item.get_closest_marker("talks"):
-            item.add_marker(pytest.mark.xdist_group("talks"))  # they wait: one worker is enough
-        elif _LIVE & set(getattr(item, "fixturenames", ())):
+        if not item.get_closest_marker("talks") and _LIVE & set(getattr(item, "fixturenames", ())):
             item.add_marker(pytest.mark.live)
+    rank = {ROOT / "tests" / name: place for place, name in enumerate(_LONG)}
+    items.sort(key=lambda item: rank.get(item.path, len(rank)))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Tests of one file share its fixtures in one worker; where rigs move, all of them are one file."""
+    if config.getvalue("dist") == "each":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class ByFile(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            file = nodeid.partition("::")[0]
+            return "rig" if config.option.markexpr == "live" and not file.startswith(_BESIDE_A_RIG) else file
+
+    config.option.loadscopereorder = False  # the order is that of the collection
+    return ByFile(config, log)
 
 
 @pytest.fixture(scope="session")
@@ -114,11 +139,8 @@ def palpate_process(tmp_path):
     """The real command line in a process and a folder of its own: for what only a process shows."""
 
     def call(*arguments, cwd=tmp_path, timeout=300, **environment):
-        command = [sys.executable, "-c", "from palpate.cli import main; main()", *map(str, arguments)]
         env = {**os.environ, "COLUMNS": "140", **environment}
-        return subprocess.run(
-            command, cwd=cwd, env=env, capture_output=True, text=True, timeout=timeout, stdin=subprocess.DEVNULL
-        )
+        return forked.run(forked.PALPATE, *arguments, cwd=cwd, env=env, timeout=timeout)
 
     return call
 

@@ -97,6 +97,14 @@ class Repeating:
         item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
         return True
 
+    def pytest_sessionfinish(self, session):
+        if (told := getattr(session.config, "workeroutput", None)) is not None:  # a worker has no terminal
+            told["held-up"] = self.said
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, node):
+        self.said += getattr(node, "workeroutput", {}).get("held-up", [])
+
     def pytest_terminal_summary(self, terminalreporter):
         for line in self.said:
             terminalreporter.write_line(line)

@@ -1,11 +1,11 @@
 """The code in each plugins/*/README.md runs as it stands."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.forked import PYTEST, run
 
 ROOT = Path(__file__).parent.parent
 READMES = sorted((ROOT / "plugins").glob("*/README.md"))
@@ -25,8 +25,7 @@ def test_its_code_runs(readme, palpate, tmp_path):
         (tmp_path / name).write_text(text)
     for name in blocks:
         if name.startswith("test_"):
-            command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", name]
-            done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+            done = run(PYTEST, "-q", "-p", "no:cacheprovider", name, cwd=tmp_path, timeout=120)
             assert done.returncode == 0, done.stdout
         if name.endswith(".toml"):
             done = palpate("run", name, "--out", tmp_path / f"out-{name}")

@@ -13,6 +13,8 @@ from palpate.config import load_pipeline
 from palpate.errors import ConfigurationError, PluginError
 from palpate.units import to_si
 
+from tests.forked import DEVNULL, PALPATE, PIPE, start
+
 SHORT = ("--set", "trajectory.press.duration=1 s", "--set", 'run.tracks=["dr/ekf"]')
 MARKER = "import pathlib\npathlib.Path({}).touch()\n"
 
@@ -174,13 +176,8 @@ def test_only_an_address_is_loopback(root):
 def test_a_twin_in_the_background_serves_until_it_is_signalled(root, tmp_path):
     address = f"127.{os.getpid() % 200 + 20}.77.{os.getpid() % 250 + 1}"
     sets = ["--set", f"twin.bench.host={address}", "--set", f"twin.bench.port={tmp_path}/port"]
-    command = [sys.executable, "-c", "from palpate.cli import main; main()", "twin"]
-    twin = subprocess.Popen(
-        [*command, str(root / "pipelines" / "point_ur3e.toml"), *sets],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+    file = root / "pipelines" / "point_ur3e.toml"
+    twin = start(PALPATE, "twin", file, *sets, stdin=DEVNULL, stdout=PIPE, text=True)
     try:
         assert twin.stdout.readline().startswith("ready: ")
         time.sleep(0.3)

@@ -1,12 +1,12 @@
 """``palpate run --dry-run``, ``doctor`` and ``twin``."""
 
 import os
-import subprocess
-import sys
 
 import pytest
 from palpate import ConfigurationError
 from palpate.cli import call
+
+from tests.forked import PALPATE, PIPE, start
 
 HOST = f"127.7.{os.getpid() % 250}.2"
 
@@ -68,8 +68,7 @@ def test_the_doctor(palpate, live, tmp_path):
     sick = palpate("doctor", live, *sets)
     assert sick.returncode == 2
     assert "the RTDE port 30004 cannot be reached" in sick.stdout
-    command = [sys.executable, "-c", "from palpate.cli import main; main()", "twin", str(live), *twin_sets]
-    twin = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    twin = start(PALPATE, "twin", live, *twin_sets, stdin=PIPE, stdout=PIPE, text=True)
     try:
         assert twin.stdout.readline().startswith("ready")
         patient = ("device.sensor.silence=5 s", "device.arm.stale=5 s", "safety.stale=5 s", "device.arm.watchdog=1 Hz")

@@ -10,6 +10,8 @@ import time
 
 import pytest
 
+from tests.forked import DEVNULL, PALPATE, PIPE, run, start
+
 SHORT = ("--set", "trajectory.press.duration=2 s")
 
 
@@ -92,16 +94,8 @@ def wait_until(condition):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_ctrl_c_ends_cleanly_with_what_was_found_so_far(point_pipeline, tmp_path, number):
-    command = [sys.executable, "-c", "from palpate.cli import main; main()", "run", str(point_pipeline)]
-    command += ["--set", "device.rig.pace=real-time", "--out", str(tmp_path / "out")]
-    process = subprocess.Popen(
-        command,
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),  # whoever runs the tests may ignore it
-    )
+    words = ["--set", "device.rig.pace=real-time", "--out", tmp_path / "out"]
+    process = start(PALPATE, "run", point_pipeline, *words, cwd=tmp_path, stdout=PIPE, stderr=PIPE, text=True)
     log = tmp_path / "out" / "log.mcap"
     wait_until(lambda: log.exists() and log.stat().st_size > 300_000)
     process.send_signal(number)
@@ -127,9 +121,8 @@ def test_ctrl_c_ends_cleanly_with_what_was_found_so_far(point_pipeline, tmp_path
 
 
 def test_a_killed_run_leaves_a_log_that_opens(point_pipeline, tmp_path):
-    command = [sys.executable, "-c", "from palpate.cli import main; main()", "run", str(point_pipeline)]
-    command += ["--set", "device.rig.pace=real-time", "--out", str(tmp_path / "out")]
-    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    words = ["--set", "device.rig.pace=real-time", "--out", tmp_path / "out"]
+    process = start(PALPATE, "run", point_pipeline, *words, cwd=tmp_path, stdout=DEVNULL, stderr=DEVNULL)
     log = tmp_path / "out" / "log.mcap"
     wait_until(lambda: log.exists() and log.stat().st_size > 300_000)
     os.kill(process.pid, signal.SIGKILL)
@@ -148,8 +141,7 @@ def test_a_full_disk_ends_the_run_with_one_message_and_a_log_that_opens(point_pi
         "resource.setrlimit(resource.RLIMIT_FSIZE, (600_000, 600_000))\n"
         "from palpate.cli import main\nmain()\n"
     )
-    command = [sys.executable, "-c", script, "run", str(point_pipeline), "--out", str(tmp_path / "out")]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    done = run(script, "run", point_pipeline, "--out", tmp_path / "out", cwd=tmp_path, timeout=60)
     assert done.returncode == 2
     assert "sink mcap: cannot write" in done.stderr
     assert "Traceback" not in done.stderr

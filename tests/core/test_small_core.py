@@ -56,9 +56,12 @@ def test_no_word_of_the_core_names_a_plugin(root):
 
 # What others wrote is imported once; each run is a fork that imports all of palpate anew, without one of its families.
 WITHOUT = """
-import os, sys
+import gc, os, sys
 from pathlib import Path
-import casadi, numpy, pydantic, rich.console, scipy.ndimage, scipy.optimize, typer
+import casadi, llvmlite.binding, numpy, pydantic, rich.console, scipy.ndimage, scipy.optimize, typer
+import importlib.metadata, json, mcap.reader, mcap.writer, rich.markdown, rich.progress, rich.table, tomllib
+gc.collect()
+gc.freeze()
 pipeline, out, *families = sys.argv[1:]
 for family in families:
     child = os.fork()
@@ -91,7 +94,6 @@ def without(root, tmp_path_factory):
     return out
 
 
-@pytest.mark.xdist_group("without")  # one process for all
 @pytest.mark.parametrize("family", ANALYSES)
 def test_a_run_without_a_family_of_analyses(family, without):
     """The family's package cannot be imported: what fails is told, and the run goes on."""

@@ -4,10 +4,10 @@ import itertools
 import json
 import os
 import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
+from subprocess import PIPE
 
 import numpy as np
 import pytest
@@ -15,6 +15,8 @@ from palpate.config import load_pipeline
 from palpate.errors import DeviceError
 from palpate.pipeline import run_pipeline
 from palpate_devices.mcap_replay import McapReplay
+
+from tests import forked
 
 PIPELINE = Path(__file__).parents[2] / "pipelines" / "point_ur3e.toml"
 _ADDRESSES = itertools.count(2)
@@ -53,12 +55,10 @@ class Bench:
         self.port = folder / f"sensor-{self.host}"
         self.folder = folder
         self._overrides = [f"twin.bench.host={self.host}", f"twin.bench.port={self.port}", *overrides]
-        command = [sys.executable, "-c", "from palpate.cli import main; main()", "twin", str(PIPELINE)]
-        for override in self._overrides:
-            command += ["--set", override]
+        words = [word for override in self._overrides for word in ("--set", override)]
         self._errors = (folder / "twin.log").open("w")
-        self.process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, text=True, bufsize=1
+        self.process = forked.start(
+            forked.PALPATE, "twin", PIPELINE, *words, stdin=PIPE, stdout=PIPE, stderr=self._errors, text=True
         )
         self._lock = threading.Lock()
         self.at_fault = {}  # the state in which the last fault found the twins
@@ -165,9 +165,9 @@ class Bench:
         for attempt in range(attempts):
             folder = out.with_name(f"{out.name}{attempt}")
             sets = [f"device.arm.host={self.host}", f"device.sensor.port={self.port}", *overrides]
-            words = [sys.executable, "-c", "from palpate.cli import main; main()", "run", str(PIPELINE)]
-            words += ["--out", str(folder), *(word for override in sets for word in ("--set", override))]
-            job = subprocess.Popen(words, stdin=subprocess.DEVNULL, **options)
+            words = [word for override in sets for word in ("--set", override)]
+            words += ["--out", folder]
+            job = forked.start(forked.PALPATE, "run", PIPELINE, *words, stdin=subprocess.DEVNULL, **options)
             while job.poll() is None:
                 if when(self.state(), folder):
                     return job, folder

@@ -157,7 +157,7 @@ def test_start_faults_are_told_in_words(restored, changes, words):
 
 def test_a_wrong_baud_rate_is_suspected(restored):
     device = sensor(restored, baud=115200, boot=0.5)
-    with pytest.raises(DeviceError, match=r"\d+ bytes that hold no answer came at 115200 baud; check .* baud rate"):
+    with pytest.raises(DeviceError, match=r"\d+ bytes that contain no answer came at 115200 baud; check .* baud rate"):
         gathered(device, 10)
 
 

@@ -179,8 +179,7 @@ def test_an_exception_in_the_job_itself(restored, monkeypatch, tmp_path):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals(restored, short, patient, tmp_path, number):
     twin = restored
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
-    pipes["preexec_fn"] = lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL)  # whoever runs the tests may ignore it
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
     long = "trajectory.press.duration=30 s"  # a machine that stands still must not let it end before the signal
     job, folder = twin.start_job(touching, (*short, *patient, long), tmp_path / "out", **pipes)
     job.send_signal(number)
@@ -198,7 +197,7 @@ def test_kill_9(restored, short, patient, tmp_path, group):
     controller's watchdog does.
     """
     twin = restored
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "start_new_session": True}
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "session": True}
 
     def recording(state, folder):
         log = folder / "log.mcap"

@@ -5,8 +5,6 @@ import json
 import re
 import shutil
 import signal
-import subprocess
-import sys
 import time
 
 import numpy as np
@@ -15,6 +13,8 @@ from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
 from palpate_basics.remaining import remaining_pipeline
 from palpate_maps.analysis import find_lumps, make_map, read_path, sites_along
+
+from tests.forked import DEVNULL, PALPATE, PIPE, start
 
 SMALL = (
     'trajectory.raster.size=["20 mm", "10 mm"]',
@@ -157,9 +157,8 @@ def test_an_interrupted_raster_resumes_at_the_last_whole_line(root, raster_run, 
 
 def test_ctrl_c_leaves_a_raster_that_resumes(root, tmp_path):
     out = tmp_path / "out"
-    command = [sys.executable, "-c", "from palpate.cli import main; main()", "run", str(root / "pipelines/raster.toml")]
-    command += ["--out", str(out), *options([*SMALL, "device.rig.pace=real-time"])]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    words = ["--out", out, *options([*SMALL, "device.rig.pace=real-time"])]
+    process = start(PALPATE, "run", root / "pipelines" / "raster.toml", *words, stdout=PIPE, stderr=PIPE, text=True)
     log, deadline = out / "log.mcap", time.monotonic() + 120
     while not (log.exists() and log.stat().st_size > 100_000) and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -181,12 +180,8 @@ def test_a_killed_raster_resumes_and_gives_the_map_of_an_uninterrupted_one(palpa
     small += ['trajectory.raster.centre=["-16 mm", "6 mm"]', "device.rig.sensor_rate=500 Hz"]
     small += ["estimator.kinematic.sweep_speed=6 mm/s", 'run.tracks=["dr/kinematic"]']
     out, file = tmp_path / "out", root / "pipelines" / "raster.toml"
-    command = [sys.executable, "-c", "from palpate.cli import main; main()", "run", str(file), "--out", str(out)]
-    process = subprocess.Popen(
-        [*command, *options([*small, "device.rig.pace=real-time"])],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
+    words = ["--out", out, *options([*small, "device.rig.pace=real-time"])]
+    process = start(PALPATE, "run", file, *words, stdout=DEVNULL, stderr=DEVNULL)
     first_line = next(iter(load_pipeline(file, small).trajectories.values())).total_duration / 3
     deadline = time.monotonic() + 180
     while last_time(out / "estimates.csv") < first_line + 1.5 and time.monotonic() < deadline:

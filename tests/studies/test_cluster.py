@@ -23,10 +23,7 @@ from palpate_studies import cluster, staging, workers  # noqa: E402
 from palpate_studies.cores import on_all_cores  # noqa: E402
 from palpate_studies.jobs import Job, Parcel, Written  # noqa: E402
 
-pytestmark = [
-    pytest.mark.filterwarnings("ignore"),  # of dask's own, when workers die
-    pytest.mark.xdist_group("cluster"),  # one cluster for all
-]
+pytestmark = pytest.mark.filterwarnings("ignore")  # of dask's own, when workers die
 
 
 @pytest.fixture(scope="module")

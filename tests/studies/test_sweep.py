@@ -5,11 +5,11 @@ import json
 import os
 import shutil
 import signal
-import subprocess
-import sys
 import time
 
 import pytest
+
+from tests.forked import PALPATE, PIPE, start
 
 SWEEP = """
 [sweep]
@@ -112,11 +112,8 @@ def test_info_says_which_kernel_runs_and_why(palpate):
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_ctrl_c_ends_a_sweep_and_leaves_no_half_result(palpate, point_pipeline, tmp_path, jobs):
     file, out = with_sweep(point_pipeline, '[sweep]\n"run.seed" = [1, 2, 3]\n'), tmp_path / "out"
-    command = [sys.executable, "-c", "from palpate.cli import main; main()", "sweep", str(file), "--out", str(out)]
-    command += ["--jobs", str(jobs), "--set", "device.rig.pace=real-time"]
-    process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
+    words = ["--jobs", jobs, "--set", "device.rig.pace=real-time"]
+    process = start(PALPATE, "sweep", file, "--out", out, *words, stdout=PIPE, stderr=PIPE, text=True, session=True)
     deadline = time.monotonic() + 120
     while not any(log.stat().st_size > 100_000 for log in out.glob("0000*/log.mcap")):
         assert time.monotonic() < deadline

@@ -23,9 +23,6 @@ TRACKS = [
 ]
 
 
-pytestmark = pytest.mark.xdist_group("matrix")  # one run for all
-
-
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
     """The tracks on one record of 5 s, three times as fast as the paper's 10 s."""

@@ -36,7 +36,7 @@ class Column(Settings):
     """One column of the file."""
 
     column: Annotated[int, Field(ge=0)] | Annotated[str, Field(min_length=1)] = Field(
-        description="which column: counted from 0, or its name in the header line"
+        description="column: counted from 0, or its name in the header line"
     )
     unit: str = Field(min_length=1, description='unit of its numbers, such as "mm" or "N"')
 
@@ -59,10 +59,10 @@ class CsvReplay(Recording):
 
     file: File = Field(description="the log, .csv or .csv.gz, relative to the pipeline file")
     columns: dict[str, Column] = Field(min_length=1, description="channels by name: { column = 0, unit = 'mm' }")
-    rate: Frequency | None = Field(default=None, gt=0, description="sampling rate, where no column holds the time")
-    time: Column | None = Field(default=None, description="the column that holds the time: { column = 0, unit = 's' }")
+    rate: Frequency | None = Field(default=None, gt=0, description="sampling rate, where no column is the time")
+    time: Column | None = Field(default=None, description="the column of the time: { column = 0, unit = 's' }")
     delimiter: str = Field(
-        default=",", min_length=1, max_length=1, description='what separates the columns: ",", ";", "\\t"'
+        default=",", min_length=1, max_length=1, description='separator of the columns: ",", ";", "\\t"'
     )
 
     @model_validator(mode="after")
@@ -91,7 +91,7 @@ class CsvReplay(Recording):
         if tally.cut is not None:
             found.append(
                 f"{self.file.name}: the last line has no end, and its last number, {tally.cut}, fewer digits than all "
-                "above it: it was cut, and that line left out"
+                "above: it was cut and is left out"
             )
         return tuple(found)
 
@@ -166,7 +166,7 @@ class _CsvLink:
             row += len(numbers)
             yield Batch("", stamps, stamps, sensible(values))
         if row == 0:
-            raise LogError(f"{self._log.file}: the file holds no rows of numbers")
+            raise LogError(f"{self._log.file}: the file contains no rows of numbers")
 
     def _whole(self) -> Iterator[Floats]:
         """The numbers (n, places) of all rows but one that was cut."""
@@ -247,8 +247,8 @@ class _CsvLink:
         if count > self._width and any(cell.strip() for cell in cells[self._width :]):
             self._refuse_commas(cells, line)
             raise LogError(
-                f"{self._log.file}:{line}: the line has {count} cells, and the first one {self._width}: "
-                "its numbers would be in the wrong columns"
+                f"{self._log.file}:{line}: the line has {count} cells, the first one {self._width}: its "
+                "numbers would be in the wrong columns"
             )
 
     def _refuse_cut(self) -> None:
@@ -268,7 +268,7 @@ class _CsvLink:
         places = []
         for column in self._wanted:
             if isinstance(column, str) and names.count(column) != 1:
-                known = ", ".join(names) if names else "its first line holds numbers"
+                known = ", ".join(names) if names else "its first line contains numbers"
                 many = "two columns" if column in names else "no column"
                 raise LogError(f"{self._log.file}: {many} of the name {column!r} ({known})")
             places.append(names.index(column) if isinstance(column, str) else column)

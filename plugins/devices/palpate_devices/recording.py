@@ -111,7 +111,7 @@ class Recording(Device, ABC):
     @classmethod
     def playback(cls, path: Path, device: str) -> dict[str, Any]:
         """The table of a device that plays back what the device of that name has recorded in a log."""
-        raise LogError(f"{path}: a log of this format cannot stand for the devices of a pipeline")
+        raise LogError(f"{path}: a log of this format cannot replace the devices of a pipeline")
 
     @classmethod
     def texts(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], NDArray[np.int64], list[tuple[str, ...]]]]:
@@ -121,4 +121,4 @@ class Recording(Device, ABC):
     @classmethod
     def recover(cls, path: Path, out: Path) -> str:
         """Write what is whole of a damaged log into a new one; what was saved and what is missing, in words."""
-        raise LogError(f"{path}: there is nothing that recovers logs of this format")
+        raise LogError(f"{path}: logs of this format cannot be recovered")

@@ -33,7 +33,7 @@ class Relief(Settings):
     tilt_y: Angle = Field(default=0.0, ge=-_STEEPEST, le=_STEEPEST, description="rise towards positive y")
     roughness: Length = Field(default=0.0, ge=0, description="standard deviation of the random height")
     length: Length = Field(default=0.01, gt=0, description="correlation length of the random height")
-    seed: int = Field(default=0, ge=0, description="which of all such skins")
+    seed: int = Field(default=0, ge=0, description="seed of the random height")
 
     @cached_property
     def _waves(self) -> tuple[Floats, Floats, Floats]:

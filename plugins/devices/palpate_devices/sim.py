@@ -56,7 +56,7 @@ class SimulatedRig(Device):
     """
 
     specimen: Specimen = Field(description="what the tip presses on")
-    tip_mass: TipMass = Field(default=0.14, gt=0, description="mass of all that hangs behind the sensor")
+    tip_mass: TipMass = Field(default=0.14, gt=0, description="mass of everything mounted behind the sensor")
     centre_of_mass: tuple[Length, ...] = Field(
         default=(0.0, 0.0, 0.0), min_length=3, max_length=3, description="of that mass, in the sensor's frame"
     )
@@ -78,19 +78,21 @@ class SimulatedRig(Device):
     series_stiffness: Stiffness | None = Field(
         default=None,
         gt=0,
-        description="stiffness of robot and sensor, which give way before the material; left out: they do not",
+        description="stiffness of robot and sensor, in series with the material; left out: rigid",
     )
-    force_limit: Force = Field(default=500.0, gt=0, description="range of the sensor; readings stop there")
-    force_delay: Delay = Field(default=0.0, description="how late the wrench is stamped; an estimator has to be told")
+    force_limit: Force = Field(default=500.0, gt=0, description="range of the sensor; readings are clipped there")
+    force_delay: Delay = Field(
+        default=0.0, description="delay of the wrench's stamps; has to be declared to an estimator"
+    )
     motion_delay: Delay = Field(
-        default=0.0, description="how late pose and twist are stamped; an estimator has to be told"
+        default=0.0, description="delay of the stamps of pose and twist; has to be declared to an estimator"
     )
     serial_number: str = Field(
         default="SIM-0001", min_length=1, description="serial number of the sensor, as a real one has"
     )
     seed: int | None = Field(default=None, ge=0, description="seed of the noise; left out: that of the run")
     pace: Literal["fast", "real-time"] = Field(
-        default="fast", description="as fast as the machine can, or by the clock"
+        default="fast", description="as fast as the machine can, or in real time"
     )
 
     @property
@@ -164,7 +166,7 @@ class _Rig:
         settings = self._settings
         text = refusal(law, math.inf, math.inf, math.inf, law.end)
         if settings.specimen.unloading == "ting" or settings.series_stiffness is not None:
-            text = 'a force cannot lead with series_stiffness, nor on a specimen with unloading = "ting"'
+            text = 'force control is not possible with series_stiffness, nor on a specimen with unloading = "ting"'
         if text is not None:
             raise ConfigurationError(f"device sim: {text}")
 

@@ -90,7 +90,7 @@ def _command(port: Any, text: str, letter: str, baud: int) -> None:
             return
         if found:
             raise DeviceError(f"the sensor refuses the command {text!r} with code {found[1].decode()}")
-    seen = "nothing at all" if not answer else f"{len(answer)} bytes that hold no answer"
+    seen = "nothing at all" if not answer else f"{len(answer)} bytes that contain no answer"
     raise DeviceError(
         f"the sensor does not answer {text!r} within {_ATTEMPTS * _ACKNOWLEDGE:g} s: {seen} came at {baud} baud; "
         "check power, cable and the baud rate that the sensor was set to"

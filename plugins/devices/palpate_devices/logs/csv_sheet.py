@@ -51,7 +51,7 @@ class Sheet:
         _refuse_decimal_commas(path, lines, best, first if header else None, rest)
         names = [cell.strip().lstrip("\ufeff") for cell in first] if header else list(map(str, range(len(first))))
         if not (rest if header else [first]):
-            raise LogError(f"{path}: the file holds no rows of numbers")
+            raise LogError(f"{path}: the file contains no rows of numbers")
         return cls(path, best, tuple(name or str(k) for k, name in enumerate(names)), header)
 
     def blocks(self) -> Iterator[Floats]:

@@ -23,14 +23,12 @@ def units_of(found: Found, clocked: bool) -> tuple[dict[str, str], list[str]]:
     spans = {r: float(np.subtract(*np.nanpercentile(p.series.values, (99.8, 0.2)))) for r, p in found.picks.items()}
     if "position" not in units:
         units["position"] = length_unit(spans["position"])
-        doubts.append(
-            f"unit of the position: {units['position']} is a guess, by how far it moves: {spans['position']:.3g}"
-        )
+        doubts.append(f"unit of the position: {units['position']} is a guess from its range: {spans['position']:.3g}")
     way = spans["position"] * si_unit(units["position"])[1]
     if "force" not in units:
         units["force"], elasticity = force_unit(spans["force"], way)
         doubts.append(
-            f"unit of the force: {units['force']} is a guess, by which a tip of 5 mm would feel some "
+            f"unit of the force: {units['force']} is a guess: a tip of 5 mm would then measure some "
             f"{elasticity / 1e3:.3g} kPa"
         )
     if "velocity" in found.picks and "velocity" not in units:
@@ -42,12 +40,12 @@ def units_of(found: Found, clocked: bool) -> tuple[dict[str, str], list[str]]:
 def _speed_unit(found: Found, length: str, clocked: bool) -> tuple[str, str]:
     """The unit in which a velocity is the slope of the position."""
     if not clocked or not found.gain:
-        return f"{length}/s", f"unit of the velocity: {length}/s is a guess, as that of the position"
+        return f"{length}/s", f"unit of the velocity: {length}/s is a guess, like that of the position"
     ratios = {unit: abs(found.gain) * si_unit(unit)[1] / si_unit(length)[1] for unit in ("m/s", "mm/s", "um/s", "cm/s")}
     unit = min(ratios, key=lambda u: abs(np.log(ratios[u])))
     fits = abs(ratios[unit] - 1.0) < _LIKE
     by = (
-        "by which it is the slope of the position"
+        "with which it is the slope of the position"
         if fits
         else f"though it is {ratios[unit]:.2f} times the position's slope"
     )

@@ -157,13 +157,13 @@ def force_sign(force: Floats, law: Law) -> Sign:
     bend = 1 if law.bend >= 0 else -1
     curved = abs(law.bend) > _CURVED
     if rests and (not curved or side == bend):
-        return Sign(side, "it leaves its rest to one side", curved)
+        return Sign(side, "it leaves its rest value to one side", curved)
     if curved and not rests:
         return Sign(bend, "it grows faster than the depth", abs(law.bend) > 2 * _CURVED or _one_side(force) == bend)
     if abs(law.bend) > 3 * _CURVED:
         return Sign(bend, "it grows faster than the depth", True)  # and rests in contact
     if curved:
-        return Sign(bend, "it grows faster than the depth, but leaves its rest to the other side", False)
+        return Sign(bend, "it grows faster than the depth, but leaves its rest value to the other side", False)
     return Sign(_one_side(force) or side, "it is mostly on this side of zero", False)
 
 

@@ -213,7 +213,7 @@ class Search:
         signs = {"force": force, "position": Sign(falls, words, force.sure and clear)}
         if gain is not None:
             agrees = gain >= 0
-            words = "it is the rate of the position" if agrees else "it counts the other way than the position"
+            words = "it is the rate of the position" if agrees else "its sign is opposite to that of the position"
             signs["velocity"] = Sign(falls if agrees else -falls, words, force.sure and clear and gain != 0.0)
         return signs
 

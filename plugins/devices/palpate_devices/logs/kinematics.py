@@ -46,7 +46,7 @@ class Kinematics(Settings):
         default=None, description="a robot whose nominal parameters are known: streams tip and twist; or give joints"
     )
     joints: tuple[Joint, ...] = Field(default=(), description="joints of another robot, from the base to the tip")
-    prefix: str = Field(default="", description='what stands before the joint names of a known robot, such as "left_"')
+    prefix: str = Field(default="", description='prefix of the joint names of a known robot, such as "left_"')
     tcp: tuple[Length, ...] = Field(min_length=3, max_length=3, description="tip on the flange")
     tcp_rotation: tuple[Angle, ...] = Field(
         default=(0.0, 0.0, 0.0), min_length=3, max_length=3, description="rotation vector of the tool on the flange"

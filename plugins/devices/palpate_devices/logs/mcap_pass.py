@@ -64,7 +64,7 @@ class Pass:
             raise Damage("it ends before its data do")
         if self._whole and self._summary.counts is not None and self.counts != Counter(self._summary.counts):
             found, said = self.counts.total(), sum(self._summary.counts.values())
-            raise Damage(f"it holds {found} messages where its statistics say {said}, or not the same ones")
+            raise Damage(f"it contains {found} messages where its statistics state {said}, or not the same ones")
 
     def _check_data(self, file: IO[bytes]) -> bool:
         """Whether a checksum covers all data, and is right; raises Damage where it is wrong."""
@@ -121,7 +121,7 @@ class Pass:
         if opcode in (records.SCHEMA, records.CHANNEL) and length <= records.LIMIT:
             self._known.define(opcode, file.read(length))
         elif opcode == 0:
-            raise Damage("a record has the kind 0, which none has")
+            raise Damage("a record has the unknown kind 0")
         elif opcode in records.EXTRAS and self._known.extras is not None and length <= records.LIMIT:
             self._known.extras.append((opcode, file.read(length)))
         else:

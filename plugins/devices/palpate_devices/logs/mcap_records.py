@@ -69,7 +69,7 @@ def open_chunk(content: bytes, unpacker: Unpacker) -> Chunk:
         raise Damage(f"a chunk claims {size} bytes, more than {LIMIT}")
     data = _decompressed(name, packed, size, unpacker)
     if len(data) != size:
-        raise Damage(f"a chunk claims {size} bytes and holds {len(data)}")
+        raise Damage(f"a chunk claims {size} bytes and contains {len(data)}")
     if crc and zlib.crc32(data) != crc:
         raise Damage("a chunk's checksum is wrong")
     return Chunk(data, crc != 0)

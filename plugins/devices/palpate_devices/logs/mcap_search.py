@@ -86,7 +86,7 @@ def fitting(head: bytes, left: int) -> tuple[int, int]:
     if length > left:
         raise Damage(f"a record claims {length} bytes, more than the file has")
     if opcode not in _KINDS:
-        raise Damage(f"a record has the kind {opcode}, which none has")
+        raise Damage(f"a record has the unknown kind {opcode}")
     if _FIXED.get(opcode, length) != length or (opcode == records.MESSAGE and length < records.HEAD - 9):
         raise Damage(f"a record of the kind {opcode} claims {length} bytes")
     return opcode, length

@@ -33,7 +33,7 @@ def recover_mcap(path: Path, out: Path) -> str:
         with scratch(out.parent) as folder:
             saved = _written(log, folder)
             if not saved.messages:
-                raise LogError(f"{path}: nothing in it is whole")
+                raise LogError(f"{path}: nothing in it is undamaged")
             if out.exists():
                 raise OutputError(f"{out}: exists by now, and nothing is ever overwritten")
             (folder / _NEW).rename(out)

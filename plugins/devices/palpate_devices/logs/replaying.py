@@ -109,7 +109,7 @@ def _refuse_other_plugins(tables: dict[str, Any], carried: Carried) -> None:
         path, known = Path(text), carried.attached.facts.get(f"plugin.{Path(text).name}.sha256")
         if not path.is_file():
             raise ConfigurationError(
-                f"{carried.log}: was recorded with the plugin file {text}, which is not on this machine; a log carries "
+                f"{carried.log}: was recorded with the plugin file {text}, which is not on this machine; a log has "
                 "no code: get the file from where it was recorded"
             )
         if known is not None and hashlib.sha256(path.read_bytes()).hexdigest() != known:

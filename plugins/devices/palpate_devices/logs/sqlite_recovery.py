@@ -14,6 +14,7 @@ from palpate.host import progressed
 from palpate_devices.logs.files import regular
 from palpate_devices.logs.scratch import scratch
 from palpate_devices.logs.sqlite_bag import check_tables, copy_with_journal, guard
+from palpate_devices.logs.sqlite_pages import last_reachable
 
 Row = tuple[int, int, int, bytes]  # id, topic, time-stamp [ns], message
 
@@ -84,7 +85,7 @@ def _recovered(path: Path, copy: Path, out: Path, page: int | None) -> str:
                     new.execute(definition)
                 elif not _taken_over(old, new, name, definition):
                     left_out.append(name)
-            count, first, last, whole = _salvage(old, new, page)
+            count, first, last, whole = _salvage(old, copy, new, page)
             new.commit()
         if topics and "topics" in left_out:
             raise LogError(f"{path}: its table of topics cannot be read")
@@ -92,7 +93,7 @@ def _recovered(path: Path, copy: Path, out: Path, page: int | None) -> str:
         out.unlink()
         raise LogError(f"{path}: none of its messages can be read")
     said = "the bag was whole: " if whole else ""
-    lost = "" if whole else "; what could not be read is lost, and a database has no checksums for what could"
+    lost = "" if whole else "; unreadable messages are lost, and a database has no checksums for the others"
     beside = f"; tables left out: {printable(', '.join(left_out))}" if left_out else ""
     return f"{said}{count} messages over {(last - first) / 1e9:.3f} s are in {out}{lost}{beside}"
 
@@ -132,10 +133,12 @@ def _taken_over(old: sqlite3.Connection, new: sqlite3.Connection, table: str, de
     return True
 
 
-def _salvage(old: sqlite3.Connection, new: sqlite3.Connection, page: int | None) -> tuple[int, int, int, bool]:
+def _salvage(
+    old: sqlite3.Connection, copy: Path, new: sqlite3.Connection, page: int | None
+) -> tuple[int, int, int, bool]:
     """Messages that came over, their first and last time-stamps [ns], and whether nothing was amiss."""
     count, stamps, whole = 0, [], True
-    for rows in _everything(old):
+    for rows in _everything(old, copy):
         good = [row for row in rows if _sound(row, page)]
         whole &= len(good) == len(rows)
         done = new.executemany(
@@ -156,13 +159,13 @@ def _sound(row: Row, page: int | None) -> bool:
     return page is None or len(data) < page - _HEADS or not data.endswith(b"\0")
 
 
-def _everything(old: sqlite3.Connection) -> Iterator[list[Row]]:
+def _everything(old: sqlite3.Connection, copy: Path) -> Iterator[list[Row]]:
     """Messages in the order of their numbers, around the pages that cannot be read.
 
     Numbers may be anything, also where a bit of one has changed: where many in a row give nothing, ever more of them
     are passed over at once, and gone through again once there is something.
     """
-    begin, end = _bound(old, "MIN", 0), _bound(old, "MAX", _LAST)
+    begin, end = _bound(old, "MIN", 0), _end(old, copy)
     width, silent = _WINDOW, 0
     while begin <= end:
         if width == _WINDOW:
@@ -198,6 +201,18 @@ def _bound(old: sqlite3.Connection, which: str, otherwise: int) -> int:
     except sqlite3.Error:
         return otherwise
     return found if isinstance(found, int) else otherwise
+
+
+def _end(old: sqlite3.Connection, copy: Path) -> int:
+    """The largest number that a message which can be read may have."""
+    end = _bound(old, "MAX", _LAST)
+    if end < _LAST:
+        return end
+    try:
+        last = last_reachable(old, copy, "messages", "id")
+    except (sqlite3.Error, OSError, struct.error):
+        return end
+    return end if last is None else last
 
 
 def _between(old: sqlite3.Connection, begin: int, end: int, least: int) -> list[Row]:

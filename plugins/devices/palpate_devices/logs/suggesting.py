@@ -36,8 +36,8 @@ def doubts_of(found: Found) -> list[str]:
     unsure = [role for role, sign in found.signs.items() if not sign.sure]
     if "force" in unsure:
         said.append(
-            f"sign of the force: {found.signs['force'].value:+d} is a guess ({found.signs['force'].why}); where it is "
-            "wrong, the signs of position and velocity are so, too"
+            f"sign of the force: {found.signs['force'].value:+d} is a guess ({found.signs['force'].why}); if it is "
+            "wrong, so are the signs of position and velocity"
         )
     elif unsure:
         named = " and ".join(unsure)
@@ -127,7 +127,10 @@ def delay_hint(series: Mapping[str, tuple[Floats, Floats]]) -> list[str]:
     """The delay between force and motion, where something swings in free air; in contact nothing can tell it."""
     found = air_delay(*series["force"], *series["position"])
     if found is None:
-        return ["delay: nothing moves enough in free air to tell it; in contact it cannot be told from viscosity"]
+        return [
+            "delay: nothing moves enough in free air to determine it; in contact it cannot be distinguished "
+            "from viscosity"
+        ]
     delay, std, mass = found
     late = "force" if delay > 0 else "position"
     return [

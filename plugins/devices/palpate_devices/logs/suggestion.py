@@ -65,7 +65,7 @@ def _times(
     """Keys of the device that say until when it is read, and by which clock."""
     end = _last_contact(found.picks["force"].series, found.signs["force"].value)
     if end is not None:
-        reasons.append(f"end: the result is what a filter says at the end, and after {end:.1f} s the load is gone")
+        reasons.append(f"end: the result is the filter's last estimate, and after {end:.1f} s the load is gone")
         yield "end", f"{end:.1f} s"
     clock = _clock(keys, looked)
     if clock is not None:
@@ -89,7 +89,7 @@ def _guess_units(found: Found, units: dict[str, str], doubts: list[str]) -> None
             ("m/s", "mm/s", "um/s"), key=lambda u: abs(np.log(abs(found.gain or 1.0) * si_unit(u)[1] / scale))
         )
     guessed = [f"{unit} for the {role}" for role, unit in units.items() if not found.picks[role].series.unit]
-    doubts.append(f"units: {', '.join(guessed)}: nothing states them; they are guesses by how much each moves")
+    doubts.append(f"units: {', '.join(guessed)}: nothing states them; they are guesses from the range of each")
 
 
 def _clock(keys: Mapping[str, tuple[str, str]], looked: Looked) -> str | None:

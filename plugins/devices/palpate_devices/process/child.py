@@ -82,7 +82,7 @@ class Child:
                     return message
             self.check()
         self.kill()
-        raise DeviceError(f"{self.name}: does not get ready within {timeout:g} s")
+        raise DeviceError(f"{self.name}: is not ready within {timeout:g} s")
 
     def check(self, beat_limit: float | None = None) -> None:
         """Raise DeviceError where the child has told of a fault, has died, or has not beaten for so long [s]."""

@@ -168,7 +168,7 @@ class Ros2Link:
             Flag("ros2-unread", self._unread()),
             Flag("ros2-limit", "; ".join(str(limit) for limit in self._limits if limit.beyond)),
             Flag("ros2-clocks", self._apart()),
-            Flag("ros2-clock", f"the clock of a publisher leapt {restarts} times" if restarts else ""),
+            Flag("ros2-clock", f"the clock of a publisher jumped {restarts} times" if restarts else ""),
         )
         return (flag for flag in found if flag.message)
 
@@ -183,7 +183,7 @@ class Ros2Link:
         if apart is None or apart[2] <= _ONE_CLOCK:
             return ""
         ahead, behind = (name.split()[0] for name in apart[:2])
-        return f"{behind} is by {apart[2]:.3g} s later than {ahead}: their clocks are not one"
+        return f"{behind} is by {apart[2]:.3g} s later than {ahead}: they do not share one clock"
 
 
 def _selects(feeds: Sequence[Feed], topic: str) -> bool:

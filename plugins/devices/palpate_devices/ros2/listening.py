@@ -59,7 +59,7 @@ class Listener:
         """Why somebody who publishes a topic is not heard, in words; empty where all are."""
         there = [entry for entry in self.publications.values() if entry["topic"] == topic]
         if self.network.reliable and not all(entry["reliable"] for entry in there):
-            return 'is published best effort, and reliability = "reliable" asks for more than that'
+            return 'is published best effort, and reliability = "reliable" requires more'
         return self.problems.get(topic, "")
 
 
@@ -119,12 +119,12 @@ def refuse_missing(source: Listener, heard: Heard, wanted: Sequence[str], name: 
             raise DeviceError(f"{name}: {_problem(topic, there.get(topic, ''), source.problems[topic])}")
         if topic in there:
             if why := source.unmatched(topic):
-                raise DeviceError(f"{name}: {topic} {why}: nothing comes; leave reliability out")
+                raise DeviceError(f"{name}: {topic} {why}: nothing is received; leave reliability out")
             raise DeviceError(
                 f"{name}: {topic} is published ({there[topic]}), but has sent nothing in {seconds:g} s; is the driver "
                 "running?"
             )
-        raise DeviceError(f"{name}: nobody publishes {topic} within {seconds:g} s ({_topics(there, source.network)})")
+        raise DeviceError(f"{name}: {topic} is not published within {seconds:g} s ({_topics(there, source.network)})")
 
 
 def _problem(topic: str, type_name: str, why: str) -> str:

@@ -27,7 +27,7 @@ class Network:
         """What to look at where nobody is found, in words."""
         if self.middleware == "zenoh":
             return (
-                "is the domain right, as in ROS_DOMAIN_ID, and does the router run where peers say (ros2 run "
+                "is the domain right, as in ROS_DOMAIN_ID, and does the router run where peers state (ros2 run "
                 "rmw_zenoh_cpp rmw_zenohd; localhost:7447 if there are none)?"
             )
         return (

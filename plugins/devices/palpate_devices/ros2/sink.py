@@ -33,7 +33,7 @@ class Ros2Sink(Sink):
     domain: int = Field(default=0, ge=0, le=232, description="the DDS domain, as in ROS_DOMAIN_ID")
     middleware: Middleware = Field(default="dds", description='"zenoh" where nodes use rmw_zenoh_cpp')
     namespace: str = Field(default="", pattern=r"^(/[A-Za-z_][A-Za-z0-9_]*)*$", description='such as "/left"')
-    interval: Time = Field(default=0.02, ge=0, description="one estimate is published in so much time of the record")
+    interval: Time = Field(default=0.02, ge=0, description="interval of the published estimates, in time of the record")
     frame: str = Field(default="surface", description="frame_id of the messages")
     interface: str | None = Field(default=None, min_length=1, description='network interface, such as "eth0" or "lo"')
     peers: tuple[str, ...] = Field(

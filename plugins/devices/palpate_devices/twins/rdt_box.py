@@ -43,7 +43,7 @@ class VirtualBox:
         try:
             self._socket.bind(self._address)
         except OSError as error:
-            raise DeviceError(f"{self._address[0]}:{PORT} cannot be had: {error.strerror}") from error
+            raise DeviceError(f"{self._address[0]}:{PORT} cannot be used: {error.strerror}") from error
 
     def unplug(self) -> None:
         """Be off the net."""

@@ -83,7 +83,9 @@ class ListeningPorts:
             except OSError as error:
                 listener.close()
                 self.close()
-                raise DeviceError(f"{self._host}:{port} cannot be had: {error.strerror}; is a twin running?") from error
+                raise DeviceError(
+                    f"{self._host}:{port} cannot be used: {error.strerror}; is a twin running?"
+                ) from error
             listener.listen()
             listener.setblocking(False)
             self._listening[listener] = port

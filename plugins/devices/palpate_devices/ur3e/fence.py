@@ -24,7 +24,7 @@ _MARGIN = 1e-3  # [m] that a command may lead, or a measured tip may swing, over
 _SUDDEN = 1.5
 _FARTHEST = 0.15  # [rad] that a joint may have to go from where it is to where the command is
 _CANCELLED = 12.0  # times the tip's speed
-SINGULAR = "the arm is near a singular posture: bring the specimen elsewhere in its reach"
+SINGULAR = "the arm is near a singular posture: move the specimen to another place in its reach"
 _LINKS = ("elbow", "wrist 1", "wrist 2", "wrist 3", "flange")
 
 
@@ -78,7 +78,7 @@ class Fence:
         if (verdict := self._outside(position, low - 1e-6, high + 1e-6, "a setpoint")) is not None:
             return verdict
         moved = np.diff(position, axis=0) / PERIOD
-        for what, velocity in (("the setpoints move", moved), ("the setpoints say that they move", stated)):
+        for what, velocity in (("the setpoints move", moved), ("the setpoints state that they move", stated)):
             fastest = float(np.linalg.norm(velocity, axis=1).max(initial=0.0))
             if fastest > self.limits["speed"] * 1.001 + 1e-6:
                 return Verdict(f"{what} at {1e3 * fastest:.1f} mm/s, over the limit of {mm(self.limits['speed'])}/s")
@@ -201,9 +201,7 @@ class Fence:
             )
         joint = max(range(6), key=lambda i: abs(ways[i]))
         if abs(ways[joint]) > _FARTHEST:
-            return Verdict(
-                f"{JOINTS[joint]} is {math.degrees(abs(ways[joint])):.0f} deg from where the command wants it"
-            )
+            return Verdict(f"{JOINTS[joint]} is {math.degrees(abs(ways[joint])):.0f} deg from its command")
         return None if leaving else self._link_outside(places.tolist())
 
     def _link_outside(self, places: list[list[float]]) -> Verdict | None:

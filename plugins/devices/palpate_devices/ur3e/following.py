@@ -42,7 +42,7 @@ class Following:
         self._last = position.tolist()
         gone = length(command - self._anchor)
         if self._same >= _STILL and gone > _STILL_WAY:
-            return f"the measured pose stands still to the last digit while the arm was told to move by {mm(gone)}"
+            return f"the measured pose does not change in any digit while the arm was commanded to move by {mm(gone)}"
         return self._lags(command, position)
 
     def _lags(self, command: Floats, position: Floats) -> str | None:
@@ -60,7 +60,7 @@ class Following:
             # A swing that has turned round meanwhile is back where it was, and has moved all the same.
             done = max(length(place - first_place) for _, _, place in past)
         if done < _STUCK_PART * told:
-            return f"the arm was told to move by {mm(told)} and has moved by {mm(done)}"
+            return f"the arm was commanded to move by {mm(told)} and has moved by {mm(done)}"
         return None
 
 

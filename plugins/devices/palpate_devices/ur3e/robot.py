@@ -124,8 +124,8 @@ class Robot:
             model, apart = told_apart(q, self.tool, place)
         if apart > _NEAR:
             raise RuntimeError(
-                f"the controller has the tip {1e3 * apart:.1f} mm from where the joints of a {model.name} put it: is "
-                f"this another arm? ([device.*] model is one of {', '.join(MODELS)})"
+                f"the controller reports the tip {1e3 * apart:.1f} mm from where the joints of a {model.name} put it: "
+                f"is this another arm? ([device.*] model is one of {', '.join(MODELS)})"
             )
         self.model = model
         self.facts |= {"model": model.name, "nominal_kinematics_off": apart}

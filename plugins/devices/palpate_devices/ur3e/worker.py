@@ -186,7 +186,7 @@ class _Loop:
             if not self._robot.control.isProgramRunning():
                 return ""
             time.sleep(PERIOD)
-        return " The control link still takes it for running: that link is mute, and commands did not arrive."
+        return " The control link still reports it as running: that link is mute, and commands did not arrive."
 
     def _listen(self, now: int) -> None:
         head, commander = self._ring.head, self._commander
@@ -221,7 +221,7 @@ class _Loop:
             case "watch":
                 self._eye = ForceEye(self._parent.descriptors.pop(0), message)
             case "retreat" | "follow" if self._fence.limits is None:
-                self._refuse("no limits were told: `link.limit` comes before a motion", commander)
+                self._refuse("no limits were set: `link.limit` comes before a motion", commander)
             case "retreat":
                 self._begin(commander)
                 commander.retreat(message["way"], message["speed"])

@@ -25,10 +25,10 @@ def info(
         Path | None, typer.Argument(help="The log: .mcap, .db3, a bag folder, .csv; or ros2://DOMAIN.")
     ] = None,
     suggest: Annotated[bool, typer.Option("--suggest", help="Print a ready pipeline that reads the log.")] = False,
-    force: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the force.")] = None,
-    position: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the position.")] = None,
-    velocity: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the velocity.")] = None,
-    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="What is the time in a CSV file.")] = None,
+    force: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="Source of the force.")] = None,
+    position: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="Source of the position.")] = None,
+    velocity: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="Source of the velocity.")] = None,
+    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of the time in a CSV file.")] = None,
     rate: Annotated[str | None, typer.Option(help="Rate of a CSV file without a time, such as '500 Hz'.")] = None,
     out: Annotated[
         Path | None,
@@ -36,7 +36,7 @@ def info(
     ] = None,
     picture: Annotated[
         Path | None,
-        typer.Option(help="Draw what was taken for force and motion, .png or .svg."),
+        typer.Option(help="Draw the signals taken as force and motion, .png or .svg."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -98,7 +98,7 @@ def _written(text: str, out: Path | None, as_json: bool, suggestion: Suggestion 
         raise OutputError(f"{out}: exists already, and nothing is ever overwritten") from error
     except OSError as error:
         raise OutputError(f"{out}: cannot write: {error.strerror}") from error
-    typer.echo(f"the pipeline is in {out}; palpate run {out}", err=as_json)
+    typer.echo(f"the pipeline is in {out}; run it with: palpate run {out}", err=as_json)
 
 
 def survey_view(survey: Survey) -> RenderableType:
