@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from typing import Literal
 
@@ -34,6 +34,7 @@ from palpate import (
 )
 from pydantic import Field
 
+from palpate_devices.ahead import ahead
 from palpate_devices.giving import giving_way
 from palpate_devices.leading import refusal
 from palpate_devices.led import led_motion
@@ -42,6 +43,7 @@ from palpate_devices.sensing import sensed_wrench
 from palpate_devices.specimen import Specimen
 
 _SECOND = 1_000_000_000  # [ns]
+_AHEAD = 8  # batches that are made before they are asked for
 _ROUND = {"real-time": 0.05, "fast": 1.0}  # [s] of simulated time in one round of batches, by pace
 
 
@@ -180,7 +182,10 @@ class _Rig:
         self._stopped.set()
 
     def batches(self) -> Iterator[Batch]:
-        """What the streams say while the motion lasts, round by round."""
+        """What the streams say while the motion lasts, round by round; a thread is ahead where no clock is kept."""
+        return self._rounds() if self._settings.pace == "real-time" else ahead(self._rounds(), _AHEAD)
+
+    def _rounds(self) -> Generator[Batch]:
         if self._trajectory is None:
             return
         settings = self._settings
