@@ -171,15 +171,15 @@ class RecursiveTracker:
         row: int,
     ) -> tuple[Floats, Floats]:
         """State after, and outputs of, a part that begins at a row; a listener hears of it piece by piece."""
-        told = []
+        told = np.empty((len(inputs), self._place.size))  # states of all samples would take a kilobyte each
         for first in range(0, len(inputs), PIECE):
             piece = slice(first, first + PIECE)
             again = partial(self._kernel.run, state, inputs[piece], settings)
             state, outputs = again()
             rows = _rows(row + first, len(outputs))
             listener(Stretch(rows, interval[piece], surprises(outputs, self._place), again), outputs)
-            told.append(outputs[:, : self._place.size].copy())  # states of all samples would take a kilobyte each
-        return state, told[0] if len(told) == 1 else np.concatenate(told)
+            told[piece] = outputs[:, : self._place.size]
+        return state, told
 
     def _gather(self, part: Samples, rows: slice, begins: bool, settings: Floats, estimates: Estimates) -> None:
         """Hold samples until there are enough to start on; then run over them, and tell only what is now."""
