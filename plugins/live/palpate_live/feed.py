@@ -35,7 +35,7 @@ class Feed:
         self._chosen: NDArray[np.intp] = np.zeros(0, np.intp)
         self._blocks: list[tuple[Floats, Table]] = []
         self._stamp = 0  # [ns] of the latest row, in the record's clock
-        self._last: str | None = None  # track that was told last of the block before
+        self._last: str | None = None  # track sent last of the block before
         self._latest: str | None = None
         self._offline: dict[str, Estimates] = {}
         self._next = time.monotonic()
@@ -83,7 +83,7 @@ class Feed:
         self._tell({"kind": "found", "track": track, "final": final, "verdict": found.get("verdict"), **shown})
 
     def flags(self, track: str | None, flags: tuple[Flag, ...]) -> None:
-        """All that now speaks against a track, or against the record."""
+        """All current flags on a track, or on the record."""
         told = []
         for flag in flags:
             meaning = self._meanings.get(flag.code)

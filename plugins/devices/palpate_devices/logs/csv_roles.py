@@ -1,4 +1,4 @@
-"""What a CSV file holds: which columns are time, force, position and velocity, in which units; a ready pipeline."""
+"""What a CSV file contains: which columns are time, force, position and velocity, in which units; a ready pipeline."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _WORDS = {
 }
 _NICE = (20, 25, 50, 60, 80, 100, 120, 125, 200, 250, 300, 400, 500, 600, 800, 1000, 1200, 1500, 2000, 2500, 4000, 5000)
 _USUAL = 500.0  # [Hz] by which the rest at the beginning is looked for where no rate is known
-_NEAR = 0.05  # by which a rate that was told from the numbers may miss one of those
+_NEAR = 0.05  # by which a rate found from the numbers may miss one of those
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def _look(path: Path, choices: Mapping[str, str]) -> _Looked:
 
 
 def survey_csv(path: Path) -> Survey:
-    """What a CSV file holds: its rows, their rate, and what its columns may be."""
+    """What a CSV file contains: its rows, their rate, and what its columns may be."""
     looked = _look(path, {})
     sheet, clock = looked.sheet, looked.clock
     found = searched(looked.series(), {})
@@ -120,7 +120,7 @@ def survey_csv(path: Path) -> Survey:
 
 
 def tables_csv(path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
-    """Every row that has a time, in blocks, as recorded; raises LogError where no column holds the time."""
+    """Every row that has a time, in blocks, as recorded; raises LogError where no column is the time."""
     looked = _look(path, {})
     sheet, clock = looked.sheet, looked.clock
     if clock is None or clock.column is None:

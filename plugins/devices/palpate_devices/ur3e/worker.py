@@ -112,7 +112,7 @@ class _Loop:
     def _command(self, commander: Commander, now: int) -> None:
         """The next command, if it keeps the limits; else the way out."""
         robot, seen = self._robot, self._robot.look()
-        # A law that reads a frozen position would drive on and on, a force that nobody tells rises, and commands that
+        # A law that reads a frozen position would drive on and on, a force that is not read rises, and commands that
         # lie on a lost link come all at once: without news the arm waits where it is.
         deaf = self._eye is not None and commander.mode in _MOVING and self._eye.deaf(now)
         if not deaf and now - robot.seen <= _BLIND:
@@ -139,7 +139,7 @@ class _Loop:
             self._stop_for(verdict, commander)
 
     def _stop_for(self, verdict: Verdict, commander: Commander) -> None:
-        """Retract where the arm does what it is told, else stop it where it is."""
+        """Retract where the arm follows its commands, else stop it where it is."""
         if not verdict.trusted or commander.mode not in _MOVING:
             self._fail(verdict.text + self._halt_in_doubt())
         self._parent.tell("limit", text=verdict.text, at=time.monotonic_ns())
@@ -181,7 +181,7 @@ class _Loop:
             self._fail(f"the controller is silent: its last state is {1e3 * age:.0f} ms old")
 
     def _mute_control(self) -> str:
-        """A program that the control link still believes to run, although the other link says that it does not."""
+        """A program that the control link still reports as running, although the other link reports that it is not."""
         for _ in range(_MUTE):
             if not self._robot.control.isProgramRunning():
                 return ""
