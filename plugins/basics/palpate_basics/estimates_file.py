@@ -1,4 +1,4 @@
-"""The tables of estimates in the run folder, written while a run goes on."""
+"""The tables of estimates in the run folder, written during a run."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The tables of estimates in columns: a stream of Arrow while a run goes on, Parquet once it has ended.
+"""The tables of estimates in columns: a stream of Arrow during a run, Parquet once it has ended.
 
-A file of Parquet can be read by its last bytes only, so what is killed would leave nothing. Of a stream all batches
-that were written are there, and any reader of Arrow takes them: pyarrow.ipc.open_stream, polars.read_ipc_stream.
+A Parquet file cannot be read without its last bytes, so a killed run would leave nothing. A stream keeps every batch
+written, and any reader of Arrow takes it: pyarrow.ipc.open_stream, polars.read_ipc_stream.
 """
 
 from __future__ import annotations

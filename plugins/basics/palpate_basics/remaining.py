@@ -1,4 +1,4 @@
-"""What an interruption left of a run."""
+"""What remains of a run after an interruption."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def _elapsed(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> flo
 
 def _delay(time: Floats, place: Floats, trajectory: Trajectory, least: float) -> float:
     """The delay [s] of a motion's begin, at least `least`, that explains recorded places (n, 2) best; the latest of
-    equals, so that nothing is taken for done that was not."""
+    equals, so that nothing counts as done that was not."""
     delays = np.arange(least, max(float(time[-1]), least) + _STEP, _STEP)
     apart = [float(((trajectory.at(time - delay).position[:, :2] - place) ** 2).mean()) for delay in delays]
     best = min(apart) + 1e-12  # [m^2]: equal to a micrometre

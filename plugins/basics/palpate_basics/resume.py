@@ -1,4 +1,4 @@
-"""``palpate resume``: go on with a run that was interrupted."""
+"""``palpate resume``: continue a run that was interrupted."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ def palpate_calibrations() -> dict[str, CalibrationReader]:
 
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
-    """What speaks against a calibration."""
+    """Flags on a calibration."""
     from palpate_calibration.flags import CALIBRATION_FLAGS
 
     return CALIBRATION_FLAGS

@@ -1,4 +1,4 @@
-"""A calibration in use: what a pipeline takes from it, and what speaks against taking it."""
+"""A calibration in use: what a pipeline takes from it, and the flags against it."""
 
 from __future__ import annotations
 
@@ -80,9 +80,9 @@ class AppliedCalibration:
         return (now - self.calibration.created).total_seconds()
 
     def offset_doubt(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Flag | None:
-        """Why its offset need not be that of the sensor as it is now; None where it is.
+        """Why its offset need not be that of the sensor now; None where it is.
 
-        An offset holds for as long as a sensor has its power, and no longer than the calibration is valid.
+        An offset is valid while the sensor keeps its power, and no longer than the calibration is.
         """
         now = datetime.now(UTC)
         for old in self._too_old(now):
@@ -130,9 +130,9 @@ class AppliedCalibration:
         return any(signal is not None and {"delay", "uncertainty"} & signal.model_fields_set for signal in signals)
 
     def flags(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Iterator[Flag]:
-        """What speaks against this calibration: its age, another sensor or tip, settings that contradict it.
+        """The flags on this calibration: its age, another sensor or tip, settings that contradict it.
 
-        `live` is what connected devices said of themselves, by name.
+        `live` is what connected devices reported of themselves, by name.
         """
         if pipeline.stated is None:
             return

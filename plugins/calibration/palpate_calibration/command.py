@@ -71,8 +71,8 @@ def calibrate(
 ) -> None:
     """Calibrate mass, force-motion delay, tare and noise from a shake in free air; write them with uncertainties.
 
-    The tip must hang free. A robot stands still, shakes the tip up and down, and stands still; three times unless told
-    otherwise. A recorded log of such a motion does as well. [calibration.standstill], orientations, shake, noise, tap
+    The tip must hang free. A robot stands still, shakes the tip up and down, and stands still; three times by default.
+    A recorded log of such a motion works as well. [calibration.standstill], orientations, shake, noise, tap
     and press are steps that are done one after the other, each with what it found.
     """
     from palpate_calibration.guided import run_calibration

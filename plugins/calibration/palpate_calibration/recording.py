@@ -30,7 +30,7 @@ def with_step(plan: CalibrationPlan, step: StepSettings | Orientations) -> Calib
 
 
 def moves(plan: CalibrationPlan) -> bool:
-    """Whether a device of the plan moves, so that it takes a motion; a log has had its own."""
+    """Whether a device of the plan moves, so that it takes a motion; a log contains its own."""
     for device in plan.devices.values():
         if device.live:
             return True
@@ -102,7 +102,7 @@ def one_pose(
 
 
 def _listen(plan: CalibrationPlan, recorder: WrenchRecorder, seconds: float) -> None:
-    """Only the sensor is connected: the robot is left to whoever turns the tool."""
+    """Only the sensor is connected: the robot is left to the user, who turns the tool."""
     with ExitStack() as stack:
         link = stack.enter_context(plan.devices[recorder.device].connect(plan.run.seed))
         began = time.monotonic()

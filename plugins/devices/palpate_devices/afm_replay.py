@@ -169,7 +169,7 @@ class _Curve:
         return np.asarray(self.data[name], np.float64)
 
     def time(self, rate: float | None, path: Path) -> Floats | None:
-        """(n,) [s] that advances from every reading to the next; None where neither file nor `rate` tells it."""
+        """(n,) [s] that advances from every reading to the next; None where neither file nor `rate` gives it."""
         if rate is not None:
             return np.arange(len(self.force)) / rate
         if "time" not in self.columns:

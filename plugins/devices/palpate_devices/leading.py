@@ -16,7 +16,7 @@ _OF_STOP = 0.8  # of the force that stops the motion; more would stop it by its 
 
 
 def refusal(law: ForceLaw, stop: float | None, speed: float, acceleration: float, duration: float) -> str | None:
-    """Why a law is no law for an arm with these limits; None where it is one. No `stop` [N]: nobody reads the force."""
+    """Why a law is not allowed for an arm with these limits; None where it is. No `stop` [N]: the force is not read."""
     if stop is None:
         return (
             "the controlled force has to be read by the arm's own process, and the sensor does not share its readings"

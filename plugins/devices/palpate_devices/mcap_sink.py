@@ -59,7 +59,7 @@ class McapSink(Sink):
 
 
 class _LogWriter:
-    """Hands everything to a thread that writes: the end of a chunk, or the disk, never holds up a control loop."""
+    """Hands everything to a thread that writes: neither the end of a chunk nor the disk ever delays a control loop."""
 
     def __init__(self, log: _Log) -> None:
         self._log = log
@@ -216,7 +216,7 @@ class _Log:
             self._synced = now
 
     def _sync(self) -> None:
-        """A busy disk takes some 0.3 s for this, in which the writer must go on flushing."""
+        """A busy disk takes some 0.3 s for this, during which the writer must keep flushing."""
         try:
             os.fsync(self._file.fileno())
         except OSError as error:

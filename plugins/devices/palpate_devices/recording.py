@@ -28,7 +28,7 @@ class FieldSurvey:
 
 @dataclass(frozen=True)
 class TopicSurvey:
-    """What one topic of a log holds."""
+    """Contents of one topic of a log."""
 
     name: str
     type: str
@@ -47,7 +47,7 @@ class TopicSurvey:
 
 @dataclass(frozen=True)
 class Survey:
-    """What a log holds."""
+    """Contents of a log."""
 
     path: Path
     format: str
@@ -87,7 +87,7 @@ class Recording(Device, ABC):
     @classmethod
     @abstractmethod
     def survey(cls, path: Path) -> Survey:
-        """What a log holds; raises LogError where it cannot be read."""
+        """Contents of a log; raises LogError where it cannot be read."""
 
     @classmethod
     @abstractmethod
@@ -101,7 +101,7 @@ class Recording(Device, ABC):
     @classmethod
     @abstractmethod
     def tables(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
-        """Every topic that holds numbers, in blocks: its name, the names of its columns, the numbers as recorded."""
+        """Every topic that contains numbers, in blocks: its name, the names of its columns, the numbers as recorded."""
 
     @classmethod
     def attached(cls, path: Path) -> Attached:
@@ -115,7 +115,7 @@ class Recording(Device, ABC):
 
     @classmethod
     def texts(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], NDArray[np.int64], list[tuple[str, ...]]]]:
-        """Every topic that holds texts, in blocks: its name, the names of the texts, stamps [ns] (n,), n rows."""
+        """Every topic that contains texts, in blocks: its name, the names of the texts, stamps [ns] (n,), n rows."""
         return iter(())
 
     @classmethod

@@ -60,7 +60,7 @@ class Rosbag2Replay(Recording):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is amiss with the files."""
+        """What is wrong with the files."""
         trouble = (self._bag.trouble,) if self._bag.trouble else ()
         return (*trouble, *untimed(self._feeds, self.file.name))
 

@@ -40,7 +40,7 @@ def _shorthand(schema: dict[str, Any]) -> None:
 
 
 class Specimen(Settings):
-    """What the tip presses on: a contact model with its true parameters, at a height that nobody is told.
+    """What the tip presses on: a contact model with its true parameters, at a height that is not declared.
 
     The parameters stand beside the model, by name: ``{ model = "dr", elasticity = "112.5 kPa", ... }``. Inclusions make
     elastic and viscous parameters larger by 1 + the sum of their contrasts where the tip is, all by the same factor;

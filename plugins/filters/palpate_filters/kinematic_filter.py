@@ -34,7 +34,7 @@ class KinematicFilter(KinematicSettings):
 
 
 def known_causes(settings: KinematicSettings) -> dict[str, list[str]]:
-    """What the filter's own standard deviation holds already: the tare, where its offset is a state."""
+    """What the filter's own standard deviation contains already: the tare, where its offset is a state."""
     return {"included": ["tare"]} if has_bias(settings) else {}
 
 

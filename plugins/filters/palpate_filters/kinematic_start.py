@@ -112,7 +112,7 @@ def _place(
 
 
 def resumed_state(process: KinematicProcess, carry: Carry, first: Samples) -> tuple[Floats, bool]:
-    """State after a pause: motion anew, surface and material as they were."""
+    """State after a pause: motion reset, surface and material kept."""
     assert carry.state is not None
     held, last, motion = carried(process), process.layout.span("surface", "trend"), process.motion
     mean, std = carry.state[held["mean"]].copy(), np.zeros(process.states)

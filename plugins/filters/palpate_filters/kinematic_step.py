@@ -153,7 +153,7 @@ def _force_update(
     centre: Any,
     known: Any,
 ) -> tuple[Any, Any, Any]:
-    """The update with the force, linearised at the `known` state, else anew at each iterate (Bell and Cathey 1993).
+    """The update with the force, linearised at the `known` state, else again at each iterate (Bell and Cathey 1993).
 
     With a force bias see `_with_bias` for where. With Student's t of nu degrees of freedom the variance of a
     surprising force grows by (nu + e^2/S)/(nu + 1).
@@ -182,7 +182,7 @@ def _with_bias(process: KinematicProcess, mean: Any, covariance: Any, bias: Any)
     """The state that is expected should the bias be another one: the mean moved by cov(x, b)/var(b).
 
     Bias, surface and stiffness trade against each other along a line in the state that the force hardly sees. Were the
-    force linearised wherever the mean wanders on that line, the slopes would seem to tell how far along it the truth
+    force linearised wherever the mean wanders on that line, the slopes would seem to show how far along it the truth
     is, and the filter grow certain of what it was not told (as observability-constrained filters avoid: Huang,
     Mourikis and Roumeliotis 2010). At one and the same bias they do not.
     """
@@ -224,7 +224,7 @@ def _linearised_reading(process: KinematicProcess, at: Any) -> tuple[Any, Any]:
 
 
 def _restarted(process: KinematicProcess, x: Any, P: Any, restart: Any, fresh: Any, fresh_std: Any) -> tuple[Any, Any]:
-    """Mean and covariance that, on a restart, keep the motion and begin surface and parameters anew."""
+    """Mean and covariance that, on a restart, keep the motion and restart surface and parameters."""
     import casadi as ca
 
     place, mean, covariance = process.layout, ca.SX(x), ca.SX(P)

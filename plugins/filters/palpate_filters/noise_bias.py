@@ -68,7 +68,7 @@ def noise_bias(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def _predicted(track: TrackEvidence) -> Floats | None:
-    """Predicted bias (k,); None where the track has none, or where nobody can tell."""
+    """Predicted bias (k,); None where the track has none, or where it cannot be determined."""
     if not isinstance(track.estimator, PaperStart | KinematicSettings) or not track.tip_mass:
         return None
     kinematic = isinstance(track.estimator, KinematicSettings)

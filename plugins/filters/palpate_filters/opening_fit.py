@@ -57,7 +57,7 @@ def fit_start(
     prior: BiasPrior | None = None,
     lenient: bool = False,
 ) -> StartFit | None:
-    """Surface height and parameters by least squares on u + m z'' = F(d, d') + b; None where the window does not tell.
+    """Surface height and parameters by least squares on u + m z'' = F(d, d') + b; None where undetermined.
 
     For every surface height the parameters that the force is proportional to, and with a prior the bias b, follow from
     a linear fit, and the height from a search (Golub and Pereyra 1973). Parameters without such a role keep their

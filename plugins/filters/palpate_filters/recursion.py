@@ -41,7 +41,7 @@ def surprises(outputs: Floats, place: Layout) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True)
 class Carry:
-    """What is left of a stretch of contact when the next one begins."""
+    """What remains of a stretch of contact when the next one begins."""
 
     state: Floats | None  # the filter's; None before the first stretch
     surface: float  # [m], by the latest estimate

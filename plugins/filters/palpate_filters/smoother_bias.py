@@ -1,4 +1,4 @@
-"""The bias of a relinearised smoother: what it believes of the tip's jerk does to its estimates."""
+"""The bias of a relinearised smoother: the effect of its assumed jerk on its estimates."""
 
 from __future__ import annotations
 

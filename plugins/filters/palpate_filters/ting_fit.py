@@ -192,7 +192,7 @@ class _TingTracker:
         return replace(idle, report=report, flags=flags)
 
     def _flags(self, theta: Floats, std: Floats, correlation: Floats) -> Iterator[Flag]:
-        """What the record does not tell."""
+        """What the record does not determine."""
         parameters = self._problem.model.parameters
         for place in np.flatnonzero(std > _USELESS * np.abs(theta)):
             parameter = parameters[place]

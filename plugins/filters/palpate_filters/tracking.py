@@ -182,7 +182,7 @@ class RecursiveTracker:
         return state, told[0] if len(told) == 1 else np.concatenate(told)
 
     def _gather(self, part: Samples, rows: slice, begins: bool, settings: Floats, estimates: Estimates) -> None:
-        """Hold samples until there are enough to start on; then run over them, and tell only what is now."""
+        """Hold samples until there are enough to start on; then run over them, and report only the present."""
         if begins and self._gathered and _elsewhere(self._gathered[-1].samples, part):
             self._gathered, self._attempts = [], 0
         held = sum(len(piece.samples) for piece in self._gathered)

@@ -1,4 +1,4 @@
-"""What the page is told of each instant: one row, with the columns of the samples and those of every track."""
+"""What the page gets for each instant: one row, with the columns of the samples and those of every track."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def _shown(parameter: Parameter) -> dict[str, Any]:
 
 
 def beyond(part: Mapping[str, Any]) -> float:
-    """What of a combined standard uncertainty [SI] the estimator does not know; NaN where nobody can tell it."""
+    """The part of a combined standard uncertainty [SI] that the estimator does not know; NaN where it is unknown."""
     if part["combined"] is None and part["std"] is not None:
         return math.nan
     return math.hypot(part["settling"] or 0.0, part.get("systematic") or 0.0)

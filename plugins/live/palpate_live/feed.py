@@ -83,7 +83,7 @@ class Feed:
         self._tell({"kind": "found", "track": track, "final": final, "verdict": found.get("verdict"), **shown})
 
     def flags(self, track: str | None, flags: tuple[Flag, ...]) -> None:
-        """All that now speaks against a track, or against the record."""
+        """All current flags on a track, or on the record."""
         told = []
         for flag in flags:
             meaning = self._meanings.get(flag.code)

@@ -31,7 +31,7 @@ class History:
 
     @property
     def recorded(self) -> bool:
-        """Whether it is all of a record, not of a run that goes on."""
+        """Whether it is all of a record, not of a run in progress."""
         return bool(self.run and self.run["recorded"])
 
     @property

@@ -30,7 +30,7 @@ class Alarm:
 
 @dataclass
 class Cusum:
-    """Page's two cumulative sums over blocks, with a reference that starts itself and begins anew after each alarm.
+    """Page's two cumulative sums over blocks, with a self-starting reference that restarts after each alarm.
 
     z = (x - m)/(s sqrt(1 + 1/j)), m the mean of the j blocks since the last change (Hawkins 1987, with s known):
     standard normal and independent where nothing changes. U <- max(0, U + z - k) and D <- max(0, D - z - k)

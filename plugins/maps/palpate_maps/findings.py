@@ -37,7 +37,7 @@ class Lump:
 
 @dataclass(frozen=True)
 class Findings:
-    """The lumps of a run, and what they were told by."""
+    """The lumps of a run, and how they were found."""
 
     lumps: tuple[Lump, ...]
     background: float  # [SI]

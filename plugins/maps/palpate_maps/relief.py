@@ -15,7 +15,7 @@ _LONGEST = 3.0  # median intervals; a longer one ends a line
 
 
 def relief_scatter(path: Path2D, standing: NDArray[np.bool_]) -> float:
-    """Standard deviation of a parameter along the way, relative, that comes of the skin's slopes; 0 where none is told.
+    """Standard deviation of a parameter along the way, relative, due to the skin's slopes; 0 where none is given.
 
     An estimator that gives its sensitivity [s/m] takes the tip's velocity for that of the depth, so that a slope s
     under a tip that goes v sideways is a velocity s v that nothing explains but another stiffness. Its surface, height

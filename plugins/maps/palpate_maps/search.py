@@ -102,7 +102,7 @@ def _near(nodes: Floats, places: Floats, apart: float) -> NDArray[np.bool_]:
 
 
 def _with(sites: Sites, place: Floats, log: float) -> Sites:
-    """Sites and one more, believed to be as expected."""
+    """Sites and one more, assumed to be as expected."""
     return Sites(
         np.vstack([sites.place, place]),
         np.append(sites.log, log),

@@ -77,11 +77,11 @@ def sites_along(path: Path2D, spacing: float = 1e-3) -> Sites:
 
 
 def _kept(path: Path2D, standing: NDArray[np.bool_], spacing: float) -> float:
-    """Share of the believed standard deviation that is scatter, told from the stay before a sweep.
+    """Share of the estimator's standard deviation that is scatter, determined from the stay before a sweep.
 
     There the material does not change: what the estimate does, in pieces as long as the sweep takes for one site, is
-    scatter. A stay that is too short, or in which the estimate still settles, tells nothing: then what is known of
-    simulated sweeps holds.
+    scatter. A stay that is too short, or in which the estimate still settles, determines nothing: then the value
+    known from simulated sweeps applies.
     """
     moving = np.flatnonzero(~standing)
     if not len(moving):
@@ -170,7 +170,7 @@ def merged(sites: Sites, width: float) -> Sites:
 def line_coordinate(sites: Sites, tolerance: float = 2e-3) -> Floats | None:
     """(n,) [m] position along the straight line that the sites lie on, or None where they cover an area.
 
-    Along the axis that the line is nearest to, in its own coordinate: a sweep along y is told in y.
+    Along the axis that the line is nearest to, in its own coordinate: a sweep along y is given in y.
     """
     centred = sites.place - sites.place.mean(axis=0)
     spread = centred.T @ centred / max(len(sites), 1)

@@ -72,7 +72,7 @@ class Places:
 def along_the_way(result: TrackResult, model: ContactModel, way: Way) -> TrackResult:
     """The result with means over the places of 1 mm in place of the last sample, which stays as ``last``.
 
-    The standard deviation is that of one place, as the estimator believes it; how the places differ is a cause of
+    The standard deviation is that of one place, as the estimator gives it; how the places differ is a cause of
     uncertainty of its own, so that the combined one holds for any of them.
     """
     numbers, names, count = way.numbers, list(result.parameters), len(model.parameters)

@@ -1,4 +1,4 @@
-"""What speaks against a spectrum, as flags."""
+"""The flags on a spectrum."""
 
 from __future__ import annotations
 

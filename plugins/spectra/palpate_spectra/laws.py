@@ -1,4 +1,4 @@
-"""A delay and a law of the material together: several frequencies tell them apart, one cannot."""
+"""A delay and a law of the material together: several frequencies distinguish them, one cannot."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class LawFit:
 
     @property
     def p(self) -> float:
-        """Of so large a chi^2 if the law holds."""
+        """Probability of so large a chi^2 if the law is valid."""
         from scipy.stats import chi2
 
         return float(chi2.sf(self.chi2, self.freedom)) if self.freedom > 0 else math.nan

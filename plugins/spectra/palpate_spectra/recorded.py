@@ -171,15 +171,15 @@ def _stretch(samples: Samples, path: Path) -> tuple[Samples, slice]:
 
 
 def _surface_std(std: float, samples: Samples, surface: float) -> float:
-    """The track's own uncertainty, and how far the skin lay from there when the force first told of it.
+    """The track's own uncertainty, and how far the skin lay from there when the force first showed it.
 
-    A track's surface is that of its model, and a material that relaxes moves it by more than the track's uncertainty.
+    A track's surface is that of its model, and a relaxing material moves it by more than the track's uncertainty.
     """
     return math.hypot(std if math.isfinite(std) else 0.0, beyond(touch_of(samples), surface))
 
 
 def beyond(touch: tuple[float, float] | None, surface: float) -> float:
-    """How much farther [m] than the touch can tell a surface is from there; 0 where nothing tells."""
+    """How much farther [m] a surface is from the touch than the touch allows; 0 where that is unknown."""
     return 0.0 if touch is None else max(abs(touch[0] - surface) - touch[1], 0.0)
 
 

@@ -42,5 +42,5 @@ __all__ = [
 
 @plugin
 def palpate_checks() -> dict[str, Check]:
-    """Every tip, and contact models of strangers, before anything moves."""
+    """Every tip, and third-party contact models, before anything moves."""
     return {"conformance": Check("palpate_testing.loading:check_parts")}

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 
 def demand(holds: object, complaint: str) -> None:
-    """Raise AssertionError with a complaint unless something holds."""
+    """Raise AssertionError with a complaint unless a condition is met."""
     if not holds:
         raise AssertionError(complaint)
 

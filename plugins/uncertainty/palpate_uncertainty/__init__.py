@@ -33,7 +33,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
 
 @plugin
 def palpate_tables() -> dict[str, type[Settings]]:
-    """Models between which nobody but the record can choose."""
+    """Models between which only the record can choose."""
     from palpate_uncertainty.settings import ChoiceSettings
 
     return {"choice": ChoiceSettings}

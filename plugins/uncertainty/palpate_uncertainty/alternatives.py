@@ -178,7 +178,7 @@ def _thickness(course: Course, unit: Floats, shape: _Shape) -> Alternative:
 def _tip(course: Course, elastic: list[int], shape: _Shape) -> Alternative:
     """An elastic force that is another power of depth, and the viscous force after its slope.
 
-    Which tip that is, nobody knows: the elastic parameters may be what the force, or what its slope, at the mean depth
+    Which tip that is, is not known: the elastic parameters may be what the force, or what its slope, at the mean depth
     would need in the model.
     """
 

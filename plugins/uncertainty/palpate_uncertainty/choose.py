@@ -206,7 +206,7 @@ def _behind(group: Sequence[Candidate]) -> dict[str, float]:
 
 
 def _winner(group: Sequence[Candidate]) -> list[str]:
-    """Which model foretells each block of a record best."""
+    """Which model predicts each block of a record best."""
     if not group or not len(group[0].blocks):
         return []
     table = np.array([np.where(np.isfinite(one.blocks), one.blocks, np.inf) for one in group])

@@ -1,4 +1,4 @@
-"""How well a fit foretells what it was not shown: blocks of a record, each left out in turn."""
+"""How well a fit predicts data it was not given: blocks of a record, each left out in turn."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Identifiability: whether an online estimate is as good as it says, by least squares on the samples that it used."""
+"""Identifiability: whether an online estimate is as good as it claims, by least squares on the samples that it used."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def _apart(track: TrackEvidence, name: str, best: float) -> float:
 
 
 def _untold(track: TrackEvidence, combined: Floats) -> Iterator[Flag]:
-    """A weak force that tells an elasticity, but not to this estimator; where it does not, plausibility says so."""
+    """A weak force that determines an elasticity, but not with this estimator; otherwise plausibility flags it."""
     weak = weak_force(track.ending) if track.ending is not None else None
     if weak is None or track.ending is None or not tells(track.ending, track.model, weak[1]):
         return
@@ -117,7 +117,7 @@ def _slid(track: TrackEvidence) -> bool:
 
 
 def _along_the_way(track: TrackEvidence) -> Diagnosed:
-    """Whether the one value of an estimator that does not follow changes holds on every stretch of a sweep."""
+    """Whether the one value of an estimator that does not follow changes is valid on every stretch of a sweep."""
     if not _slid(track):
         return Diagnosed()
     course = make_course(track, track.kept.used)

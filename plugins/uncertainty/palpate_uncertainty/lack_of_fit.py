@@ -82,7 +82,7 @@ def _judge(track: TrackEvidence, known: dict[Any, _Base]) -> Diagnosed | None:
 def _along_a_sweep(track: TrackEvidence) -> Diagnosed | None:
     """The tests of what an estimator that follows the material leaves along the way, and the reason by a stretch of it.
 
-    Nothing is said of an estimator that looks for one value (`identifiability` does), nor of one that is not told of
+    Nothing is said of an estimator that looks for one value (`identifiability` does), nor of one that does not know of
     the sweep and fades, whose innovations are never white. One that is leaves a pattern of up to 1 % of its innovations
     where nothing is wrong.
     """

@@ -1,4 +1,4 @@
-"""Monte Carlo after GUM Supplement 1 (JCGM 101:2008): every declared input drawn anew, the estimator run again."""
+"""Monte Carlo after GUM Supplement 1 (JCGM 101:2008): every declared input drawn again, the estimator run again."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ def _effects(case: Case, row: Mapping[str, Any]) -> Floats:
 
 
 def _scatter(case: Case, row: Mapping[str, Any], random: np.random.Generator) -> Floats:
-    """The estimator's own scatter: by its covariance where it tells one, the rest of its std uncorrelated."""
+    """The estimator's own scatter: by its covariance where it gives one, the rest of its std uncorrelated."""
     std = _effects(case, row)
     if case.covariance is None:
         return np.asarray(std * random.standard_normal(len(std)))

@@ -1,4 +1,4 @@
-"""What an oscillation with one frequency cannot tell: a viscosity from a stiffness that fades fast."""
+"""What an oscillation with one frequency cannot distinguish: a viscosity from a stiffness that fades fast."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ PLAUSIBILITY_FLAGS = {
 
 
 def plausibility(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """What is amiss with each track, by the seconds that its result is a mean of."""
+    """Findings on each track, from the seconds that its result is a mean of."""
     return {track.name: Diagnosed(_judged(track, track.ending)) for track in tracks if track.ending is not None}
 
 
@@ -61,7 +61,7 @@ def _judged(track: TrackEvidence, end: Ending) -> tuple[Flag, ...]:
 
 
 def ending_flags(end: Ending, model: ContactModel, online: bool, fitted: bool) -> Iterator[Flag]:
-    """What is amiss with the end of one track.
+    """Findings on the end of one track.
 
     An offline estimate is one of the whole record: it does not drift, and its first seconds are those that settle.
     """
@@ -118,7 +118,7 @@ def _innovation_flags(seen: Tail, when: str) -> Iterator[Flag]:
 
 
 def _colour_flags(tail: Tail) -> Iterator[Flag]:
-    """Whether innovations tell of one another."""
+    """Whether innovations predict one another."""
     lag, share = correlation(tail)
     if abs(share) > _COLOURED:
         found = f"innovations {lag} samples apart correlate by {share:+.2f}"
@@ -126,7 +126,7 @@ def _colour_flags(tail: Tail) -> Iterator[Flag]:
 
 
 def _force_flags(end: Ending, model: ContactModel) -> Iterator[Flag]:
-    """Whether the force swings enough to tell what the track says."""
+    """Whether the force swings enough to determine the track's values."""
     weak = weak_force(end)
     if weak is not None and not tells(end, model, weak[1]):
         yield not_told(*weak)
@@ -141,12 +141,12 @@ def weak_force(end: Ending) -> tuple[float, float] | None:
 
 
 def not_told(swing: float, noise: float) -> Flag:
-    """A weak force that does not tell what the track says."""
+    """A weak force that does not determine the track's values."""
     return Flag("not-identifiable", f"the force swings by {swing:.2g} N against a noise of {noise:.2g} N")
 
 
 def tells(end: Ending, model: ContactModel, noise: float) -> bool:
-    """Whether the record can tell every parameter that is looked for."""
+    """Whether the record can determine every parameter estimated."""
     values, bounds = np.abs(end.last.values.mean(axis=0)), told_at_best(end.tail, model, noise, end.samples)
     free = [i for i, parameter in enumerate(model.parameters) if parameter.name not in end.held]
     return bool((bounds < _TOLD * values)[free].all())

@@ -47,7 +47,7 @@ def latency_timer(path: str) -> str:
 
 
 def powered_since(path: str, usb: Path = Path("/sys/class/tty")) -> str | None:
-    """Since when the USB adapter of a port is plugged in, as its host counts; None where nothing tells."""
+    """Since when the USB adapter of a port is plugged in, as its host counts; None where that is not known."""
     device = (usb / Path(path).resolve().name / "device").resolve()
     for folder in (device, *device.parents):
         with contextlib.suppress(OSError, ValueError):

@@ -107,14 +107,14 @@ def _intact(buffer: bytearray, at: int) -> Frame | None:
 
 
 class Unwrapped:
-    """A 32-bit counter of microseconds made to run on; tells a restart from a wrap."""
+    """A 32-bit counter of microseconds, unwrapped; distinguishes a restart from a wrap."""
 
     def __init__(self) -> None:
         self._last: int | None = None
         self._total = 0
 
     def add(self, stamp: int) -> int | None:
-        """Microseconds since the first stamp; None where the counter began anew."""
+        """Microseconds since the first stamp; None where the counter restarted."""
         if self._last is not None:
             step = (stamp - self._last) % _WRAP
             if step > _RESTART:

@@ -1,4 +1,4 @@
-"""The process that reads a SensONE: so that no busy thread of the main job delays a reading."""
+"""The process that reads a SensONE, so that no busy thread of the main job delays a reading."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The delay between force and motion, told in free air: what hangs behind the sensor answers its acceleration at once.
+"""The delay between force and motion, determined in free air: the load on the sensor follows its acceleration at once.
 
 Without contact F = c - m a(t - tau): regressed on c, a and its derivative j, F = c - m a + m tau j. The standard
 deviation is that of the residual's own autocorrelation.

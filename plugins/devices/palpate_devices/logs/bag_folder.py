@@ -37,7 +37,7 @@ class Bag:
 
     @property
     def trouble(self) -> str | None:
-        """What is amiss with any of the files."""
+        """What is wrong with any of the files."""
         return "; ".join(part.trouble for part in self._parts if part.trouble) or None
 
     @property

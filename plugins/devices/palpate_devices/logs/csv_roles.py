@@ -1,4 +1,4 @@
-"""What a CSV file holds: which columns are time, force, position and velocity, in which units; a ready pipeline."""
+"""What a CSV file contains: which columns are time, force, position and velocity, in which units; a ready pipeline."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _look(path: Path, choices: Mapping[str, str]) -> _Looked:
 
 
 def survey_csv(path: Path) -> Survey:
-    """What a CSV file holds: its rows, their rate, and what its columns may be."""
+    """What a CSV file contains: its rows, their rate, and what its columns may be."""
     looked = _look(path, {})
     sheet, clock = looked.sheet, looked.clock
     found = searched(looked.series(), {})
@@ -120,7 +120,7 @@ def survey_csv(path: Path) -> Survey:
 
 
 def tables_csv(path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
-    """Every row that has a time, in blocks, as recorded; raises LogError where no column holds the time."""
+    """Every row that has a time, in blocks, as recorded; raises LogError where no column is the time."""
     looked = _look(path, {})
     sheet, clock = looked.sheet, looked.clock
     if clock is None or clock.column is None:

@@ -1,4 +1,4 @@
-"""A CSV file that nobody has described: its separator, its header, its numbers, and what their names say of units."""
+"""A CSV file without a description: its separator, its header, its numbers, and the units in their names."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Sheet:
 
     @classmethod
     def of(cls, path: Path) -> Sheet:
-        """Told by the first lines; raises LogError where they are no table of numbers."""
+        """Found from the first lines; raises LogError where they are no table of numbers."""
         with opened(path) as file:
             lines = [line for line in islice(bounded(file, path), _LOOKED) if line.strip()]
         if not lines:
@@ -121,7 +121,7 @@ def _unit_text(name: str) -> str:
 
 
 def number(cell: str) -> float:
-    """The number that a cell holds; raises ValueError. ``1_5`` is none: Python alone takes it for 15."""
+    """The number in a cell; raises ValueError. ``1_5`` is none: Python alone takes it for 15."""
     if "_" in cell:
         raise ValueError(cell)
     return float(cell)

@@ -43,7 +43,7 @@ class Known:
         return True
 
     def settle(self, counts: Mapping[int, int]) -> list[str]:
-        """Define what messages need from what is left of damaged chunks, too; the topics for which that was so."""
+        """Define what messages need from the remains of damaged chunks, too; returns the topics that needed it."""
         spare, self.spare = self.spare, []
         missing = {channel for channel in counts if channel not in self.channels}
         self._take(records.CHANNEL, missing, spare)

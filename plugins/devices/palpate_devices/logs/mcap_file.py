@@ -54,7 +54,7 @@ class McapFile:
         return size > 2 * len(records.MAGIC) and tail == records.MAGIC
 
     def _refuse_foreign(self, file: IO[bytes], size: int) -> None:
-        """A file without the first bytes of a log is one where it holds chunks, and is read only if that is asked."""
+        """A file without the first bytes of a log counts as one if it contains chunks, and is read only on request."""
         if not self._accept_cut or next(chunks_from(file, 0, size), None) is None:
             raise LogError(f"{self.path}: is no MCAP log")
         self._notes.append("its first bytes are wrong")

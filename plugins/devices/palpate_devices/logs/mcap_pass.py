@@ -117,7 +117,7 @@ class Pass:
             raise
 
     def _other(self, file: IO[bytes], opcode: int, length: int) -> None:
-        """A record that is no message, and holds none."""
+        """A record that is no message, and contains none."""
         if opcode in (records.SCHEMA, records.CHANNEL) and length <= records.LIMIT:
             self._known.define(opcode, file.read(length))
         elif opcode == 0:
@@ -209,7 +209,7 @@ def data_checked(file: IO[bytes], summary: Known) -> bool | None:
 
 
 def _enough(pending: list[_Whole]) -> bool:
-    """Whether chunks are worth a block; one without a checksum ends it, and is told apart from those with one."""
+    """Whether chunks are worth a block; one without a checksum ends it, and is kept apart from those with one."""
     size = sum(len(whole.chunk.data) for whole in pending)
     return size >= _TOGETHER or not pending[-1].chunk.checked
 

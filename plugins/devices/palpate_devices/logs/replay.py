@@ -116,7 +116,7 @@ def window(container: Container, begin: float | None, end: float | None) -> tupl
 
 
 def tables_of(container: Container) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
-    """Every topic that holds numbers, in blocks, as recorded; a topic that cannot be decoded is left out."""
+    """Every topic that contains numbers, in blocks, as recorded; a topic that cannot be decoded is left out."""
     plans: dict[str, tuple[tuple[str, ...], list[Reading]] | None] = {}
     decoders = {}
     for topic, messages in container.blocks(set(container.topics)):
@@ -138,7 +138,7 @@ def tables_of(container: Container) -> Iterator[tuple[str, tuple[str, ...], Batc
 
 
 def texts_of(container: Container) -> Iterator[tuple[str, tuple[str, ...], Stamps, list[tuple[str, ...]]]]:
-    """Every topic that holds texts, in blocks: its name, the names of the texts, stamps [ns] and texts."""
+    """Every topic that contains texts, in blocks: its name, the names of the texts, stamps [ns] and texts."""
     plans: dict[str, tuple[MessageDecoder, tuple[str, ...]] | None] = {}
     for topic, messages in container.blocks(set(container.topics)):
         try:

@@ -136,7 +136,7 @@ def _taken_over(old: sqlite3.Connection, new: sqlite3.Connection, table: str, de
 def _salvage(
     old: sqlite3.Connection, copy: Path, new: sqlite3.Connection, page: int | None
 ) -> tuple[int, int, int, bool]:
-    """Messages that came over, their first and last time-stamps [ns], and whether nothing was amiss."""
+    """Messages that came over, their first and last time-stamps [ns], and whether nothing was wrong."""
     count, stamps, whole = 0, [], True
     for rows in _everything(old, copy):
         good = [row for row in rows if _sound(row, page)]
@@ -195,7 +195,7 @@ def _scanned(old: sqlite3.Connection, begin: int) -> Generator[list[Row], None, 
 
 
 def _bound(old: sqlite3.Connection, which: str, otherwise: int) -> int:
-    """The smallest or largest number of a message, where it can be told."""
+    """The smallest or largest number of a message, where it can be determined."""
     try:
         found = old.execute(f"SELECT {which}(id) FROM messages").fetchone()[0]
     except sqlite3.Error:

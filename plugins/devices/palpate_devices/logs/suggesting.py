@@ -124,7 +124,7 @@ def assembled(
 
 
 def delay_hint(series: Mapping[str, tuple[Floats, Floats]]) -> list[str]:
-    """The delay between force and motion, where something swings in free air; in contact nothing can tell it."""
+    """The delay between force and motion, where something swings in free air; in contact it cannot be determined."""
     found = air_delay(*series["force"], *series["position"])
     if found is None:
         return [

@@ -1,4 +1,4 @@
-"""A ready mapping for a log nobody has described."""
+"""A ready mapping for a log without a description."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def _field(text: str) -> dict[str, Any]:
 
 
 def _looked(container: Container) -> Looked:
-    """The beginning of every topic that holds numbers; what palpate itself computed or asked for is no measurement."""
+    """The beginning of every topic that contains numbers; what palpate computed or commanded is no measurement."""
     blocks: dict[str, Any] = {}
     names: dict[str, tuple[str, ...]] = {}
     for topic, columns, batch in tables_of(container):
@@ -159,7 +159,7 @@ def _chosen(role: str, choice: str, series: list[Series], looked: Looked, path: 
 
 
 def _last_contact(force: Series, sign: int) -> float | None:
-    """When [s] the force was last at half of its peak, where the record goes on for a while after that."""
+    """When [s] the force was last at half of its peak, where the record continues for a while after that."""
     good = np.isfinite(force.values) & (np.abs(force.values) < LARGEST)
     time, values = force.time[good], sign * force.values[good]
     low, high = (float(x) for x in np.percentile(values, (1.0, 99.8)))

@@ -24,7 +24,7 @@ _BEAT_EVERY = 0.025  # [s]
 class Child:
     """A process that runs one module of a device, as its parent sees it: a ring to read, a socket for the rest.
 
-    The process is told its settings as JSON. When the parent goes, however it goes, the socket closes, and the child
+    The process gets its settings as JSON. When the parent goes, however it goes, the socket closes, and the child
     is to put the device at rest and leave. When the child goes or stops beating, the parent kills it and says so.
     """
 
@@ -85,7 +85,7 @@ class Child:
         raise DeviceError(f"{self.name}: is not ready within {timeout:g} s")
 
     def check(self, beat_limit: float | None = None) -> None:
-        """Raise DeviceError where the child has told of a fault, has died, or has not beaten for so long [s]."""
+        """Raise DeviceError where the child has reported a fault, has died, or has not beaten for so long [s]."""
         if self.fault is None and self._process.poll() is not None:
             self.messages()
         if self.fault is not None:

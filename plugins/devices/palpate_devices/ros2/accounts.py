@@ -81,7 +81,7 @@ class StampClock:
 
 @dataclass
 class CommonClock:
-    """Stamps of several topics by one clock: moved to the host's clock together, so that what lies between them stays.
+    """Stamps of several topics by one clock: moved to the host's clock together, so that delays between them are kept.
 
     The lower envelope is that of all arrivals, whichever topic is the fastest.
     """

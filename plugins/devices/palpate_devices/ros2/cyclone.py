@@ -119,7 +119,7 @@ class CycloneTalker:
         self._writers: dict[str, tuple[Any, Any]] = {}
 
     def announce(self, topic: str, type_name: str, latched: bool = False) -> None:
-        """Tell of a topic, so that others find it before it sends; `latched`: who comes later gets the last message."""
+        """Announce a topic, so that it is found before it sends; `latched`: late subscribers get the last message."""
         self._writer(topic, type_name, latched)
 
     def _writer(self, topic: str, type_name: str, latched: bool) -> Any:

@@ -53,7 +53,7 @@ class Outlet:
         self._held += _HEAD.pack(*head) + message.payload
 
     def flush(self) -> None:
-        """Write as much as fits; raises BrokenPipeError where nobody reads any more."""
+        """Write as much as fits; raises BrokenPipeError where the reader is gone."""
         while self._held:
             try:
                 written = os.write(self._descriptor, memoryview(self._held)[:_PIECE])

@@ -148,7 +148,7 @@ class Ros2Link:
         }
 
     def _flags(self) -> Iterator[Flag]:
-        """What speaks against the readings, one of a kind."""
+        """Flags on the readings, one of a kind."""
         accounts = sorted(self._accounts.items())
 
         def told(what: Callable[[TopicAccount], int], words: str) -> str:
@@ -173,7 +173,7 @@ class Ros2Link:
         return (flag for flag in found if flag.message)
 
     def _unread(self) -> str:
-        """Whether somebody publishes a topic as it cannot be read; empty where nobody does."""
+        """Topics published in a form that cannot be read; empty where there are none."""
         found = {topic: self._source.unmatched(topic) for topic in sorted(self._accounts)}
         return "; ".join(f"{topic} {why}" for topic, why in found.items() if why)
 

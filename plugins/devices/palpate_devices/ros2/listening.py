@@ -52,11 +52,11 @@ class Listener:
 
     @property
     def types(self) -> Mapping[str, str]:
-        """The types of topics that somebody publishes."""
+        """The types of published topics."""
         return {entry["topic"]: entry["type"] for entry in reversed(self.publications.values())}  # the first counts
 
     def unmatched(self, topic: str) -> str:
-        """Why somebody who publishes a topic is not heard, in words; empty where all are."""
+        """Why a publisher of a topic is not heard, in words; empty where all are."""
         there = [entry for entry in self.publications.values() if entry["topic"] == topic]
         if self.network.reliable and not all(entry["reliable"] for entry in there):
             return 'is published best effort, and reliability = "reliable" requires more'
@@ -110,7 +110,7 @@ def hear(source: Listener, definitions: Mapping[str, str], seconds: float, enoug
 
 
 def refuse_missing(source: Listener, heard: Heard, wanted: Sequence[str], name: str, seconds: float) -> None:
-    """Raise DeviceError where a topic is not there, has a type nobody knows, or has sent nothing."""
+    """Raise DeviceError where a topic is missing, has an unknown type, or has sent nothing."""
     there = source.types
     for topic in wanted:
         if topic in heard.filled:

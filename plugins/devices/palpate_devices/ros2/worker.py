@@ -1,4 +1,4 @@
-"""The process that listens to topics: so that no busy thread of the main job delays a message."""
+"""The process that listens to topics, so that no busy thread of the main job delays a message."""
 
 from __future__ import annotations
 

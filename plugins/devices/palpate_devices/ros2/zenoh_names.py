@@ -57,7 +57,7 @@ def publication_of(token: str) -> Publication | None:
 
 
 def identity(token: str) -> bytes:
-    """16 bytes that tell a publisher from all others."""
+    """16 bytes that identify a publisher."""
     return blake2b(token.encode(), digest_size=16).digest()
 
 

@@ -98,7 +98,7 @@ class Controller:
         self._safety, self._stopped_at = _SAFEGUARD if safeguard else _PROTECTIVE, self.now
 
     def stick(self) -> None:
-        """Tell the present pose for ever, and all else as it is."""
+        """Keep reporting the present pose, and all else as it is."""
         self.stuck = pose_of(tip(self.arm.q.tolist(), self.arm.tcp, self.arm.model)[0])
 
     def emergency_stop(self) -> None:

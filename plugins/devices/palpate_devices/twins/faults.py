@@ -1,4 +1,4 @@
-"""Faults that the twins can be told to have, by name."""
+"""Faults that the twins can simulate, by name."""
 
 from __future__ import annotations
 

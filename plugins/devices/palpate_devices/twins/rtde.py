@@ -120,8 +120,8 @@ def layout(names: list[str], types: Mapping[str, str]) -> struct.Struct:
 class ClientSession:
     """One client's connection: recipes, and whether it wants data.
 
-    `claim` tells whether an input is this session's to write; `write` takes the inputs of a data packet. An output that
-    is `unknown` is not found; START is refused unless `starts`.
+    `claim` returns whether an input is this session's to write; `write` takes the inputs of a data packet. An output
+    that is `unknown` is not found; START is refused unless `starts`.
     """
 
     def __init__(

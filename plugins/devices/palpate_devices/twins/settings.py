@@ -1,4 +1,4 @@
-"""What a bench of twins is told: where it listens, what it presses on, and how well it measures."""
+"""Settings of a bench of twins: where it listens, what it presses on, and how well it measures."""
 
 from __future__ import annotations
 

@@ -137,7 +137,7 @@ class World:
         self.truth.add(time.monotonic(), *self._before, self._turning, joint, self._force, self.controller.read)
 
     def _feel(self, instants: Any) -> Any:
-        """The wrench (n, 6) that the sensor tells at times (n,): what it felt `force_delay` before."""
+        """The wrench (n, 6) that the sensor reports at times (n,): what it felt `force_delay` before."""
         settings = self.settings
         places, speeds, accelerations = self._motion(instants - settings.force_delay)
         contact = settings.specimen.push(instants, places, speeds)

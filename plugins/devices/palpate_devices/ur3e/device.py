@@ -127,7 +127,7 @@ class UR(Device):
 
     @property
     def own_motion(self) -> OwnMotion:
-        """It goes to the start, brakes, and goes on for a while where the job does."""
+        """It goes to the start, brakes, and continues for a while where the job does."""
         return OwnMotion(self.approach_speed, self.start_tolerance, self.acceleration, self.host_limit)
 
     def connect(self, seed: int) -> AbstractContextManager[Link]:
@@ -135,7 +135,7 @@ class UR(Device):
         return self._connected(observe=False)
 
     def observe(self, seed: int) -> AbstractContextManager[Link]:
-        """Its states; whatever program runs goes on."""
+        """Its states; a running program continues."""
         return self._connected(observe=True)
 
     @contextmanager

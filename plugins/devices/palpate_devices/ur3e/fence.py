@@ -48,7 +48,7 @@ class ArmState:
 
 
 class Fence:
-    """Limits of `[safety]`, once they are told, and those of the arm itself."""
+    """Limits of `[safety]`, once they are set, and those of the arm itself."""
 
     def __init__(self, own: dict[str, Any], work: WorkFrame, tool: Floats, model: Model, acceleration: float) -> None:
         self._work, self._tool, self._model = work, tool, model
@@ -224,10 +224,10 @@ def is_singular(jacobian: Floats) -> bool:
 
 
 def _against_one_another(jacobian: Floats, inverse: Any) -> float:
-    """How much faster than the tip its joints would move it, each by itself: 2 to 5 in an ordinary posture.
+    """How much faster than the tip its joints would move it, each on its own: 2 to 5 in an ordinary posture.
 
     The root of the sum of squares over the joints and the three directions of the tip. Near a singular posture they
-    cancel out, and where one of them lags, brakes or is at its limit, the tip goes astray.
+    cancel out, and where one of them lags, brakes or is at its limit, the tip leaves its path.
     """
     return float(np.linalg.norm(np.linalg.norm(jacobian[:3], axis=0)[:, None] * inverse))
 

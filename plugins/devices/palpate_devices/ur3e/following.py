@@ -1,4 +1,4 @@
-"""Whether an arm goes where it is told, by the poses that it tells."""
+"""Whether an arm follows its commands, by the poses that it reports."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Following:
         self._same, self._anchor = 0, command.copy()
 
     def complaint(self, command: Floats, position: Floats, fresh: bool) -> str | None:
-        """A pose that stands still while commands go on: to the last bit, or as good as; `fresh`: it is a new one."""
+        """A pose that stands still while commands continue: to the last bit, or nearly; `fresh`: it is a new one."""
         self._cycles += 1
         if not fresh:
             return None

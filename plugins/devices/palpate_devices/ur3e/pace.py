@@ -64,7 +64,7 @@ class Pace:
         self._lateness = Lateness(ring.head, _TICK)
 
     def run(self, cycle: Callable[[int, int], None], look: Callable[[], None]) -> NoReturn:
-        """A cycle at each deadline, told the time [ns] and how many were left out; a look between two of them."""
+        """A cycle at each deadline, given the time [ns] and how many were left out; a look between two of them."""
         deadline, left_out = time.monotonic_ns() + _TICK, 0
         while True:
             now = self._sleep(max(deadline - time.monotonic_ns(), 0))

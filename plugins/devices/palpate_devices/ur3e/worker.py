@@ -139,7 +139,7 @@ class _Loop:
             self._stop_for(verdict, commander)
 
     def _stop_for(self, verdict: Verdict, commander: Commander) -> None:
-        """Retract where the arm does what it is told, else stop it where it is."""
+        """Retract where the arm follows its commands, else stop it where it is."""
         if not verdict.trusted or commander.mode not in _MOVING:
             self._fail(verdict.text + self._halt_in_doubt())
         self._parent.tell("limit", text=verdict.text, at=time.monotonic_ns())
@@ -181,7 +181,7 @@ class _Loop:
             self._fail(f"the controller is silent: its last state is {1e3 * age:.0f} ms old")
 
     def _mute_control(self) -> str:
-        """A program that the control link still believes to run, although the other link says that it does not."""
+        """A program that the control link still reports as running, although the other link reports that it is not."""
         for _ in range(_MUTE):
             if not self._robot.control.isProgramRunning():
                 return ""

@@ -31,8 +31,8 @@ class Decade:
 def density(curve: Curve) -> tuple[Floats, Floats, Floats]:
     """Times (k,) [s], H (k,) [Pa], of a creep L [1/Pa], per unit of ln(tau), and its standard uncertainty (k,).
 
-    The uncertainty is that of noise and smoothing: it holds the truth as often as it says on average over the spectrum,
-    not at every time (Wahba 1983).
+    The uncertainty is that of noise and smoothing: it covers the truth at its level on average over the spectrum, not
+    at every time (Wahba 1983).
     """
     free, times = curve.solved.free, curve.solved.times
     step = math.log(times[1] / times[0])

@@ -1,4 +1,4 @@
-"""``palpate info LOG``: what a log holds, and a pipeline that reads it."""
+"""``palpate info LOG``: the contents of a log, and a pipeline that reads it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def info(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Say what a log holds, with --suggest as a pipeline that reads it; without a log, what palpate runs on."""
+    """Show what a log contains, with --suggest a pipeline that reads it; without a log, what palpate runs on."""
     if log is None:
         show_installation(as_json)
         return
@@ -102,7 +102,7 @@ def _written(text: str, out: Path | None, as_json: bool, suggestion: Suggestion 
 
 
 def survey_view(survey: Survey) -> RenderableType:
-    """The table of topics, and what is amiss."""
+    """The table of topics, and what is wrong."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
