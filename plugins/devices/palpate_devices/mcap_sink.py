@@ -111,12 +111,12 @@ class _LogWriter:
                 work = _nothing
             if work is None:
                 return
-            if self._failure is not None:  # nobody shall wait for a log that cannot be written
+            if self._failure is not None:  # no caller waits for a log that cannot be written
                 continue
             try:
                 work()
                 self._log.save()
-            except Exception as error:  # it is raised where somebody hears it
+            except Exception as error:  # it is raised where it is handled
                 self._failure = error
 
 

@@ -221,7 +221,7 @@ class RecursiveTracker:
         return np.concatenate(outputs)
 
     def _opened(self, whole: Samples) -> tuple[Floats, int] | None:
-        """First state and its row, as soon as a window is long and telling enough; windows grow by fifths.
+        """First state and its row, as soon as a window is long and informative enough; windows grow by fifths.
 
         What counts is the time in contact: touches that are each too short add up.
         """
@@ -248,7 +248,7 @@ class RecursiveTracker:
         marked = outputs[:, self._marked] > 0.5
         for column, mark in zip(marked.T, MARKS.values(), strict=True) if marked.any() else ():
             status[column] |= np.uint32(mark)
-        if before is not None:  # what went wrong while nobody was told
+        if before is not None:  # what went wrong without a report
             self._diverged |= bool((before[:, at("diverged")] > 0.5).any())
         broken = (status & _DIVERGED > 0) | self._diverged
         if broken.any():

@@ -35,7 +35,7 @@ class Feed:
         self._chosen: NDArray[np.intp] = np.zeros(0, np.intp)
         self._blocks: list[tuple[Floats, Table]] = []
         self._stamp = 0  # [ns] of the latest row, in the record's clock
-        self._last: str | None = None  # track that was told last of the block before
+        self._last: str | None = None  # track sent last of the block before
         self._latest: str | None = None
         self._offline: dict[str, Estimates] = {}
         self._next = time.monotonic()

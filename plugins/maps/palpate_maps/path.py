@@ -19,9 +19,9 @@ class Path2D:
     time: Floats  # (n,) [s]
     place: Floats  # (n, 2) [m] x and y
     value: Floats  # (n,) [SI]
-    std: Floats  # (n,) [SI] as the estimator believes it
+    std: Floats  # (n,) [SI] as the estimator gives it
     nis: float  # mean normalised innovation squared; 1 where model and noise are right
-    surface: Floats | None = None  # (n,) [m] as the estimator has it; None where nobody asks
+    surface: Floats | None = None  # (n,) [m] as the estimator has it; None where not needed
     relief_sensitivity: float = 0.0  # [s/m] relative shift of its parameters by a speed at which the skin rises
 
 

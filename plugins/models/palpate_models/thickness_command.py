@@ -110,7 +110,7 @@ def _rows(
 def _factors(
     cylinder: Cylinder, tip: Indenter, profile: Profile, depths: Floats, fine: int, seconds: float
 ) -> Iterator[float | str]:
-    """Factors, told as they come; last, where not all are found, why."""
+    """Factors, reported as they come; last, where not all are found, why."""
     from palpate_models.finite_elements import NoEquilibriumError, pressed
 
     began = time.monotonic()

@@ -34,7 +34,7 @@ class Record:
     path: Path = Path("record")  # of a log; what messages call it
     doubts: tuple[str, ...] = ()  # what was guessed
     columns: Columns | None = field(default=None, repr=False)  # of a record in memory
-    assumed: tuple[str, ...] = ()  # keys such as "alignment.force.delay" that nobody has stated
+    assumed: tuple[str, ...] = ()  # keys such as "alignment.force.delay" that are not stated
 
     @property
     def samples(self) -> xarray.Dataset:

@@ -14,8 +14,8 @@ _STILL_MOVING = 0.02  # of a value: slope times time tracked
 _BY_CHANCE = 3.5  # standard deviations of a slope; of two parameters one is beyond that once in a thousand tracks
 _NIS_RANGE = (0.5, 1.6)  # of the mean over the last second; 0.9 to 1.1 would be one by chance alone
 _COLOURED = 0.3  # autocorrelation of innovations; 0.1 comes by chance alone
-_WEAK = 5.0  # standard deviations of its noise that a force swings by: above, it is not asked what it tells
-_TOLD = 0.2  # of a value: a weak force must tell it to so much, by the Cramer-Rao bound
+_WEAK = 5.0  # standard deviations of its noise that a force swings by: above, it is not tested what it determines
+_TOLD = 0.2  # of a value: a weak force must determine it to this, by the Cramer-Rao bound
 _SOFT = (10.0, 1e9)  # [Pa] from the softest gels to hard rubber
 _SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the one that the first touch says
 
@@ -73,7 +73,7 @@ def ending_flags(end: Ending, model: ContactModel, online: bool, fitted: bool) -
         begun = tail.since(float(tail.time[0]) + end.average)
         yield from _innovation_flags(begun, f"after the first {end.average:g} s")
         yield from _colour_flags(begun)
-    if not fitted:  # a fit says itself what its record does not tell
+    if not fitted:  # a fit itself flags what its record does not determine
         yield from _force_flags(end, model)
     yield from _surface_flags(last, model, end.report)
     yield from _validity_flags(model, last)

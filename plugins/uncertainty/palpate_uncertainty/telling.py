@@ -6,7 +6,7 @@ import numpy as np
 from palpate import ContactModel, Floats, Tail
 from palpate.host import force_slopes
 
-_ENOUGH = 100  # innovations to tell their autocorrelation
+_ENOUGH = 100  # innovations to estimate their autocorrelation
 _FORGETS = 0.96  # of the variance that an estimator stated half a tail ago
 
 

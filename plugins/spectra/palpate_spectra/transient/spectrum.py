@@ -14,7 +14,7 @@ from palpate_spectra.transient.modulus import Curve
 
 _UNLIKELY = 1e-3
 _AWAY = 2e-5  # [m]
-_RAMP = 0.05  # of the value, by which a ramp's correction is told
+_RAMP = 0.05  # of the value, above which a ramp's correction is reported
 _OF_ITS_TRACK = {"surface-mismatch", "diverged", "implausible"}  # whose surface and material are not used here
 
 
