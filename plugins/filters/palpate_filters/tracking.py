@@ -172,15 +172,15 @@ class RecursiveTracker:
         row: int,
     ) -> tuple[Floats, Floats]:
         """State after, and outputs of, a part that begins at a row; a listener hears of it piece by piece."""
-        states = []
+        states = np.empty((len(inputs), self._place.size))  # states of all samples would take a kilobyte each
         for first in range(0, len(inputs), PIECE):
             piece = slice(first, first + PIECE)
             again = partial(self._kernel.run, state, inputs[piece], settings)
             state, outputs = again()
             rows = _rows(row + first, len(outputs))
             listener(Stretch(rows, interval[piece], surprises(outputs, self._place), again), outputs)
-            states.append(outputs[:, : self._place.size].copy())  # states of all samples would take a kilobyte each
-        return state, states[0] if len(states) == 1 else np.concatenate(states)
+            states[piece] = outputs[:, : self._place.size]
+        return state, states
 
     def _gather(self, part: Samples, rows: slice, begins: bool, settings: Floats, estimates: Estimates) -> None:
         """Hold samples until there are enough to start on; then run over them, and report only the present."""
