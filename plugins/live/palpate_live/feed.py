@@ -84,12 +84,12 @@ class Feed:
 
     def flags(self, track: str | None, flags: tuple[Flag, ...]) -> None:
         """All current flags on a track, or on the record."""
-        told = []
+        tables = []
         for flag in flags:
             meaning = self._meanings.get(flag.code)
             words = {"meaning": meaning.meaning, "remedy": meaning.remedy} if meaning else {}
-            told.append({**flag.table(), **words})
-        self._tell({"kind": "flags", "track": track, "flags": told})
+            tables.append({**flag.table(), **words})
+        self._tell({"kind": "flags", "track": track, "flags": tables})
 
     def guard(self, state: GuardState) -> None:
         """What the guard does."""

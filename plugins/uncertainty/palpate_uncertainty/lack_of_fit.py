@@ -86,8 +86,8 @@ def _along_a_sweep(track: TrackEvidence) -> Diagnosed | None:
     the sweep and fades, whose innovations are never white. One that is leaves a pattern of up to 1 % of its innovations
     where nothing is wrong.
     """
-    told = track.estimator.follows_changes and getattr(track.estimator, "sweep_speed", 0.0) > 0
-    if not told or not np.isfinite(track.kept.innovation).any():
+    follows = track.estimator.follows_changes and getattr(track.estimator, "sweep_speed", 0.0) > 0
+    if not follows or not np.isfinite(track.kept.innovation).any():
         return None
     found = _by_innovations(track)
     if found.p >= LEVEL or found.misfit < _OF_A_SWEEP:
