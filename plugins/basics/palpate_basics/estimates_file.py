@@ -92,7 +92,7 @@ class EstimatesFile:
 
 
 class _Aside:
-    """Has a thread write the rows, for a run that nobody has to keep up with: text is a fifth of a replay's work."""
+    """Has a thread write the rows, for a run without a deadline: text is a fifth of a replay's work."""
 
     def __init__(self, table: EstimatesFile, thread: ThreadPoolExecutor) -> None:
         self._table, self._thread = table, thread

@@ -65,7 +65,7 @@ def _elapsed(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> flo
         return end
     standstill = pipeline.safety.standstill if pipeline.safety else 0.0
     known = np.isfinite(place).all(axis=1)
-    if not known.any():  # of a motion that was cut nobody knows how far it came
+    if not known.any():  # of a motion that was cut it is not known how far it came
         return end - standstill if end - standstill >= trajectory.total_duration else 0.0
     every = max(int(known.sum()) // _ROWS, 1)
     time, place = time[known], place[known]

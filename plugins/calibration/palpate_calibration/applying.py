@@ -187,7 +187,7 @@ class AppliedCalibration:
         if payload is None or centre is None or not all(name in values for name in names):
             return
         mass, *tip = (values[name] for name in names)
-        if payload < 0.9 * mass.value:  # a payload that was never set, which is told of anyway
+        if payload < 0.9 * mass.value:  # a payload that was never set, which is reported anyway
             return
         slack = payload * _ROUNDED + _SIGNIFICANT * mass.value * max(value.std for value in tip)
         aside, own = payload * math.hypot(*centre[:2]), mass.value * math.hypot(tip[0].value, tip[1].value)

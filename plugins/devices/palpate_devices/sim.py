@@ -53,8 +53,8 @@ class SimulatedRig(Device):
     The robot tracks setpoints by a PD law on position at its own rate; its speed follows the command with a first-order
     lag, and contact does not move it (position control). The sensor sits between flange and tip and so feels contact
     force, weight and inertia of the tip: reading = F + m d'' - m g + bias + drift t + noise, compressive positive.
-    Everything is sampled from the exact motion at the instants of each stream. Nothing downstream can tell the rig from
-    hardware; pose and twist come at the robot's rate, the wrench at the sensor's.
+    Everything is sampled from the exact motion at the instants of each stream. Nothing downstream can distinguish the
+    rig from hardware; pose and twist come at the robot's rate, the wrench at the sensor's.
     """
 
     specimen: Specimen = Field(description="what the tip presses on")

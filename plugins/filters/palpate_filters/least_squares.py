@@ -13,7 +13,7 @@ from operator import mul
 import numpy as np
 from palpate import Floats
 
-_LEAST = 1e-13  # damping, of the scaled squares: what is not told at all stays where it is
+_LEAST = 1e-13  # damping, of the scaled squares: what is not determined at all stays where it is
 _FIRST, _MOST = 1e-3, 1e12  # damping after a step that led uphill, and where there is nothing left to gain
 _ROUNDING = 1e-13  # of the cost, below which a difference of two of them is none
 _DIFFERENCE = 1.5e-8  # of a value, over which a slope is taken
@@ -57,12 +57,12 @@ def least_squares(
         evaluations += 1
         fallen = cost - 0.5 * float(tried[0, 0]) if _finite(tried) else -np.inf
         if fallen >= -_ROUNDING * cost and (fallen > 0 or gained <= _ROUNDING * cost):
-            told = gained > _ROUNDING * cost  # by the difference of the costs, whether the step was good
-            slow = not told and gained > _SLOW * before
+            significant = gained > _ROUNDING * cost  # by the difference of the costs, whether the step was good
+            slow = not significant and gained > _SLOW * before
             x, square, before = there, tried, gained
             if slow:
                 return Minimum(x, 0.5 * float(square[0, 0]), evaluations, True)
-            damping = _eased(damping, fallen / gained if told else 1.0)
+            damping = _eased(damping, fallen / gained if significant else 1.0)
         elif damping >= _MOST:
             return Minimum(x, cost, evaluations, gained <= _ROUNDING * cost)
         else:

@@ -35,7 +35,7 @@ class Feed:
         self._chosen: NDArray[np.intp] = np.zeros(0, np.intp)
         self._blocks: list[tuple[Floats, Table]] = []
         self._stamp = 0  # [ns] of the latest row, in the record's clock
-        self._last: str | None = None  # track that was told last of the block before
+        self._last: str | None = None  # track sent last of the block before
         self._latest: str | None = None
         self._offline: dict[str, Estimates] = {}
         self._next = time.monotonic()
@@ -84,12 +84,12 @@ class Feed:
 
     def flags(self, track: str | None, flags: tuple[Flag, ...]) -> None:
         """All current flags on a track, or on the record."""
-        told = []
+        tables = []
         for flag in flags:
             meaning = self._meanings.get(flag.code)
             words = {"meaning": meaning.meaning, "remedy": meaning.remedy} if meaning else {}
-            told.append({**flag.table(), **words})
-        self._tell({"kind": "flags", "track": track, "flags": told})
+            tables.append({**flag.table(), **words})
+        self._tell({"kind": "flags", "track": track, "flags": tables})
 
     def guard(self, state: GuardState) -> None:
         """What the guard does."""

@@ -149,7 +149,7 @@ async def work(
 ) -> None:
     """Serve until the run ends; what viewers say has at most `largest` bytes."""
     server = made(run, token)
-    silent = logging.getLogger("palpate_live")  # strangers' requests are no news, and would fill a file
+    silent = logging.getLogger("palpate_live")  # foreign requests are no news, and would fill a file
     silent.disabled = True
     async with serve(
         server.serve,

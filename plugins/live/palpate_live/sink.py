@@ -54,8 +54,8 @@ def _opened(child: Child, run: Run) -> Iterator[Writer]:
         yield feed
         feed.flush()
     finally:
-        if (told := child.close()) is not None:
-            say(f"palpate: {told}")
+        if (notice := child.close()) is not None:
+            say(f"palpate: {notice}")
 
 
 def say(text: str) -> None:

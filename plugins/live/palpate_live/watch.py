@@ -59,9 +59,9 @@ def _serve(port: int, fill: Callable[[Child], bool]) -> None:
     except KeyboardInterrupt:
         pass
     finally:
-        told = child.close()
-    if told is not None:
-        say(f"palpate: {told}")
+        notice = child.close()
+    if notice is not None:
+        say(f"palpate: {notice}")
 
 
 def _filled(child: Child, pipeline: Pipeline, source: Path) -> bool:

@@ -23,7 +23,7 @@ class Alarm:
     """A significant change of the mean."""
 
     rising: bool
-    since: int  # first block after the change, as the sum tells it
+    since: int  # first block after the change, by the sum
     at: int  # block that raised the alarm
     p: float  # chance of such a sum in a sweep without a change
 

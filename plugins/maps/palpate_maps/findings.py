@@ -16,7 +16,7 @@ class LumpSettings:
 
     rate: float = 0.005  # false-discovery rate; where there is no lump, the chance of finding one
     contrast: float = 0.04  # smaller ones are not reported, however significant
-    spread: float = 0.005  # standard deviation of the stiffness between sites that is always believed, relative
+    spread: float = 0.005  # standard deviation of the stiffness between sites that is always assumed, relative
     width: float = 4e-3  # [m] of a site: of the order of the contact's diameter
     method: SweepMethod = "prominence"  # along a sweep
 

@@ -11,15 +11,15 @@ from palpate import Floats, LogError
 from palpate_maps.path import Path2D
 from palpate_maps.relief import relief_scatter
 
-_LOOK = 0.5  # [s] over which it is told whether the tip moves
+_LOOK = 0.5  # [s] over which it is decided whether the tip moves
 _SLOW = 5e-4  # [m/s]; below it stands
 _TAIL = 0.5  # [s] at the end of a stay that count
 _WARM = 1.0  # [s] from its first estimate that a filter is given to find its feet
-# What an estimator believes of its error is mostly common to neighbours and drops out of a difference. Of homogeneous
+# What an estimator assumes of its error is mostly common to neighbours and drops out of a difference. Of homogeneous
 # simulated sweeps, 0.3 (kinematic filter) to 0.8 (AFUKF) of it is left as scatter along the sweep.
 KEPT = 0.7
 _KEPT_LEAST = 0.2
-_KEPT_FEWEST = 12  # pieces of a stay that its scatter is told from
+_KEPT_FEWEST = 12  # pieces of a stay that determine its scatter
 _PAUSE = 0.3  # [s] without estimates that ends a stretch
 
 
@@ -29,7 +29,7 @@ class Sites:
 
     place: Floats  # (n, 2) [m]
     log: Floats  # (n,) logarithm of the parameter's SI value
-    std: Floats  # (n,) standard deviation of that logarithm, as the estimator believes it
+    std: Floats  # (n,) standard deviation of that logarithm, as the estimator gives it
     time: Floats  # (n,) [s]
     standing: NDArray[np.bool_]  # (n,) a point palpation, not a piece of a sweep
     kept: float = KEPT  # share of `std` that is scatter between neighbours, and not common to them

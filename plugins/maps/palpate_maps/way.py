@@ -59,7 +59,7 @@ class Places:
     def add(self, samples: Samples, estimates: Estimates) -> None:
         """See `palpate.TrackSummary`."""
         if not finite_rows(samples.lateral).any():
-            return  # nobody says where the tip is
+            return  # the tip's place is not known
         known = ((estimates.status & Status.IDLE) == 0) & finite_rows(estimates.values)
         columns = (estimates.values, estimates.std, estimates.surface, estimates.surface_std)
         self._way.add(samples.time[known], samples.lateral[known], np.column_stack(columns)[known])

@@ -156,7 +156,7 @@ def palpate_commands() -> dict[str, Command]:
 
 @plugin
 def palpate_diagnoses() -> dict[str, Diagnosis]:
-    """What a record tells of a material that relaxes."""
+    """What a record determines of a relaxing material."""
     return {"at-rest": Diagnosis("palpate_models.at_rest:at_rest", quick=True)}
 
 

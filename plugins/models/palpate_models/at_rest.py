@@ -1,4 +1,4 @@
-"""What a record tells of the modulus at rest, where the material may still fade when the record ends."""
+"""What a record determines of the modulus at rest, where the material may still fade when the record ends."""
 
 from __future__ import annotations
 

@@ -110,7 +110,7 @@ def _rows(
 def _factors(
     cylinder: Cylinder, tip: Indenter, profile: Profile, depths: Floats, fine: int, seconds: float
 ) -> Iterator[float | str]:
-    """Factors, told as they come; last, where not all are found, why."""
+    """Factors, reported as they come; last, where not all are found, why."""
     from palpate_models.finite_elements import NoEquilibriumError, pressed
 
     began = time.monotonic()
@@ -121,8 +121,8 @@ def _factors(
         except NoEquilibriumError as error:
             yield str(error)
             return
-        told = f"{number}/{len(depths)}: {1e3 * depth:.4g} mm: {factor:.4f} ({time.monotonic() - began:.0f} s)"
-        typer.echo(told, err=True)
+        line = f"{number}/{len(depths)}: {1e3 * depth:.4g} mm: {factor:.4f} ({time.monotonic() - began:.0f} s)"
+        typer.echo(line, err=True)
         yield factor
 
 

@@ -33,7 +33,7 @@ def read(
     A log that palpate has written says itself what its signals are, and what was declared of them; `signals` reads
     some of them elsewhere, and all else stays. Of others, `signals` settles what is what, as in
     ``{"force": "/wrench:wrench.force.z", "height": "z", "rate": "500 Hz"}``; the rest is found by what the numbers do
-    together, and what is only a guess is warned of. Delays and tare that nobody has stated are flagged in the results
+    together, and what is only a guess is warned of. Delays and tare that are not stated are flagged in the results
     (`assumed`). All else as in `palpate.record`.
 
     Raises LogError for what is no log, ConfigurationError where something must be said that no file can say.

@@ -73,7 +73,7 @@ def quietly() -> Iterator[None]:
 def execute(pipeline: Pipeline, folder: Path | None, holds: object = None) -> FinishedRun:
     """Run a pipeline; without a `folder` into one that goes with the result, or, of live devices, into runs/.
 
-    The result keeps what it `holds`. Raises UserError, and StoppedError where somebody stopped the run.
+    The result keeps what it `holds`. Raises UserError, and StoppedError where the run was stopped.
     """
     for notice in pipeline.registry.notices:
         warnings.warn(notice, stacklevel=3)

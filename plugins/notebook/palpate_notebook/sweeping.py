@@ -86,8 +86,8 @@ def _combinations(values: Mapping[str, list[Any]], combine: str) -> list[dict[st
     if combine != "list":
         raise ConfigurationError(f'combine: {combine!r} is none of "grid", "list"')
     if len(set(lengths.values())) > 1:
-        told = ", ".join(f"{key} has {length}" for key, length in lengths.items())
-        raise ConfigurationError(f'combine="list" needs lists of one length: {told}')
+        listed = ", ".join(f"{key} has {length}" for key, length in lengths.items())
+        raise ConfigurationError(f'combine="list" needs lists of one length: {listed}')
     return [dict(zip(values, one, strict=True)) for one in zip(*values.values(), strict=True)]
 
 

@@ -42,12 +42,12 @@ class TrackView:
 
     @property
     def elasticity(self) -> Quantity:
-        """Young's modulus [Pa]; raises ConfigurationError where the model does not tell it."""
+        """Young's modulus [Pa]; raises ConfigurationError where the model does not give it."""
         return self["elasticity"]
 
     @property
     def viscosity(self) -> Quantity:
-        """The material's viscosity [Pa s]; raises ConfigurationError where the model does not tell it."""
+        """The material's viscosity [Pa s]; raises ConfigurationError where the model does not give it."""
         return self["viscosity"]
 
     @property

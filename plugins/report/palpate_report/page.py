@@ -171,7 +171,7 @@ def _sections(record: Record, hide: Callable[[str], str]) -> Iterator[dict[str, 
     for name, section in sorted(sections.items(), key=lambda item: (item[1].order, item[0])):
         try:
             shown = list(function_of(section)(record.result()))
-        except Exception as error:  # whatever a stranger's function raises
+        except Exception as error:  # whatever a third-party function raises
             shown = [f"This section could not be made: {type(error).__name__}: {error}"]
         if shown:
             yield {"name": name, "parts": [part if isinstance(part, Table) else hide(str(part)) for part in shown]}

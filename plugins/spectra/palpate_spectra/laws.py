@@ -13,7 +13,7 @@ from palpate_spectra.consistency import covariance_of, stacked
 from palpate_spectra.lines import Phasors
 from palpate_spectra.moduli import Line
 
-_REFERENCE = 2 * math.pi  # [rad/s] at which a power law's modulus is told: 1 Hz
+_REFERENCE = 2 * math.pi  # [rad/s] at which a power law's modulus is given: 1 Hz
 _MOST = 0.2  # [s] of delay, and less than half a period of the highest line
 
 

@@ -30,7 +30,7 @@ _GAP = 2.5  # of the usual interval
 _AIR = 50  # samples in air from which on the touch is known
 _RESOLVED = 0.4  # of the way from the touch to five times the noise
 _MASS = 0.05  # of itself, where no uncertainty of the tip's mass is declared
-_STIFFNESS = 0.1  # of itself: nobody declares how well the stiffness of a rig is known
+_STIFFNESS = 0.1  # of itself: the uncertainty of a rig's stiffness is never declared
 
 
 # Of what the run itself flags: what speaks against the readings or the surface, not against the model of its track.

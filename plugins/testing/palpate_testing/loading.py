@@ -44,7 +44,7 @@ def check_models(models: Iterable[ContactModel], registry: Registry) -> None:
             continue
         try:
             check_force(model, usual_values(model))
-        except Exception as error:  # whatever a stranger's code raises
+        except Exception as error:  # whatever third-party code raises
             what = str(error) if isinstance(error, AssertionError) else f"{type(error).__name__}: {error}"
             where = f"plugin {entry.plugin.name}: model {registry.name_of(type(model))!r}"
             raise PluginError(f"{where}: {what}") from error

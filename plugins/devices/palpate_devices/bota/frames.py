@@ -71,7 +71,7 @@ class FrameDecoder:
             frame = _intact(buffer, at)
             if frame is not None and not self._in_step and not self._follows(frame):
                 if len(buffer) - at < 2 * LENGTH:
-                    break  # only the frame behind it can tell
+                    break  # only the frame behind it decides
                 frame = frame if _intact(buffer, at + LENGTH) else None
             if frame is not None:
                 frames.append(frame)

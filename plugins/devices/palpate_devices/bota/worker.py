@@ -91,7 +91,7 @@ def _keep(ring: Ring, clock: Unwrapped, frame: Frame, now: int) -> None:
     stamp = clock.add(frame.stamp)
     if stamp is None:
         raise DeviceError("the sensor rebooted: its clock restarted, and its settings and zero were reset")
-    wrench = (math.nan,) * 6 if frame.status & UNUSABLE else frame.wrench  # whoever looks into the ring is to see it
+    wrench = (math.nan,) * 6 if frame.status & UNUSABLE else frame.wrench  # a reader of the ring is to see it
     ring.write((stamp, now, frame.status), [*wrench, frame.temperature])
 
 

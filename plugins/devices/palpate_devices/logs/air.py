@@ -13,7 +13,7 @@ from palpate_devices.logs import evidence
 
 _SMOOTH = 5  # samples to either side of what is differentiated
 _LEAST = 200  # samples in air
-_SURE = 6.0  # standard deviations by which the mass must be told
+_SURE = 6.0  # standard deviations by which the mass must be determined
 _MASS = (0.005, 5.0)  # [kg] of what can hang behind a sensor
 _SWING = 0.05  # of the force's range that may be inertia
 _SHARE = 0.05  # of the record that must be in free air

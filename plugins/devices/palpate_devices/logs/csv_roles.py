@@ -30,7 +30,7 @@ _WORDS = {
 }
 _NICE = (20, 25, 50, 60, 80, 100, 120, 125, 200, 250, 300, 400, 500, 600, 800, 1000, 1200, 1500, 2000, 2500, 4000, 5000)
 _USUAL = 500.0  # [Hz] by which the rest at the beginning is looked for where no rate is known
-_NEAR = 0.05  # by which a rate that was told from the numbers may miss one of those
+_NEAR = 0.05  # by which a rate found from the numbers may miss one of those
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from palpate_devices.logs.unpack import DAMAGED
 
 SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz")
 _SEPARATORS = (",", ";", "\t")
-_LOOKED = 50  # lines by which the separator is told
+_LOOKED = 50  # lines by which the separator is found
 _LINE = 100_000  # characters; the csv module takes no longer cell
 _BLOCK = 4096  # rows at once
 _UNIT = 20  # characters of a unit; a longer one is none

@@ -19,8 +19,8 @@ _EVEN = 0.5  # of a rate's own movement that the slope may leave
 _FAR = 0.2  # of its largest value that a rate falls below somewhere
 _NEAR = 5  # samples to either side for the rate of a position itself
 _MOST = 60_000  # points of the common grid
-_SURE = 4.0  # ratio of a one-sided force's excursions by which its sign is told
-_CURVED = 3.0  # standard errors by which a curvature is told, with 50 independent stretches of the record
+_SURE = 4.0  # ratio of a one-sided force's excursions that determines its sign
+_CURVED = 3.0  # standard errors of a significant curvature, with 50 independent stretches of the record
 _STRETCHES = 50
 
 

@@ -24,7 +24,7 @@ from palpate_devices.ur3e.kinematics import ALPHA, JOINTS, A, D, matrix_of
 
 _POSE = (*((axis, "m") for axis in "xyz"), *((f"q{axis}", "1") for axis in "xyzw"))
 _TWIST = (*((axis, "m/s") for axis in "xyz"), *((f"w{axis}", "rad/s") for axis in "xyz"))
-# q and -q are one orientation: the one that lies on the side of this is told, whose edge is far from usual poses.
+# q and -q are one orientation: the one on the side of this is given, whose edge is far from usual poses.
 _SIDE = np.array([0.70, 0.17, 0.11, 0.68])
 
 

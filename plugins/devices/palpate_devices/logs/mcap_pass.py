@@ -27,7 +27,7 @@ class _Whole:
 
     chunk: records.Chunk
     index: list[Stamps]
-    head: bytes  # of its record, which tells it from others
+    head: bytes  # of its record, which identifies it
     end: int = 0  # [bytes] where its record ends in the file
     pieces: tuple[records.Piece, ...] = ()
 

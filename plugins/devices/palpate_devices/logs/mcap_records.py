@@ -25,7 +25,7 @@ HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = ra
 ATTACHMENT, STATISTICS, METADATA, DATA_END = 0x09, 0x0B, 0x0C, 0x0F
 EXTRAS = (ATTACHMENT, METADATA)
 RECORD = struct.Struct("<BQ")
-CHUNK_HEAD = 28  # bytes of a chunk that tell it from others: its times, size and checksum
+CHUNK_HEAD = 28  # bytes that identify a chunk: its times, size and checksum
 HEAD = 31  # bytes of a message record before its payload: record 9, channel 2, sequence 4, two times 16
 
 Other = tuple[int, int, int]  # opcode, offset and length of the content of a record that is no message

@@ -14,7 +14,7 @@ from palpate_devices.logs.mcap_records import Damage
 _WINDOW = 1 << 22  # [bytes] looked through at once
 _HEAD = 64  # [bytes] more than the head of a chunk, up to the length of its records
 _NAMES = (b"", b"lz4", b"zstd")
-_CHAIN = 4  # records in a row that are believed where no checksum speaks
+_CHAIN = 4  # records in a row that are trusted without a checksum
 _FIXED = {records.FOOTER: 20, records.DATA_END: 4, 0x0E: 17}  # length of the content by kind
 _KINDS = frozenset(range(1, 16))
 

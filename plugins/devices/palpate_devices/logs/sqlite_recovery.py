@@ -79,7 +79,7 @@ def _recovered(path: Path, copy: Path, out: Path, page: int | None) -> str:
         topics = old.execute("SELECT id, name FROM topics").fetchall()
         left_out = []
         with _created(out) as new:
-            new.execute("PRAGMA synchronous = OFF")  # a recovery that is interrupted is made anew
+            new.execute("PRAGMA synchronous = OFF")  # a recovery that is interrupted is repeated
             for name, definition in tables.items():
                 if name == "messages":
                     new.execute(definition)

@@ -16,7 +16,7 @@ from palpate_devices.recording import Suggestion
 
 _TARE = 0.9  # [s]
 _FREE = 0.05  # of the force's range by which its rest may be away from where it touches nothing
-_RADIUS = 0.005  # [m] of the tip by which a unit's plausibility is told
+_RADIUS = 0.005  # [m] of the tip by which a unit's plausibility is judged
 _LENGTHS = (("um", 200.0), ("mm", 0.2), ("m", 0.0))  # unit, and the least way of a palpation in it
 _STIFFEST, _SOFTEST = 5e7, 50.0  # [Pa] beyond which another unit of force is likelier
 

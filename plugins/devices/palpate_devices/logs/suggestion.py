@@ -23,7 +23,7 @@ _TAIL = 0.5  # [s]
 _ROWS = 400_000  # of one topic that are looked into
 _COLUMNS = 40
 _NAMED = 24  # numbers that a message names
-_LEAST = 20  # messages that tell anything
+_LEAST = 20  # fewest messages to conclude from
 
 Looked = Mapping[str, tuple[tuple[str, ...], Floats, Floats]]  # by topic: columns, time [s], values
 

@@ -19,7 +19,7 @@ def epoch_offset() -> int:
     """What makes a time since the epoch [ns] out of a monotonic one; the same for all devices of a process."""
     while True:
         before, epoch, after = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
-        if after - before < 20_000:  # nobody came in between
+        if after - before < 20_000:  # nothing came in between
             return epoch - (before + after) // 2
 
 

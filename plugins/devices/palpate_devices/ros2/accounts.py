@@ -14,9 +14,9 @@ _SILENT = 500_000_000  # [ns] after which another publisher may take over
 _SLOW = 5  # usual intervals
 _BACK = 10_000_000  # [ns] that stamps may go back within a clock
 _LEAP = 500_000_000  # [ns] by which they may go ahead of the arrivals
-_KNOWN = 50  # steps that tell the usual one
+_KNOWN = 50  # steps that determine the usual one
 _IRREGULAR = 0.5  # of the usual step
-_PAUSE = 1_000_000_000  # [ns]; longer is no loss, but nobody who sends
+_PAUSE = 1_000_000_000  # [ns]; longer is no loss, but a pause of the sender
 
 
 @dataclass

@@ -19,7 +19,7 @@ from palpate_devices.ros2.network import Network, Publication
 
 _TAKEN = 256  # messages at a time
 _LAST = 0.5  # [s] that readers have for what was sent last, before its writer goes
-_CONFIGURED = "CYCLONEDDS_URI"  # whoever has configured Cyclone is not overruled
+_CONFIGURED = "CYCLONEDDS_URI"  # a configured Cyclone is not overruled
 
 
 def configuration(network: Network) -> str:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 _HEAD = struct.Struct("<IIqqQ")  # bytes of the payload, topic, arrival [ns], source [ns], writer
 _PIPE = 1 << 20  # [bytes]
-_HELD = 64 << 20  # [bytes] that may wait where nobody takes them
+_HELD = 64 << 20  # [bytes] that may wait for a reader
 _PIECE = 1 << 18
 
 

@@ -28,7 +28,7 @@ from palpate_devices.ros2.zenoh_names import (
     tokens_of_publishers,
 )
 
-_CONFIGURED = "ZENOH_SESSION_CONFIG_URI"  # as rmw_zenoh has it; whoever has configured zenoh is not overruled
+_CONFIGURED = "ZENOH_SESSION_CONFIG_URI"  # as in rmw_zenoh; a configured zenoh is not overruled
 _ROUTER = "tcp/localhost:7447"  # where rmw_zenoh has its router
 _PORT = 7447
 _CONNECTING = 500  # [ms] that others may take at once; later ones are tried on and on
@@ -142,7 +142,7 @@ class ZenohTalker:
         who, writers = self._writers[topic]
         self._sent[topic] += 1
         extra = attachment(self._sent[topic], time.time_ns(), who)
-        for writer in writers:  # nobody who listens, nothing that is sent
+        for writer in writers:  # no listener, nothing sent
             writer.put(payload, attachment=extra)
 
     def close(self) -> None:

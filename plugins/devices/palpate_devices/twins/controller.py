@@ -49,7 +49,7 @@ class Controller:
         self.remote = True  # in remote control
         self.deaf = False  # no program starts
         self.uploads = 0
-        self.stuck: list[float] | None = None  # the pose that it goes on to tell
+        self.stuck: list[float] | None = None  # the pose that it keeps reporting
         self.no_number = False  # its pose is none
         self.pendant_tcp = arm.tcp
         self._state: dict[str, Any] = {

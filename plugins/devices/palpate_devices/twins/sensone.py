@@ -69,7 +69,7 @@ class VirtualSensor:
         link.unlink(missing_ok=True)
         link.symlink_to(os.ttyname(slave))
         link.replace(self._port)
-        os.close(slave)  # from now on the terminal says whether somebody has it open
+        os.close(slave)  # from now on the terminal reports whether it is open
         self._mode = "closed"
 
     def unplug(self) -> None:

@@ -3,7 +3,7 @@
 A controller takes its inputs at each tick and sends its state soon after: cycles begin at that time, so that a command
 is there well before the next tick. Where commands come as it ticks it reads now two and now none, and the arm trembles.
 A command that was sent so late that it may be read in the tick after takes the place of the next one: of two in a tick
-only the last counts, and the arm leaps. What the host has held up is left out in the same way, and told to the next
+only the last counts, and the arm leaps. What the host has held up is left out in the same way, and reported to the next
 cycle.
 """
 

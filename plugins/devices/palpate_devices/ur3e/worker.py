@@ -112,7 +112,7 @@ class _Loop:
     def _command(self, commander: Commander, now: int) -> None:
         """The next command, if it keeps the limits; else the way out."""
         robot, seen = self._robot, self._robot.look()
-        # A law that reads a frozen position would drive on and on, a force that nobody tells rises, and commands that
+        # A law that reads a frozen position would drive on and on, a force that is not read rises, and commands that
         # lie on a lost link come all at once: without news the arm waits where it is.
         deaf = self._eye is not None and commander.mode in _MOVING and self._eye.deaf(now)
         if not deaf and now - robot.seen <= _BLIND:

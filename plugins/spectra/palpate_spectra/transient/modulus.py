@@ -28,7 +28,7 @@ class Curve:
     pressed: Pressed
     problem: Problem
     solved: Solved
-    tested: Weighing  # of the force by the depth's history, whichever of both is held: what is left tells of the law
+    tested: Weighing  # of the force by the depth's history, whichever of both is held: the residual tests the law
     rig: Rig
     surface_std: float  # [m]
     time: Floats  # (m,) [s] since the middle of the change of depth, or of force
