@@ -1,7 +1,7 @@
 """The process that serves a run to Foxglove: datagrams in, channels of JSON out; it accepts no other request.
 
-Foxglove's WebSocket protocol, of which palpate speaks what a viewer needs: serverInfo without any ability, advertise,
-subscribe, unsubscribe, and message data (opcode 1, uint32 subscription, uint64 time [ns], the message).
+Foxglove's WebSocket protocol, of which palpate implements what a viewer needs: serverInfo without any ability,
+advertise, subscribe, unsubscribe, and message data (opcode 1, uint32 subscription, uint64 time [ns], the message).
 """
 
 from __future__ import annotations
