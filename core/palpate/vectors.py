@@ -10,10 +10,16 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 """An array of floats of any shape."""
 
+_FEW = 64  # rows, for which a look at each is as fast as one at their sum
+
 
 def finite_rows(values: Floats) -> NDArray[np.bool_]:
     """(n,) whether all numbers (n, k) of a row are finite: of few columns far faster than ``all(axis=1)``."""
     rows = np.ones(len(values), bool)
+    if len(values) > _FEW:
+        with np.errstate(all="ignore"):
+            if np.isfinite(np.add.reduce(values, axis=None)):  # as it nearly always is; nothing not finite would vanish
+                return rows
     for known in np.isfinite(values).T:
         rows &= known
     return rows

@@ -101,7 +101,7 @@ def test_files_that_are_not_there_or_no_pipeline(refused, tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "log.csv: the file holds no rows of numbers"),
+        ("", "log.csv: the file contains no rows of numbers"),
         (ROWS + "1,2,abc\n", "log.csv:601: column 2 holds 'abc', which is no number"),
         ("1,2\n", "log.csv:1: there is no column 2; the line has 2, 0 to 1"),
     ],

@@ -100,7 +100,7 @@ def test_a_lawful_motion_goes_through_and_keeps_its_limits(restored):
         (rows((0.0, 0, 0.003)) + np.linspace(0, 1, 200)[:, None] * [0.006, 0, 0], (0.015, 0, 0), "x = 6.00 mm, above"),
         (rows((0.0, 0, 0.003)) - np.linspace(0, 1, 200)[:, None] * [0, 0.006, 0], (0, -0.015, 0), "y = -6.00 mm"),
         (rows((0, 0, 0.003), (0, np.nan, 0.003)), (0, 0, 0), "not a finite number"),
-        (rows((0, 0, 0.003)), (0, 0, -0.5), "say that they move at 500.0 mm/s"),
+        (rows((0, 0, 0.003)), (0, 0, -0.5), "state that they move at 500.0 mm/s"),
     ],
     ids=["jump", "deep", "x", "y", "nan", "stated"],
 )
@@ -117,7 +117,7 @@ def test_nothing_moves_before_limits_are_told(restored, ask):
         batches = begun(link)
         restored.fault("mark")
         ask(link)
-        with pytest.raises(DeviceError, match="no limits were told"):
+        with pytest.raises(DeviceError, match="no limits were set"):
             for _ in batches:
                 pass
     assert restored.state()["fastest_tip"] < 1e-3
@@ -214,7 +214,7 @@ def test_a_small_turn_is_made_slowly_on_the_way_about_the_tip(bench, short):
 @pytest.mark.parametrize(
     ("fault", "words"),
     [
-        ("stuck-pose", "stands still to the last digit"),
+        ("stuck-pose", "does not change in any digit"),
         ("jam", "has moved by"),
         ("nan-pose", "pose or joints are no numbers"),
         ("mute-control", "has moved by .*The control link does not answer|program was stopped"),

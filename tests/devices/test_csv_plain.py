@@ -70,3 +70,15 @@ def test_plain_numbers_are_not_read_line_by_line(tmp_path, monkeypatch):
     path.write_text("a,b,c\n" + LONG)
     monkeypatch.setattr(_CsvLink, "_by_line", None)
     assert len(read(path, ",")[0]) == 9000
+
+
+@pytest.mark.parametrize("form", ["%.17g", "%.8g", "%.18e", "%+.3f", "%.25g", "%.0f"])
+def test_plain_numbers_are_rounded_as_those_that_are_read_one_by_one(tmp_path, form):
+    random = np.random.default_rng(5)
+    texts = [form % value for value in random.standard_normal(3000) * 10.0 ** random.integers(-9, 12, 3000)]
+    (tmp_path / "log.csv").write_text("".join(",".join(texts[i : i + 3]) + "\n" for i in range(0, 3000, 3)))
+    columns = {name: {"column": i, "unit": "1"} for i, name in enumerate("abc")}
+    log = CsvReplay.model_validate({"file": tmp_path / "log.csv", "rate": 500.0, "columns": columns}, strict=False)
+    with log.connect(0) as link:
+        values = np.concatenate([batch.values for batch in link.batches()])
+    assert np.array_equal(values.ravel(), [float(text) for text in texts])

@@ -62,7 +62,7 @@ def test_columns_by_the_names_in_the_header(tmp_path):
     [
         ("t,force\n0,7\n", r"no column of the name 'height' \(t, force\)"),
         ("height,height\n0,7\n", "two columns of the name 'height'"),
-        ("0,7\n", r"no column of the name 'height' \(its first line holds numbers\)"),
+        ("0,7\n", r"no column of the name 'height' \(its first line contains numbers\)"),
     ],
 )
 def test_names_that_are_not_there(tmp_path, text, words):
@@ -93,8 +93,8 @@ def test_empty_cells_and_nan_are_invalid_readings(tmp_path):
     [
         ("1,2\n3,abc\n", r":2: column 1 holds 'abc', which is no number"),
         ("1,2\n3\n", r":2: there is no column 1; the line has 1"),
-        ("", "holds no rows of numbers"),
-        ("height,force\n", "holds no rows of numbers"),
+        ("", "contains no rows of numbers"),
+        ("height,force\n", "contains no rows of numbers"),
         ("1,2\nheight,force\n", r":2: column 0 holds 'height'"),
         ("1\0,2\n", "column 0 holds"),
     ],

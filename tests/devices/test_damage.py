@@ -44,7 +44,7 @@ def test_what_is_missing_is_said_with_its_place(logs, tmp_path):
     damaged = raw[: begin + 60] + bytes(20) + raw[begin + 80 :]
     path = tmp_path / "bad.mcap"
     path.write_bytes(damaged)
-    with pytest.raises(LogError, match=r"accept_cut = true reads what is whole"):
+    with pytest.raises(LogError, match=r"accept_cut = true reads the undamaged part"):
         _read(path, accept_cut=False)
     force, warning = _read(path, accept_cut=True)
     assert len(force) == 600 - sum(n for (topic, *_), n in inside.items() if topic == "/ft/wrench")
@@ -58,7 +58,7 @@ def test_what_is_missing_is_said_with_its_place(logs, tmp_path):
     warning = _read(path, accept_cut=True)[1]
     about = int(re.search(r"about (\d+) messages are missing", warning)[1])
     assert about == pytest.approx(inside.total(), abs=3)
-    assert "what came after that is lost" in warning
+    assert "everything after that is lost" in warning
 
 
 def _read(path, accept_cut):
@@ -138,6 +138,6 @@ def test_a_search_that_finds_only_false_chunks_ends(tmp_path):
     path = tmp_path / "bad.mcap"
     path.write_bytes(b"\x89MCAP0\r\n" + bytes(body))
     began = time.process_time()
-    with pytest.raises(LogError, match=r"nothing in it is whole"):
+    with pytest.raises(LogError, match=r"nothing in it is undamaged"):
         McapReplay.recover(path, tmp_path / "good.mcap")
     assert time.process_time() - began < 20.0

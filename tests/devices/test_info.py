@@ -108,13 +108,13 @@ def test_a_table_without_time_needs_the_rate(palpate, tmp_path):
     table(tmp_path / "log.csv", ["force_N", "position_m"], [force, height])
     blank = palpate("info", "log.csv", "--suggest")
     assert blank.returncode == 0
-    assert "fill in: rate: how many rows there are in a second" in blank.stderr
+    assert "fill in: rate: rows per second" in blank.stderr
     assert 'rate = "? Hz"    # FILL IN' in blank.stdout
     (tmp_path / "blank.toml").write_text(blank.stdout)
     refused = palpate("check", "blank.toml")
     assert (refused.returncode, "? Hz" in refused.stderr) == (2, True)
     assert "--rate '500 Hz'" in palpate("compare", "log.csv").stderr
-    assert "no column holds the time" in palpate("info", "log.csv").stdout
+    assert "no column is the time" in palpate("info", "log.csv").stdout
     text, found = from_suggestion_to_elasticity(palpate, tmp_path, "log.csv", "--rate", "500 Hz")
     assert 'rate = "500 Hz"' in text
     assert found == pytest.approx(TRUTH, rel=0.08)
@@ -144,7 +144,7 @@ def test_a_real_table_by_its_columns(palpate, shared, tmp_path):
     ("name", "text", "words"),
     [
         ("a.csv", "", "the file is empty"),
-        ("a.csv", "force,z\n", "holds no rows of numbers"),
+        ("a.csv", "force,z\n", "contains no rows of numbers"),
         ("a.csv", "t;z\n0,1;1,5\n0,2;1,6\n", "decimal commas"),
         ("a.csv", "t,z\n0,1,1,5\n0,2,1,6\n", "decimal commas"),
         ("a.csv.gz", "no gzip", "cannot be read"),

@@ -36,7 +36,7 @@ def test_what_is_recovered_is_whole_and_the_same(palpate, recording, tmp_path):
     done = palpate("recover", cut, "-o", "good.mcap")
     assert done.returncode == 0, done.stderr
     assert "messages over" in done.stdout
-    assert "what came after that is lost" in done.stdout
+    assert "everything after that is lost" in done.stdout
     found, true = numbers(tmp_path / "good.mcap"), numbers(recording)
     for name, values in found.items():
         np.testing.assert_array_equal(values, true[name][: len(values)])
@@ -56,7 +56,7 @@ def test_recovery_of_a_whole_log_of_nothing_and_onto_something(palpate, recordin
     for source, out, words in (
         (recording, "again.mcap", "exists already"),
         ("none.mcap", "x.mcap", "there is no such file"),
-        ("head.mcap", "x.mcap", "nothing in it is whole"),
+        ("head.mcap", "x.mcap", "nothing in it is undamaged"),
     ):
         (tmp_path / "head.mcap").write_bytes(recording.read_bytes()[:60])
         refused = palpate("recover", source, "-o", out)
@@ -75,7 +75,7 @@ def test_a_bag_that_is_cut_gives_what_is_whole(palpate, tmp_path, whole):
         assert (refused.returncode, "damaged" in refused.stderr) == (2, True)
     done = palpate("recover", "bag.db3", "-o", "good.db3")
     assert done.returncode == 0, done.stderr
-    assert ("is lost" in done.stdout) == (whole < 1.0)
+    assert ("are lost" in done.stdout) == (whole < 1.0)
     signals = {"z": {"topic": "/data", "field": "data", "index": 1, "unit": "m"}}
     with Rosbag2Replay.model_validate({"file": tmp_path / "good.db3", "signals": signals}).connect(0) as link:
         batches = list(link.batches())
@@ -209,7 +209,10 @@ def test_a_table_is_the_same_however_it_is_cut(tmp_path, monkeypatch, window):
     [
         (("-o", "x.doc"), "the name must end in one of .csv, .npz, .mat, .parquet"),
         (("-o", "bag.csv"), "exists already"),
-        (("-o", "x.csv", "--topic", "/none"), "--topic /none: holds no numbers and no texts (there are: /fast, /slow)"),
+        (
+            ("-o", "x.csv", "--topic", "/none"),
+            "--topic /none: contains no numbers and no texts (there are: /fast, /slow)",
+        ),
         (("-o", "no/where.csv"), "cannot write"),
     ],
 )

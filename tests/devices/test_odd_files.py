@@ -147,7 +147,7 @@ def test_cells_that_are_no_numbers_and_lines_that_are_too_long():
     with pytest.raises(LogError, match=r"underscores\.csv:2: column 1 holds '1_5', which is no number"):
         read(CORPUS / "underscores.csv", **NAMED)
     assert np.isnan(next(Sheet.of(CORPUS / "underscores.csv").blocks())[0, 1])
-    with pytest.raises(LogError, match=r"one_cell_too_many\.csv:31: the line has 4 cells, and the first one 3"):
+    with pytest.raises(LogError, match=r"one_cell_too_many\.csv:31: the line has 4 cells, the first one 3"):
         read(CORPUS / "one_cell_too_many.csv", **NAMED)
 
 

@@ -85,7 +85,7 @@ def test_a_chunk_with_messages_that_nothing_defines_is_written_without_them(tmp_
     bad = log(tmp_path / "bad.mcap", packed(schema, channel), chunk(message(3, 100)), chunk(*both))
     said = McapReplay.recover(bad, tmp_path / "good.mcap")
     assert stamps(tmp_path / "good.mcap") == {"/a": [0, 2, 4, 6, 8, 100]}
-    assert "5 messages that are whole belong to topics that nothing defines" in said
+    assert "5 undamaged messages belong to topics whose definitions are lost" in said
 
 
 def test_a_chunk_that_defines_a_topic_otherwise_is_written_without_that(tmp_path):
@@ -135,7 +135,7 @@ def test_messages_of_a_chunk_whose_checksum_is_wrong_are_not_taken_for_loose_one
     raw[len(MAGIC) + 1] = 0xFF  # the length of the first record
     raw[raw.index(b"1005")] ^= 1
     (tmp_path / "bad.mcap").write_bytes(raw)
-    with pytest.raises(LogError, match="nothing in it is whole"):
+    with pytest.raises(LogError, match="nothing in it is undamaged"):
         McapReplay.recover(tmp_path / "bad.mcap", tmp_path / "good.mcap")
 
 

@@ -165,7 +165,7 @@ def test_a_database_without_its_last_bytes_is_refused(tmp_path, missing):
     bag.write_bytes(bag.read_bytes()[:-missing])
     with pytest.raises(LogError, match=rf"bag\.db3: the database is damaged: its last {missing} bytes are missing"):
         read(device_on(bag))
-    assert "; what could not be read is lost" in Rosbag2Replay.recover(bag, tmp_path / "good.db3")
+    assert "; unreadable messages are lost" in Rosbag2Replay.recover(bag, tmp_path / "good.db3")
 
 
 def test_a_recovery_overwrites_nothing(tmp_path):

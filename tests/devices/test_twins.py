@@ -101,7 +101,7 @@ def test_the_dashboard(restored):
 
 def test_an_unknown_fault_is_told(restored):
     assert restored.say("dance").startswith("unknown: dance")
-    assert "wants a number" in restored.say("stall long")
+    assert "needs a number" in restored.say("stall long")
 
 
 def test_a_second_twin_at_one_address_is_refused(palpate, restored, root):

@@ -213,7 +213,7 @@ def test_a_controller_that_does_not_begin(restored, fault, words):
 def test_a_controller_that_falls_silent_while_connecting(restored):
     """The library's constructor then hangs for ever: its process is killed."""
     restored.fault("freeze")
-    with pytest.raises(DeviceError, match="does not get ready within 2 s"):
+    with pytest.raises(DeviceError, match="is not ready within 2 s"):
         states(device(restored, start="2 s"))
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import ContactModel, Problem, Samples, contact_force
-from palpate_filters import CasadiFit
+from palpate_filters import CasadiFit, filtered_rows, smoother, tracking
 from palpate_filters.kinematic_filter import KinematicFilter
 from palpate_filters.opening_fit import fit_start
 from palpate_filters.process import KinematicProcess
@@ -98,6 +98,26 @@ def test_a_lag_as_long_as_the_record_is_no_lag():
     whole = KinematicSmoother(sweep_speed=4e-3).start(PROBLEM).run(samples)
     lagged = KinematicSmoother(sweep_speed=4e-3, lag=60.0).start(PROBLEM).run(samples)
     assert np.array_equal(whole.values, lagged.values)
+
+
+@pytest.mark.parametrize("settings", [{"sweep_speed": 4e-3}, {"sweep_speed": 4e-3, "lag": 0.5}, {}])
+def test_states_that_are_not_kept_are_made_again_to_the_bit(monkeypatch, settings):
+    samples = sweep()[0][:3000]
+    kept = KinematicSmoother(**settings).start(PROBLEM).run(samples)
+    made = []
+
+    def again(self, stretch, before=filtered_rows.KeptOutputs.of):
+        made.append(id(stretch) in self._kept)
+        return before(self, stretch)
+
+    monkeypatch.setattr(filtered_rows.KeptOutputs, "of", again)
+    monkeypatch.setattr(filtered_rows.KeptOutputs.__init__, "__defaults__", (2,))
+    for module in (tracking, smoother):
+        monkeypatch.setattr(module, "PIECE", 170)
+    found = KinematicSmoother(**settings).start(PROBLEM).run(samples)
+    for name in ("values", "std", "surface", "surface_std", "force", "nis", "innovation", "status"):
+        assert np.array_equal(getattr(found, name), getattr(kept, name), equal_nan=True), name
+    assert made.count(False) >= 3000 // 170 - 3
 
 
 def test_the_smoother_ends_where_the_filter_ends_and_begins_at_the_first_sample():

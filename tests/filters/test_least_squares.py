@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from palpate_filters.fit.uncertainty import symmetric_inverse
 from palpate_filters.least_squares import bounded_quadratic, least_squares
 from scipy import optimize
 
@@ -82,3 +83,12 @@ def test_an_unknown_without_effect_stays_where_it_is():
 
 def test_what_is_not_finite_is_no_minimum():
     assert not least_squares(lambda x: np.full((2, 2), np.nan), np.zeros(1), -FREE[:1], FREE[:1]).converged
+
+
+@pytest.mark.parametrize("apart", [1.0, 1e-1, 1e-3, 1e-5, 0.0])
+def test_an_inverse_in_plain_numbers_and_a_pseudo_inverse_are_one(apart):
+    columns = np.random.default_rng(3).standard_normal((50, 4))
+    columns[:, 3] = columns[:, 2] + apart * columns[:, 3]
+    columns /= np.sqrt((columns**2).sum(axis=0))
+    square = columns.T @ columns
+    assert symmetric_inverse(square, 1e-14) == pytest.approx(np.linalg.pinv(square, 1e-14, hermitian=True), rel=1e-5)

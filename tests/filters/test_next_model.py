@@ -1,6 +1,7 @@
 """Each model with memory, fitted to data of the next: what it says holds, or it is flagged."""
 
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from palpate_models import (
     Sphere,
     StandardLinearSolid,
 )
+from palpate_models.at_rest import at_rest
 from palpate_models.ting import relaxation_of
 
 from tests.simulated import pipeline, press_and_sines, samples
@@ -68,8 +70,39 @@ def test_a_model_on_the_next_ones_data_is_right_or_says_so(fitted, true):
     if isinstance(model, FractionalKelvinVoigt) and isinstance(fitted[0], rests):
         # Three arms are a power for as long as the record lasts: what is at rest is not told, E(t) within it is.
         assert after_a_second(fitted[0], found.values[row]) == pytest.approx(after_a_second(model, theta), rel=0.02)
+        (said,) = at_rest([track(fitted[0], found.values[row], 3.0)]).values()
+        assert [flag.code for flag in said.flags] == ["still-fading"]
+        assert found.values[row][0] - theta[0] > 10 * found.std[row][0]
+        assert abs(found.values[row][0] - theta[0]) < 1.96 * said.terms["elasticity"]
     elif isinstance(model, rests) and isinstance(fitted[0], rests):
         assert abs(found.values[row][0] - theta[0]) < 4 * found.std[row][0]
+
+
+def track(model, values, span):
+    """What the judge of E at rest sees of a track."""
+    kept = SimpleNamespace(time=np.array([1.0, 1.0 + span]), used=np.ones(2, bool))
+    return SimpleNamespace(name="t", model=model, values=np.array(values), kept=kept)
+
+
+@pytest.mark.parametrize(
+    ("model", "values", "enough"),
+    [
+        (GeneralisedMaxwell3, (100e3, 40e3, 0.02, 40e3, 0.15, 40e3, 1.0), 5.0),  # 5 times at most
+        (GeneralisedMaxwell3, (100e3, 40e3, 0.02, 40e3, 0.25, 40e3, 1.0), 4.0),  # as it goes on
+        (GeneralisedMaxwell3, (100e3, 40e3, 0.02, 40e3, 0.15, 500.0, 1.0), 0.75),  # a part of 0.5 % is none
+        (StandardLinearSolid, (100e3, 50e3, 0.2), 0.6),
+    ],
+)
+def test_what_is_at_rest_is_told_by_records_that_the_next_time_would_be_within(model, values, enough):
+    short, long = (at_rest([track(model(indenter=TIP), values, share * enough)]) for share in (0.99, 1.01))
+    assert [flag.code for flag in short["t"].flags] == ["still-fading"]
+    assert 0 < short["t"].terms["elasticity"] <= 100e3 / np.sqrt(3)
+    assert long == {}
+
+
+@pytest.mark.parametrize(("model", "values"), [m for m in MODELS if isinstance(m[0], Burgers | Maxwell | PowerLaw)])
+def test_models_that_say_nothing_of_rest_are_left_alone(model, values):
+    assert at_rest([track(model, values, 0.1)]) == {}
 
 
 def after_a_second(model, theta):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from palpate import ConfigurationError
 from palpate.cli import call
-from palpate_models import DimensionalityReduction, ExactSphere, Sphere
+from palpate_models import DimensionalityReduction, ExactSphere, Flat, Sphere
+from palpate_models.rigid_tip import rounded_flat
 from palpate_models.thickness import Thickness
 from palpate_models.thickness_table import read_table, table_text, tip_facts
 from palpate_testing import check_model
@@ -85,7 +86,7 @@ def test_a_law_has_what_belongs_to_it(settings, words):
         (["--diameter", "50 mm", "--height", "22 mm", "--depth", "12 mm"], "half of the height"),
         (["--diameter", "5 mm", "--height", "22 mm", "--depth", "4 mm"], "edge"),
         (["--diameter", "50 kg", "--height", "22 mm"], "--diameter"),
-        (["--diameter", "50 mm", "--height", "22 mm", "--tip", "flat"], "sharp edge"),
+        (["--diameter", "50 mm", "--height", "22 mm", "--tip", "tilted-flat"], "sharp edge|angle"),
     ],
 )
 def test_a_mistake_on_the_command_line_is_one_sentence(options, words, tmp_path):
@@ -125,6 +126,33 @@ def test_a_coarse_mesh_is_near_the_formula_and_a_model_takes_its_table(tmp_path)
     model = DimensionalityReduction(indenter=tip, thickness={"table": str(out)})
     for depth in (0.3e-3, 0.7e-3, 1.5e-3):
         assert model.force(depth, 0.0, [1.0, 0.0]) == pytest.approx(finite_cylinder(depth), rel=0.025)
+
+
+def test_a_flat_tip_on_a_wide_layer_is_garcias(tmp_path):
+    """Radius over height 0.25: 1.372 at all depths; these twelve elements are within 2.5 %."""
+    pytest.importorskip("skfem", reason="scikit-fem is not installed")
+    out, tip = tmp_path / "flat.csv", Flat(radius=5e-3)
+    options = ["--tip", "flat", "--set", "radius='5 mm'", "--fine", "12", "--depth", "0.4 mm", "--points", "5"]
+    call(["thickness", "--diameter", "80 mm", "--height", "20 mm", "--out", str(out), *options])
+    law = Thickness(law="garcia", height=20e-3).factor(tip, 0.4e-3)[0]
+    table = read_table(out)
+    assert table.at_touch == pytest.approx(law, rel=0.025)
+    model = DimensionalityReduction(indenter=tip, thickness={"table": str(out)})
+    for depth in (1e-5, 0.1e-3, 0.4e-3):
+        assert model.force(depth, 0.0, [1.0, 0.0]) == pytest.approx(8 / 3 * 5e-3 * depth * law, rel=0.04)
+    with pytest.raises(ValueError, match="not for"):
+        table.refuse(Flat(radius=6e-3))
+
+
+@pytest.mark.parametrize("depth", [1e-5, 1e-4, 1e-3])
+def test_a_rounded_edge_touches_out_to_the_radius(depth):
+    """By the reduced profile of its shape, integrated by quadrature, which knows nothing of its closed form."""
+    profile, area = rounded_flat(5e-3, depth)
+    x = np.linspace(0.0, 5e-3, 2001)[1:]
+    angle = (np.arange(2000) + 0.5) / 2000 * np.pi / 2  # r = x sin(angle)
+    reduced = np.array([one * np.mean(profile.slope(one * np.sin(angle))) * np.pi / 2 for one in x])
+    assert reduced[-1] == pytest.approx(depth, rel=1e-3)
+    assert area == pytest.approx(np.trapezoid(depth - reduced, x) + depth * x[0], rel=1e-3)
 
 
 def without_equilibrium(rows):

@@ -37,13 +37,14 @@ class Health:
         if self.stream.clock != "log" or not len(stamps):
             return
         origin = int(stamps[0]) if self.first is None else self.first
-        late, seconds = received - stamps, (stamps - origin) // _SECOND
-        if (np.diff(seconds) < 0).any():
-            order = np.argsort(seconds, kind="stable")
-            late, seconds = late[order], seconds[order]
-        begins = np.flatnonzero(np.diff(seconds, prepend=seconds[0] - 1))
+        late = received - stamps
+        if (stamps[1:] < stamps[:-1]).any():
+            order = np.argsort((stamps - origin) // _SECOND, kind="stable")
+            late, stamps = late[order], stamps[order]
+        begins = _seconds(stamps - origin)
         leasts = np.minimum.reduceat(late, begins)
-        for second, least in zip(seconds[begins].tolist()[:_SECONDS], leasts.tolist(), strict=False):
+        seconds = (stamps[begins] - origin) // _SECOND
+        for second, least in zip(seconds.tolist()[:_SECONDS], leasts.tolist(), strict=False):
             self._earliest[second] = min(self._earliest.get(second, least), least)
 
     @property
@@ -63,16 +64,20 @@ class Health:
         if not len(stamps):
             return np.zeros(0, bool)
         before = np.concatenate([[stamps[0] - 1 if self.last is None else self.last], stamps])
-        latest = np.maximum.accumulate(before)[:-1]
-        step = stamps - latest
+        step = np.diff(before)
+        good: NDArray[np.bool_] = step > 0
+        if not good.all():
+            before = np.maximum.accumulate(before)
+            step = stamps - before[:-1]
+            good = step > 0
+            self.duplicates += int(np.count_nonzero(step == 0))
+            self.backwards += int(np.count_nonzero(step < 0))
         self.samples += len(stamps)
-        self.duplicates += int(np.count_nonzero(step == 0))
-        self.backwards += int(np.count_nonzero(step < 0))
         fresh = self.first is None
         self.gaps += int(np.count_nonzero(step[1:] > gap if fresh else step > gap))
         self.first = int(stamps[0]) if self.first is None else self.first
-        self.last = max(int(latest[-1]), int(stamps[-1]))
-        return step > 0
+        self.last = int(before[-1])
+        return good
 
     @property
     def rate(self) -> float | None:
@@ -81,6 +86,16 @@ class Health:
         if self.first is None or self.last is None or self.last == self.first:
             return None
         return (count - 1) * _SECOND / (self.last - self.first)
+
+
+def _seconds(since: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Where times (n,) [ns], sorted by their seconds, begin another second."""
+    first, last = int(since[0]) // _SECOND, int(since[-1]) // _SECOND
+    if last - first > _SECONDS:
+        return np.flatnonzero(np.diff(since // _SECOND, prepend=first - 1))
+    begins = np.searchsorted(since, np.arange(first, last + 1) * _SECOND)
+    begins[0] = 0
+    return begins[np.diff(begins, append=len(since)) > 0]
 
 
 class Series:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.alignment.change_point import change_point, even_parts
 from palpate.alignment.settings import AlignmentSettings
@@ -42,7 +43,8 @@ def measured_tare(settings: AlignmentSettings, samples: Samples, before: float =
     Raises LogError where the force is not at rest in what is left.
     """
     ends = min(before, settings.tare_duration)
-    window = _known(samples[(samples.time <= ends) & (samples.time < before)])
+    window = where(samples, (samples.time <= ends) & (samples.time < before))
+    window = where(window, np.isfinite(window.force))
     if len(window) < _FEWEST:
         return Tare(0.0, None, None)
     found = change_point(window.position, window.force)
@@ -65,8 +67,10 @@ def measured_tare(settings: AlignmentSettings, samples: Samples, before: float =
     return Tare(math.fsum(force.tolist()) / len(force), spread / np.sqrt(len(force)), spread, ends)
 
 
-def _known(samples: Samples) -> Samples:
-    return samples[np.isfinite(samples.force)]
+def where(samples: Samples, rows: NDArray[np.bool_]) -> Samples:
+    """The samples for which something holds; without a copy where these are the first ones."""
+    count = int(np.count_nonzero(rows))
+    return samples[:count] if rows[:count].all() else samples[rows]
 
 
 def _at_rest(force: Floats) -> bool:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from palpate.alignment.change_point import ChangePoint, change_point
 from palpate.alignment.rise import RiseFinder
 from palpate.alignment.settings import AlignmentSettings
-from palpate.alignment.tare import Tare, given_tare, measured_tare
+from palpate.alignment.tare import Tare, given_tare, measured_tare, where
 from palpate.estimation import Samples
 from palpate.vectors import Floats
 
@@ -117,7 +117,7 @@ class TouchFinder:
             self._rise = RiseFinder(interval, _LEAST_RISE)
         self.tare = given_tare(settings)
         if self.tare is None:
-            head = samples[samples.time <= settings.tare_duration + settings.touch_lag]
+            head = where(samples, samples.time <= settings.tare_duration + settings.touch_lag)
             self.tare = measured_tare(settings, head)
             begin, told = self._touch_within(head, interval)
             if begin < settings.tare_duration:

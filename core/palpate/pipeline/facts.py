@@ -7,6 +7,8 @@ import importlib.metadata
 import platform
 import socket
 import sys
+import threading
+from concurrent.futures import Future
 from functools import cache
 from typing import Any
 
@@ -40,6 +42,20 @@ def run_facts(pipeline: Pipeline) -> dict[str, Any]:
         "inputs": inputs,
         "host": socket.gethostname(),
     }
+
+
+def facts_beside(pipeline: Pipeline) -> Future[dict[str, Any]]:
+    """What `run_facts` says, by a thread: hashing a log takes as long as compiling. Nobody waits for it at exit."""
+    found: Future[dict[str, Any]] = Future()
+
+    def work() -> None:
+        try:
+            found.set_result(run_facts(pipeline))
+        except BaseException as error:  # raised where the facts are asked for
+            found.set_exception(error)
+
+    threading.Thread(target=work, name="facts", daemon=True).start()
+    return found
 
 
 _version = cache(importlib.metadata.version)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,7 +17,7 @@ from palpate.config import Pipeline, resolved_text
 from palpate.errors import DeviceError, UserError
 from palpate.pipeline.concluding import Result, concluded
 from palpate.pipeline.data_path import DataPath
-from palpate.pipeline.facts import flat_facts, planned_duration, planned_extent, run_facts
+from palpate.pipeline.facts import facts_beside, flat_facts, planned_duration, planned_extent
 from palpate.pipeline.flow import Arrivals, Flow, Progress, Taken
 from palpate.pipeline.interrupt import Interrupt, interruptible
 from palpate.pipeline.latency import Latency
@@ -35,18 +37,20 @@ def run_pipeline(
 
     Raises UserError for what the user can mend; what was recorded until then stays.
     """
-    tracks = Tracks(start_tracks(pipeline))
+    live = any(device.live for device in pipeline.devices.values())
+    known, beside = facts_beside(pipeline), ThreadPoolExecutor(os.cpu_count() or 1, "tracks")
+    tracks = Tracks(start_tracks(pipeline), None if live else beside)
     started = datetime.now(UTC).astimezone()
     folder = make_folder(pipeline.run.name, out, started)
-    facts = run_facts(pipeline)
+    facts = known.result()
     aligner = Aligner(pipeline.alignment, pipeline.ports)
     began = time.monotonic()
     failure: DeviceError | None = None
     taken = False
     with refused_leaves_nothing(folder, lambda: taken), interruptible() as interrupt, ExitStack() as stack:
         run = _described(pipeline, folder, facts, tracks, interrupt)
+        stack.enter_context(beside)
         outputs = Outputs(stack, pipeline, run, tracks.online, observer)
-        live = any(device.live for device in pipeline.devices.values())
         latency = Latency(pipeline.ports["position"]) if live and pipeline.tracks else None
         path = DataPath(aligner, tracks, outputs, latency)
         backlog = path.backlog

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 
 from palpate.alignment import AlignmentReport, AlignmentSettings
@@ -16,6 +17,7 @@ from palpate.pipeline.failing import Blame, judged
 from palpate.result import Diagnosable, Judged, TrackRecord, TrackResult, diagnosed, track_result
 
 _FEW = 10  # tracked samples; before that nothing is said of a track
+_MANY = 256  # samples of a block that are worth a thread
 
 
 @dataclass
@@ -67,8 +69,9 @@ class RunningTrack:
 class Tracks:
     """All tracks of a run: samples in, estimates out."""
 
-    def __init__(self, running: Sequence[RunningTrack]) -> None:
+    def __init__(self, running: Sequence[RunningTrack], beside: ThreadPoolExecutor | None = None) -> None:
         self.running = tuple(running)
+        self._beside = beside  # runs the online tracks but the first, where nobody waits for single samples
         self.online = tuple(track for track in running if track.track.estimator.online)
         self._offline = tuple(track for track in running if not track.track.estimator.online)
         self._waiting: list[Samples] = []  # an offline estimator wants them all at once
@@ -79,7 +82,15 @@ class Tracks:
             return {}
         if self._offline:
             self._waiting.append(samples)
-        return {track.track.name: track.run(samples) for track in self.online}
+        if self._beside is None or len(samples) < _MANY or len(self.online) < 2:
+            return {track.track.name: track.run(samples) for track in self.online}
+        first, *others = self.online
+        running = [self._beside.submit(track.run, samples) for track in others]
+        try:
+            found: dict[str, Estimates] = {first.track.name: first.run(samples)}
+        finally:
+            wait(running)
+        return found | {track.track.name: one.result() for track, one in zip(others, running, strict=True)}
 
     def estimate_offline(self) -> tuple[Samples, dict[str, Estimates]] | None:
         """All samples, and what the offline estimators say of them; None where there are none."""

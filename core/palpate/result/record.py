@@ -62,7 +62,8 @@ class TrackRecord:
         found = estimates
         until = float(samples.time[len(tracked) - 1 - int(np.argmax(tracked[::-1]))])
         tracked &= samples.time >= until - self.keep  # what is older would be forgotten at once
-        rows = tracked if not tracked.all() else slice(None)
+        begin = int(np.argmax(tracked))
+        rows = slice(begin, None) if tracked[begin:].all() else tracked
         columns = (found.values, found.std, found.surface, found.surface_std, found.force, found.nis, found.innovation)
         measured = (samples.time, samples.force, samples.position, samples.velocity)
         kept = [column[rows] for column in (*measured, *columns)]
@@ -72,7 +73,7 @@ class TrackRecord:
     def _goes_along(self, place: Floats) -> None:
         """Take note of the least and the largest of places (n, 2) that are known."""
         with np.errstate(invalid="ignore"):
-            edges = np.array([np.fmin.reduce(place), np.fmax.reduce(place)])
+            edges = np.array([[extreme.reduce(one) for one in place.T] for extreme in (np.fmin, np.fmax)])
         if self._lateral is not None:
             edges = np.array([np.fmin(edges[0], self._lateral[0]), np.fmax(edges[1], self._lateral[1])])
         if np.isfinite(edges).any():

@@ -1,4 +1,4 @@
-"""Going on with a run: with its pipeline, and another motion."""
+"""Continuing a run: with its pipeline, and another motion."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from palpate_basics.run_folder import RunFolder
 
 
 def recorded_pipeline(folder: Path) -> Pipeline:
-    """The pipeline of a run as it was resolved; raises LogError where the folder holds none."""
+    """The pipeline of a run as it was resolved; raises LogError where the folder contains none."""
     return load_pipeline(RunFolder(folder).pipeline)
 
 
 def continued(pipeline: Pipeline, trajectory: Trajectory, number: int) -> Pipeline:
-    """A pipeline with another motion and another seed, so that its noise is not that of the first run again."""
+    """A pipeline with another motion and another seed, so that its noise differs from that of the first run."""
     run = pipeline.run.model_copy(update={"seed": pipeline.run.seed + number})
     (name,) = pipeline.trajectories
     return replace(pipeline, run=run, trajectories={name: trajectory})

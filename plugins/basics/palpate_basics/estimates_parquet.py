@@ -1,7 +1,7 @@
-"""The tables of estimates in columns: a stream of Arrow while a run goes on, Parquet once it has ended.
+"""The tables of estimates in columns: a stream of Arrow during a run, Parquet once it has ended.
 
-A file of Parquet can be read by its last bytes only, so what is killed would leave nothing. Of a stream all batches
-that were written are there, and any reader of Arrow takes them: pyarrow.ipc.open_stream, polars.read_ipc_stream.
+A Parquet file cannot be read without its last bytes, so a killed run would leave nothing. A stream keeps every batch
+written, and any reader of Arrow takes it: pyarrow.ipc.open_stream, polars.read_ipc_stream.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class EstimatesStream:
         self._file.flush()
 
     def close(self) -> None:
-        """Write what is left, and the end of the stream."""
+        """Write the rest, and the end of the stream."""
         with self._file:
             self._hand_over()
             self._writer.close()
@@ -120,7 +120,7 @@ def _groups(batches: Any) -> Iterator[list[Any]]:
 
 
 def read_columns(path: Path) -> tuple[tuple[str, ...], Floats]:
-    """Names and numbers (n, columns) of a table in columns; of a stream that was cut, what is whole.
+    """Names and numbers (n, columns) of a table in columns; of a stream that was cut, the complete part.
 
     Raises LogError for what cannot be read.
     """

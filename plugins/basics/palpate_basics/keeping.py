@@ -1,4 +1,4 @@
-"""The samples of a run, for an analysis that goes on with them in memory."""
+"""The samples of a run, for an analysis that continues with them in memory."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ _shown: list[_Work] = []  # the latest is what is done within those before it
 
 @contextmanager
 def progress(doing: str, unit: str = "", total: float | None = None) -> Iterator[None]:
-    """Shows on standard error how far a piece of work is, as `progressed` tells it."""
+    """Shows on standard error how far a piece of work is, as reported by `progressed`."""
     work = _Work(doing, unit, total)
     with work.shown() if not _shown else nullcontext():
         _shown.append(work)
@@ -30,7 +30,7 @@ def progress(doing: str, unit: str = "", total: float | None = None) -> Iterator
 
 
 def progressed(done: float, total: float | None = None, *_: object) -> None:
-    """Tell what is done, and of how much where that is known; nothing happens where nobody shows it.
+    """Report what is done, and of how much where that is known; nothing happens where it is not shown.
 
     It does as the `progress` of a pipeline's run, of which it leaves out how far the estimates are behind.
     """
@@ -39,7 +39,7 @@ def progressed(done: float, total: float | None = None, *_: object) -> None:
 
 
 class _Work:
-    """What is done of how much; whoever shows it looks when he likes."""
+    """What is done of how much; the display reads it when it likes."""
 
     def __init__(self, doing: str, unit: str, total: float | None) -> None:
         self._doing, self._unit = doing, unit
@@ -52,7 +52,7 @@ class _Work:
 
     @contextmanager
     def shown(self) -> Iterator[None]:
-        """Until the context ends; a terminal or a pipe that is stuck or gone stops nobody."""
+        """Until the context ends; a terminal or a pipe that is stuck or gone does not stop the work."""
         from rich.console import Console
 
         errors = Console(stderr=True, markup=False, emoji=False, highlight=False)
@@ -67,7 +67,7 @@ class _Work:
             thread.join(_JOIN)
 
     def line(self) -> str:
-        """All that is under way in one line."""
+        """All work in progress in one line."""
         parts = ", ".join(work.words() for work in _shown)
         return f"{parts}, after {time.monotonic() - self._began:.0f} s"
 

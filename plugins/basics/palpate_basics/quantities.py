@@ -15,7 +15,7 @@ def measured(value: float, std: float) -> str:
     """
     if not math.isfinite(value):
         return "-"
-    if math.isnan(std):  # nobody can tell it
+    if math.isnan(std):  # it is not known
         return f"{unsigned(f'{value:.4g}')} ± ?"
     if not (math.isfinite(std) and std > _ROUNDING * abs(value)):
         return unsigned(f"{value:.4g}")

@@ -33,7 +33,7 @@ def rehearse(pipeline: Pipeline) -> None:
 
 
 def _own_motions(pipeline: Pipeline, limits: SafetySettings) -> Iterator[str]:
-    """What arms do by themselves: what can be said of it is printed, what breaks the limits is told."""
+    """Motions that arms make on their own, as far as known, with reports where they break the limits."""
     for name, own in own_motions(pipeline.devices).items():
         typer.echo(
             f"device {name}: moves to the start on its own, straight, from at most {1e3 * own.distance:g} mm away at "

@@ -1,4 +1,4 @@
-"""What an interruption left of a run."""
+"""What remains of a run after an interruption."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def remaining_pipeline(folder: Path) -> Pipeline | None:
 
 
 def _remaining(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> Trajectory | None:
-    """What of a motion a part left undone: all of it where it can only be done as one."""
+    """The part of a motion left undone: all of it where it cannot be divided."""
     elapsed = _elapsed(part, pipeline, trajectory)
     if elapsed >= trajectory.total_duration - _CAUTION:
         return None
@@ -65,7 +65,7 @@ def _elapsed(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> flo
         return end
     standstill = pipeline.safety.standstill if pipeline.safety else 0.0
     known = np.isfinite(place).all(axis=1)
-    if not known.any():  # of a motion that was cut nobody knows how far it came
+    if not known.any():  # of a motion that was cut it is not known how far it came
         return end - standstill if end - standstill >= trajectory.total_duration else 0.0
     every = max(int(known.sum()) // _ROWS, 1)
     time, place = time[known], place[known]
@@ -77,7 +77,7 @@ def _elapsed(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> flo
 
 def _delay(time: Floats, place: Floats, trajectory: Trajectory, least: float) -> float:
     """The delay [s] of a motion's begin, at least `least`, that explains recorded places (n, 2) best; the latest of
-    equals, so that nothing is taken for done that was not."""
+    equals, so that nothing counts as done that was not."""
     delays = np.arange(least, max(float(time[-1]), least) + _STEP, _STEP)
     apart = [float(((trajectory.at(time - delay).position[:, :2] - place) ** 2).mean()) for delay in delays]
     best = min(apart) + 1e-12  # [m^2]: equal to a micrometre

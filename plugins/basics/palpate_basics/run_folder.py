@@ -32,7 +32,7 @@ class TrackTable:
     time: Floats  # (n,) [s]
     place: Floats  # (n, 2) [m] x and y of the tip
     values: Mapping[str, Floats]  # (n,) each, by parameter
-    std: Mapping[str, Floats]  # (n,) each, as the estimator believes it
+    std: Mapping[str, Floats]  # (n,) each, as the estimator gives it
     others: Mapping[str, Floats]  # (n,) each: surface, surface_std, force, nis, ...
     status: NDArray[np.int64]  # (n,) of Status
 

@@ -30,7 +30,7 @@ def palpate_tables() -> dict[str, type[Settings]]:
 
 @plugin
 def palpate_migrations() -> tuple[Migration, ...]:
-    """What was called otherwise."""
+    """Former names."""
     return (Migration("0.2", "calibration", keys={"rest": "standstill"}),)
 
 
@@ -42,7 +42,7 @@ def palpate_calibrations() -> dict[str, CalibrationReader]:
 
 @plugin
 def palpate_flags() -> dict[str, FlagMeaning]:
-    """What speaks against a calibration."""
+    """Flags on a calibration."""
     from palpate_calibration.flags import CALIBRATION_FLAGS
 
     return CALIBRATION_FLAGS

@@ -1,4 +1,4 @@
-"""A calibration in use: what a pipeline takes from it, and what speaks against taking it."""
+"""A calibration in use: what a pipeline takes from it, and the flags against it."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _NOISES = ("force_std", "velocity_std", "position_std")
 
 
 def identity_of(devices: Mapping[str, Device], channels: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """What the devices behind some channels say of themselves: serial numbers, firmware, file and hash."""
+    """What the devices behind some channels report of themselves: serial numbers, firmware, file and hash."""
     names = {channel.partition(".")[0] for channel in channels.values()}
     return {name: dict(devices[name].provenance) for name in sorted(names) if name in devices}
 
 
 def identity_in(facts: Mapping[str, Any]) -> dict[str, str]:
-    """What of a live device's account says which one it is, and since when it has its power."""
+    """The part of a live device's facts that identifies it, and since when it is powered."""
     kept = ("powered_since", "supply")
     return {key: text for key, text in facts.items() if isinstance(text, str) and (_identifies(key) or key in kept)}
 
@@ -80,9 +80,9 @@ class AppliedCalibration:
         return (now - self.calibration.created).total_seconds()
 
     def offset_doubt(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Flag | None:
-        """Why its offset need not be that of the sensor as it is now; None where it is.
+        """Why its offset need not be that of the sensor now; None where it is.
 
-        An offset holds for as long as a sensor has its power, and no longer than the calibration is valid.
+        An offset is valid while the sensor keeps its power, and no longer than the calibration is.
         """
         now = datetime.now(UTC)
         for old in self._too_old(now):
@@ -99,7 +99,7 @@ class AppliedCalibration:
         return None
 
     def _powered_since(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]], past: bool) -> datetime | None:
-        """Since when the sensor has its power, by itself or by the robot that feeds it."""
+        """Since when the sensor is powered, on its own or by the robot that feeds it."""
         signals = pipeline.alignment.force.channel, pipeline.alignment.position.channel
         roles = zip(("force", "position"), signals, strict=True)
         facts = [
@@ -130,9 +130,9 @@ class AppliedCalibration:
         return any(signal is not None and {"delay", "uncertainty"} & signal.model_fields_set for signal in signals)
 
     def flags(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Iterator[Flag]:
-        """What speaks against this calibration: its age, another sensor or tip, settings that contradict it.
+        """The flags on this calibration: its age, another sensor or tip, settings that contradict it.
 
-        `live` is what connected devices said of themselves, by name.
+        `live` is what connected devices reported of themselves, by name.
         """
         if pipeline.stated is None:
             return
@@ -177,7 +177,7 @@ class AppliedCalibration:
                 yield Flag("calibration-sensor", f"{self.path} is of {then}, the force here is {signal.channel}")
 
     def _loads(self, arm: Mapping[str, Any]) -> Iterator[str]:
-        """What is wrong with the centre of mass that an arm counts on.
+        """What is wrong with the centre of mass that an arm assumes.
 
         Between flange and tip there is the sensor, too, whose own centre is on the axis: so what the payload and the
         tip weigh off that axis is the same, whichever way the sensor is turned, and along it the payload has no less.
@@ -187,7 +187,7 @@ class AppliedCalibration:
         if payload is None or centre is None or not all(name in values for name in names):
             return
         mass, *tip = (values[name] for name in names)
-        if payload < 0.9 * mass.value:  # a payload that was never set, which is told of anyway
+        if payload < 0.9 * mass.value:  # a payload that was never set, which is reported anyway
             return
         slack = payload * _ROUNDED + _SIGNIFICANT * mass.value * max(value.std for value in tip)
         aside, own = payload * math.hypot(*centre[:2]), mass.value * math.hypot(tip[0].value, tip[1].value)
@@ -203,7 +203,7 @@ class AppliedCalibration:
             )
 
     def _conflicts(self, stated: AlignmentSettings) -> Iterator[Flag]:
-        """Settings of the file that stand, although the calibration says otherwise."""
+        """Settings of the file that apply, although the calibration contradicts them."""
         values = self.values
         mass, delay = values.get("mass"), values.get("delay")
         if mass is not None and stated.tip_mass is not None and not _within(mass, stated.tip_mass):

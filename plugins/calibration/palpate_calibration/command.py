@@ -71,8 +71,8 @@ def calibrate(
 ) -> None:
     """Calibrate mass, force-motion delay, tare and noise from a shake in free air; write them with uncertainties.
 
-    The tip must hang free. A robot stands still, shakes the tip up and down, and stands still; three times unless told
-    otherwise. A recorded log of such a motion does as well. [calibration.standstill], orientations, shake, noise, tap
+    The tip must hang free. A robot stands still, shakes the tip up and down, and stands still; three times by default.
+    A recorded log of such a motion works as well. [calibration.standstill], orientations, shake, noise, tap
     and press are steps that are done one after the other, each with what it found.
     """
     from palpate_calibration.guided import run_calibration
@@ -99,7 +99,7 @@ def calibrate(
 
 
 def _guide(part: Path, yes: bool) -> Guide:
-    """Who leads a person at the rig from step to step, and keeps what each has found in a file."""
+    """Guides a user at the rig from step to step, and keeps the results of each in a file."""
     from rich.console import Console
 
     from palpate_calibration.guided import Guide
@@ -144,7 +144,7 @@ def _ask(say: Callable[[str], None], yes: bool) -> Callable[[str], None]:
 
 
 def _found(session: StepFindings) -> Iterator[str]:
-    """What a step found, a line for each value."""
+    """Results of a step, a line for each value."""
     for name, value in session.values.items():
         unit, scale = _PEOPLE.get(value.unit, (value.unit, 1.0))
         yield f"  {name}: {measured(value.value * scale, value.combined * scale)} {unit}  ({_MEANING.get(name, '')})"

@@ -35,7 +35,7 @@ class NoiseSpectrum(Settings):
 
 
 class Calibration(Settings):
-    """A calibration, as its file holds it."""
+    """A calibration, as in its file."""
 
     format: int = Field(default=_FORMAT, ge=1, le=_FORMAT, description="version of this format")
     name: str = Field(default="", description="what the calibration is called")

@@ -30,7 +30,7 @@ def with_step(plan: CalibrationPlan, step: StepSettings | Orientations) -> Calib
 
 
 def moves(plan: CalibrationPlan) -> bool:
-    """Whether a device of the plan moves, so that it takes a motion; a log has had its own."""
+    """Whether a device of the plan moves, so that it takes a motion; a log contains its own."""
     for device in plan.devices.values():
         if device.live:
             return True
@@ -89,7 +89,7 @@ def _run(plan: CalibrationPlan, seed: int, take: Callable[[str, Batch], None], s
 def one_pose(
     plan: CalibrationPlan, step: Orientations, down: tuple[float, ...], seed: int, turn: Callable[[], None]
 ) -> Pose:
-    """The sensor's mean reading in one orientation; where no device turns the tool by itself, `turn` has it done."""
+    """The sensor's mean reading in one orientation; where no device turns the tool on its own, `turn` asks for it."""
     recorder = WrenchRecorder(plan.ports)
     sensor = plan.devices[recorder.device]
     if sensor.live:
@@ -102,7 +102,7 @@ def one_pose(
 
 
 def _listen(plan: CalibrationPlan, recorder: WrenchRecorder, seconds: float) -> None:
-    """Only the sensor is connected: the robot is left to whoever turns the tool."""
+    """Only the sensor is connected: the robot is left to the user, who turns the tool."""
     with ExitStack() as stack:
         link = stack.enter_context(plan.devices[recorder.device].connect(plan.run.seed))
         began = time.monotonic()

@@ -12,7 +12,7 @@ from palpate import Floats
 from palpate_calibration.record import CalibrationRecord
 
 _WINDOW = 0.1  # [s] over which the motion is judged
-_STILL = 2e-6  # [m]; a standard deviation of the position that nobody would call a motion
+_STILL = 2e-6  # [m]; a standard deviation of the position that is no motion
 _MOVING = 2e-4  # [m]; no position at standstill is as noisy as that
 _EVEN = 0.1  # change of the swing over a second that is still even
 _SHORTEST_STANDSTILL = 0.4  # [s]

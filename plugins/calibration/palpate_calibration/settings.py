@@ -1,4 +1,4 @@
-"""The ``[calibration]`` table: how a calibration is done, and what nobody can measure there."""
+"""The ``[calibration]`` table: how a calibration is done, and what it cannot measure."""
 
 from __future__ import annotations
 

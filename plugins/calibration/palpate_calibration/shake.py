@@ -16,15 +16,15 @@ from palpate_calibration.sines import SineFit, find_lines, harmonics_of, sine_fi
 _WEAK = 0.1  # a relative uncertainty of the mass above it says nothing
 _QUARTER = 0.25  # of a period: a phase beyond it is a mass below zero
 _APART = 5.0  # standard uncertainties between the masses or delays of two lines that cannot be one
-_APART_AT_ALL = 0.02  # of a value; below it nobody minds
+_APART_AT_ALL = 0.02  # of a value; below it does not matter
 _HARMONIC = 6.0  # standard uncertainties of a harmonic that is no chance
-_HARMONIC_AT_ALL = 0.01  # of the swing; below it nobody minds
+_HARMONIC_AT_ALL = 0.01  # of the swing; below it does not matter
 _AVERAGED = 21  # samples, the paper's moving average
 
 
 @dataclass(frozen=True)
 class ShakeFit:
-    """What one shake says."""
+    """Results of one shake."""
 
     frequencies: tuple[float, ...]  # [Hz]
     amplitudes: tuple[float, ...]  # [m] of the real motion

@@ -34,7 +34,7 @@ def weight_fit(wrenches: Floats, downs: Floats, stds: tuple[float, float]) -> We
 
     `downs` (n, 3) is the direction of gravity in the sensor's frame, of length 1; `stds` the standard uncertainty of a
     mean force and of a mean torque. f = m g down + f0 and t = c x (m g down) + t0, both linear, the first solved
-    first. Raises LogError where the orientations are too few, or too much alike to tell weight from bias.
+    first. Raises LogError where the orientations are too few, or too similar to separate weight from bias.
     """
     count = len(wrenches)
     if count < 3:

@@ -21,7 +21,7 @@ _ENOUGH = 2.0  # [s] of standstill
 
 
 def evaluated(step: str, records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
-    """What the records of one step say; raises LogError with the reason where they cannot be used."""
+    """Results from the records of one step; raises LogError with the reason where they cannot be used."""
     if step == "standstill":
         return still(records, settings)
     if step == "shake":
@@ -54,8 +54,8 @@ def still(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -
 def noisy(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
     """Noise of the velocity while the tip moves: as the paper has it, and without what the motion adds to that.
 
-    The paper's figure is the RMSE between the velocity and its 21-sample mean, which also holds what the mean cuts off
-    the motion itself. The other one is the scatter about sines at the motion's own frequencies and their harmonics.
+    The paper's figure is the RMSE between the velocity and its 21-sample mean, which also contains what the mean cuts
+    off the motion itself. The other one is the scatter about sines at the motion's own frequencies and their harmonics.
     """
     paper, moving = [], []
     for record in records:

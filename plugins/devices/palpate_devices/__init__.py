@@ -86,7 +86,7 @@ def palpate_sinks() -> dict[str, str]:
 
 @plugin
 def palpate_twins() -> dict[str, str]:
-    """Robots and sensors in software that speak the protocols of the real ones."""
+    """Robots and sensors in software that use the protocols of the real ones."""
     return {"ur3e-bota": "palpate_devices.twins.bench:VirtualBench"}
 
 
@@ -95,10 +95,10 @@ def palpate_commands() -> dict[str, Command]:
     """Looking at logs."""
     where = "palpate_devices.logs.commands"
     return {
-        "info": Command(f"{where}.info:info", "What a log holds, and a pipeline that reads it.", "logs"),
+        "info": Command(f"{where}.info:info", "Contents of a log, and a pipeline that reads it.", "logs"),
         "export": Command(f"{where}.export:export", "A log as CSV, NPZ, MAT or Parquet.", "logs"),
         "record": Command(f"{where}.record:record", "The streams of a pipeline into a log, without estimates.", "run"),
-        "recover": Command(f"{where}.recover:recover", "What is whole of a damaged log, as a new log.", "logs"),
+        "recover": Command(f"{where}.recover:recover", "Recover the undamaged part of a log into a new log.", "logs"),
     }
 
 

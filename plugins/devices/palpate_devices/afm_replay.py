@@ -50,9 +50,9 @@ class AfmReplay(Recording):
         default="tip", description='"tip": height (measured) plus force over spring constant; else a column as recorded'
     )
     spring_constant: Stiffness | None = Field(
-        default=None, gt=0, description="of the cantilever; left out: what the file says"
+        default=None, gt=0, description="of the cantilever; left out: the value in the file"
     )
-    rate: Frequency | None = Field(default=None, gt=0, description="sampling rate, where the file holds no time")
+    rate: Frequency | None = Field(default=None, gt=0, description="sampling rate, where the file contains no time")
 
     @property
     def streams(self) -> tuple[Stream, ...]:
@@ -108,16 +108,16 @@ class AfmReplay(Recording):
             device["rate"] = choices["rate"]
         elif curve.time(None, path) is None:
             device["rate"] = "? Hz"
-            blanks.append("rate: the file holds no time (or --rate '2 kHz')")
+            blanks.append("rate: the file contains no time (or --rate '2 kHz')")
         if curve.spring_constant is None and "tip position" not in curve.columns:
             device["spring_constant"] = "? N/m"
-            blanks.append("spring_constant: the file does not say it")
+            blanks.append("spring_constant: the file does not state it")
         alignment: dict[str, Any] = {"force": {"channel": "log.force"}, "position": {"channel": "log.height"}}
         time = curve.time(None, path)
         if time is not None and curve.duration is not None:
             alignment["tare_duration"] = f"{_AIR * curve.duration:.3g} s"
-            reasons.append(f"tare: the mean of the first {_AIR:.0%} of the way in, which has to be in air")
-        doubts.append("the tip: the file does not say its shape and size")
+            reasons.append(f"tare: the mean of the first {_AIR:.0%} of the approach, which has to be in air")
+        doubts.append("the tip: the file does not state its shape and size")
         return Suggestion(device, alignment, tuple(reasons), tuple(doubts), tuple(blanks))
 
     @classmethod
@@ -154,13 +154,13 @@ class _Curve:
 
     @property
     def spring_constant(self) -> float | None:
-        """[N/m]; None where the file does not say it."""
+        """[N/m]; None where the file does not state it."""
         value = self.data.metadata.get("spring constant", None)
         return float(value) if value is not None and np.isfinite(value) and value > 0 else None
 
     @property
     def duration(self) -> float | None:
-        """Of the way in [s]."""
+        """Of the approach [s]."""
         value = self.data.metadata.get("duration approach", None)
         return float(value) if value is not None and np.isfinite(value) and value > 0 else None
 
@@ -169,7 +169,7 @@ class _Curve:
         return np.asarray(self.data[name], np.float64)
 
     def time(self, rate: float | None, path: Path) -> Floats | None:
-        """(n,) [s] that advances from every reading to the next; None where neither file nor `rate` tells it."""
+        """(n,) [s] that advances from every reading to the next; None where neither file nor `rate` gives it."""
         if rate is not None:
             return np.arange(len(self.force)) / rate
         if "time" not in self.columns:
@@ -195,13 +195,13 @@ def _curves(path: Path) -> list[_Curve]:
             found = [_Curve(data) for data in afmformats.load_data(path)]
             for curve in found:
                 if "force" not in curve.columns:
-                    raise LogError(f"{path}: holds no force (there are: {', '.join(curve.columns)})")
+                    raise LogError(f"{path}: contains no force (there are: {', '.join(curve.columns)})")
     except (LogError, KeyboardInterrupt, SystemExit, MemoryError):
         raise
     except BaseException as error:  # of a parser, for files that are damaged; its own derive from nothing narrower
         raise LogError(f"{path}: cannot be read as a force curve: {type(error).__name__}: {error}") from error
     if not found:
-        raise LogError(f"{path}: holds no force curve")
+        raise LogError(f"{path}: contains no force curve")
     return found
 
 
@@ -219,12 +219,12 @@ class _AfmLink:
         curves, path = _curves(self.log.file), self.log.file
         if self.log.curve >= len(curves):
             raise LogError(
-                f"{path}: there is no curve {self.log.curve}; it holds {len(curves)}, 0 to {len(curves) - 1}"
+                f"{path}: there is no curve {self.log.curve}; it contains {len(curves)}, 0 to {len(curves) - 1}"
             )
         curve = curves[self.log.curve]
         time = curve.time(self.log.rate, path)
         if time is None:
-            raise LogError(f"{path}: the file holds no time: set rate of the device")
+            raise LogError(f"{path}: the file contains no time: set rate of the device")
         segment = curve.column("segment") if "segment" in curve.columns else np.zeros(len(time))
         values = np.column_stack([curve.force, self._height(curve), segment])
         stamps = _stamps(time)
@@ -240,8 +240,8 @@ class _AfmLink:
             raise LogError(f"{path}: holds no {wanted!r} (there are: {', '.join(curve.columns)})")
         stiffness = self.log.spring_constant or curve.spring_constant
         if stiffness is None:
-            raise LogError(f"{path}: does not say its spring constant: set spring_constant of the device")
+            raise LogError(f"{path}: does not state its spring constant: set spring_constant of the device")
         base = next((name for name in (_ROWS["measured"], _ROWS["piezo"]) if name in curve.columns), None)
         if base is None:
-            raise LogError(f"{path}: holds no height (there are: {', '.join(curve.columns)})")
+            raise LogError(f"{path}: contains no height (there are: {', '.join(curve.columns)})")
         return curve.column(base) + curve.force / stiffness

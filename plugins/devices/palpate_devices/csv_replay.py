@@ -36,7 +36,7 @@ class Column(Settings):
     """One column of the file."""
 
     column: Annotated[int, Field(ge=0)] | Annotated[str, Field(min_length=1)] = Field(
-        description="which column: counted from 0, or its name in the header line"
+        description="column: counted from 0, or its name in the header line"
     )
     unit: str = Field(min_length=1, description='unit of its numbers, such as "mm" or "N"')
 
@@ -59,10 +59,10 @@ class CsvReplay(Recording):
 
     file: File = Field(description="the log, .csv or .csv.gz, relative to the pipeline file")
     columns: dict[str, Column] = Field(min_length=1, description="channels by name: { column = 0, unit = 'mm' }")
-    rate: Frequency | None = Field(default=None, gt=0, description="sampling rate, where no column holds the time")
-    time: Column | None = Field(default=None, description="the column that holds the time: { column = 0, unit = 's' }")
+    rate: Frequency | None = Field(default=None, gt=0, description="sampling rate, where no column is the time")
+    time: Column | None = Field(default=None, description="the column of the time: { column = 0, unit = 's' }")
     delimiter: str = Field(
-        default=",", min_length=1, max_length=1, description='what separates the columns: ",", ";", "\\t"'
+        default=",", min_length=1, max_length=1, description='separator of the columns: ",", ";", "\\t"'
     )
 
     @model_validator(mode="after")
@@ -91,7 +91,7 @@ class CsvReplay(Recording):
         if tally.cut is not None:
             found.append(
                 f"{self.file.name}: the last line has no end, and its last number, {tally.cut}, fewer digits than all "
-                "above it: it was cut, and that line left out"
+                "above: it was cut and is left out"
             )
         return tuple(found)
 
@@ -166,7 +166,7 @@ class _CsvLink:
             row += len(numbers)
             yield Batch("", stamps, stamps, sensible(values))
         if row == 0:
-            raise LogError(f"{self._log.file}: the file holds no rows of numbers")
+            raise LogError(f"{self._log.file}: the file contains no rows of numbers")
 
     def _whole(self) -> Iterator[Floats]:
         """The numbers (n, places) of all rows but one that was cut."""
@@ -225,7 +225,7 @@ class _CsvLink:
     def _by_line(self, rows: Iterator[tuple[int, list[str]]]) -> Iterator[Floats]:
         """The numbers (n, places) of lines that may hold anything."""
         while lines := list(islice(rows, _BLOCK)):
-            told: list[tuple[int, list[str]]] = []
+            complete: list[tuple[int, list[str]]] = []
             for line, cells in lines:
                 if not cells:
                     continue
@@ -236,9 +236,9 @@ class _CsvLink:
                     self._begun = True
                     continue
                 self._check_width(cells, line)
-                told.append((line, cells))
-            if told and self._at is not None:
-                yield self._numbers(told, self._at)
+                complete.append((line, cells))
+            if complete and self._at is not None:
+                yield self._numbers(complete, self._at)
 
     def _check_width(self, cells: list[str], line: int) -> None:
         """Refuse a line with more cells than the first: what is behind the one too many is in the wrong column."""
@@ -247,8 +247,8 @@ class _CsvLink:
         if count > self._width and any(cell.strip() for cell in cells[self._width :]):
             self._refuse_commas(cells, line)
             raise LogError(
-                f"{self._log.file}:{line}: the line has {count} cells, and the first one {self._width}: "
-                "its numbers would be in the wrong columns"
+                f"{self._log.file}:{line}: the line has {count} cells, the first one {self._width}: its "
+                "numbers would be in the wrong columns"
             )
 
     def _refuse_cut(self) -> None:
@@ -268,7 +268,7 @@ class _CsvLink:
         places = []
         for column in self._wanted:
             if isinstance(column, str) and names.count(column) != 1:
-                known = ", ".join(names) if names else "its first line holds numbers"
+                known = ", ".join(names) if names else "its first line contains numbers"
                 many = "two columns" if column in names else "no column"
                 raise LogError(f"{self._log.file}: {many} of the name {column!r} ({known})")
             places.append(names.index(column) if isinstance(column, str) else column)
@@ -281,13 +281,13 @@ class _CsvLink:
                 'decimal commas; write the numbers with points, or the columns with delimiter = ";"'
             )
 
-    def _numbers(self, told: list[tuple[int, list[str]]], places: list[int]) -> Floats:
+    def _numbers(self, complete: list[tuple[int, list[str]]], places: list[int]) -> Floats:
         """The numbers (n, places) of lines: at once where all cells look like numbers, else one by one."""
         with suppress(ValueError, IndexError):
-            texts = [cells[place] for _, cells in told for place in places]
+            texts = [cells[place] for _, cells in complete for place in places]
             if not "".join(texts).translate(_OF_NUMBERS).strip(" "):
-                return np.array([float(text) for text in texts]).reshape(len(told), len(places))
-        return np.array([[self._number(cells, place, line) for place in places] for line, cells in told])
+                return np.array([float(text) for text in texts]).reshape(len(complete), len(places))
+        return np.array([[self._number(cells, place, line) for place in places] for line, cells in complete])
 
     def _number(self, cells: list[str], place: int, line: int) -> float:
         if place >= len(cells):

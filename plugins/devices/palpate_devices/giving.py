@@ -19,7 +19,7 @@ def giving_way(specimen: Specimen, instants: Floats, position: Floats, velocity:
     1/(1 + K/k), K being the stiffness of the contact. Raises ConfigurationError for a model with memory.
     """
     if specimen.model.memory:
-        raise ConfigurationError("device sim: series_stiffness: a specimen that remembers cannot be behind a spring")
+        raise ConfigurationError("device sim: series_stiffness: a specimen with memory cannot be behind a spring")
 
     def pushed(back: Floats, share: Floats) -> Floats:
         there, moving = position.copy(), velocity.copy()
@@ -36,5 +36,5 @@ def giving_way(specimen: Specimen, instants: Floats, position: Floats, velocity:
         if np.abs(step).max(initial=0.0) < _CLOSE:
             return pushed(back, share)
     raise ConfigurationError(
-        f"device sim: series_stiffness: {1e-3 * stiffness:g} N/mm is too soft for the specimen: no balance is found"
+        f"device sim: series_stiffness: {1e-3 * stiffness:g} N/mm is too soft for the specimen: no equilibrium is found"
     )

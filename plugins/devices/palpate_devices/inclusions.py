@@ -31,7 +31,7 @@ class Inclusion(Settings):
     """
 
     shape: Literal["sphere", "cylinder", "horseshoe", "image"] = Field(description="what it is")
-    place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="its middle [x, y]")
+    place: tuple[Length, Length] = Field(default=(0.0, 0.0), description="its centre [x, y]")
     depth: Length = Field(default=0.004, ge=0, description="depth of its top below the skin")
     radius: Length = Field(default=0.005, gt=0, description="radius of the sphere, or of the rod that it is made of")
     length: Length = Field(default=0.02, gt=0, description="length of a cylinder")
@@ -40,7 +40,7 @@ class Inclusion(Settings):
         default=0.0, description="direction of a cylinder, or of a horseshoe's opening, from the x axis"
     )
     stiffness_ratio: float = Field(
-        default=_FITTED_RATIO, gt=0, allow_inf_nan=False, description="its stiffness, of that of the matrix"
+        default=_FITTED_RATIO, gt=0, allow_inf_nan=False, description="its stiffness, relative to the matrix"
     )
     peak: float | None = Field(
         default=None, gt=-1, allow_inf_nan=False, description="contrast above its middle; replaces the estimate"

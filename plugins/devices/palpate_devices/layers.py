@@ -17,7 +17,7 @@ class Layer(Settings):
 
     thickness: Length = Field(gt=0, description="its thickness")
     stiffness_ratio: float = Field(
-        gt=0, allow_inf_nan=False, description="its stiffness, of that of the material under all layers"
+        gt=0, allow_inf_nan=False, description="its stiffness, relative to the material under all layers"
     )
 
 

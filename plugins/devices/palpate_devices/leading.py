@@ -16,22 +16,24 @@ _OF_STOP = 0.8  # of the force that stops the motion; more would stop it by its 
 
 
 def refusal(law: ForceLaw, stop: float | None, speed: float, acceleration: float, duration: float) -> str | None:
-    """Why a law is no law for an arm with these limits; None where it is one. No `stop` [N]: nobody reads the force."""
+    """Why a law is not allowed for an arm with these limits; None where it is. No `stop` [N]: the force is not read."""
     if stop is None:
         return (
-            "the force that leads has to be read by the arm's own process, and the sensor does not share its readings"
+            "the controlled force has to be read by the arm's own process, and the sensor does not share its readings"
         )
     numbers = (law.force, law.begin, law.end, law.speed, law.acceleration, law.gain)
     if not all(map(math.isfinite, numbers)) or min(law.force, law.speed, law.acceleration, law.gain) <= 0:
-        return "a number of the force's law is not finite, or not above 0"
+        return "a setting of the force control is not finite, or not above 0"
     if law.force > _OF_STOP * stop:
         return f"a force of {law.force:g} N is more than {_OF_STOP:g} of the {stop:g} N that stop the motion"
     if law.speed > speed * (1 + 1e-9):
-        return f"the force may lead at {1e3 * law.speed:g} mm/s, over the limit of {1e3 * speed:g} mm/s"
+        return f"the force control may move at {1e3 * law.speed:g} mm/s, over the limit of {1e3 * speed:g} mm/s"
     if law.acceleration > acceleration * (1 + 1e-9):
-        return f"the force may lead with {law.acceleration:g} m/s^2, over the limit of {acceleration:g} m/s^2"
+        return (
+            f"the force control may accelerate at {law.acceleration:g} m/s^2, over the limit of {acceleration:g} m/s^2"
+        )
     if not 0 <= law.begin < law.end <= duration:
-        return "the force leads at times that are not those of the motion"
+        return "the force control's times are not those of the motion"
     return None
 
 
@@ -93,16 +95,16 @@ class ForceLead:
         if self.height <= self.bottom + _AT_END:
             depth = 1e3 * (self.top - self.bottom)
             return (
-                f"the force that leads is {self._felt:.2f} N and not {law.force:g} N at the end of its envelope, "
+                f"the controlled force is {self._felt:.2f} N and not {law.force:g} N at the end of its envelope, "
                 f"{depth:.3g} mm below the start: deeper it may not go"
             )
         if tip < self.bottom - _MARGIN:
-            return f"the tip is {1e3 * (self.bottom - tip):.2f} mm below the envelope of the force that leads"
+            return f"the tip is {1e3 * (self.bottom - tip):.2f} mm below the envelope of the force control"
         if self._felt < -_PULL - _PULLED * law.force:
             return (
-                f"the force that leads pulls with {-self._felt:.2f} N: does the sensor count the other way round "
+                f"the controlled force pulls with {-self._felt:.2f} N: does the sensor count the other way round "
                 "([alignment] force sign = -1)?"
             )
         if self._unheard > _UNHEARD:
-            return f"the force that leads is silent for {1e3 * self._unheard:.0f} ms"
+            return f"no reading of the controlled force for {1e3 * self._unheard:.0f} ms"
         return None

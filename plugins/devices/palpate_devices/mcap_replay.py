@@ -55,7 +55,7 @@ class McapReplay(Recording):
         default={}, description='whole topics as streams: { wrench = "/ft_sensor/wrench" }; neither: all that can be'
     )
     recorded: str | None = Field(
-        default=None, description="only the streams of the device that had this name in the recording"
+        default=None, description="only the streams of the device with this name in the recording"
     )
     kinematics: Kinematics | None = Field(
         default=None, description="the robot whose joints give the streams tip and twist, such as log.tip.z"
@@ -65,11 +65,11 @@ class McapReplay(Recording):
         description='of signals: "stamp" (of the header, else log), "log", "publish", or { field = "data", index = 0 }',
     )
     begin: Time | None = Field(
-        default=None, ge=0, description="leave out what was logged before, from the first message"
+        default=None, ge=0, description="leave out what was logged earlier, counted from the first message"
     )
     end: Time | None = Field(default=None, gt=0, description="leave out what was logged later")
     accept_cut: bool = Field(
-        default=False, description="read what is whole of a log that is cut or damaged, and say so"
+        default=False, description="read the undamaged part of a log that is cut or damaged, with a notice"
     )
 
     @model_validator(mode="after")
@@ -138,7 +138,7 @@ class McapReplay(Recording):
     def _cut_message(self) -> str:
         count, duration = counted(self.file)
         if not count:
-            return f"{self.file}: the log is cut: it has no end, and nothing in it is whole"
+            return f"{self.file}: the log is cut: it has no end, and nothing in it is undamaged"
         return (
             f"{self.file}: the log is cut: it has no end, but {count} messages over {duration:.3f} s are "
             "whole; set accept_cut = true to use them"

@@ -23,6 +23,7 @@ from palpate_devices.messages import LOG_SCHEMA, STANDARD, MessageType, numbers_
 
 _FLUSH_EVERY = 0.15  # [s]; with what is on its way, a kill costs some 0.05 s more, on a busy machine twice that
 _SYNC_EVERY = 1.0  # [s]; what a power cut can cost
+_TOGETHER = 1 << 14  # messages that are made at once
 _WAITING = 256  # pieces of work; a replay that is faster than the disk waits for it here
 
 _SAMPLE_FIELDS = ("time", "interval", "force", "position", "velocity", "contact", "active")
@@ -59,7 +60,7 @@ class McapSink(Sink):
 
 
 class _LogWriter:
-    """Hands everything to a thread that writes: the end of a chunk, or the disk, never holds up a control loop."""
+    """Hands everything to a thread that writes: neither the end of a chunk nor the disk ever delays a control loop."""
 
     def __init__(self, log: _Log) -> None:
         self._log = log
@@ -111,12 +112,12 @@ class _LogWriter:
                 work = _nothing
             if work is None:
                 return
-            if self._failure is not None:  # nobody shall wait for a log that cannot be written
+            if self._failure is not None:  # no caller waits for a log that cannot be written
                 continue
             try:
                 work()
                 self._log.save()
-            except Exception as error:  # it is raised where somebody hears it
+            except Exception as error:  # it is raised where it is handled
                 self._failure = error
 
 
@@ -184,10 +185,13 @@ class _Log:
         )
         if len(stamps) != len(estimates):  # an offline estimator: all samples at once
             stamps = np.rint(estimates.time * 1e9).astype(np.int64)
-            lateral = np.full((len(estimates), 2), np.nan)
+            lateral = np.broadcast_to(np.nan, (len(estimates), 2))
         ends = (lateral, estimates.innovation)
-        numbers = np.column_stack([estimates.time, estimates.values, estimates.std, *columns, *ends])
-        self._write(self._tracks[track], stamps, stamps, "surface", numbers)
+        whole = (estimates.time, estimates.values, estimates.std, *columns, *ends)
+        for begin in range(0, len(stamps), _TOGETHER):  # those of an offline estimator are of the whole record
+            rows = slice(begin, begin + _TOGETHER)
+            numbers = np.column_stack([column[rows] for column in whole])
+            self._write(self._tracks[track], stamps[rows], stamps[rows], "surface", numbers)
 
     def _write(
         self,
@@ -216,7 +220,7 @@ class _Log:
             self._synced = now
 
     def _sync(self) -> None:
-        """A busy disk takes some 0.3 s for this, in which the writer must go on flushing."""
+        """A busy disk takes some 0.3 s for this, during which the writer must keep flushing."""
         try:
             os.fsync(self._file.fileno())
         except OSError as error:
@@ -231,7 +235,7 @@ class _Log:
 
 
 def _facts(device: str, stream: Stream) -> dict[str, Any]:
-    """What a replay must know of a stream and the messages do not say."""
+    """What a replay must know of a stream and the messages do not state."""
     return {
         "schema": LOG_SCHEMA,
         "device": device,

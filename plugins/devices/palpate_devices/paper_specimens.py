@@ -9,7 +9,8 @@ from typing import Any
 _CYLINDER = {"thickness": 0.022, "diameter": 0.05}
 _HARD = {"elasticity": 282.1e3, "viscosity": 860.0, **_CYLINDER}
 _SOFT = {"elasticity": 112.5e3, "viscosity": 362.0, **_CYLINDER}
-# Contrasts as published: E of S3 and S4 over that of S2, 142.8 and 171.4 over 129.5 kPa. Sizes and depths are not told.
+# Contrasts as published: E of S3 and S4 over that of S2, 142.8 and 171.4 over 129.5 kPa. Sizes and depths are not
+# stated.
 _HORSESHOE = {"shape": "horseshoe", "bend": 0.008, "radius": 0.004, "angle": 1.5707963267948966, "peak": 0.103}
 _SPHERE = {"shape": "sphere", "radius": 0.005, "peak": 0.324}
 
@@ -17,8 +18,8 @@ _SPHERE = {"shape": "sphere", "radius": 0.005, "peak": 0.324}
 _CHICKEN = {"elasticity": 53.7e3, "viscosity": 623.0, "thickness": 0.03, "scatter": {"std": 5.2 / 53.7}}
 _BETWEEN_SLICES = _SPHERE | {"radius": 0.0025, "peak": 102.7 / 53.7 - 1}
 
-# Of S5 only the diameter and what is inside are told: thickness and stiffness are taken from S2 to S4, places from the
-# recorded sweep, in which the sphere and the horseshoe's bow are 22 to 28 mm apart.
+# Of S5 only the diameter and what is inside are stated: thickness and stiffness are taken from S2 to S4, places from
+# the recorded sweep, in which the sphere and the horseshoe's bow are 22 to 28 mm apart.
 SPECIMENS: Mapping[str, Mapping[str, Any]] = {
     "S1": _HARD,
     "S2": _SOFT,

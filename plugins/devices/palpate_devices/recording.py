@@ -1,4 +1,4 @@
-"""Recordings: devices that are logs, which can be looked into before a pipeline says what their topics mean."""
+"""Recordings: devices that are logs, which can be inspected before a pipeline maps their topics."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class FieldSurvey:
 
 @dataclass(frozen=True)
 class TopicSurvey:
-    """What one topic of a log holds."""
+    """Contents of one topic of a log."""
 
     name: str
     type: str
@@ -47,7 +47,7 @@ class TopicSurvey:
 
 @dataclass(frozen=True)
 class Survey:
-    """What a log holds."""
+    """Contents of a log."""
 
     path: Path
     format: str
@@ -87,7 +87,7 @@ class Recording(Device, ABC):
     @classmethod
     @abstractmethod
     def survey(cls, path: Path) -> Survey:
-        """What a log holds; raises LogError where it cannot be read."""
+        """Contents of a log; raises LogError where it cannot be read."""
 
     @classmethod
     @abstractmethod
@@ -101,7 +101,7 @@ class Recording(Device, ABC):
     @classmethod
     @abstractmethod
     def tables(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
-        """Every topic that holds numbers, in blocks: its name, the names of its columns, the numbers as recorded."""
+        """Every topic that contains numbers, in blocks: its name, the names of its columns, the numbers as recorded."""
 
     @classmethod
     def attached(cls, path: Path) -> Attached:
@@ -111,14 +111,14 @@ class Recording(Device, ABC):
     @classmethod
     def playback(cls, path: Path, device: str) -> dict[str, Any]:
         """The table of a device that plays back what the device of that name has recorded in a log."""
-        raise LogError(f"{path}: a log of this format cannot stand for the devices of a pipeline")
+        raise LogError(f"{path}: a log of this format cannot replace the devices of a pipeline")
 
     @classmethod
     def texts(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], NDArray[np.int64], list[tuple[str, ...]]]]:
-        """Every topic that holds texts, in blocks: its name, the names of the texts, stamps [ns] (n,), n rows."""
+        """Every topic that contains texts, in blocks: its name, the names of the texts, stamps [ns] (n,), n rows."""
         return iter(())
 
     @classmethod
     def recover(cls, path: Path, out: Path) -> str:
         """Write what is whole of a damaged log into a new one; what was saved and what is missing, in words."""
-        raise LogError(f"{path}: there is nothing that recovers logs of this format")
+        raise LogError(f"{path}: logs of this format cannot be recovered")

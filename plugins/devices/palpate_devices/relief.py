@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +13,7 @@ from pydantic import Field
 
 WAVES = 64
 _TOGETHER = 4096  # places; what is worked on stays in the processor's cache
+_MANY = 4  # times that many places, from which on threads pay
 _STEEPEST = np.deg2rad(30.0)
 
 
@@ -33,7 +36,7 @@ class Relief(Settings):
     tilt_y: Angle = Field(default=0.0, ge=-_STEEPEST, le=_STEEPEST, description="rise towards positive y")
     roughness: Length = Field(default=0.0, ge=0, description="standard deviation of the random height")
     length: Length = Field(default=0.01, gt=0, description="correlation length of the random height")
-    seed: int = Field(default=0, ge=0, description="which of all such skins")
+    seed: int = Field(default=0, ge=0, description="seed of the random height")
 
     @cached_property
     def _waves(self) -> tuple[Floats, Floats, Floats]:
@@ -45,15 +48,13 @@ class Relief(Settings):
         """Height [m] and its slopes towards x and y, each (n,)."""
         height, (along_x, along_y) = self._level(x, y), self._tilt
         slope_x, slope_y = np.full_like(height, along_x), np.full_like(height, along_y)
-        for rows in self._rough(len(height)):
-            self._roughen(x[rows], y[rows], height[rows], slope_x[rows], slope_y[rows])
+        self._rough(lambda rows: self._roughen(x[rows], y[rows], height[rows], slope_x[rows], slope_y[rows]), height)
         return height, slope_x, slope_y
 
     def height_at(self, x: Floats, y: Floats) -> Floats:
         """Height (n,) [m], as `at` has it."""
         height = self._level(x, y)
-        for rows in self._rough(len(height)):
-            self._roughen(x[rows], y[rows], height[rows], None, None)
+        self._rough(lambda rows: self._roughen(x[rows], y[rows], height[rows], None, None), height)
         return height
 
     @property
@@ -64,10 +65,18 @@ class Relief(Settings):
         along_x, along_y = self._tilt
         return along_x * x + along_y * y
 
-    def _rough(self, count: int) -> Iterator[slice]:
-        """Rows of places that have their roughness added together; none where there is none."""
-        for begin in range(0, count if self.roughness > 0 else 0, _TOGETHER):
-            yield slice(begin, begin + _TOGETHER)
+    def _rough(self, roughen: Callable[[slice], None], height: Floats) -> None:
+        """Have the roughness added, where there is some, to some thousand places at a time; to many by all cores."""
+        if self.roughness <= 0:
+            return
+        rows = [slice(begin, begin + _TOGETHER) for begin in range(0, len(height), _TOGETHER)]
+        if len(rows) < _MANY:
+            for one in rows:
+                roughen(one)
+            return
+        with ThreadPoolExecutor(os.cpu_count()) as pool:  # cosines of thousands let go of the interpreter
+            for _ in pool.map(roughen, rows):
+                pass
 
     def _roughen(self, x: Floats, y: Floats, height: Floats, slope_x: Floats | None, slope_y: Floats | None) -> None:
         """Add the roughness to height and slopes (n,)."""

@@ -42,10 +42,10 @@ class Rosbag2Replay(Recording):
         default="stamp", description='"stamp" (of the header, else log), "log", or { field = "data", index = 0 }'
     )
     begin: Time | None = Field(
-        default=None, ge=0, description="leave out what was logged before, from the first message"
+        default=None, ge=0, description="leave out what was logged earlier, counted from the first message"
     )
     end: Time | None = Field(default=None, gt=0, description="leave out what was logged later")
-    accept_cut: bool = Field(default=False, description="read what is whole of a bag in MCAP files that are cut")
+    accept_cut: bool = Field(default=False, description="read the undamaged part of a bag in MCAP files that are cut")
 
     @model_validator(mode="after")
     def _something(self) -> Self:
@@ -60,7 +60,7 @@ class Rosbag2Replay(Recording):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is amiss with the files."""
+        """What is wrong with the files."""
         trouble = (self._bag.trouble,) if self._bag.trouble else ()
         return (*trouble, *untimed(self._feeds, self.file.name))
 
@@ -88,7 +88,7 @@ class Rosbag2Replay(Recording):
         bag = Bag(self.file, self.accept_cut)
         if not bag.complete and not self.accept_cut:
             raise LogError(
-                f"{self.file}: the bag is cut: a file has no end; set accept_cut = true to use what is whole"
+                f"{self.file}: the bag is cut: a file has no end; set accept_cut = true to use the undamaged part"
             )
         return bag
 

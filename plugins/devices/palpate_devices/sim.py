@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from typing import Literal
 
@@ -34,6 +34,7 @@ from palpate import (
 )
 from pydantic import Field
 
+from palpate_devices.ahead import ahead
 from palpate_devices.giving import giving_way
 from palpate_devices.leading import refusal
 from palpate_devices.led import led_motion
@@ -42,6 +43,7 @@ from palpate_devices.sensing import sensed_wrench
 from palpate_devices.specimen import Specimen
 
 _SECOND = 1_000_000_000  # [ns]
+_AHEAD = 8  # batches that are made before they are asked for
 _ROUND = {"real-time": 0.05, "fast": 1.0}  # [s] of simulated time in one round of batches, by pace
 
 
@@ -51,12 +53,12 @@ class SimulatedRig(Device):
     The robot tracks setpoints by a PD law on position at its own rate; its speed follows the command with a first-order
     lag, and contact does not move it (position control). The sensor sits between flange and tip and so feels contact
     force, weight and inertia of the tip: reading = F + m d'' - m g + bias + drift t + noise, compressive positive.
-    Everything is sampled from the exact motion at the instants of each stream. Nothing downstream can tell the rig from
-    hardware; pose and twist come at the robot's rate, the wrench at the sensor's.
+    Everything is sampled from the exact motion at the instants of each stream. Nothing downstream can distinguish the
+    rig from hardware; pose and twist come at the robot's rate, the wrench at the sensor's.
     """
 
     specimen: Specimen = Field(description="what the tip presses on")
-    tip_mass: TipMass = Field(default=0.14, gt=0, description="mass of all that hangs behind the sensor")
+    tip_mass: TipMass = Field(default=0.14, gt=0, description="mass of everything mounted behind the sensor")
     centre_of_mass: tuple[Length, ...] = Field(
         default=(0.0, 0.0, 0.0), min_length=3, max_length=3, description="of that mass, in the sensor's frame"
     )
@@ -78,19 +80,21 @@ class SimulatedRig(Device):
     series_stiffness: Stiffness | None = Field(
         default=None,
         gt=0,
-        description="stiffness of robot and sensor, which give way before the material; left out: they do not",
+        description="stiffness of robot and sensor, in series with the material; left out: rigid",
     )
-    force_limit: Force = Field(default=500.0, gt=0, description="range of the sensor; readings stop there")
-    force_delay: Delay = Field(default=0.0, description="how late the wrench is stamped; an estimator has to be told")
+    force_limit: Force = Field(default=500.0, gt=0, description="range of the sensor; readings are clipped there")
+    force_delay: Delay = Field(
+        default=0.0, description="delay of the wrench's stamps; has to be declared to an estimator"
+    )
     motion_delay: Delay = Field(
-        default=0.0, description="how late pose and twist are stamped; an estimator has to be told"
+        default=0.0, description="delay of the stamps of pose and twist; has to be declared to an estimator"
     )
     serial_number: str = Field(
         default="SIM-0001", min_length=1, description="serial number of the sensor, as a real one has"
     )
     seed: int | None = Field(default=None, ge=0, description="seed of the noise; left out: that of the run")
     pace: Literal["fast", "real-time"] = Field(
-        default="fast", description="as fast as the machine can, or by the clock"
+        default="fast", description="as fast as the machine can, or in real time"
     )
 
     @property
@@ -164,7 +168,7 @@ class _Rig:
         settings = self._settings
         text = refusal(law, math.inf, math.inf, math.inf, law.end)
         if settings.specimen.unloading == "ting" or settings.series_stiffness is not None:
-            text = 'a force cannot lead with series_stiffness, nor on a specimen with unloading = "ting"'
+            text = 'force control is not possible with series_stiffness, nor on a specimen with unloading = "ting"'
         if text is not None:
             raise ConfigurationError(f"device sim: {text}")
 
@@ -178,7 +182,10 @@ class _Rig:
         self._stopped.set()
 
     def batches(self) -> Iterator[Batch]:
-        """What the streams say while the motion lasts, round by round."""
+        """Readings of the streams during the motion, round by round; a thread is ahead where no clock is kept."""
+        return self._rounds() if self._settings.pace == "real-time" else ahead(self._rounds(), _AHEAD)
+
+    def _rounds(self) -> Generator[Batch]:
         if self._trajectory is None:
             return
         settings = self._settings

@@ -40,7 +40,7 @@ def _shorthand(schema: dict[str, Any]) -> None:
 
 
 class Specimen(Settings):
-    """What the tip presses on: a contact model with its true parameters, at a height that nobody is told.
+    """What the tip presses on: a contact model with its true parameters, at a height that is not declared.
 
     The parameters stand beside the model, by name: ``{ model = "dr", elasticity = "112.5 kPa", ... }``. Inclusions make
     elastic and viscous parameters larger by 1 + the sum of their contrasts where the tip is, all by the same factor;
@@ -54,9 +54,9 @@ class Specimen(Settings):
     model_config = ConfigDict(json_schema_extra=_shorthand)
 
     name: Literal["S1", "S2", "S3", "S4", "S5", "chicken", "chicken-sphere"] | None = Field(
-        default=None, description="the paper's specimen that it is, but for what is said otherwise"
+        default=None, description="the paper's specimen it is based on; other keys override it"
     )
-    model: ContactModel = Field(description="contact model of the truth; need not be one that is estimated with")
+    model: ContactModel = Field(description="contact model of the truth; need not be one used for estimation")
     surface: Length = Field(default=0.0, description="height of the skin over the origin of the work frame")
     relief: Relief = Field(default=Relief(), description="tilt, roughness and swell of the skin")
     inclusions: tuple[Inclusion, ...] = Field(default=(), description="stiffer or softer bodies below the skin")
@@ -73,18 +73,18 @@ class Specimen(Settings):
     )
     unloading: Literal["following", "ting"] = Field(
         default="following",
-        description='"following": the contact follows the depth in and out; "ting": it shrinks faster on the way out, '
-        "after Ting (1966), for one loading and one unloading of a model with a relaxation modulus",
+        description='"following": the contact follows the depth in loading and unloading; "ting": it shrinks faster in '
+        "unloading, after Ting (1966), for one loading and one unloading of a model with a relaxation modulus",
     )
     friction: float = Field(
         default=0.0, ge=0, le=2, allow_inf_nan=False, description="coefficient of friction of the sliding tip"
     )
-    scatter: Scatter | None = Field(default=None, description="stiffness that differs from place to place")
+    scatter: Scatter | None = Field(default=None, description="stiffness that varies from place to place")
     conditioning: Conditioning | None = Field(default=None, description="softening by palpations of the same place")
     palpated: float = Field(
         default=0.0, ge=0, allow_inf_nan=False, description="palpations before this one; [repeat] counts them"
     )
-    parameters: dict[str, float] = Field(description="true values by parameter name; may stand in the table itself")
+    parameters: dict[str, float] = Field(description="true values by parameter name; may also be keys of this table")
 
     @model_validator(mode="before")
     @classmethod
@@ -114,7 +114,9 @@ class Specimen(Settings):
     @model_validator(mode="after")
     def _layers_need_a_tip(self) -> Self:
         if self.layers and self._indenter is None:
-            raise ValueError("layers need a model with an indenter: how deep is felt depends on the contact's radius")
+            raise ValueError(
+                "layers need a model with an indenter: the depth that is felt depends on the contact's radius"
+            )
         if self.layers and self.model.memory:
             raise ValueError("a model with memory can have no layers")
         return self
@@ -235,7 +237,7 @@ class Specimen(Settings):
 
 
 def _with_the_papers(data: dict[str, Any]) -> dict[str, Any]:
-    """A specimen's table with what the paper's specimen of its name has, where it says nothing itself."""
+    """A specimen's table, completed from the paper's specimen of its name."""
     known = dict(SPECIMENS.get(str(data.get("name")), {}))
     if "parameters" in data:
         known = {key: value for key, value in known.items() if key in Specimen.model_fields}

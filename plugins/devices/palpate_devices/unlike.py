@@ -20,9 +20,9 @@ class Scatter(Settings):
     plane cosines like that of `relief`. One seed is one specimen.
     """
 
-    std: float = Field(gt=0, le=0.5, description="standard deviation of the stiffness, of its mean")
+    std: float = Field(gt=0, le=0.5, description="standard deviation of the stiffness, relative to its mean")
     length: Length = Field(default=0.005, gt=0, description="distance over which it changes")
-    seed: int = Field(default=0, ge=0, description="which of all such specimens")
+    seed: int = Field(default=0, ge=0, description="seed of the specimen")
 
     @cached_property
     def _waves(self) -> tuple[Floats, Floats]:
@@ -44,10 +44,12 @@ class Conditioning(Settings):
     A phenomenon with numbers of one's own, not a theory of it (Mullins 1969 for rubber, Fung 1993 for tissue).
     """
 
-    softening: float = Field(gt=0, lt=1, description="part of the stiffness that is lost in the end")
-    palpations: float = Field(default=2.0, gt=0, allow_inf_nan=False, description="after so many 63 % of it is lost")
+    softening: float = Field(gt=0, lt=1, description="part of the stiffness that is finally lost")
+    palpations: float = Field(
+        default=2.0, gt=0, allow_inf_nan=False, description="number of palpations after which 63 % of it is lost"
+    )
     recovery: Time | None = Field(default=None, gt=0, description="time in which it recovers to 1/e; left out: never")
-    reach: Length = Field(default=0.005, gt=0, description="distance over which a palpation is felt")
+    reach: Length = Field(default=0.005, gt=0, description="distance over which a palpation has an effect")
 
     def left_of(self, earlier: Iterable[tuple[float, float]]) -> float:
         """How many palpations those at distances [m] and ages [s] count for."""

@@ -23,9 +23,10 @@ class MeasuredNoise:
 
 
 class FreeAir:
-    """Gathers the samples before the first contact and tells how noisy they are.
+    """Gathers the samples before the first contact and determines their noise.
 
-    `standstill` is how long the tip is known to hang still at the beginning of the record [s]; None where nobody says.
+    `standstill` is how long the tip is known to hang still at the beginning of the record [s]; None where it is not
+    declared.
     """
 
     def __init__(self, standstill: float | None = None) -> None:

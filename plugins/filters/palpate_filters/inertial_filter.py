@@ -43,7 +43,7 @@ class PaperStart(Estimator, ABC):
     """Settings of noise and start on the inertial process.
 
     Defaults are the paper's: x0 = [1 mm, v0, 0.1 N/mm^1.5, 0.01 N s/mm^1.5], P0 = diag(5, 1, 1, 1), read as the force
-    and the damping of the material at a depth of 1 mm so that they hold for every tip and model.
+    and the damping of the material at a depth of 1 mm so that they apply to every tip and model.
     """
 
     force_std: Force = Field(default=0.05, gt=0, description="standard deviation sigma_u of the force")
@@ -150,8 +150,10 @@ def inertial_tracker(
     step = inertial_step(process, prediction, fading=fading is not None, signed=fading is not None and fading.signed)
     window = settings.start_duration if settings.start_from == "fit" else 0.0
     recursion = Recursion(step, len(problem.model.parameters), numbers, begin, _inputs)
-    told = {"relief_sensitivity": _RELIEF} if fading is not None and settings.order else {}
-    return RecursiveTracker(recursion, Opening(window, settings.noise == "measure", problem.standstill), details=told)
+    details = {"relief_sensitivity": _RELIEF} if fading is not None and settings.order else {}
+    return RecursiveTracker(
+        recursion, Opening(window, settings.noise == "measure", problem.standstill), details=details
+    )
 
 
 def _inputs(samples: Samples, interval: Floats) -> Floats:

@@ -12,9 +12,9 @@ from palpate_filters.kernel import Step
 from palpate_filters.process import InertialProcess
 from palpate_filters.symmetric import entry_update, mirrored
 
-_LOW_LIMIT = 25  # samples in a row at depth <= 0, in contact, before the filter begins anew
+_LOW_LIMIT = 25  # samples in a row at depth <= 0, in contact, before the filter restarts
 _BLIND_STD = 1.0  # [N], how little is known of a force that is missing
-_LARGEST = 1e300  # CasADi folds z == z to 1, so this is how NaN is told
+_LARGEST = 1e300  # CasADi folds z == z to 1, so NaN is detected thus
 _DEEPEST = 0.1  # [m], depth
 _IMPLAUSIBLE = 1e4  # first standard deviations away from 0: what a diverging filter runs through on its way
 
@@ -107,7 +107,7 @@ def broken(mean: Any, variance: Any, scale: Any, depth: int) -> Any:
     import casadi as ca
 
     limit = _IMPLAUSIBLE * scale
-    # A sum tells NaN, which smallest and largest would pass over; products spare the roots and quotients.
+    # A sum shows NaN, which smallest and largest would pass over; products spare the roots and quotients.
     finite = ca.logic_and(ca.sumsqr(mean) + ca.sum1(variance) <= _LARGEST, ca.mmin(variance) >= 0)
     near = ca.logic_and(ca.fabs(mean[depth]) <= _DEEPEST, ca.mmax(ca.fabs(mean) - limit) <= 0)
     return ca.logic_not(ca.logic_and(ca.logic_and(finite, near), ca.mmax(variance - limit**2) <= 0))

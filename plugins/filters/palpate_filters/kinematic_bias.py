@@ -30,7 +30,7 @@ def kinematic_bias(
 
 
 def pulled(information: Floats, pull: Floats) -> Floats | None:
-    """Where constants (k,) and the surface settle, information^-1 pull, but for the surface; None if nothing says."""
+    """Where constants (k,) and the surface settle, information^-1 pull, but for the surface; None if unknown."""
     scale = np.sqrt(np.diag(information))
     if not (np.isfinite(pull).all() and np.isfinite(scale).all() and (scale > 0).all()):
         return None
@@ -51,11 +51,11 @@ def kinematic_bias_step(model: ContactModel, mass: float) -> tuple[Step, Layout]
         sum psi psi^T / S  bias = -sum (E[psi~ h_m e] + psi h_m E[e]) / S,
 
     e' = (1 - K h_m) e + K n and psi~' = (1 - K h_m) psi~ - K (h_theta_m + psi h_mm) e at each measurement, and both are
-    carried along by the process. e has no process noise: the tip does not move by chance, whatever the filter believes.
+    carried along by the process. e has no process noise: the tip does not move by chance, whatever the filter assumes.
 
     Filter state: gain covariance (3 x 3), the joint covariance of e and psi~, psi (3 x q), E[e]. Sample: depth [m],
     rate [m/s], acceleration of the depth and its jump to the next sample [m/s^2], interval to it [s]. Settings:
-    parameters (k); standard deviations of force, position, velocity and density of the jerk that the filter believes
+    parameters (k); standard deviations of force, position, velocity and density of the jerk that the filter assumes
     in; the real standard deviations.
     """
     import casadi as ca

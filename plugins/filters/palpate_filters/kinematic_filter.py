@@ -17,7 +17,7 @@ from palpate_filters.recursion import Carry, Opening, Recursion
 from palpate_filters.tracking import RecursiveTracker
 
 _REFERENCE_SPEED = 4e-3  # [m/s], the sweep for which the densities are given
-_LONGER = 2.0  # start_durations: surface, stiffness and bias are told apart by the force's curvature alone
+_LONGER = 2.0  # start_durations: surface, stiffness and bias are separated by the force's curvature alone
 
 
 class KinematicFilter(KinematicSettings):
@@ -34,7 +34,7 @@ class KinematicFilter(KinematicSettings):
 
 
 def known_causes(settings: KinematicSettings) -> dict[str, list[str]]:
-    """What the filter's own standard deviation holds already: the tare, where its offset is a state."""
+    """What the filter's own standard deviation contains already: the tare, where its offset is a state."""
     return {"included": ["tare"]} if has_bias(settings) else {}
 
 

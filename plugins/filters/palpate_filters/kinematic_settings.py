@@ -1,4 +1,4 @@
-"""What the kinematic filter and its smoother can be told."""
+"""Settings of the kinematic filter and its smoother."""
 
 from __future__ import annotations
 

@@ -12,8 +12,8 @@ from palpate_filters.process import KinematicProcess
 from palpate_filters.symmetric import congruence, entry_update, mirrored, vector_update
 
 _DEPTH_FLOOR = 1e-5  # [m]; the slope of sqrt(d) has a pole at 0, so Jacobians are taken no nearer
-_LOW_LIMIT = 25  # samples in a row at depth <= 0, in contact, before the filter begins anew
-_LARGEST = 1e300  # CasADi folds z == z to 1, so this is how NaN is told
+_LOW_LIMIT = 25  # samples in a row at depth <= 0, in contact, before the filter restarts
+_LARGEST = 1e300  # CasADi folds z == z to 1, so NaN is detected thus
 _DEEPEST = 0.1  # [m]
 _WANDERS = 5.0  # standard deviations of a bias
 _CHART_END = 60.0  # logarithms beyond this are no material's
@@ -82,8 +82,8 @@ def kinematic_step(
     seen = ca.fabs(force) <= _LARGEST
     known = None
     if linearised:  # out of contact there is no slope to linearise by
-        told = ca.logic_and(ca.fabs(sample[4]) <= _LARGEST, process.depth(ca.vertsplit(sample[4:])) > 0)
-        known = ca.if_else(told, sample[4:], x)
+        given = ca.logic_and(ca.fabs(sample[4]) <= _LARGEST, process.depth(ca.vertsplit(sample[4:])) > 0)
+        known = ca.if_else(given, sample[4:], x)
     x, P, surprise = _force_update(process, x, P, force, noise.force**2, seen, iterations, student, centre, known)
     total, seen_count = total + surprise**2, seen_count + seen
     nis = ca.if_else(seen_count > 0, total / ca.fmax(seen_count, 1), -1.0)
@@ -153,7 +153,7 @@ def _force_update(
     centre: Any,
     known: Any,
 ) -> tuple[Any, Any, Any]:
-    """The update with the force, linearised at the `known` state, else anew at each iterate (Bell and Cathey 1993).
+    """The update with the force, linearised at the `known` state, else again at each iterate (Bell and Cathey 1993).
 
     With a force bias see `_with_bias` for where. With Student's t of nu degrees of freedom the variance of a
     surprising force grows by (nu + e^2/S)/(nu + 1).
@@ -182,8 +182,8 @@ def _with_bias(process: KinematicProcess, mean: Any, covariance: Any, bias: Any)
     """The state that is expected should the bias be another one: the mean moved by cov(x, b)/var(b).
 
     Bias, surface and stiffness trade against each other along a line in the state that the force hardly sees. Were the
-    force linearised wherever the mean wanders on that line, the slopes would seem to tell how far along it the truth
-    is, and the filter grow certain of what it was not told (as observability-constrained filters avoid: Huang,
+    force linearised wherever the mean wanders on that line, the slopes would seem to show how far along it the truth
+    is, and the filter grow certain of what it did not measure (as observability-constrained filters avoid: Huang,
     Mourikis and Roumeliotis 2010). At one and the same bias they do not.
     """
     import casadi as ca
@@ -224,7 +224,7 @@ def _linearised_reading(process: KinematicProcess, at: Any) -> tuple[Any, Any]:
 
 
 def _restarted(process: KinematicProcess, x: Any, P: Any, restart: Any, fresh: Any, fresh_std: Any) -> tuple[Any, Any]:
-    """Mean and covariance that, on a restart, keep the motion and begin surface and parameters anew."""
+    """Mean and covariance that, on a restart, keep the motion and restart surface and parameters."""
     import casadi as ca
 
     place, mean, covariance = process.layout, ca.SX(x), ca.SX(P)

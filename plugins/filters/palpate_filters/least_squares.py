@@ -8,11 +8,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import mul
 
 import numpy as np
 from palpate import Floats
 
-_LEAST = 1e-13  # damping, of the scaled squares: what is not told at all stays where it is
+_LEAST = 1e-13  # damping, of the scaled squares: what is not determined at all stays where it is
 _FIRST, _MOST = 1e-3, 1e12  # damping after a step that led uphill, and where there is nothing left to gain
 _ROUNDING = 1e-13  # of the cost, below which a difference of two of them is none
 _DIFFERENCE = 1.5e-8  # of a value, over which a slope is taken
@@ -56,12 +57,12 @@ def least_squares(
         evaluations += 1
         fallen = cost - 0.5 * float(tried[0, 0]) if _finite(tried) else -np.inf
         if fallen >= -_ROUNDING * cost and (fallen > 0 or gained <= _ROUNDING * cost):
-            told = gained > _ROUNDING * cost  # by the difference of the costs, whether the step was good
-            slow = not told and gained > _SLOW * before
+            significant = gained > _ROUNDING * cost  # by the difference of the costs, whether the step was good
+            slow = not significant and gained > _SLOW * before
             x, square, before = there, tried, gained
             if slow:
                 return Minimum(x, 0.5 * float(square[0, 0]), evaluations, True)
-            damping = _eased(damping, fallen / gained if told else 1.0)
+            damping = _eased(damping, fallen / gained if significant else 1.0)
         elif damping >= _MOST:
             return Minimum(x, cost, evaluations, gained <= _ROUNDING * cost)
         else:
@@ -104,15 +105,26 @@ def _eased(damping: float, ratio: float) -> float:
 def bounded_step(square: Floats, low: Floats, high: Floats, damping: float = 0.0) -> tuple[Floats, float]:
     """The damped step of Gauss and Newton (p,) between `low` and `high`, and by how much it lowers the cost if it is
     right."""
-    curvature, gradient = square[1:, 1:], square[1:, 0]
-    lengths = np.sqrt(curvature.diagonal())
-    lengths[lengths == 0] = 1.0
-    scaled, slope = curvature / (lengths[:, None] * lengths), gradient / lengths
-    damped = scaled.copy()
-    damped.ravel()[:: len(slope) + 1] += max(damping, _LEAST)
-    step = bounded_quadratic(damped, slope, low * lengths, high * lengths)
-    gained = -float(step @ slope) - 0.5 * float(step @ scaled @ step)
-    return step / lengths, gained
+    (_, *slope), *rows = square.tolist()
+    lengths = [math.sqrt(row[i]) or 1.0 for i, row in enumerate(rows, 1)]
+    scaled = [
+        [value / one / other for value, other in zip(row[1:], lengths, strict=True)]
+        for row, one in zip(rows, lengths, strict=True)
+    ]
+    slope = [value / length for value, length in zip(slope, lengths, strict=True)]
+    damped = [row.copy() for row in scaled]
+    for i, row in enumerate(damped):
+        row[i] += max(damping, _LEAST)
+    edges = low.tolist(), high.tolist()
+    step = _eliminated([row.copy() for row in damped], [-value for value in slope])
+    inside = step is not None and all(
+        lo * length <= s <= hi * length for s, length, lo, hi in zip(step, lengths, *edges, strict=True)
+    )
+    if step is None or not inside:
+        step = bounded_quadratic(np.array(damped), np.array(slope), low * lengths, high * lengths).tolist()
+    bent = [sum(map(mul, row, step)) for row in scaled]
+    gained = -sum(map(mul, step, slope)) - 0.5 * sum(map(mul, step, bent))
+    return np.array([s / length for s, length in zip(step, lengths, strict=True)]), gained
 
 
 def bounded_quadratic(curvature: Floats, slope: Floats, low: Floats, high: Floats) -> Floats:
@@ -151,12 +163,20 @@ def bounded_quadratic(curvature: Floats, slope: Floats, low: Floats, high: Float
 
 
 def _solved(curvature: Floats, slope: Floats) -> Floats:
-    """The s (p,) with A s = -b, A (p, p) positive definite: L D L^T in plain numbers, faster than a call of LAPACK."""
-    left, s = curvature.tolist(), (-slope).tolist()
+    """The s (p,) with A s = -b, A (p, p) positive definite."""
+    found = _eliminated(curvature.tolist(), (-slope).tolist())
+    return np.asarray(np.linalg.solve(curvature, -slope), np.float64) if found is None else np.array(found)
+
+
+def _eliminated(left: list[list[float]], s: list[float]) -> list[float] | None:
+    """The x (p,) with A x = s, A (p, p) positive definite; None where rounding makes it none. Changes both.
+
+    L D L^T in plain numbers, faster than a call of LAPACK.
+    """
     for k, row in enumerate(left):
         pivot = row[k]
-        if not pivot > 0.0:  # by rounding
-            return np.asarray(np.linalg.solve(curvature, -slope), np.float64)
+        if not pivot > 0.0:
+            return None
         for i in range(k + 1, len(s)):
             below = left[i]
             share = below[k] / pivot
@@ -168,4 +188,4 @@ def _solved(curvature: Floats, slope: Floats) -> Floats:
         for i in range(k + 1, len(s)):
             s[k] -= left[i][k] * s[i]
         s[k] /= left[k][k]
-    return np.array(s)
+    return s

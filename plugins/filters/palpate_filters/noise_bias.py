@@ -68,7 +68,7 @@ def noise_bias(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def _predicted(track: TrackEvidence) -> Floats | None:
-    """Predicted bias (k,); None where the track has none, or where nobody can tell."""
+    """Predicted bias (k,); None where the track has none, or where it cannot be determined."""
     if not isinstance(track.estimator, PaperStart | KinematicSettings) or not track.tip_mass:
         return None
     kinematic = isinstance(track.estimator, KinematicSettings)
@@ -157,7 +157,7 @@ def bias_step(process: InertialProcess) -> tuple[Step, Layout]:
 
     Filter state: gain covariance (nx nx), the joint covariance of e and psi~, psi (nx k), E[e], the model's memory.
     Sample: depth [m], rate [m/s], acceleration and its jump to the next sample [m/s^2], interval to it [s]. Settings:
-    theta (k), sigma_u and sigma_vel that the filter believes in, and the real ones.
+    theta (k), sigma_u and sigma_vel that the filter assumes, and the real ones.
     """
     import casadi as ca
 

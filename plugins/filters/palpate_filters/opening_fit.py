@@ -20,7 +20,7 @@ _FEWEST = 30  # samples
 _DEEPEST = 0.012  # [m] of surface above the highest position of the window
 _GRID = 49
 _NEAR = 1e-8  # [m]
-_BITS = 24  # of what a window tells
+_BITS = 24  # of what a window determines
 
 
 @dataclass(frozen=True)
@@ -57,12 +57,12 @@ def fit_start(
     prior: BiasPrior | None = None,
     lenient: bool = False,
 ) -> StartFit | None:
-    """Surface height and parameters by least squares on u + m z'' = F(d, d') + b; None where the window does not tell.
+    """Surface height and parameters by least squares on u + m z'' = F(d, d') + b; None where undetermined.
 
     For every surface height the parameters that the force is proportional to, and with a prior the bias b, follow from
     a linear fit, and the height from a search (Golub and Pereyra 1973). Parameters without such a role keep their
     guess. The surface may lie within the window's motion: out of contact the force is 0. A `lenient` fit takes a
-    viscosity that comes out as 0 for its own standard deviation, where otherwise the window does not tell.
+    viscosity that comes out as 0 for its own standard deviation, where otherwise the window does not determine it.
     """
     position, rate, force = _kinematics(mass, window)
     fitted = [i for i, parameter in enumerate(model.parameters) if parameter.role is not None]
@@ -125,15 +125,15 @@ def _with_bias(
         chart[:, 0] = np.sum(parts, axis=0)
     whole = np.column_stack([slope, chart, np.ones(len(slope))]) / prior.noise
     information = whole.T @ whole
-    told = np.r_[place.at("surface"), place["chart"].start + np.array(fitted), place.at("bias")]
-    known = information[np.ix_(told, told)].copy()
+    determined = np.r_[place.at("surface"), place["chart"].start + np.array(fitted), place.at("bias")]
+    known = information[np.ix_(determined, determined)].copy()
     known[-1, -1] += 1.0 / prior.std**2
     scale = np.sqrt(np.diag(known))
     scaled = known / np.outer(scale, scale)
     if np.linalg.cond(scaled) > 1e14:
         return None
     covariance = np.zeros((place.size, place.size))
-    covariance[np.ix_(told, told)] = np.linalg.inv(scaled) / np.outer(scale, scale)
+    covariance[np.ix_(determined, determined)] = np.linalg.inv(scaled) / np.outer(scale, scale)
     std = np.sqrt(np.diag(covariance))
     if std[place["chart"]][fitted[0]] > 1.0:  # the first parameter is lost in noise
         return None

@@ -41,7 +41,7 @@ def surprises(outputs: Floats, place: Layout) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True)
 class Carry:
-    """What is left of a stretch of contact when the next one begins."""
+    """What remains of a stretch of contact when the next one begins."""
 
     state: Floats | None  # the filter's; None before the first stretch
     surface: float  # [m], by the latest estimate
@@ -70,9 +70,9 @@ class Opening:
 
 @dataclass(frozen=True)
 class Stretch:
-    """What a filter did on samples without a pause between them."""
+    """What a filter did on some samples without a pause between them."""
 
     rows: slice  # in the block
-    samples: Samples
-    interval: Floats  # (m,) [s], 0 at the first of a stretch
-    outputs: Floats  # (m, ny)
+    interval: Floats  # (m,) [s], 0 where contact begins
+    surprises: tuple[Floats, Floats]  # NIS and normalised innovation (m,); NaN where nothing was measured
+    again: Callable[[], tuple[Floats, Floats]]  # the state after them, and the outputs (m, ny): the same bits again

@@ -1,8 +1,7 @@
-"""The kinematic smoother: what the whole record says of each of its samples, or what is known a little later."""
+"""The kinematic smoother: the estimate at each sample from the whole record, or from a little later."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import ClassVar
 
@@ -11,6 +10,7 @@ from palpate import ContactModel, Estimates, Floats, Problem, Samples, Status, T
 from pydantic import Field
 
 from palpate_filters.backward_step import backward_step
+from palpate_filters.filtered_rows import FilteredRows, KeptOutputs
 from palpate_filters.kernel import Kernel, compile_step
 from palpate_filters.kinematic_filter import (
     kinematic_process,
@@ -20,10 +20,9 @@ from palpate_filters.kinematic_filter import (
     opening,
 )
 from palpate_filters.kinematic_settings import KinematicSettings
-from palpate_filters.recursion import Recursion, Stretch, output_layout, surprises
-from palpate_filters.tracking import RecursiveTracker
+from palpate_filters.recursion import Recursion, Stretch, output_layout
+from palpate_filters.tracking import PIECE, RecursiveTracker
 
-_BLOCK = 2048  # samples that are smoothed at once
 _HOPS = 4  # a fixed-lag smoother looks between one lag and one lag and a quarter ahead
 
 
@@ -71,12 +70,15 @@ class _SmoothingTracker:
         self._place = output_layout(first.parameters, process.states)
         self._backward: Kernel = compile_step(backward_step(process))
         self._stretches: list[Stretch] = []
+        self._kept = KeptOutputs()
         self._known: list[tuple[Floats, Floats]] = []  # times (m,) [s] and smoothed states (m, n) of each stretch
 
+        def heard(stretch: Stretch, outputs: Floats) -> None:
+            self._kept.keep(stretch, outputs)
+            self._stretches.append(stretch)
+
         def forward(recursion: Recursion) -> RecursiveTracker:
-            return RecursiveTracker(
-                recursion, opening(settings, problem), self._stretches.append, known_causes(settings)
-            )
+            return RecursiveTracker(recursion, opening(settings, problem), heard, known_causes(settings))
 
         self._passes = [forward(first)]
         if again := settings.relinearisations(problem.model):
@@ -91,6 +93,8 @@ class _SmoothingTracker:
             if ((again.status & ~estimates.status) & Status.DIVERGED).any():
                 break
             estimates = again
+        self._stretches.clear()
+        self._known.clear()
         return estimates
 
     def _pass(self, forward: RecursiveTracker, samples: Samples) -> Estimates:
@@ -100,7 +104,8 @@ class _SmoothingTracker:
         self._known.clear()
         begins = [i for i, stretch in enumerate(self._stretches) if stretch.interval[0] == 0.0]
         for first, last in pairwise([*begins, len(self._stretches)]):
-            self._smooth(self._stretches[first:last], forward.noise, estimates)
+            self._smooth(samples, self._stretches[first:last], forward.noise, estimates)
+        self._kept.forget()
         return estimates
 
     def _known_states(self, samples: Samples) -> Floats:
@@ -112,34 +117,43 @@ class _SmoothingTracker:
             found[same] = states[rows[same]]
         return found
 
-    def _smooth(self, stretches: list[Stretch], noise: tuple[float | None, float | None], estimates: Estimates) -> None:
+    def _smooth(
+        self,
+        block: Samples,
+        stretches: list[Stretch],
+        noise: tuple[float | None, float | None],
+        estimates: Estimates,
+    ) -> None:
         place, at = self._place, self._place.at
-        samples = Samples.joined([stretch.samples for stretch in stretches])
-        interval = np.concatenate([stretch.interval for stretch in stretches])
         rows = slice(stretches[0].rows.start, stretches[-1].rows.stop)
+        samples, interval = block[rows], np.concatenate([stretch.interval for stretch in stretches])
         if (estimates.status[rows] & Status.DIVERGED).any():
             return
-        whole = _Rows([stretch.outputs for stretch in stretches])
+        whole, last = FilteredRows(stretches, self._kept), len(samples) - 1
         numbers = place.span("values", "force")
-        found = np.hstack([whole.of(0, len(samples), columns) for columns in (numbers, place["mean"])])
+        found = np.empty((len(samples), numbers.stop + self._states))
+        found[last] = np.hstack([whole.of(last, last + 1, columns) for columns in (numbers, place["mean"])])
         self._backwards(whole, interval, samples, np.array(noises(self._settings, *noise)), found[:-1])
         if not np.isfinite(
             found[:, place.span("values", "variances")]
         ).all():  # where a position is missing, so is the surface above it
             estimates.status[rows] |= np.uint32(Status.DIVERGED)
             return
-        self._known.append((samples.time, found[:, numbers.stop :]))
+        if len(self._passes) > 1:
+            self._known.append((samples.time, found[:, numbers.stop :].copy()))
         estimates.values[rows] = found[:, place["values"]]
         estimates.std[rows] = np.sqrt(np.maximum(found[:, place["variances"]], 0.0))
         estimates.surface[rows] = samples.position + found[:, at("depth")]
         estimates.surface_std[rows] = np.sqrt(np.maximum(found[:, at("depth_variance")], 0.0))
         estimates.force[rows] = found[:, at("force")]
-        pieces = [surprises(stretch.outputs, place) for stretch in stretches]
+        pieces = [stretch.surprises for stretch in stretches]
         estimates.nis[rows], estimates.innovation[rows] = map(np.concatenate, zip(*pieces, strict=True))
         estimates.status[rows] &= ~np.uint32(Status.WAITING | Status.IDLE)
 
-    def _backwards(self, filtered: _Rows, interval: Floats, samples: Samples, settings: Floats, found: Floats) -> None:
-        """Write what the smoother says of every sample but the last, and its states there."""
+    def _backwards(
+        self, filtered: FilteredRows, interval: Floats, samples: Samples, settings: Floats, found: Floats
+    ) -> None:
+        """Write the smoother's output at every sample but the last, and its states there."""
         time, count, columns = samples.time, len(samples) - 1, self._place.span("mean", "covariance")
         if not count:
             return
@@ -154,7 +168,7 @@ class _SmoothingTracker:
         lag = self._settings.lag
         if lag is None:
             state = filtered.of(count, count + 1, columns)[0]
-            for first, last in reversed(list(pairwise([*range(0, count, _BLOCK), count]))):
+            for first, last in reversed(list(pairwise([*range(0, count, PIECE), count]))):
                 state, found[first:last] = ran(state, first, last)
             return
         hop = lag / _HOPS
@@ -162,18 +176,3 @@ class _SmoothingTracker:
         for first, last in pairwise(sorted({0, *cuts, count})):
             end = min(int(np.searchsorted(time, time[last - 1] + lag)), count)
             found[first:last] = ran(filtered.of(end, end + 1, columns)[0], first, end)[1][: last - first]
-
-
-class _Rows:
-    """Rows of arrays (n, m) one after the other, which are too many to be joined."""
-
-    def __init__(self, parts: Sequence[Floats]) -> None:
-        self._parts = parts
-        self._begins = np.cumsum([0, *map(len, parts)]).tolist()
-
-    def of(self, first: int, last: int, columns: slice) -> Floats:
-        """Some columns of the rows from first to last."""
-        pairs = zip(self._parts, pairwise(self._begins), strict=True)
-        pieces = [part[max(first - begin, 0) : last - begin, columns] for part, (begin, end) in pairs
-                  if begin < last and first < end]  # fmt: skip
-        return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from palpate_filters.kernel import compile_step
 from palpate_filters.opening_fit import PAUSE
 from palpate_filters.recursion import MARKS, Carry, Opening, Recursion, Stretch, output_layout, surprises
 
+PIECE = 2000  # samples that a listener hears of at once
 _ELSEWHERE = 1e-3  # [m] along the surface: a touch there says nothing of the height here
 _FIRST, _DIVERGED = slice(0, 1), int(Status.DIVERGED)
 _ATTEMPTS = 15  # to start on a window, which has grown fourfold by then
@@ -35,7 +37,7 @@ class RecursiveTracker:
         self,
         recursion: Recursion,
         opening: Opening | None = None,
-        listener: Callable[[Stretch], None] | None = None,
+        listener: Callable[[Stretch, Floats], None] | None = None,
         details: Mapping[str, Any] | None = None,
     ) -> None:
         from palpate_filters.free_air import FreeAir
@@ -43,6 +45,7 @@ class RecursiveTracker:
         self.recursion = recursion
         self._place = output_layout(recursion.parameters)
         self._marks = [(self._place.at(name), int(mark)) for name, mark in MARKS.items()]
+        self._marked = self._place.span(next(iter(MARKS)), next(reversed(MARKS)))
         self._listener = listener
         self.opening = opening or Opening()
         self._kernel = compile_step(recursion.step)
@@ -97,8 +100,9 @@ class RecursiveTracker:
         values, std, rest = found[:, :k], found[:, k : 2 * k], found[0, 2 * k :]
         surface, surface_std, force, nis_, innovation_ = (rest[i : i + 1] for i in range(5))
         marks = np.array([status], np.uint32)
-        told = self._details
-        return Estimates(sample.time, values, std, surface, surface_std, force, nis_, marks, told, (), innovation_)
+        return Estimates(
+            sample.time, values, std, surface, surface_std, force, nis_, marks, self._details, (), innovation_
+        )
 
     def _listen(self, samples: Samples, until: int) -> None:
         """Learn the noise from free air before the first contact."""
@@ -150,14 +154,36 @@ class RecursiveTracker:
             estimates.status[rows.start] |= np.uint32(Status.RESUMED)
 
     def _advance(self, state: Floats, part: Samples, interval: Floats, settings: Floats, rows: slice) -> Floats:
-        state, outputs = self._kernel.run(state, self.recursion.inputs(part, interval), settings)
+        inputs = self.recursion.inputs(part, interval)
+        if self._listener is None:
+            state, outputs = self._kernel.run(state, inputs, settings)
+        else:
+            state, outputs = self._listened(self._listener, state, inputs, interval, settings, rows.start)
         self._carry = Carry(state, float(part.position[-1] + outputs[-1, self._place.at("depth")]))
-        if self._listener is not None:
-            self._listener(Stretch(rows, part, interval, outputs))
         return outputs
 
+    def _listened(
+        self,
+        listener: Callable[[Stretch, Floats], None],
+        state: Floats,
+        inputs: Floats,
+        interval: Floats,
+        settings: Floats,
+        row: int,
+    ) -> tuple[Floats, Floats]:
+        """State after, and outputs of, a part that begins at a row; a listener hears of it piece by piece."""
+        states = np.empty((len(inputs), self._place.size))  # states of all samples would take a kilobyte each
+        for first in range(0, len(inputs), PIECE):
+            piece = slice(first, first + PIECE)
+            again = partial(self._kernel.run, state, inputs[piece], settings)
+            state, outputs = again()
+            rows = _rows(row + first, len(outputs))
+            listener(Stretch(rows, interval[piece], surprises(outputs, self._place), again), outputs)
+            states[piece] = outputs[:, : self._place.size]
+        return state, states
+
     def _gather(self, part: Samples, rows: slice, begins: bool, settings: Floats, estimates: Estimates) -> None:
-        """Hold samples until there are enough to start on; then run over them, and tell only what is now."""
+        """Hold samples until there are enough to start on; then run over them, and report only the present."""
         if begins and self._gathered and _elsewhere(self._gathered[-1].samples, part):
             self._gathered, self._attempts = [], 0
         held = sum(len(piece.samples) for piece in self._gathered)
@@ -196,7 +222,7 @@ class RecursiveTracker:
         return np.concatenate(outputs)
 
     def _opened(self, whole: Samples) -> tuple[Floats, int] | None:
-        """First state and its row, as soon as a window is long and telling enough; windows grow by fifths.
+        """First state and its row, as soon as a window is long and informative enough; windows grow by fifths.
 
         What counts is the time in contact: touches that are each too short add up.
         """
@@ -220,13 +246,16 @@ class RecursiveTracker:
     ) -> None:
         place, at = self._place, self._place.at
         status = np.zeros(len(outputs), np.uint32)
-        for name, mark in MARKS.items():
-            status[outputs[:, at(name)] > 0.5] |= np.uint32(mark)
-        if before is not None:  # what went wrong while nobody was told
+        marked = outputs[:, self._marked] > 0.5
+        for column, mark in zip(marked.T, MARKS.values(), strict=True) if marked.any() else ():
+            status[column] |= np.uint32(mark)
+        if before is not None:  # what went wrong without a report
             self._diverged |= bool((before[:, at("diverged")] > 0.5).any())
-        broken = np.logical_or.accumulate((status & Status.DIVERGED > 0) | self._diverged)
-        self._diverged = bool(broken[-1])
-        status[broken] |= np.uint32(Status.DIVERGED)
+        broken = (status & _DIVERGED > 0) | self._diverged
+        if broken.any():
+            broken = np.logical_or.accumulate(broken)
+            self._diverged = True
+            status[broken] |= np.uint32(_DIVERGED)
         nis, innovation = surprises(outputs, place)
         columns = {
             "values": outputs[:, place["values"]],

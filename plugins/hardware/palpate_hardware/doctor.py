@@ -17,7 +17,7 @@ _MARKS = {"good": "ok  ", "note": "note", "bad": "BAD "}
 def doctor(
     file: Annotated[Path, typer.Argument(help="The pipeline file.")],
     overrides: Overrides = None,
-    duration: Annotated[float, typer.Option(help="How long to listen [s].", min=0.2)] = 2.0,
+    duration: Annotated[float, typer.Option(help="Listening time [s].", min=0.2)] = 2.0,
     as_json: JsonOption = False,
 ) -> None:
     """Connect every device and look: ports, rates, pauses, clocks, noise at rest, the limits. Nothing moves."""

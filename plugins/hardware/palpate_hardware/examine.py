@@ -37,7 +37,7 @@ class Finding:
 
 
 def examine(pipeline: Pipeline, duration: float) -> Iterator[Finding]:
-    """Connect every live device, listen for a while [s], judge; nothing is told to move."""
+    """Connect every live device, listen for a while [s], judge; nothing is commanded to move."""
     yield from _motion(pipeline)
     with ExitStack() as stack:
         links: dict[str, Link] = {}

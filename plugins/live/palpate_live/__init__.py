@@ -1,4 +1,4 @@
-"""See a run while it goes on: a page in the browser, a panel on the terminal, and the same page of a recorded run."""
+"""Watch a run live: a page in the browser, a panel on the terminal, and the same page of a recorded run."""
 
 from __future__ import annotations
 

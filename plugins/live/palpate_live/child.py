@@ -38,14 +38,14 @@ _PAGE = Served("live page", "palpate_live.server", "http")
 
 
 class Child:
-    """A server of the page in a process of its own; nothing that it does or fails to do holds up who sends."""
+    """A server of the page in a process of its own; nothing that it does or fails to do delays the sender."""
 
     def __init__(
         self, port: int, stop: Callable[[str], None] | None, patient: bool = False, served: Served = _PAGE
     ) -> None:
         """Listen on 127.0.0.1, start the process; raises OutputError where the port is taken.
 
-        `stop` is called from a thread when somebody asks for it on the page; a `patient` sender waits for the process.
+        `stop` is called from a thread on a request from the page; a `patient` sender waits for the process.
         """
         self.sent = self.dropped = 0
         self.lost: str | None = None  # why nothing goes there any more
@@ -68,7 +68,7 @@ class Child:
 
     @property
     def address(self) -> str:
-        """Where a browser finds the page; whoever knows it may look, and stop the run."""
+        """The page's address; anyone who knows it may look, and stop the run."""
         return f"{self.served.scheme}://127.0.0.1:{self.port}/{self.token}/"
 
     def _started(self, listener: socket.socket, theirs: socket.socket) -> subprocess.Popen[bytes]:

@@ -1,4 +1,4 @@
-"""What the page is told of each instant: one row, with the columns of the samples and those of every track."""
+"""What the page gets for each instant: one row, with the columns of the samples and those of every track."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Columns:
         return 2 * parameters + len(PER_TRACK)
 
     def of_samples(self, samples: Samples, rows: NDArray[np.intp]) -> Table:
-        """Rows (n, columns) of chosen samples; what tracks say is not known yet."""
+        """Rows (n, columns) of chosen samples; estimates are not known yet."""
         table = np.full((len(rows), self.count), np.nan, np.float32)
         table[:, 0] = samples.force[rows]
         table[:, 1] = samples.position[rows]
@@ -103,7 +103,7 @@ def _shown(parameter: Parameter) -> dict[str, Any]:
 
 
 def beyond(part: Mapping[str, Any]) -> float:
-    """What of a combined standard uncertainty [SI] the estimator does not know; NaN where nobody can tell it."""
+    """The part of a combined standard uncertainty [SI] that the estimator does not know; NaN where it is unknown."""
     if part["combined"] is None and part["std"] is not None:
         return math.nan
     return math.hypot(part["settling"] or 0.0, part.get("systematic") or 0.0)

@@ -1,7 +1,7 @@
-"""The process that serves a run to Foxglove: datagrams in, channels of JSON out; nobody can ask it for anything else.
+"""The process that serves a run to Foxglove: datagrams in, channels of JSON out; it accepts no other request.
 
-Foxglove's WebSocket protocol, of which palpate speaks what a viewer needs: serverInfo without any ability, advertise,
-subscribe, unsubscribe, and message data (opcode 1, uint32 subscription, uint64 time [ns], the message).
+Foxglove's WebSocket protocol, of which palpate implements what a viewer needs: serverInfo without any ability,
+advertise, subscribe, unsubscribe, and message data (opcode 1, uint32 subscription, uint64 time [ns], the message).
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class Channels:
         )
 
     def told(self, header: Header, rows: Rows | None, wanted: set[int], now: int) -> Iterator[Entry]:
-        """What a message of the run says; of rows only what somebody wants."""
+        """Contents of a message of the run; of rows only what is subscribed to."""
         kind = header["kind"]
         if kind == "rows" and rows is not None:
             yield from self._rows(header["stamp"] or now, rows, wanted)

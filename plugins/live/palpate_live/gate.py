@@ -87,7 +87,7 @@ def answer(request: Request, token: str) -> Response | None:
 
 
 def response(status: int, body: bytes, kind: str, host: str = "") -> Response:
-    """A response that tells the browser to trust nothing but this page."""
+    """A response that makes the browser trust nothing but this page."""
     policy = (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
         f"connect-src 'self'{f' ws://{host}' if host else ''}; "

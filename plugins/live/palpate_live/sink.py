@@ -1,4 +1,4 @@
-"""``[sink.live]`` shows a run on a page in the browser while it goes on, ``[sink.foxglove]`` in Foxglove."""
+"""``[sink.live]`` shows a run live on a page in the browser, ``[sink.foxglove]`` in Foxglove."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from palpate_live.feed import Feed
 class LiveSink(Sink):
     """Shows the run on a page in the browser, and ends it at a click: the arm retracts. It is no emergency stop.
 
-    The page is served on 127.0.0.1 by a process of its own, to whoever has the address that the run prints: it holds a
-    token. What that process does, or that it has gone, never holds up the run: messages that it does not take at once
-    are dropped and counted.
+    The page is served on 127.0.0.1 by a process of its own, to anyone who has the address that the run prints: it
+    contains a token. Nothing that process does, nor its end, ever delays the run: messages that it does not take at
+    once are dropped and counted.
     """
 
     port: int = Field(default=0, ge=0, le=65535, description="of 127.0.0.1 that the page is served on; 0: any free one")
 
     def open(self, run: Run) -> AbstractContextManager[Writer]:
-        """Start the page, and say on standard error where it is; raises OutputError where the port is taken."""
+        """Start the page, and print its address on standard error; raises OutputError where the port is taken."""
         return _opened(Child(self.port, run.stop), run)
 
 
@@ -33,13 +33,13 @@ class FoxgloveSink(Sink):
     """Shows the run in Foxglove, which connects to the address that is printed: it may look on, and do nothing else.
 
     Topics and names are those of a log of palpate's, so that one layout shows both. Served on 127.0.0.1 by a process of
-    its own, to whoever has the address: it holds a token. That process never holds up the run.
+    its own, to anyone who has the address: it contains a token. That process never delays the run.
     """
 
     port: int = Field(default=0, ge=0, le=65535, description="of 127.0.0.1 that is served; 0: any free one")
 
     def open(self, run: Run) -> AbstractContextManager[Writer]:
-        """Start serving, and say on standard error where; raises OutputError where the port is taken."""
+        """Start serving, and print the address on standard error; raises OutputError where the port is taken."""
         return _opened(Child(self.port, None, served=_FOXGLOVE), run)
 
 
@@ -54,8 +54,8 @@ def _opened(child: Child, run: Run) -> Iterator[Writer]:
         yield feed
         feed.flush()
     finally:
-        if (told := child.close()) is not None:
-            say(f"palpate: {told}")
+        if (notice := child.close()) is not None:
+            say(f"palpate: {notice}")
 
 
 def say(text: str) -> None:

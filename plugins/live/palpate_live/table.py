@@ -13,7 +13,7 @@ from palpate.host import EstimatesTable, RunFolder, TrackTable
 
 from palpate_live.feed import Feed
 
-_ROWS = 500  # that are told together
+_ROWS = 500  # that are sent together
 
 
 @dataclass(frozen=True)

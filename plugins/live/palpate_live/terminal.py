@@ -1,4 +1,4 @@
-"""The terminal while a run goes on: a panel four times a second, or a line every 5 s where there is no terminal."""
+"""The terminal during a run: a panel four times a second, or a line every 5 s where there is no terminal."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _PHASES = {"standstill": "standstill", "motion": "moving", "tripped": "stopped b
 
 @contextmanager
 def panel(pipeline: Pipeline) -> Iterator[Watcher]:
-    """Shows a run on standard error for as long as the context lives; a terminal that is stuck or gone stops nobody."""
+    """Shows a run on standard error while the context lives; a stuck or closed terminal does not stop the run."""
     from rich.console import Console
 
     watcher = Watcher(pipeline.run.name, {str(track.name): track.model.parameters for track in pipeline.tracks})
@@ -96,7 +96,7 @@ class Watcher:
             self._beyond[track] = np.array([beyond(part) for part in parts])
 
     def flags(self, track: str | None, flags: tuple[Flag, ...]) -> None:
-        """What now speaks against a track, or the record."""
+        """Current flags on a track, or the record."""
         self._flags[track] = flags
 
     def guard(self, state: GuardState) -> None:

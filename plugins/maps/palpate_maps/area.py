@@ -1,4 +1,4 @@
-"""Where a search may go: what it is told, the workspace, what the rig does not refuse."""
+"""Where a search may go: the given area, the workspace, what the rig does not refuse."""
 
 from __future__ import annotations
 

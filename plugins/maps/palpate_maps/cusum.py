@@ -1,4 +1,4 @@
-"""Cumulative sums: a sequential test that says while the tip moves where the stiffness has changed."""
+"""Cumulative sums: a sequential test that shows during the motion where the stiffness has changed."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ class Alarm:
     """A significant change of the mean."""
 
     rising: bool
-    since: int  # first block after the change, as the sum tells it
+    since: int  # first block after the change, by the sum
     at: int  # block that raised the alarm
     p: float  # chance of such a sum in a sweep without a change
 
 
 @dataclass
 class Cusum:
-    """Page's two cumulative sums over blocks, with a reference that starts itself and begins anew after each alarm.
+    """Page's two cumulative sums over blocks, with a self-starting reference that restarts after each alarm.
 
     z = (x - m)/(s sqrt(1 + 1/j)), m the mean of the j blocks since the last change (Hawkins 1987, with s known):
     standard normal and independent where nothing changes. U <- max(0, U + z - k) and D <- max(0, D - z - k)

@@ -16,7 +16,7 @@ class LumpSettings:
 
     rate: float = 0.005  # false-discovery rate; where there is no lump, the chance of finding one
     contrast: float = 0.04  # smaller ones are not reported, however significant
-    spread: float = 0.005  # standard deviation of the stiffness between sites that is always believed, relative
+    spread: float = 0.005  # standard deviation of the stiffness between sites that is always assumed, relative
     width: float = 4e-3  # [m] of a site: of the order of the contact's diameter
     method: SweepMethod = "prominence"  # along a sweep
 
@@ -37,7 +37,7 @@ class Lump:
 
 @dataclass(frozen=True)
 class Findings:
-    """The lumps of a run, and what they were told by."""
+    """The lumps of a run, and how they were found."""
 
     lumps: tuple[Lump, ...]
     background: float  # [SI]

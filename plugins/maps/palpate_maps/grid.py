@@ -79,7 +79,7 @@ def _significance(sites: Sites, mean: Floats, std: Floats, covered: NDArray[np.b
     """p-value of each cell (m,) against the baseline sites, and which are discoveries by the default settings of lumps.
 
     t = (mean - baseline)/sqrt(spread^2 (1 + 1/k) + std^2) with k - 1 degrees of freedom; Benjamini and Hochberg's
-    control over the covered cells, which holds for neighbours that are alike (Benjamini and Yekutieli 2001).
+    control over the covered cells, which is valid for neighbours that are alike (Benjamini and Yekutieli 2001).
     """
     from scipy import stats
 

@@ -72,7 +72,7 @@ def clusters(place: Floats, chosen: NDArray[np.bool_], reach: float) -> list[NDA
 
 
 def _visits(sites: Sites) -> NDArray[np.bool_]:
-    """(n,) point palpations that are not the stay from which a sweep goes on."""
+    """(n,) point palpations that are not the stay from which a sweep continues."""
     way = np.linalg.norm(np.diff(sites.place, axis=0), axis=1)
     goes_on = np.r_[sites.standing[:-1] & ~sites.standing[1:] & (way < _WIDTH), False]
     return np.asarray(sites.standing & ~goes_on)

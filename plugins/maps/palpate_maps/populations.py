@@ -13,7 +13,7 @@ _FEWEST = 4  # sites in a mode
 _DENSE = 0.2  # of the highest density that a lower mode has at least
 _RISE = 1.5  # ratio of widths that ends a mode
 _ROUNDS = 10
-_FIRST_BELOW = 8  # sites below a mode; with fewer its spread is not told from them
+_FIRST_BELOW = 8  # sites below a mode; with fewer its spread is not determined from them
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,11 @@ _LONGEST = 3.0  # median intervals; a longer one ends a line
 
 
 def relief_scatter(path: Path2D, standing: NDArray[np.bool_]) -> float:
-    """Standard deviation of a parameter along the way, relative, that comes of the skin's slopes; 0 where none is told.
+    """Standard deviation of a parameter along the way, relative, due to the skin's slopes; 0 where none is given.
 
     An estimator that gives its sensitivity [s/m] takes the tip's velocity for that of the depth, so that a slope s
     under a tip that goes v sideways is a velocity s v that nothing explains but another stiffness. Its surface, height
-    and depth together, follows the skin nevertheless, and tells s: the slope between pieces of 4 mm.
+    and depth together, follows the skin nevertheless, and shows s: the slope between pieces of 4 mm.
     """
     if path.surface is None or not path.relief_sensitivity or not (~standing).any():
         return 0.0

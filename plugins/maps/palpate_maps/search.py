@@ -53,7 +53,7 @@ def propose(
 
     A Gaussian process over what is known gives a mean and a standard deviation everywhere; places are taken one after
     the other. "suspicion": by the highest probability of a contrast above the threshold, and of the likely ones by the
-    highest mean plus standard deviation. "uncertainty": by the highest standard deviation. Each place is believed to
+    highest mean plus standard deviation. "uncertainty": by the highest standard deviation. Each place is assumed to
     come out as expected before the next is chosen (kriging believer, Ginsbourger et al. 2010). Nodes that are `taken`
     (m,) are left out; without nodes they are those of the box of the sites. Deterministic.
     """
@@ -102,7 +102,7 @@ def _near(nodes: Floats, places: Floats, apart: float) -> NDArray[np.bool_]:
 
 
 def _with(sites: Sites, place: Floats, log: float) -> Sites:
-    """Sites and one more, believed to be as expected."""
+    """Sites and one more, assumed to be as expected."""
     return Sites(
         np.vstack([sites.place, place]),
         np.append(sites.log, log),

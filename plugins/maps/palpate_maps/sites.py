@@ -1,4 +1,4 @@
-"""Sites: what an estimate along a way says of one place after the other."""
+"""Sites: an estimate along a path, place by place."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from palpate import Floats, LogError
 from palpate_maps.path import Path2D
 from palpate_maps.relief import relief_scatter
 
-_LOOK = 0.5  # [s] over which it is told whether the tip moves
+_LOOK = 0.5  # [s] over which it is decided whether the tip moves
 _SLOW = 5e-4  # [m/s]; below it stands
 _TAIL = 0.5  # [s] at the end of a stay that count
 _WARM = 1.0  # [s] from its first estimate that a filter is given to find its feet
-# What an estimator believes of its error is mostly common to neighbours and drops out of a difference. Of homogeneous
+# What an estimator assumes of its error is mostly common to neighbours and drops out of a difference. Of homogeneous
 # simulated sweeps, 0.3 (kinematic filter) to 0.8 (AFUKF) of it is left as scatter along the sweep.
 KEPT = 0.7
 _KEPT_LEAST = 0.2
-_KEPT_FEWEST = 12  # pieces of a stay that its scatter is told from
+_KEPT_FEWEST = 12  # pieces of a stay that determine its scatter
 _PAUSE = 0.3  # [s] without estimates that ends a stretch
 
 
@@ -29,7 +29,7 @@ class Sites:
 
     place: Floats  # (n, 2) [m]
     log: Floats  # (n,) logarithm of the parameter's SI value
-    std: Floats  # (n,) standard deviation of that logarithm, as the estimator believes it
+    std: Floats  # (n,) standard deviation of that logarithm, as the estimator gives it
     time: Floats  # (n,) [s]
     standing: NDArray[np.bool_]  # (n,) a point palpation, not a piece of a sweep
     kept: float = KEPT  # share of `std` that is scatter between neighbours, and not common to them
@@ -77,11 +77,11 @@ def sites_along(path: Path2D, spacing: float = 1e-3) -> Sites:
 
 
 def _kept(path: Path2D, standing: NDArray[np.bool_], spacing: float) -> float:
-    """Share of the believed standard deviation that is scatter, told from the stay before a sweep.
+    """Share of the estimator's standard deviation that is scatter, determined from the stay before a sweep.
 
     There the material does not change: what the estimate does, in pieces as long as the sweep takes for one site, is
-    scatter. A stay that is too short, or in which the estimate still settles, tells nothing: then what is known of
-    simulated sweeps holds.
+    scatter. A stay that is too short, or in which the estimate still settles, determines nothing: then the value
+    known from simulated sweeps applies.
     """
     moving = np.flatnonzero(~standing)
     if not len(moving):
@@ -170,7 +170,7 @@ def merged(sites: Sites, width: float) -> Sites:
 def line_coordinate(sites: Sites, tolerance: float = 2e-3) -> Floats | None:
     """(n,) [m] position along the straight line that the sites lie on, or None where they cover an area.
 
-    Along the axis that the line is nearest to, in its own coordinate: a sweep along y is told in y.
+    Along the axis that the line is nearest to, in its own coordinate: a sweep along y is given in y.
     """
     centred = sites.place - sites.place.mean(axis=0)
     spread = centred.T @ centred / max(len(sites), 1)

@@ -1,4 +1,4 @@
-"""Estimates along the way of a tip that moved sideways: what a track says of all places, not of the last one."""
+"""Estimates along the way of a tip that moved sideways: a track's estimates at all places, not at the last one."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Way:
     def add(self, time: Floats, place: Floats, numbers: Floats) -> None:
         """Estimates (n, columns) at times (n,) [s] and places (n, 2) [m]; those of no place are left out.
 
-        What stands for a place is the latest estimate before the tip leaves it.
+        A place gets the latest estimate before the tip leaves it.
         """
         rows = finite_rows(place)
         if not rows.any():
@@ -59,7 +59,7 @@ class Places:
     def add(self, samples: Samples, estimates: Estimates) -> None:
         """See `palpate.TrackSummary`."""
         if not finite_rows(samples.lateral).any():
-            return  # nobody says where the tip is
+            return  # the tip's place is not known
         known = ((estimates.status & Status.IDLE) == 0) & finite_rows(estimates.values)
         columns = (estimates.values, estimates.std, estimates.surface, estimates.surface_std)
         self._way.add(samples.time[known], samples.lateral[known], np.column_stack(columns)[known])
@@ -72,7 +72,7 @@ class Places:
 def along_the_way(result: TrackResult, model: ContactModel, way: Way) -> TrackResult:
     """The result with means over the places of 1 mm in place of the last sample, which stays as ``last``.
 
-    The standard deviation is that of one place, as the estimator believes it; how the places differ is a cause of
+    The standard deviation is that of one place, as the estimator gives it; how the places differ is a cause of
     uncertainty of its own, so that the combined one holds for any of them.
     """
     numbers, names, count = way.numbers, list(result.parameters), len(model.parameters)
@@ -119,7 +119,7 @@ def _derived(derived: Derived, model: ContactModel, values: Floats, last: Floats
 
 
 def _rescaled(row: BudgetRow, parameters: Mapping[str, Found]) -> BudgetRow:
-    """The estimator's and settling's rows say what they say of the mean; all others stay."""
+    """The estimator's and settling's rows are those of the mean; all others stay."""
     own: dict[str, Any] = {"estimator": lambda found: found.std, "settling": lambda found: found.settling}
     if row.source not in own:
         return row

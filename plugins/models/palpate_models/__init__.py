@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate import Command, lazily, plugin
+from palpate import Command, Diagnosis, FlagMeaning, lazily, plugin
 
 if TYPE_CHECKING:
     from palpate import Indenter
@@ -151,4 +151,22 @@ def palpate_commands() -> dict[str, Command]:
     return {
         "force": Command("palpate_models.force_command:force", "Force of a model and a tip over a ramp or a sine."),
         "thickness": Command("palpate_models.thickness_command:thickness", "Factor of a specimen's size, as a table."),
+    }
+
+
+@plugin
+def palpate_diagnoses() -> dict[str, Diagnosis]:
+    """What a record determines of a relaxing material."""
+    return {"at-rest": Diagnosis("palpate_models.at_rest:at_rest", quick=True)}
+
+
+@plugin
+def palpate_flags() -> dict[str, FlagMeaning]:
+    """What its flags mean."""
+    return {
+        "still-fading": FlagMeaning(
+            "doubtful",
+            "The slowest part of a spectrum of times fades as long as the record: what is slower is in E at rest.",
+            "Hold for five times the longest time found, or give E(t) within the record in place of E at rest.",
+        ),
     }

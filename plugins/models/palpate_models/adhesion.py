@@ -58,12 +58,11 @@ class JohnsonKendallRoberts(_Sticking):
     """A sphere on a half-space that sticks within the contact: soft material, large tip, strong adhesion.
 
     F = 4 E* a^3/(3 R) - sqrt(8 pi w E* a^3) with the contact radius a from d = a^2/R - sqrt(2 pi w a/E*), in closed
-    form (a quartic in sqrt(a)), E* = E/(1 - nu^2) and the work of adhesion w. Coming, the tip touches at d = 0 and is
-    drawn in with 8/9 of the largest pull, 1.5 pi w R; leaving, it holds on to d = -3/4 (pi^2 w^2 R/E*^2)^(1/3), where
-    it comes off with 5/6 pi w R. Below d = 0 the direction says which of both it is, so that a tip that turns there is
-    not followed.
-    Assumes a paraboloid on a homogeneous elastic half-space, small strain, no viscosity, a stiff robot (motion is
-    given, not force), the same w coming and leaving, and Tabor's parameter (see `dmt`) above 5.
+    form (a quartic in sqrt(a)), E* = E/(1 - nu^2) and the work of adhesion w. On approach, the tip touches at d = 0 and
+    is drawn in with 8/9 of the largest pull, 1.5 pi w R; leaving, it holds on to d = -3/4 (pi^2 w^2 R/E*^2)^(1/3),
+    where it comes off with 5/6 pi w R. Below d = 0 the direction says which of both it is, so that a tip that turns
+    there is not followed. Assumes a paraboloid on a homogeneous elastic half-space, small strain, no viscosity, a stiff
+    robot (motion is given, not force), the same w coming and leaving, and Tabor's parameter (see `dmt`) above 5.
     Source: Johnson, Kendall and Roberts 1971; Maugis 1992.
     """
 

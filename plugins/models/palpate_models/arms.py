@@ -29,7 +29,7 @@ def _arm(number: int) -> tuple[Parameter, Parameter]:
 
 
 class _GeneralisedMaxwell(Relaxing):
-    """A lasting spring and so many Maxwell arms as the parameters say."""
+    """A lasting spring and as many Maxwell arms as the parameters give."""
 
     def spectrum(self, theta: Sequence[Any]) -> Spectrum:
         """E + sum of E_k exp(-t/tau_k)."""
@@ -50,8 +50,8 @@ class GeneralisedMaxwell2(_GeneralisedMaxwell):
 
     F = 2 E/(1 - nu^2) A(d) + sum of q_k, dq_k/dt = 2 E_k/(1 - nu^2) a(d) d' - q_k/tau_k in contact and -q_k/tau_k out
     of it: the hereditary integral with E(t) = E + sum of E_k exp(-t/tau_k). One arm is `standard-linear-solid`.
-    Assumes what `standard-linear-solid` does. The arms are told from the fastest. Two times closer than a factor
-    of 3, or outside of what the record spans, cannot be told apart: the fits flag it.
+    Assumes what `standard-linear-solid` does. The arms are listed from the fastest. Two times closer than a factor
+    of 3, or outside of what the record spans, cannot be distinguished: the fits flag it.
     Source: Lee and Radok 1960; Popov and Hess 2015, chapter on viscoelastic contacts.
     """
 
@@ -95,7 +95,7 @@ class Burgers(Relaxing):
     and E_K and dampers n = 2 (1 + nu) eta and n_K = 2 (1 + nu) eta_K, p = n/E + n/E_K + n_K/E_K and
     s = sqrt(p^2 - 4 n n_K/(E E_K)): 1/tau_k = (p -+ s) E E_K/(2 n n_K), E_1 = (n - n n_K/(E_K tau_1))/s and
     E_2 = (n n_K/(E_K tau_2) - n)/s. Held at a depth the force fades to nothing; at a constant force the tip creeps on.
-    Assumes what `standard-linear-solid` does. Flow and delayed elasticity are told apart by records over both times.
+    Assumes what `standard-linear-solid` does. Flow and delayed elasticity are distinguished by records over both times.
     Source: Lee and Radok 1960; Findley, Lai and Onaran 1976, the relaxation modulus of Burgers' model.
     """
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -216,9 +216,17 @@ def _graded(fine: float, whole: float, count: int) -> Floats:
 
 
 def pressed(
-    cylinder: Cylinder, tip: Profile, depths: Floats, fine: int = 24, until: float = math.inf
+    cylinder: Cylinder,
+    tip: Profile | Callable[[float], Profile],
+    depths: Floats,
+    fine: int = 24,
+    until: float = math.inf,
 ) -> Iterator[float]:
-    """Force over Young's modulus [m^2] at rising depths (n,) [m]; raises NoEquilibriumError, also past `until` [s]."""
-    soft = SoftCylinder(cylinder, min(tip.reach, cylinder.diameter / 2), fine)
+    """Force over Young's modulus [m^2] at rising depths (n,) [m]; raises NoEquilibriumError, also past `until` [s].
+
+    A function gives the tip at a depth [m].
+    """
+    at = tip if callable(tip) else lambda _: tip
+    soft = SoftCylinder(cylinder, min(at(float(depths[-1])).reach, cylinder.diameter / 2), fine)
     for depth in depths.tolist():
-        yield soft.press(tip, depth, until)
+        yield soft.press(at(depth), depth, until)

@@ -103,10 +103,9 @@ class FractionalKelvinVoigt(_Fractional):
 
     F = 2/(1 - nu^2) int E(t - s) dA(d(s)) with E(t) = E + E_f (t/1 s)^-alpha, as a spring, a damper and ten Maxwell
     arms, F = 2 E_s/(1 - nu^2) A(d) + 4 eta_s/(1 - nu) a(d) d' + sum of q_k, within 1 % of E_f from `shortest` to
-    `longest` (see `power-law`). alpha near 1 is a damper: `dimensionality-reduction`.
-    Assumes what `power-law` does. Where alpha is small, E and E_f cannot be told apart by a short record: the fits flag
-    it.
-    Source: Lee and Radok 1960; Bagley and Torvik 1983; Mainardi 2010, fractional Kelvin-Voigt model.
+    `longest` (see `power-law`). alpha near 1 is a damper: `dimensionality-reduction`. Assumes what `power-law` does.
+    Where alpha is small, E and E_f cannot be distinguished by a short record: the fits flag it. Source: Lee and Radok
+    1960; Bagley and Torvik 1983; Mainardi 2010, fractional Kelvin-Voigt model.
     """
 
     parameters: ClassVar[tuple[Parameter, ...]] = (LASTING_ELASTICITY, _FADING, _POWER)

@@ -46,7 +46,7 @@ class Poroelastic(Relaxing):
     spring and ten arms q_k whose rates go with D/a(d)^2, within 0.02 for x > 0.003, a no less than at 0.1 mm.
     Assumes a half-space, no friction, solvent that drains at the surface beside the tip, and a press that is fast
     against a^2/D: the theory is that of a hold; for motion beyond it a is that of the moment. Unlike what
-    `standard-linear-solid` does, a larger contact relaxes more slowly: two depths, or two tips, tell them apart, one
+    `standard-linear-solid` does, a larger contact relaxes more slowly: two depths, or two tips, distinguish them, one
     hold does not.
     Source: Hu, Zhao, Vlassak and Suo 2010.
     """

@@ -34,7 +34,7 @@ class Spectrum:
 
 
 class Relaxing(ContactModel):
-    """A linear material that relaxes, pressed by any axisymmetric tip; a model says its `spectrum`.
+    """A linear material that relaxes, pressed by any axisymmetric tip; a model gives its `spectrum`.
 
     F = 2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' + sum of q_k with an internal state q_k [N] for each arm,
     dq_k/dt = 2 E_k/(1 - nu^2) a(d) d' - q_k/tau_k in contact and -q_k/tau_k out of it.
@@ -122,8 +122,8 @@ class DimensionalityReductionMaxwell(Relaxing):
     F = 2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' + q with the internal state q [N],
     dq/dt = 2 E_1/(1 - nu^2) a(d) d' - q/tau in contact and -q/tau out of it: the hereditary integral with the
     relaxation modulus E + E_1 exp(-t/tau), and a damper beside it. E is the elasticity at rest (E_inf); fast motion
-    feels E_0 = E + E_1, which is told beside it.
-    Assumes what `standard-linear-solid` does. Damper and arm are told apart by motion on both sides of 1/tau: a
+    feels E_0 = E + E_1, which is reported beside it.
+    Assumes what `standard-linear-solid` does. Damper and arm are distinguished by motion on both sides of 1/tau: a
     press or a step and an oscillation.
     Source: paper, eq. TotalForce; Lee and Radok 1960; Popov and Hess 2015, chapter on viscoelastic contacts.
     """

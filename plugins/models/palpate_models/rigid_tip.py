@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 from palpate import Floats
 
+_EDGE = 0.1  # of a flat tip's radius, over which its edge is rounded
+_ROUND = 1.2  # radii out to which a rounded flat tip may touch
+
 
 @dataclass(frozen=True)
 class Profile:
@@ -18,6 +21,34 @@ class Profile:
     slope: Callable[[Floats], Floats]
     reach: float  # [m] radius out to which it may touch
     sticking: bool = False  # the surface does not slide on it
+
+
+def rounded_flat(radius: float, depth: float, sticking: bool = False) -> tuple[Profile, float]:
+    """A flat tip whose rounded edge touches out to a radius [m] at a depth [m] of a half-space, and its area A [m^2].
+
+    An edge makes the pressure endless, which no elements bear: f(r) = (r - b)^2/(2 e) beyond the face of radius b,
+    e a tenth of the radius, with b from g(radius) = depth, g(x) = x/e (sqrt(x^2 - b^2) - b arccos(b/x)) the reduced
+    profile. A = int (depth - g) from 0 to the radius, so that the force on a half-space is 2 E* A.
+    """
+    from scipy.integrate import quad
+    from scipy.optimize import brentq
+
+    edge = _EDGE * radius
+
+    def reduced(x: float, b: float) -> float:
+        return x / edge * (np.sqrt(x**2 - b**2) - b * np.arccos(b / x)) if x > b else 0.0
+
+    solve: Any = brentq  # its annotations want numpy's floats
+    face = float(solve(lambda b: reduced(radius, b) - depth, 1e-3 * radius, radius))
+    area = depth * radius - float(quad(reduced, face, radius, args=(face,))[0])
+
+    def height(r: Floats) -> Floats:
+        return np.asarray(np.maximum(np.abs(r) - face, 0.0) ** 2 / (2.0 * edge))
+
+    def slope(r: Floats) -> Floats:
+        return np.asarray(np.sign(r) * np.maximum(np.abs(r) - face, 0.0) / edge)
+
+    return Profile(height, slope, _ROUND * radius, sticking), area
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ import typer
 from palpate import ConfigurationError, Floats, Indenter, tip_profile, to_si
 from palpate.host import JsonOption, Source, build_parts, print_json, write_new
 
+from palpate_models.indenters import Flat
+
 if TYPE_CHECKING:
     from palpate_models.finite_elements import Cylinder
     from palpate_models.rigid_tip import Profile
@@ -20,7 +22,7 @@ _BEYOND = 1.6  # contact radii out to which the surface is looked at
 _FIRST = 0.3  # contact radius of the first row, over that of the last: less, and it spans few elements
 _SCATTER = 0.03  # of rows about their curve: more, and they are no table
 _DEEPER = 4.0  # depths out to which the tip's profile is known
-_NO_SHAPE = ("Flat", "TruncatedCone", "TiltedFlat", "NeoHookeanSphere")
+_NO_SHAPE = ("TruncatedCone", "TiltedFlat", "NeoHookeanSphere")
 
 
 def thickness(
@@ -42,8 +44,9 @@ def thickness(
     """Compute by how much a specimen of a size is stiffer than a half-space, for `thickness = { table = "..." }`.
 
     Finite elements, axisymmetric, neo-Hookean, nearly incompressible, large deformations, contact without friction;
-    some seconds for each row. The factor is the force over that of the tip on a half-space at small strain. Where no
-    equilibrium is found, or the time is over, the table ends at the last depth that was reached, and this is said.
+    some seconds for each row. A flat tip's edge is rounded over a tenth of its radius. The factor is the force over
+    that of the tip on a half-space at small strain. Where no equilibrium is found, or the time is over, the table ends
+    at the last depth that was reached, and this is said.
     """
     from palpate_models.finite_elements import Cylinder
     from palpate_models.thickness_table import smoothed, table_text, tip_facts
@@ -57,12 +60,13 @@ def thickness(
     cylinder = Cylinder(sizes["diameter"], sizes["height"], bonded)
     factors, stopped = _rows(cylinder, indenter, profile, depths, fine, _seconds(limit))
     reached = depths[: len(factors)]
-    smooth, scatter = smoothed(reached, factors)
+    smooth, scatter, at_touch = smoothed(reached, factors, isinstance(indenter, Flat))
     if scatter > _SCATTER:
         raise ConfigurationError(f"palpate thickness: the rows scatter by {scatter:.1%}; take more elements (--fine)")
     facts = {
         "tip": tip_facts(indenter), "diameter": sizes["diameter"], "height": sizes["height"], "bonded": bonded,
         "sticking": sticking, "elements": fine, "scatter": float(f"{scatter:.2g}"),
+        **({"at_touch": float(f"{at_touch:.6g}")} if isinstance(indenter, Flat) else {}),
     }  # fmt: skip
     write_new(out, table_text(facts, reached, smooth))
     if as_json:
@@ -106,20 +110,29 @@ def _rows(
 def _factors(
     cylinder: Cylinder, tip: Indenter, profile: Profile, depths: Floats, fine: int, seconds: float
 ) -> Iterator[float | str]:
-    """Factors, told as they come; last, where not all are found, why."""
+    """Factors, reported as they come; last, where not all are found, why."""
     from palpate_models.finite_elements import NoEquilibriumError, pressed
 
     began = time.monotonic()
-    forces = pressed(cylinder, profile, depths, fine, began + seconds)
+    forces = pressed(cylinder, lambda depth: _shape(tip, profile, depth)[0], depths, fine, began + seconds)
     for number, depth in enumerate(depths.tolist(), start=1):
         try:
-            factor = next(forces) / (8.0 / 3.0 * float(tip.profile_area(depth)))
+            factor = next(forces) / (8.0 / 3.0 * _shape(tip, profile, depth)[1])
         except NoEquilibriumError as error:
             yield str(error)
             return
-        told = f"{number}/{len(depths)}: {1e3 * depth:.4g} mm: {factor:.4f} ({time.monotonic() - began:.0f} s)"
-        typer.echo(told, err=True)
+        line = f"{number}/{len(depths)}: {1e3 * depth:.4g} mm: {factor:.4f} ({time.monotonic() - began:.0f} s)"
+        typer.echo(line, err=True)
         yield factor
+
+
+def _shape(tip: Indenter, profile: Profile, depth: float) -> tuple[Profile, float]:
+    """The tip as the elements take it at a depth, and its area A [m^2]: on a half-space the force is 2 E* A."""
+    from palpate_models.rigid_tip import rounded_flat
+
+    if isinstance(tip, Flat):
+        return rounded_flat(tip.radius, depth, profile.sticking)
+    return profile, float(tip.profile_area(depth))
 
 
 def _seconds(text: str) -> float:
@@ -156,8 +169,10 @@ def _profile(indenter: Indenter, depth: float, sticking: bool) -> Profile:
     """The tip's shape out to where it may touch, straight on beyond what is known of it."""
     from scipy.interpolate import CubicSpline
 
-    from palpate_models.rigid_tip import Profile
+    from palpate_models.rigid_tip import Profile, rounded_flat
 
+    if isinstance(indenter, Flat):
+        return rounded_flat(indenter.radius, depth, sticking)[0]
     radii, heights = tip_profile(indenter, _DEEPER * depth, 400)
     shape = CubicSpline(radii, heights)
     last, top, rise = float(radii[-1]), float(heights[-1]), float(shape(radii[-1], 1))

@@ -23,17 +23,18 @@ _WORST = 5e-3  # by which the polynomial may miss a row
 
 @dataclass(frozen=True)
 class ThicknessTable:
-    """c(d) = sum of c_i (d/d_max)^(i/2), with c_0 = 1, and what it was made for."""
+    """c(d) = sum of c_i (d/d_max)^(i/2), with c_0 = 1 but for flat tips, and what it was made for."""
 
     facts: dict[str, Any]
     deepest: float  # [m]
     coefficients: tuple[float, ...]
     worst: float  # relative difference of the polynomial to a row
+    at_touch: float = 1.0  # c_0
 
     def factor(self, depth: Any) -> tuple[Any, Any]:
         """c(d), and d c'(d)."""
         x = (depth / self.deepest) ** 0.5
-        value, slope, power = 1.0, 0.0, 1.0
+        value, slope, power = self.at_touch, 0.0, 1.0
         for i, coefficient in enumerate(self.coefficients, start=1):
             power = power * x
             value, slope = value + coefficient * power, slope + 0.5 * i * coefficient * power
@@ -90,23 +91,32 @@ def read_table(path: Path) -> ThicknessTable:
     return _fitted(facts, depth, factor, path)
 
 
-def smoothed(depths: Floats, factors: Floats) -> tuple[Floats, float]:
-    """The curve of a table at the depths of its rows, and by how much, relatively, it misses the worst of them."""
-    _, curve, worst = _curve(depths, factors, _SMOOTH)
-    return curve, worst
+def smoothed(depths: Floats, factors: Floats, flat: bool = False) -> tuple[Floats, float, float]:
+    """The curve of a table at the depths of its rows, by how much, relatively, it misses the worst, and c_0.
+
+    A flat tip touches with all of its face at once: its c_0 is what the rows go to, by a line in the depth.
+    """
+    at_touch = 1.0
+    if flat:
+        at_touch = float(np.polynomial.Polynomial.fit(depths, factors, 1)(0.0))
+    _, curve, worst = _curve(depths, factors, _SMOOTH, at_touch)
+    return curve, worst, at_touch
 
 
-def _curve(depth: Floats, factor: Floats, degree: int) -> tuple[Floats, Floats, float]:
+def _curve(depth: Floats, factor: Floats, degree: int, at_touch: float) -> tuple[Floats, Floats, float]:
     x = np.sqrt(depth / depth[-1])
     matrix = np.column_stack([x**i for i in range(1, min(degree, len(depth) - 1) + 1)])
-    found = np.linalg.lstsq(matrix / factor[:, None], (factor - 1.0) / factor, rcond=None)[0]
-    curve: Floats = np.asarray(1.0 + matrix @ found, float)
+    found = np.linalg.lstsq(matrix / factor[:, None], (factor - at_touch) / factor, rcond=None)[0]
+    curve: Floats = np.asarray(at_touch + matrix @ found, float)
     return np.asarray(found, float), curve, float(np.max(np.abs(curve / factor - 1.0)))
 
 
 def _fitted(facts: dict[str, Any], depth: Floats, factor: Floats, path: Path) -> ThicknessTable:
     deepest = float(depth[-1])
-    found, _, worst = _curve(depth, factor, _DEGREE)
+    at_touch = facts.get("at_touch", 1.0)
+    if isinstance(at_touch, bool) or not isinstance(at_touch, int | float) or not 0 < at_touch < math.inf:
+        raise ValueError(f"table {path}: at_touch is the factor at no depth, a number above 0, not {at_touch!r}")
+    found, _, worst = _curve(depth, factor, _DEGREE, at_touch)
     if not math.isfinite(worst) or worst > _WORST:
         raise ValueError(f"table {path}: the factors are no smooth curve: a row is {worst:.1%} off")
-    return ThicknessTable(facts, deepest, tuple(float(c) for c in found), worst)
+    return ThicknessTable(facts, deepest, tuple(float(c) for c in found), worst, at_touch)

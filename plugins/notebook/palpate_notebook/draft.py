@@ -45,7 +45,7 @@ class Draft:
         """Run it; without a `folder` nothing of it stays, but what a live robot did, which goes to runs/.
 
         Raises ConfigurationError with every mistake of the file, DeviceError where a device fails, StoppedError where
-        somebody stops it.
+        the user stops it.
         """
         from palpate_notebook.running import execute
 

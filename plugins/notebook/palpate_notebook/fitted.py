@@ -19,7 +19,7 @@ class Fit:
     """What one fit found."""
 
     def __init__(self, run: FinishedRun) -> None:
-        self.run = run  # everything else that a run tells
+        self.run = run  # everything else that a run gives
         self.track: TrackView = run[next(iter(run))]
 
     @property
@@ -32,12 +32,12 @@ class Fit:
 
     @property
     def elasticity(self) -> Quantity:
-        """Young's modulus [Pa]; raises ConfigurationError where the model does not tell it."""
+        """Young's modulus [Pa]; raises ConfigurationError where the model does not give it."""
         return self.track.elasticity
 
     @property
     def viscosity(self) -> Quantity:
-        """The material's viscosity [Pa s]; raises ConfigurationError where the model does not tell it."""
+        """The material's viscosity [Pa s]; raises ConfigurationError where the model does not give it."""
         return self.track.viscosity
 
     @property
@@ -47,7 +47,7 @@ class Fit:
 
     @property
     def flags(self) -> tuple[Flag, ...]:
-        """What speaks against it."""
+        """Its flags."""
         return self.track.flags
 
     @property

@@ -30,7 +30,7 @@ class MapView:
     parameter: str
     unit: str  # SI
     sites: Sites
-    findings: Findings | None  # None where there are too few sites to tell
+    findings: Findings | None  # None where there are too few sites
     field: StiffnessMap | None  # None along a line
     outlines: tuple[Floats, ...] = ()  # of what a simulated rig hides
 
@@ -56,7 +56,7 @@ class MapView:
 
     @property
     def lumps(self) -> pandas.DataFrame:
-        """A row for each lump: place [m], contrast, its std, p; none where there are too few sites to tell."""
+        """A row for each lump: place [m], contrast, its std, p; none where there are too few sites."""
         found = self.findings.lumps if self.findings is not None else ()
         rows = [
             {"x": lump.place[0], "y": lump.place[1], "contrast": lump.contrast, "std": lump.contrast_std, "p": lump.p}

@@ -33,7 +33,7 @@ class Columns:
         return found.hexdigest()
 
 
-# By digest, for as long as somebody holds the record: a pipeline names its readings by what is in them.
+# By digest, for as long as the record is in use: a pipeline names its readings by what is in them.
 _HELD: WeakValueDictionary[str, Columns] = WeakValueDictionary()
 
 

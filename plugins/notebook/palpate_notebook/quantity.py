@@ -21,8 +21,8 @@ class Quantity:
 
     name: str
     value: float
-    std: float  # standard deviation, as the estimator believes it
-    combined: float  # standard uncertainty of all parts together; NaN where nobody can tell it
+    std: float  # standard deviation, as the estimator gives it
+    combined: float  # standard uncertainty of all parts together; NaN where it is not known
     unit: str
     budget: Mapping[str, float] = field(default_factory=dict)  # standard uncertainty by source
     caveat: str = ""  # what has to hold where it follows from other parameters

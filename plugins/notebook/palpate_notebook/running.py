@@ -64,7 +64,7 @@ class Kept:
 
 @contextmanager
 def quietly() -> Iterator[None]:
-    """Numbers that are out of range become flags, in words; numpy's own warnings say nothing more."""
+    """Numbers that are out of range become flags, in words; numpy's own warnings add nothing."""
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)
         yield
@@ -73,7 +73,7 @@ def quietly() -> Iterator[None]:
 def execute(pipeline: Pipeline, folder: Path | None, holds: object = None) -> FinishedRun:
     """Run a pipeline; without a `folder` into one that goes with the result, or, of live devices, into runs/.
 
-    The result keeps what it `holds`. Raises UserError, and StoppedError where somebody stopped the run.
+    The result keeps what it `holds`. Raises UserError, and StoppedError where the run was stopped.
     """
     for notice in pipeline.registry.notices:
         warnings.warn(notice, stacklevel=3)

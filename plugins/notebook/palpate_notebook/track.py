@@ -42,12 +42,12 @@ class TrackView:
 
     @property
     def elasticity(self) -> Quantity:
-        """Young's modulus [Pa]; raises ConfigurationError where the model does not tell it."""
+        """Young's modulus [Pa]; raises ConfigurationError where the model does not give it."""
         return self["elasticity"]
 
     @property
     def viscosity(self) -> Quantity:
-        """The material's viscosity [Pa s]; raises ConfigurationError where the model does not tell it."""
+        """The material's viscosity [Pa s]; raises ConfigurationError where the model does not give it."""
         return self["viscosity"]
 
     @property
@@ -62,7 +62,7 @@ class TrackView:
 
     @property
     def flags(self) -> tuple[Flag, ...]:
-        """What speaks against it, those of the whole record among them."""
+        """Its flags, those of the whole record among them."""
         return read_flags(self.document["flags"])
 
     @property

@@ -23,7 +23,7 @@ class Run:
     group: str
     record: Record
     verdict: RunVerdict
-    place: tuple[float, float] | None  # [m] where it was palpated; None for a sweep, or where nobody knows
+    place: tuple[float, float] | None  # [m] where it was palpated; None for a sweep, or where it is not known
 
     @property
     def tracks(self) -> Mapping[str, Any]:

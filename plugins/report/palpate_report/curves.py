@@ -13,7 +13,7 @@ from palpate_report.reading import Record
 
 _WARM = 1.0  # [s] from its first estimate in which a filter finds its feet
 _SWEPT = 2e-3  # [m] from which on the places of a run make a map
-_LOOK = 0.5  # [s] over which it is told whether the tip moves
+_LOOK = 0.5  # [s] over which it is decided whether the tip moves
 _SLOW = 5e-4  # [m/s]; below it stands
 _LINE = 0.1  # of the length of a way, below which its width makes it a line
 

@@ -1,4 +1,4 @@
-"""What a run folder holds, whole or not: the one thing that report and pictures are made from."""
+"""Contents of a run folder, complete or not: the one source of report and pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers and texts of a report, as people read them."""
+"""Numbers and texts of a report, as readers see them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The verdict: whether a run's numbers can be trusted, which track says so, and why."""
+"""The verdict: whether a run's numbers can be trusted, by which track, and why."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class TrackVerdict:
 
 @dataclass(frozen=True)
 class RunVerdict:
-    """What to do with a run: the best that one of its tracks is good for, and the verdict on every track."""
+    """What to do with a run: the best verdict of its tracks, and the verdict on every track."""
 
     level: Level
     tracks: tuple[TrackVerdict, ...]
@@ -49,7 +49,7 @@ def judge(record: Record) -> RunVerdict:
     """The verdict on a run, whether it has a result or not.
 
     A track is as good as the worst severity among its flags. A value without a known uncertainty, and a track that
-    others of its model contradict, are to be looked at, whatever their flags say.
+    others of its model contradict, are to be looked at, whatever their flags.
     """
     if record.why_not is not None:
         return RunVerdict(LEVELS[2], (), (record.why_not,))
@@ -86,7 +86,7 @@ def contradicted(record: Record, trusted: Sequence[str]) -> dict[str, str]:
 
     Two tracks contradict each other where they lie further apart than twice the larger combined uncertainty: at a
     point their values, on a sweep their estimates in more than a fifth of the places. The one with which most others
-    disagree is named; where two stand against each other, both are.
+    disagree is named; where two contradict each other, both are.
     """
     pairs = {
         (first, second): names

@@ -1,4 +1,4 @@
-"""Reproduction: a paper's tables and figures, each as settings, made anew from the recordings and held against them."""
+"""A paper's tables and figures, each as settings, reproduced from recordings and compared with them."""
 
 from __future__ import annotations
 

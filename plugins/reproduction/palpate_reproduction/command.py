@@ -1,4 +1,4 @@
-"""``palpate reproduce``: palpate | paper | ratio, for every table and figure that holds a number."""
+"""``palpate reproduce``: palpate | paper | ratio, for every table and figure that contains a number."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ def reproduce(
     stage: StageOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Make the paper's tables and figures anew and hold them against the published numbers, each with its tolerance.
+    """Reproduce the paper's tables and figures and compare them with the published numbers, each with its tolerance.
 
-    Fetches nothing: recordings that are not in the folder are named, with where a person gets them, and skipped. What
-    comes from simulated data is marked and never counts as reproduced. Ends with 1 where a number is outside of its
-    tolerance, or could not be made.
+    Fetches nothing: recordings that are not in the folder are named, with their source, and skipped. Results
+    from simulated data are marked and never count as reproduced. Ends with 1 where a number is outside its tolerance,
+    or could not be made.
     """
     demand_scheduler(scheduler, stage)
     paper = paper if scheduler is None else paper.resolve()

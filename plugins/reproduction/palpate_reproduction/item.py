@@ -24,7 +24,7 @@ class _Strict(BaseModel):
 
 
 class Recording(_Strict):
-    """A public file of the paper's authors, with the delays that its time-stamps do not tell."""
+    """A public file of the paper's authors, with the delays that its time-stamps do not contain."""
 
     repository: str
     commit: str
@@ -42,7 +42,7 @@ class Recording(_Strict):
 
 
 class Published(_Strict):
-    """One number of the paper, and how it is made anew."""
+    """One number of the paper, and how it is reproduced."""
 
     row: str  # what it is of, such as "S2, R 5 mm"
     quantity: str  # parameter of the model, or: rss, rms, nis, lumps, or "flag CODE", which is 1 where it is raised
@@ -114,12 +114,12 @@ def load_recordings(paper: Path) -> dict[str, Recording]:
 
 
 def demand_known(items: Sequence[Item], recordings: Mapping[str, Recording]) -> None:
-    """Raise ConfigurationError where an item asks for a recording that nobody describes."""
+    """Raise ConfigurationError where an item asks for a recording that is not described."""
     for item in items:
         for row in item.published:
             if row.recording and row.recording not in recordings:
-                told = f"{item.label}: there is no recording {row.recording!r}{suggest(row.recording, recordings)}"
-                raise ConfigurationError(told)
+                message = f"{item.label}: there is no recording {row.recording!r}{suggest(row.recording, recordings)}"
+                raise ConfigurationError(message)
 
 
 def _read(path: Path, kind: type[T]) -> T:

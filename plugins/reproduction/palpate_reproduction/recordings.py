@@ -40,7 +40,7 @@ def how_to_get(recordings: Iterable[Recording]) -> str:
 
 
 def _size(path: Path) -> int:
-    """Size of a file's contents [bytes], unpacked; as gzip tells it, modulo 2^32."""
+    """Size of a file's contents [bytes], unpacked; as gzip states it, modulo 2^32."""
     if path.suffix != ".gz":
         return path.stat().st_size
     with path.open("rb") as file:

@@ -1,4 +1,4 @@
-"""A delay and a law of the material together: several frequencies tell them apart, one cannot."""
+"""A delay and a law of the material together: several frequencies distinguish them, one cannot."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from palpate_spectra.consistency import covariance_of, stacked
 from palpate_spectra.lines import Phasors
 from palpate_spectra.moduli import Line
 
-_REFERENCE = 2 * math.pi  # [rad/s] at which a power law's modulus is told: 1 Hz
+_REFERENCE = 2 * math.pi  # [rad/s] at which a power law's modulus is given: 1 Hz
 _MOST = 0.2  # [s] of delay, and less than half a period of the highest line
 
 
@@ -44,7 +44,7 @@ class LawFit:
 
     @property
     def p(self) -> float:
-        """Of so large a chi^2 if the law holds."""
+        """Probability of so large a chi^2 if the law is valid."""
         from scipy.stats import chi2
 
         return float(chi2.sf(self.chi2, self.freedom)) if self.freedom > 0 else math.nan

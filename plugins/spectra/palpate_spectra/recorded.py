@@ -30,7 +30,7 @@ _GAP = 2.5  # of the usual interval
 _AIR = 50  # samples in air from which on the touch is known
 _RESOLVED = 0.4  # of the way from the touch to five times the noise
 _MASS = 0.05  # of itself, where no uncertainty of the tip's mass is declared
-_STIFFNESS = 0.1  # of itself: nobody declares how well the stiffness of a rig is known
+_STIFFNESS = 0.1  # of itself: the uncertainty of a rig's stiffness is never declared
 
 
 # Of what the run itself flags: what speaks against the readings or the surface, not against the model of its track.
@@ -151,7 +151,7 @@ def _track(pipeline: Pipeline, wanted: str | None, path: Path) -> str:
 
 
 def has_tip(model: ContactModel) -> bool:
-    """Whether a model says what tip presses, and Poisson's ratio."""
+    """Whether a model declares its tip, and Poisson's ratio."""
     return getattr(model, "indenter", None) is not None and hasattr(model, "poisson")
 
 
@@ -171,15 +171,15 @@ def _stretch(samples: Samples, path: Path) -> tuple[Samples, slice]:
 
 
 def _surface_std(std: float, samples: Samples, surface: float) -> float:
-    """The track's own uncertainty, and how far the skin lay from there when the force first told of it.
+    """The track's own uncertainty, and how far the skin lay from there when the force first showed it.
 
-    A track's surface is that of its model, and a material that relaxes moves it by more than the track's uncertainty.
+    A track's surface is that of its model, and a relaxing material moves it by more than the track's uncertainty.
     """
     return math.hypot(std if math.isfinite(std) else 0.0, beyond(touch_of(samples), surface))
 
 
 def beyond(touch: tuple[float, float] | None, surface: float) -> float:
-    """How much farther [m] than the touch can tell a surface is from there; 0 where nothing tells."""
+    """How much farther [m] a surface is from the touch than the touch allows; 0 where that is unknown."""
     return 0.0 if touch is None else max(abs(touch[0] - surface) - touch[1], 0.0)
 
 

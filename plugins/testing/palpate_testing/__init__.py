@@ -1,4 +1,4 @@
-"""Conformance checks for parts of your own: call one in a test; it raises AssertionError that says what is wrong.
+"""Conformance checks for parts of your own: call one in a test; it raises AssertionError with the reason.
 
 ::
 
@@ -42,5 +42,5 @@ __all__ = [
 
 @plugin
 def palpate_checks() -> dict[str, Check]:
-    """Every tip, and contact models of strangers, before anything moves."""
+    """Every tip, and third-party contact models, before anything moves."""
     return {"conformance": Check("palpate_testing.loading:check_parts")}

@@ -1,4 +1,4 @@
-"""How a check says what is wrong."""
+"""How a check reports what is wrong."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 
 def demand(holds: object, complaint: str) -> None:
-    """Raise AssertionError with a complaint unless something holds."""
+    """Raise AssertionError with a complaint unless a condition is met."""
     if not holds:
         raise AssertionError(complaint)
 

@@ -62,7 +62,7 @@ def _batches(device: Device, trajectory: Trajectory | None, seed: int, listen: f
 
 
 def _heard(link: Link, seconds: float, name: str) -> list[Batch]:
-    """What a live link sends within some time [s]; one that says nothing cannot hold it up."""
+    """What a live link sends within some time [s]; a silent one cannot hold it up."""
     found: list[Batch] = []
     failures: list[Exception] = []
     enough = Event()
@@ -73,7 +73,7 @@ def _heard(link: Link, seconds: float, name: str) -> list[Batch]:
                 found.append(batch)
                 if enough.is_set():
                     return
-        except Exception as error:  # whatever a stranger's code raises; after the end it is no matter
+        except Exception as error:  # whatever third-party code raises; after the end it is no matter
             if not enough.is_set():
                 failures.append(error)
 

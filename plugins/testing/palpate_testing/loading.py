@@ -1,4 +1,4 @@
-"""Tips and models of strangers are checked before anything moves: a wrong one gives plausible and wrong numbers."""
+"""Tips and third-party models are checked before anything moves: a wrong one gives plausible and wrong numbers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from palpate_testing.contact import check_force, check_indenter, usual_values
 
 
 def check_parts(parts: Mapping[str, Mapping[str, Part]], registry: Registry) -> None:
-    """Raise PluginError for a tip, or a stranger's contact model, among parts by kind and name that is wrong."""
+    """Raise PluginError for a wrong tip, or third-party contact model, among parts by kind and name."""
     check_tips([part for kind in ("indenter", "model", "device") for part in parts.get(kind, {}).values()], registry)
     check_models([part for part in parts.get("model", {}).values() if isinstance(part, ContactModel)], registry)
 
@@ -34,7 +34,7 @@ def check_tips(parts: Iterable[Settings], registry: Registry) -> None:
 
 
 def check_models(models: Iterable[ContactModel], registry: Registry) -> None:
-    """Raise PluginError, which names plugin, part and depth, where a stranger's contact model breaks its interface.
+    """Raise PluginError, which names plugin, part and depth, where a third-party contact model breaks its interface.
 
     Those of palpate's own distribution have been checked by its tests.
     """
@@ -44,7 +44,7 @@ def check_models(models: Iterable[ContactModel], registry: Registry) -> None:
             continue
         try:
             check_force(model, usual_values(model))
-        except Exception as error:  # whatever a stranger's code raises
+        except Exception as error:  # whatever third-party code raises
             what = str(error) if isinstance(error, AssertionError) else f"{type(error).__name__}: {error}"
             where = f"plugin {entry.plugin.name}: model {registry.name_of(type(model))!r}"
             raise PluginError(f"{where}: {what}") from error

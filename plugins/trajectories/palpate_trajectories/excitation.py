@@ -19,7 +19,8 @@ _TOP_SPEED = 0.25  # [m/s]
 class MultiSine(Trajectory):
     """Several sines at once around a depth: depth(t) = bias + sum_i A_i sin(2 pi f_i t).
 
-    Several frequencies tell a delay between force and motion from viscosity, whose force grows with the frequency.
+    Several frequencies distinguish a delay between force and motion from viscosity, whose force grows with the
+    frequency.
     """
 
     bias: Depth = Field(gt=0, description="depth around which the sines go, below the nominal surface")

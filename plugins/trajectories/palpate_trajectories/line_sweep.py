@@ -1,4 +1,4 @@
-"""A sweep along a line: some time at its beginning, then at constant speed to its end while the sine goes on."""
+"""A sweep along a line: some time at its beginning, then at constant speed to its end while the sine continues."""
 
 from __future__ import annotations
 

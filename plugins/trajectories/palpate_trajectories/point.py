@@ -54,7 +54,7 @@ class Point(Trajectory):
 
     @property
     def _sine_time(self) -> float:
-        """The sine goes on after the measured part until it next crosses the bias outwards [s]."""
+        """The sine continues after the measured part until it next crosses the bias outwards [s]."""
         half_periods = np.ceil(2 * self.frequency * (self._settling + self.duration) - 1e-9)
         return float(half_periods + (half_periods % 2 == 0)) / (2 * self.frequency)
 

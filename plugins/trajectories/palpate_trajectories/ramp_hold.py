@@ -18,8 +18,8 @@ from palpate_trajectories.surface import Surface
 class RampHold(Trajectory):
     """Down to a depth at constant speed and held there: the force relaxes at a constant depth (stress relaxation).
 
-    Several depths are held one after the other, from the shallowest: a material whose relaxation depends on the contact
-    radius, as a poroelastic one's does, tells itself by two. Speed is constant but for the turns, which take `turn`
+    Several depths are held one after the other, from the shallowest: two depths reveal a material whose relaxation
+    depends on the contact radius, such as a poroelastic one. Speed is constant but for the turns, which take `turn`
     each. Ramps and holds are measured, the way back is not: there the contact shrinks, which few models know of.
     """
 

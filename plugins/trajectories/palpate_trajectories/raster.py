@@ -21,7 +21,7 @@ _MOST_LINES = 2000
 class Raster(Trajectory):
     """A raster of parallel lines over a rectangle, there and back (boustrophedon) or always in one direction.
 
-    The tip stays on the skin: at a line's end it dwells, steps aside by the pitch, and goes on; the sine never stops.
+    The tip stays on the skin: at a line's end it dwells, steps aside by the pitch, and continues; the sine never stops.
     In one direction it goes back to the next line's beginning, in contact but not measuring.
     """
 
@@ -102,7 +102,7 @@ class Raster(Trajectory):
         return self._motion.at(time)
 
     def after(self, elapsed: float) -> Trajectory | None:
-        """The raster that goes on with the first line that was not finished after a time [s]."""
+        """The raster that continues with the first line not finished after a time [s]."""
         done = sum(end <= elapsed for end in self._way.finished)
         if self.first_line + done >= self.lines:
             return None

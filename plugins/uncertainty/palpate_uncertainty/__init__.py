@@ -18,7 +18,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         # What others judge by holds its terms.
         "budget": Diagnosis("palpate_uncertainty.terms:budgets", order=10, quick=True),
         "late-force": Diagnosis("palpate_uncertainty.late_force:late_force", order=10, quick=True, lost=True),
-        # Settles what the budget says of timing that nobody has declared.
+        # Settles what the budget states of undeclared timing.
         "self-timed": Diagnosis("palpate_uncertainty.self_timed:self_timed", order=11),
         "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
         "model-choice": Diagnosis("palpate_uncertainty.choice:model_choice"),
@@ -33,7 +33,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
 
 @plugin
 def palpate_tables() -> dict[str, type[Settings]]:
-    """Models between which nobody but the record can choose."""
+    """Models between which only the record can choose."""
     from palpate_uncertainty.settings import ChoiceSettings
 
     return {"choice": ChoiceSettings}

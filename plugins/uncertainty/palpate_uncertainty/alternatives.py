@@ -88,7 +88,7 @@ def refit(course: Course, theta: Floats, surface: float, make: Maker = unchanged
 
 
 def alternatives(course: Course, base: Refit, frequency: float | None = None) -> Iterator[Refit]:
-    """Refits of all that the residual may say is wrong; for a model with memory of its own only timing and drift.
+    """Refits of all that the residual may show to be wrong; for a model with memory of its own only timing and drift.
 
     `frequency` [Hz] is that of a motion that oscillates with one.
     """
@@ -178,7 +178,7 @@ def _thickness(course: Course, unit: Floats, shape: _Shape) -> Alternative:
 def _tip(course: Course, elastic: list[int], shape: _Shape) -> Alternative:
     """An elastic force that is another power of depth, and the viscous force after its slope.
 
-    Which tip that is, nobody knows: the elastic parameters may be what the force, or what its slope, at the mean depth
+    Which tip that is, is not known: the elastic parameters may be what the force, or what its slope, at the mean depth
     would need in the model.
     """
 

@@ -57,7 +57,7 @@ def budget(
 
 
 def _draws(run: Path, tracks: list[str], draws: int, seed: int) -> dict[str, Propagated]:
-    """The draws of every track; says how far they are."""
+    """The draws of every track, with progress."""
     from palpate_uncertainty.monte_carlo import cases, propagated
 
     if draws < _FEWEST:
@@ -65,12 +65,12 @@ def _draws(run: Path, tracks: list[str], draws: int, seed: int) -> dict[str, Pro
     found = {}
     for case in cases(run, tracks):
         with progress(case.name, "draws", draws):
-            found[case.name] = propagated(case, draws, seed, told=progressed)
+            found[case.name] = propagated(case, draws, seed, report=progressed)
     return found
 
 
 def _print_draws(screen: Any, found: Propagated, seed: int) -> None:
-    """What the draws of one track say beside the budget."""
+    """The draws of one track beside the budget."""
     screen.print(f"\n{len(found.values)} draws, seed {seed}{f', {found.lost} without an estimate' * (found.lost > 0)}")
     for name, row in found.table().items():
         shown = {key: _shown(value, found.parameters[name]["unit"]) for key, value in row.items() if value is not None}
@@ -103,20 +103,20 @@ def _view(name: str, found: Mapping[str, Any]) -> Any:
 
 
 def _at_one_frequency(found: Mapping[str, Any] | None) -> Iterator[str]:
-    """What no row can hold: a viscosity of one frequency is that of this frequency."""
+    """What no row can show: a viscosity found at one frequency is that of this frequency."""
     if found is None:
         return
     part, time = f"{found['fading']:.0%}", f"{1e3 * found['time']:.3g} ms"
     for name, like in found["looks_like"].items():
         yield (
-            f"not in it: this is the {name} at {found['frequency']:.3g} Hz. {part} of the stiffness that fade within "
-            f"{time} would be {_shown(like['value'], like['unit'])} of it without a trace in the residual; only "
-            "another frequency tells"
+            f"not included: this is the {name} at {found['frequency']:.3g} Hz. {part} of the stiffness fading within "
+            f"{time} would look like {_shown(like['value'], like['unit'])} of it without a trace in the residual; "
+            "only another frequency shows it"
         )
 
 
 def _corrected(value: Mapping[str, Any]) -> str:
-    """The value less its known bias, with the uncertainty that is left."""
+    """The value less its known bias, with the remaining uncertainty."""
     if value.get("corrected") is None:
         return ""
     return f"{_shown(value['corrected'], value['unit'])} +- {_shown(value['corrected_combined'], value['unit'])}"

@@ -1,4 +1,4 @@
-"""Model choice: what the record says between models that the stated geometry admits, and how far they lie apart."""
+"""Model choice: the record's evidence between models that the stated geometry admits, and their spread."""
 
 from __future__ import annotations
 

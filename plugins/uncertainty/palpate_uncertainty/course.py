@@ -90,7 +90,7 @@ def runs_of(track: TrackEvidence) -> Runs:
 
 
 def sweeps(track: TrackEvidence) -> bool:
-    """Whether the tip went along the surface, so that one value does not hold for the whole record."""
+    """Whether the tip went along the surface, so that one value is not valid for the whole record."""
     place = track.kept.lateral[track.kept.used]
     place = place[np.isfinite(place).all(axis=1)]
     return track.estimator.follows_changes or (len(place) > 0 and bool(np.max(np.ptp(place, axis=0)) > APART))

@@ -1,4 +1,4 @@
-"""What speaks against values whose uncertainty nobody has declared, or which it could explain."""
+"""Flags on values whose uncertainty is not declared, or which it could explain."""
 
 from __future__ import annotations
 

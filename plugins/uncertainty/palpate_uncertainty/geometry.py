@@ -1,4 +1,4 @@
-"""What nobody has said of the specimen: how thick it is."""
+"""What is not declared of the specimen: its thickness."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ def geometry(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """Of every track whose model could correct for a thickness, and of which none is declared.
 
     On a layer of height h the force of the half-space is 1 + 1.133 X + ... times as large, X = a/h, bonded to its base,
-    and so is an elasticity that knows nothing of it. Nobody knows h, so there is no uncertainty: what is told is how
-    thick the specimen has to be.
+    and so is an elasticity that does not account for it. h is not known, so there is no uncertainty: the flag states
+    how thick the specimen has to be.
     """
     found = {track.name: _of(track) for track in tracks}
     return {name: diagnosed for name, diagnosed in found.items() if diagnosed is not None}

@@ -20,7 +20,7 @@ _STILL = 1e-4  # [m]
 _STRETCH = 4.0  # [s] of a sweep
 _OF_A_SWEEP = 0.015  # of the variance of innovations; the most of 28 tracks of clean sweeps was 0.008
 _DEEP = 3e-3  # [m], where the surface is looked for first
-_SMALL = 0.005  # of a parameter; less matters to nobody
+_SMALL = 0.005  # of a parameter; less does not matter
 _BY_MOTION = 1.0  # of the mean square of the force that noise of the motion makes
 _LEFT = 0.02  # of the misfit's power; an alternative that leaves less has explained it
 _FAINT = 0.01  # the same, of the variance of the noise
@@ -82,12 +82,12 @@ def _judge(track: TrackEvidence, known: dict[Any, _Base]) -> Diagnosed | None:
 def _along_a_sweep(track: TrackEvidence) -> Diagnosed | None:
     """The tests of what an estimator that follows the material leaves along the way, and the reason by a stretch of it.
 
-    Nothing is said of an estimator that looks for one value (`identifiability` does), nor of one that is not told of
+    Nothing is said of an estimator that looks for one value (`identifiability` does), nor of one that does not know of
     the sweep and fades, whose innovations are never white. One that is leaves a pattern of up to 1 % of its innovations
     where nothing is wrong.
     """
-    told = track.estimator.follows_changes and getattr(track.estimator, "sweep_speed", 0.0) > 0
-    if not told or not np.isfinite(track.kept.innovation).any():
+    follows = track.estimator.follows_changes and getattr(track.estimator, "sweep_speed", 0.0) > 0
+    if not follows or not np.isfinite(track.kept.innovation).any():
         return None
     found = _by_innovations(track)
     if found.p >= LEVEL or found.misfit < _OF_A_SWEEP:
@@ -167,7 +167,7 @@ def _table(found: Tested) -> Diagnosed:
 
 
 def _explained(track: TrackEvidence, found: Tested, base: _Base) -> Diagnosed:
-    """What the pattern says of the reason, and by how much each parameter may be off for it."""
+    """The reason shown by the pattern, and by how much each parameter may be off for it."""
     first = base.test(base.fit.residual)
     others = _others(base, first)
     left = _left(others, first)
@@ -214,7 +214,7 @@ def _others(base: _Base, first: Tested) -> list[tuple[Refit, Tested]]:
 
 
 def _shifts(track: TrackEvidence, others: Sequence[Refit]) -> Floats:
-    """How far (k,) the parameters may be from what some refits say."""
+    """How far (k,) the parameters may be from those of some refits."""
     return np.asarray(np.max([np.max(np.abs(other.candidates - track.values), axis=0) for other in others], 0))
 
 

@@ -13,9 +13,9 @@ from palpate_uncertainty.timing import delay_shifts, is_viscous
 
 
 def late_force(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """Of every track whose contact gives out work: no viscosity is known, the rest is shifted by that delay at least.
+    """For every track whose contact does net work: no viscosity is known, the rest is shifted by at least that delay.
 
-    How late the force is beyond what shows in the work is as long as the material's own eta/G, which nobody knows then.
+    How late the force is beyond what shows in the work is as long as the material's own eta/G, which is not known then.
     """
     found = {}
     for track in tracks:

@@ -81,7 +81,7 @@ def _scaled(columns: Floats) -> tuple[Floats, Floats]:
 
 
 def relaxing(force: Floats, ratio: float) -> Floats:
-    """What is left of a force that dies away, by the ratio of step to time constant; exact for steady change."""
+    """The remaining share of a force that dies away, by the ratio of step to time constant; exact for steady change."""
     from scipy.signal import lfilter
 
     keep = float(np.exp(-ratio))

@@ -1,4 +1,4 @@
-"""Monte Carlo after GUM Supplement 1 (JCGM 101:2008): every declared input drawn anew, the estimator run again."""
+"""Monte Carlo after GUM Supplement 1 (JCGM 101:2008): every declared input drawn again, the estimator run again."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Propagated:
-    """What the draws of one track come to."""
+    """Results of the draws of one track."""
 
     name: str
     values: Floats  # (n, k); NaN where nothing was estimated
@@ -115,7 +115,7 @@ def _case(pipeline: Pipeline, name: Any, result: Mapping[str, Any], samples: Sam
 
 
 def propagated(
-    case: Case, draws: int, seed: int, workers: int | None = None, told: Callable[[int], None] = lambda done: None
+    case: Case, draws: int, seed: int, workers: int | None = None, report: Callable[[int], None] = lambda done: None
 ) -> Propagated:
     """So many draws of a track, the same for the same seed however many processes share them."""
     chunks = [range(first, min(first + _CHUNK, draws)) for first in range(0, draws, _CHUNK)]
@@ -123,7 +123,7 @@ def propagated(
     with ProcessPoolExecutor(workers, initializer=_lightly if len(case.samples) < _LONG else None) as pool:
         for values in pool.map(partial(_chunk, case, seed), chunks):
             found.append(values)
-            told(sum(map(len, found)))
+            report(sum(map(len, found)))
     return Propagated(case.name, np.concatenate(found), case.parameters)
 
 
@@ -173,7 +173,7 @@ def _effects(case: Case, row: Mapping[str, Any]) -> Floats:
 
 
 def _scatter(case: Case, row: Mapping[str, Any], random: np.random.Generator) -> Floats:
-    """The estimator's own scatter: by its covariance where it tells one, the rest of its std uncorrelated."""
+    """The estimator's own scatter: by its covariance where it gives one, the rest of its std uncorrelated."""
     std = _effects(case, row)
     if case.covariance is None:
         return np.asarray(std * random.standard_normal(len(std)))

@@ -1,4 +1,4 @@
-"""What an oscillation with one frequency cannot tell: a viscosity from a stiffness that fades fast."""
+"""What an oscillation with one frequency cannot distinguish: a viscosity from a stiffness that fades fast."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def one_frequency(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
     A part g of the stiffness that fades within tau loses g K w tau/(1 + w^2 tau^2) of force per depth at the angular
     frequency w, g K/2 at most, at tau = 1/w: as a delay of g/(2 w) does. It leaves no residual: the viscosity is that
-    at this frequency, and only another one tells the two apart. Models that have a memory are left out.
+    at this frequency, and only another one distinguishes the two. Models that have a memory are left out.
     """
     found = {track.name: _of(track) for track in tracks if track.ending is not None and not track.model.memory}
     return {track.name: _said(track, found[track.name]) for track in tracks if found.get(track.name)}

@@ -14,7 +14,7 @@ _AT_ONCE = 65_536  # windows that are sorted together
 
 
 def outliers(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """Findings on every track whose force holds spikes and whose estimator gives them their full weight."""
+    """Findings on every track whose force contains spikes and whose estimator gives them full weight."""
     found: dict[str, Diagnosed] = {}
     for track in tracks:
         force = track.kept.force[track.kept.used]

@@ -8,14 +8,14 @@ import numpy as np
 from palpate import ContactModel, Diagnosed, Ending, Flag, FlagMeaning, Tail, TrackEvidence, contact_force
 from palpate.host import AlignmentReport
 
-from palpate_uncertainty.telling import correlation, slope_by_chance, told_at_best, white_noise
+from palpate_uncertainty.telling import bounds_at_best, correlation, slope_by_chance, white_noise
 
 _STILL_MOVING = 0.02  # of a value: slope times time tracked
 _BY_CHANCE = 3.5  # standard deviations of a slope; of two parameters one is beyond that once in a thousand tracks
 _NIS_RANGE = (0.5, 1.6)  # of the mean over the last second; 0.9 to 1.1 would be one by chance alone
 _COLOURED = 0.3  # autocorrelation of innovations; 0.1 comes by chance alone
-_WEAK = 5.0  # standard deviations of its noise that a force swings by: above, it is not asked what it tells
-_TOLD = 0.2  # of a value: a weak force must tell it to so much, by the Cramer-Rao bound
+_WEAK = 5.0  # standard deviations of its noise that a force swings by: above, it is not tested what it determines
+_DETERMINED = 0.2  # of a value: a weak force must determine it to this, by the Cramer-Rao bound
 _SOFT = (10.0, 1e9)  # [Pa] from the softest gels to hard rubber
 _SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the one that the first touch says
 
@@ -49,7 +49,7 @@ PLAUSIBILITY_FLAGS = {
 
 
 def plausibility(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """What is amiss with each track, by the seconds that its result is a mean of."""
+    """Findings on each track, from the seconds that its result is a mean of."""
     return {track.name: Diagnosed(_judged(track, track.ending)) for track in tracks if track.ending is not None}
 
 
@@ -61,7 +61,7 @@ def _judged(track: TrackEvidence, end: Ending) -> tuple[Flag, ...]:
 
 
 def ending_flags(end: Ending, model: ContactModel, online: bool, fitted: bool) -> Iterator[Flag]:
-    """What is amiss with the end of one track.
+    """Findings on the end of one track.
 
     An offline estimate is one of the whole record: it does not drift, and its first seconds are those that settle.
     """
@@ -73,7 +73,7 @@ def ending_flags(end: Ending, model: ContactModel, online: bool, fitted: bool) -
         begun = tail.since(float(tail.time[0]) + end.average)
         yield from _innovation_flags(begun, f"after the first {end.average:g} s")
         yield from _colour_flags(begun)
-    if not fitted:  # a fit says itself what its record does not tell
+    if not fitted:  # a fit itself flags what its record does not determine
         yield from _force_flags(end, model)
     yield from _surface_flags(last, model, end.report)
     yield from _validity_flags(model, last)
@@ -118,7 +118,7 @@ def _innovation_flags(seen: Tail, when: str) -> Iterator[Flag]:
 
 
 def _colour_flags(tail: Tail) -> Iterator[Flag]:
-    """Whether innovations tell of one another."""
+    """Whether innovations predict one another."""
     lag, share = correlation(tail)
     if abs(share) > _COLOURED:
         found = f"innovations {lag} samples apart correlate by {share:+.2f}"
@@ -126,10 +126,10 @@ def _colour_flags(tail: Tail) -> Iterator[Flag]:
 
 
 def _force_flags(end: Ending, model: ContactModel) -> Iterator[Flag]:
-    """Whether the force swings enough to tell what the track says."""
+    """Whether the force swings enough to determine the track's values."""
     weak = weak_force(end)
-    if weak is not None and not tells(end, model, weak[1]):
-        yield not_told(*weak)
+    if weak is not None and not determines_all(end, model, weak[1]):
+        yield weak_force_flag(*weak)
 
 
 def weak_force(end: Ending) -> tuple[float, float] | None:
@@ -140,16 +140,16 @@ def weak_force(end: Ending) -> tuple[float, float] | None:
     return (swing, noise) if swing < _WEAK * noise else None
 
 
-def not_told(swing: float, noise: float) -> Flag:
-    """A weak force that does not tell what the track says."""
+def weak_force_flag(swing: float, noise: float) -> Flag:
+    """A weak force that does not determine the track's values."""
     return Flag("not-identifiable", f"the force swings by {swing:.2g} N against a noise of {noise:.2g} N")
 
 
-def tells(end: Ending, model: ContactModel, noise: float) -> bool:
-    """Whether the record can tell every parameter that is looked for."""
-    values, bounds = np.abs(end.last.values.mean(axis=0)), told_at_best(end.tail, model, noise, end.samples)
+def determines_all(end: Ending, model: ContactModel, noise: float) -> bool:
+    """Whether the record can determine every parameter estimated."""
+    values, bounds = np.abs(end.last.values.mean(axis=0)), bounds_at_best(end.tail, model, noise, end.samples)
     free = [i for i, parameter in enumerate(model.parameters) if parameter.name not in end.held]
-    return bool((bounds < _TOLD * values)[free].all())
+    return bool((bounds < _DETERMINED * values)[free].all())
 
 
 def _surface_flags(last: Tail, model: ContactModel, report: AlignmentReport) -> Iterator[Flag]:
@@ -167,7 +167,7 @@ def _surface_flags(last: Tail, model: ContactModel, report: AlignmentReport) -> 
 
 
 def _validity_flags(model: ContactModel, last: Tail) -> Iterator[Flag]:
-    """What the model says against itself at the greatest depth that was reached."""
+    """The model's own limits, at the greatest depth that was reached."""
     depth = float(np.max(last.surface - last.position)) if len(last.time) else 0.0
     problem = model.validity(depth) if np.isfinite(depth) and depth > 0 else ""
     if problem:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from palpate import Floats
 
-_INDISTINCT = 1e-6  # ratio of singular values below which parameters and surface cannot be told apart
+_INDISTINCT = 1e-6  # ratio of singular values below which parameters and surface cannot be distinguished
 
 
 def answer(jacobian: Floats, error: Floats) -> Floats | None:

@@ -19,7 +19,9 @@ _ENOUGH = 1000  # samples
 _TELLING = 0.3  # of a viscosity: its standard deviation with an unknown delay, below which the motion is rich
 _REJECTED = 10.0  # of BIC
 _OTHERS = 0.2  # of the rate's variance, that more than one line must hold
+_NEARLY = 30.0  # of BIC, within which a law describes a record nearly as well: none of them is the material's
 _LAGS = 50
+_WINDOW = 5.0  # of the time over which residuals hang together
 _FARTHEST = 1e-3  # [m] that the surface may move
 _PER_DECADE = 4
 _TELLS = 0.005  # of a value; less is not worth a word
@@ -94,25 +96,66 @@ def one_line(track: TrackEvidence) -> bool:
 
 def _laws(record: TimedRecord, elastic: int) -> list[Law]:
     """Kelvin and Voigt's law, a power law of time (constant loss angle), and one branch that relaxes."""
-    span, step = record.course.span, record.step
-    times = 10.0 ** np.arange(np.log10(step / 10.0), np.log10(10.0 * span), 1.0 / _PER_DECADE)
+    times, fastest, slowest = _times(record)
 
     def power(course: Course, surface: float, numbers: Floats) -> Floats:
         area = _units(course, surface)[:, elastic]
-        shares = times ** -float(numbers[0])
-        parts = np.column_stack([relaxing(area, step / time) for time in times])
-        return np.asarray(parts @ (shares / shares.sum()))[:, None]
+        return np.column_stack([_power(record, area, times, numbers), _before(course, times[::_PER_DECADE])])
 
     def branch(course: Course, surface: float, numbers: Floats) -> Floats:
         area = _units(course, surface)[:, elastic]
-        return np.column_stack([area, relaxing(area, step / float(np.exp(numbers[0])))])
+        return np.column_stack([area, _arms(record, area, numbers), _before(course, np.exp(numbers))])
 
-    fastest, slowest = float(np.log(step)), float(np.log(span))
     return [
         kelvin_voigt(),
         Law("power-law", power, (0.1,), (0.005,), (0.7,)),
         Law("one-branch", branch, (float(np.log(0.02)),), (fastest,), (slowest,)),
     ]
+
+
+def _richer(record: TimedRecord, elastic: int) -> list[Law]:
+    """What a record that is not Kelvin and Voigt's may be beside: a spring and a power law, and two branches."""
+    times, fastest, slowest = _times(record)
+
+    def fractional(course: Course, surface: float, numbers: Floats) -> Floats:
+        area = _units(course, surface)[:, elastic]
+        past = _before(course, times[::_PER_DECADE])
+        return np.column_stack([area, _power(record, area, times, numbers), past])
+
+    def branches(course: Course, surface: float, numbers: Floats) -> Floats:
+        area = _units(course, surface)[:, elastic]
+        return np.column_stack([area, _arms(record, area, numbers), _before(course, np.exp(numbers))])
+
+    two = (float(np.log(0.02)), float(np.log(0.3)))
+    return [
+        Law("fractional-kelvin-voigt", fractional, (0.3,), (0.005,), (0.95,)),
+        Law("two-branches", branches, two, (fastest, fastest), (slowest, slowest)),
+    ]
+
+
+def _times(record: TimedRecord) -> tuple[Floats, float, float]:
+    """Times [s] of a power law's branches, and the logarithms of the shortest and longest of a branch alone."""
+    span, step = record.course.span, record.step
+    times = 10.0 ** np.arange(np.log10(step / 10.0), np.log10(10.0 * span), 1.0 / _PER_DECADE)
+    return times, float(np.log(step)), float(np.log(span))
+
+
+def _power(record: TimedRecord, area: Floats, times: Floats, numbers: Floats) -> Floats:
+    """Forces (n, 1) of a unit of modulus that fades by a power of time."""
+    shares = times ** -float(numbers[0])
+    parts = np.column_stack([relaxing(area, record.step / time) for time in times])
+    return np.asarray(parts @ (shares / shares.sum()))[:, None]
+
+
+def _arms(record: TimedRecord, area: Floats, numbers: Floats) -> Floats:
+    """Forces (n, m) of a unit of modulus each that fades in a time."""
+    return np.column_stack([relaxing(area, record.step / time) for time in np.exp(numbers).tolist()])
+
+
+def _before(course: Course, times: Floats) -> Floats:
+    """What had not faded when the record began (n, m), where it began in contact: its size is not known."""
+    slow = times[times > course.span / 1000.0] if not course.from_air else times[:0]
+    return np.exp(-(course.time - course.begin)[:, None] / slow[None, :])
 
 
 def _fitted(record: TimedRecord, law: Law, delay: float | None, inflation: float) -> Told:
@@ -161,10 +204,16 @@ def _as_kelvin_voigt(record: TimedRecord, law: Law, surface: float, numbers: Flo
 
 
 def _inflation(left: Floats) -> float:
-    """How many times the variance of a mean of residuals is that of white ones."""
-    power = float(left @ left)
-    lags = range(1, min(_LAGS, len(left) // 4))
-    return max(1.0, 1.0 + 2.0 * sum(float(left[lag:] @ left[:-lag]) for lag in lags) / power) if power else 1.0
+    """How many times the variance of a mean of residuals is that of white ones, over a window that grows with it.
+
+    A sum over all lags would scatter by a fifth for white residuals (Sokal 1997).
+    """
+    power, total = float(left @ left), 1.0
+    for lag in range(1, min(_LAGS, len(left) // 4) if power else 1):
+        total += 2.0 * float(left[lag:] @ left[:-lag]) / power
+        if lag >= _WINDOW * total:
+            break
+    return max(total, 1.0)
 
 
 def _judged(track: TrackEvidence) -> Diagnosed:
@@ -176,6 +225,9 @@ def _judged(track: TrackEvidence) -> Diagnosed:
     inflation = _inflation(record.solved(plain, first.surface, first.delay, np.zeros(0))[1])
     told = [_fitted(record, law, None, inflation) for law in _laws(record, elastic)]
     own, best = told[0], min(one.bic for one in told)
+    if own.bic - best >= _REJECTED:
+        told += [_fitted(record, law, None, inflation) for law in _richer(record, elastic)]
+        best = min(one.bic for one in told)
     admitted = [one for one in told if one.bic - best < _REJECTED]
     names = [parameter.name for parameter in track.model.parameters]
     evidence = np.array([np.exp(0.5 * (best - one.bic)) for one in admitted])
@@ -194,7 +246,8 @@ def _judged(track: TrackEvidence) -> Diagnosed:
     wrong = own not in admitted
     included = track.ending is not None and "timing" in track.ending.included
     if wrong:
-        text = f"the record is not {own.law}: by the laws that it admits the delay is {by_law}; {_beside(own)}"
+        table |= _by_another(told, best)
+        text = f"the record is not {own.law}: {_said(table, told, best)}; {_beside(own)}"
         terms = dict(zip(names, spread.tolist(), strict=True))
         # A track that looks for the delay has no other word of it.
         settled = frozenset({"timing-undeclared"}) if included else frozenset[str]()
@@ -223,6 +276,23 @@ def _judged(track: TrackEvidence) -> Diagnosed:
     corrected = f"; corrected: {', '.join(said)}" if said else ""
     text = f"the motion tells the delay of the force, by law: {by_law}{corrected}"
     return Diagnosed((Flag("self-timed", text),), biases=biases, table=table, settles=settled)
+
+
+def _by_another(told: Sequence[Told], best: float) -> dict[str, Any]:
+    """The delay by the law that describes the record best, with the spread of those that nearly do.
+
+    Every law but the material's own takes a part of the delay for itself, so that its own uncertainty says little.
+    """
+    chosen = min(told, key=lambda one: one.bic)
+    apart = max(abs(one.delay - chosen.delay) for one in told if one.bic - best < _NEARLY)
+    return {"delay": chosen.delay, "delay_std": float(np.hypot(chosen.std, apart / np.sqrt(3.0))), "law": chosen.law}
+
+
+def _said(table: Mapping[str, Any], told: Sequence[Told], best: float) -> str:
+    """That delay in words, and the laws beside it."""
+    near = [f"{one.law} {1e3 * one.delay:.3g}" for one in told if 0 < one.bic - best < _NEARLY]
+    beside = f" (nearly as well: {', '.join(near)} ms)" if near else ""
+    return f"by {table['law']} the delay is {1e3 * table['delay']:.3g} +- {1e3 * table['delay_std']:.2g} ms{beside}"
 
 
 def _beside(own: Told) -> str:

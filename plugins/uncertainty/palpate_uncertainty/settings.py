@@ -7,11 +7,11 @@ from pydantic import Field
 
 
 class ChoiceSettings(Settings):
-    """The ``[choice]`` table: models between which nobody but the record can choose.
+    """The ``[choice]`` table: models between which only the record can choose.
 
     Each estimator's tracks of these models are weighed by exp(-dBIC n_eff/n / 2), n_eff of n residuals being
-    independent, so that correlated residuals do not feign certainty. Every candidate's budget gets its distance from
-    all of them.
+    independent, so that correlated residuals do not feign certainty. Every candidate's budget includes its distance
+    from the combined value.
     """
 
     candidates: tuple[str, ...] = Field(

@@ -1,4 +1,4 @@
-"""What the end of a track can tell: the Cramer-Rao bound of its parameters, its noise, and slopes by chance alone."""
+"""What the end of a track determines: the Cramer-Rao bound of its parameters, its noise, and slopes by chance alone."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import numpy as np
 from palpate import ContactModel, Floats, Tail
 from palpate.host import force_slopes
 
-_ENOUGH = 100  # innovations to tell their autocorrelation
+_ENOUGH = 100  # innovations to estimate their autocorrelation
 _FORGETS = 0.96  # of the variance that an estimator stated half a tail ago
 
 
-def told_at_best(tail: Tail, model: ContactModel, noise: float, samples: int) -> Floats:
+def bounds_at_best(tail: Tail, model: ContactModel, noise: float, samples: int) -> Floats:
     """Least standard uncertainties (k,) by any estimator, for white noise [N] and an unknown surface.
 
     The bound is noise^2 (J^T J)^-1, J the slopes of the force in parameters and depth along the tail, which stands for
@@ -32,7 +32,7 @@ def told_at_best(tail: Tail, model: ContactModel, noise: float, samples: int) ->
 
 
 def slope_by_chance(tail: Tail) -> Floats:
-    """Standard deviation (k,) [1/s] of the slope that estimates have though nothing is left of their way.
+    """Standard deviation (k,) [1/s] of the slope of estimates that have already settled.
 
     An optimal estimate of a constant is a random walk whose variance grows by as much as its own std^2 falls. Where
     that does not fall, the filter forgets, and its walk shows in the steps of the values.
@@ -55,7 +55,7 @@ def white_noise(tail: Tail) -> float:
 def correlation(tail: Tail) -> tuple[int, float]:
     """Lag [samples] and value of the largest autocorrelation of the innovations to lag 10; (0, 0): too few.
 
-    White innovations have none beyond 1/sqrt(n): what one sample could not be told by the one before (Mehra 1970).
+    White innovations have none beyond 1/sqrt(n): what could not be predicted from the sample before (Mehra 1970).
     """
     known = tail.innovation[np.isfinite(tail.innovation)]
     if len(known) < _ENOUGH:

@@ -18,7 +18,7 @@ _MASS = 0.05  # of itself, where no uncertainty of a tip's mass is declared
 
 
 def budgets(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """What is declared, or has a default, of every track: its effect on each value, and what speaks against it."""
+    """What is declared, or has a default, of every track: its effect on each value, and the flags on it."""
     return {track.name: _budget(track, track.ending) for track in tracks if track.ending is not None}
 
 
@@ -99,7 +99,7 @@ def _of_readings(found: Along, settings: AlignmentSettings, report: AlignmentRep
 
 
 def _change(found: Along, source: Source) -> Floats | None:
-    """Error (n,) of the force per unit of a source; None where it cannot be told."""
+    """Error (n,) of the force per unit of a source; None where it cannot be determined."""
     if source.path:
         return -found.by_number(source.path, source.value)
     if source.name == "force_scale":
@@ -114,6 +114,6 @@ def _term(found: Along, cause: str, std: float, unit: str, error: Floats, declar
 
 
 def per_newton(found: Along | None) -> Floats | None:
-    """Shift (k,) of each parameter per newton of a constant force [unit/N]; None where it cannot be told."""
+    """Shift (k,) of each parameter per newton of a constant force [unit/N]; None where it cannot be determined."""
     shifts = answer(found.jacobian, np.ones(len(found.force))) if found is not None else None
     return None if shifts is None else shifts[:-1]

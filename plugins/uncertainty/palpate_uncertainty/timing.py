@@ -13,8 +13,8 @@ def delay_shifts(model: ContactModel, found: Along | None, values: Floats) -> Fl
     """Shift (k,) of each parameter per second that the force is recorded late [unit/s]; 0 where unknown.
 
     By least squares along the last samples: a force that is late by tau is F - tau dF/dt, which shifts parameters and
-    the unknown surface by -tau (J^T J)^-1 J^T dF/dt. Where the model has a `delay_shift` of its own, that one holds for
-    the parameters that it names.
+    the unknown surface by -tau (J^T J)^-1 J^T dF/dt. Where the model has a `delay_shift` of its own, that one applies
+    to the parameters that it names.
     """
     closed = np.array(model.delay_shift(values.tolist()), float)
     slopes = answer(found.jacobian, -found.change) if found is not None else None

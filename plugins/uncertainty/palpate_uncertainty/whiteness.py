@@ -35,7 +35,7 @@ class Tested:
 
 
 def examined(values: Floats, runs: Runs, time: Floats, depth: Floats, phase: Floats | None, null: Null) -> Tested:
-    """The tests of residuals or innovations (n,) of any scale, against the noise that `null` says.
+    """The tests of residuals or innovations (n,) of any scale, against the noise that `null` gives.
 
     `runs` (n,) numbers the stretches without a gap, `phase` (n,) [rad] is that of the oscillation, None where there is
     none. The whitened values are clipped at 6 standard deviations. Under a null that comes from n0 samples whitening

@@ -82,7 +82,7 @@ def test_best_effort_is_read_unless_more_is_asked_for(publish, domain):
     publish(wrenches(how="best-effort"))
     with device(domain, signals={"force": FORCE}).connect(0) as link:
         assert len(heard(link)["wrench"]) >= 100
-    told = '/wrench is published best effort, and reliability = "reliable" asks for more than that'
+    told = '/wrench is published best effort, and reliability = "reliable" requires more'
     with (
         pytest.raises(DeviceError, match=told),
         device(domain, signals={"force": FORCE}, reliability="reliable", patience=1.5).connect(0),

@@ -47,7 +47,7 @@ def latency_timer(path: str) -> str:
 
 
 def powered_since(path: str, usb: Path = Path("/sys/class/tty")) -> str | None:
-    """Since when the USB adapter of a port is plugged in, as its host counts; None where nothing tells."""
+    """Since when the USB adapter of a port is plugged in, as its host counts; None where that is not known."""
     device = (usb / Path(path).resolve().name / "device").resolve()
     for folder in (device, *device.parents):
         with contextlib.suppress(OSError, ValueError):
@@ -57,7 +57,7 @@ def powered_since(path: str, usb: Path = Path("/sys/class/tty")) -> str | None:
 
 
 def configure(port: Any, baud: int, filters: dict[str, Any], boot: float) -> str:
-    """Take a sensor from its start to RUN with the given filters; what it said of itself.
+    """Take a sensor from its start to RUN with the given filters; returns what it reported of itself.
 
     Opening the port has reset it. Nothing is stored in its EEPROM, whose writes are counted: after a reboot it is to
     be set up again.
@@ -90,7 +90,7 @@ def _command(port: Any, text: str, letter: str, baud: int) -> None:
             return
         if found:
             raise DeviceError(f"the sensor refuses the command {text!r} with code {found[1].decode()}")
-    seen = "nothing at all" if not answer else f"{len(answer)} bytes that hold no answer"
+    seen = "nothing at all" if not answer else f"{len(answer)} bytes that contain no answer"
     raise DeviceError(
         f"the sensor does not answer {text!r} within {_ATTEMPTS * _ACKNOWLEDGE:g} s: {seen} came at {baud} baud; "
         "check power, cable and the baud rate that the sensor was set to"

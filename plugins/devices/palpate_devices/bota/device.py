@@ -32,17 +32,17 @@ class BotaSensor(Device):
     port: str = Field(min_length=1, description="its serial port, such as /dev/serial/by-id/...")
     baud: int = Field(default=460800, description="its baud rate: 9600, 57600, 115200, 230400 or 460800")
     sinc: int = Field(default=64, ge=32, le=2048, description="length of the sinc filter: 64 is 800 Hz, 512 is 100 Hz")
-    fir: bool = Field(default=False, description="low-pass filter after the sinc filter; it delays")
+    fir: bool = Field(default=False, description="low-pass filter after the sinc filter; adds delay")
     fast: bool = Field(default=False, description="faster step response of that low-pass filter")
     temperature_compensation: bool = Field(default=False, description="the sensor's own compensation")
-    force_limit: Force = Field(default=500.0, gt=0, description="range of the force; readings beyond are saturated")
+    force_limit: Force = Field(default=500.0, gt=0, description="range of the force; readings beyond it are saturated")
     supply: Literal["usb", "robot", "unknown"] = Field(
         default="unknown",
-        description="what feeds it, its USB adapter or the robot: tells since when it has its power",
+        description="its power supply, the USB adapter or the robot: shows since when it has been powered",
     )
     silence: Time = Field(default=0.1, gt=0, description="a longer silence is a fault")
-    boot: Time = Field(default=3.0, gt=0, description="how long it may take to start after its port was opened")
-    settle: Time = Field(default=0.5, ge=0, description="how long its filters need after the start")
+    boot: Time = Field(default=3.0, gt=0, description="longest time to start after its port was opened")
+    settle: Time = Field(default=0.5, ge=0, description="settling time of its filters after the start")
 
     @field_validator("baud")
     @classmethod

@@ -71,7 +71,7 @@ class FrameDecoder:
             frame = _intact(buffer, at)
             if frame is not None and not self._in_step and not self._follows(frame):
                 if len(buffer) - at < 2 * LENGTH:
-                    break  # only the frame behind it can tell
+                    break  # only the frame behind it decides
                 frame = frame if _intact(buffer, at + LENGTH) else None
             if frame is not None:
                 frames.append(frame)
@@ -107,14 +107,14 @@ def _intact(buffer: bytearray, at: int) -> Frame | None:
 
 
 class Unwrapped:
-    """A 32-bit counter of microseconds made to run on; tells a restart from a wrap."""
+    """A 32-bit counter of microseconds, unwrapped; distinguishes a restart from a wrap."""
 
     def __init__(self) -> None:
         self._last: int | None = None
         self._total = 0
 
     def add(self, stamp: int) -> int | None:
-        """Microseconds since the first stamp; None where the counter began anew."""
+        """Microseconds since the first stamp; None where the counter restarted."""
         if self._last is not None:
             step = (stamp - self._last) % _WRAP
             if step > _RESTART:

@@ -1,4 +1,4 @@
-"""The process that reads a SensONE: so that no busy thread of the main job delays a reading."""
+"""The process that reads a SensONE, so that no busy thread of the main job delays a reading."""
 
 from __future__ import annotations
 
@@ -90,8 +90,8 @@ def _read(port: Any, ring: Ring, parent: Parent, silence: float) -> None:
 def _keep(ring: Ring, clock: Unwrapped, frame: Frame, now: int) -> None:
     stamp = clock.add(frame.stamp)
     if stamp is None:
-        raise DeviceError("the sensor rebooted: its clock began anew, and with it its settings and its zero")
-    wrench = (math.nan,) * 6 if frame.status & UNUSABLE else frame.wrench  # whoever looks into the ring is to see it
+        raise DeviceError("the sensor rebooted: its clock restarted, and its settings and zero were reset")
+    wrench = (math.nan,) * 6 if frame.status & UNUSABLE else frame.wrench  # a reader of the ring is to see it
     ring.write((stamp, now, frame.status), [*wrench, frame.temperature])
 
 

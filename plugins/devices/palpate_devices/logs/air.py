@@ -1,4 +1,4 @@
-"""The delay between force and motion, told in free air: what hangs behind the sensor answers its acceleration at once.
+"""The delay between force and motion, determined in free air: the load on the sensor follows its acceleration at once.
 
 Without contact F = c - m a(t - tau): regressed on c, a and its derivative j, F = c - m a + m tau j. The standard
 deviation is that of the residual's own autocorrelation.
@@ -13,7 +13,7 @@ from palpate_devices.logs import evidence
 
 _SMOOTH = 5  # samples to either side of what is differentiated
 _LEAST = 200  # samples in air
-_SURE = 6.0  # standard deviations by which the mass must be told
+_SURE = 6.0  # standard deviations by which the mass must be determined
 _MASS = (0.005, 5.0)  # [kg] of what can hang behind a sensor
 _SWING = 0.05  # of the force's range that may be inertia
 _SHARE = 0.05  # of the record that must be in free air

@@ -37,7 +37,7 @@ class Bag:
 
     @property
     def trouble(self) -> str | None:
-        """What is amiss with any of the files."""
+        """What is wrong with any of the files."""
         return "; ".join(part.trouble for part in self._parts if part.trouble) or None
 
     @property
@@ -108,7 +108,7 @@ def _number(file: Path) -> tuple[str, int]:
 
 
 def _lines(metadata: Path) -> list[str]:
-    """What a bag says of itself; none where it does not, as after a crash: its files say enough."""
+    """A bag's metadata; none where missing, as after a crash: its files suffice."""
     try:
         with metadata.open("rb") as file:
             return file.read(_METADATA).decode().splitlines()

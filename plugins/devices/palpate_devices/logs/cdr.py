@@ -120,7 +120,7 @@ def _at(place: FieldPlace, index: int | None) -> tuple[int, str]:
 def walk(definitions: Definitions, type_name: str, message: bytes) -> MessageLayout:
     """The layout of one message; raises LogError where it is no message of its type."""
     if len(message) < 4 or message[0] != 0:
-        raise LogError(f"a message of {type_name} is damaged: it does not begin as CDR does")
+        raise LogError(f"a message of {type_name} is damaged: it does not begin as CDR")
     if message[1] not in _PLAIN and message[1] not in _LISTS:
         raise LogError(f"a message of {type_name} is in CDR of the kind {message[1]}, which is not read (0 to 3 are)")
     found: list[MessageLayout] = []

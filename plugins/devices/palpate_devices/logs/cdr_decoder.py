@@ -72,7 +72,7 @@ class CdrDecoder:
             same, excerpt = layout.matches(messages if len(left) == len(messages) else messages[left], pinned)
             if fresh:
                 if not same[0]:  # it would be read for ever
-                    raise LogError(f"topic {self._topic.name}: a message does not have the layout that it has")
+                    raise LogError(f"topic {self._topic.name}: a message does not have the topic's layout")
                 self._layouts = [layout, *self._layouts][:_LAYOUTS]
             if same.all():
                 yield layout, left, excerpt

@@ -12,7 +12,7 @@ from palpate import Floats, LogError, to_si
 from palpate_devices.logs.csv_sheet import Sheet
 from palpate_devices.logs.readings import si_unit
 
-RATES = (20.0, 5000.0)  # [Hz] of a recording, by which the unit of a time without one is told
+RATES = (20.0, 5000.0)  # [Hz] of a recording, by which the unit of a time without one is found
 NAMES = ("time", "t", "stamp", "timestamp", "second", "seconds", "sec", "secs")
 
 

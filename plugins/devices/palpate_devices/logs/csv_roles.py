@@ -1,4 +1,4 @@
-"""What a CSV file holds: which columns are time, force, position and velocity, in which units; a ready pipeline."""
+"""What a CSV file contains: which columns are time, force, position and velocity, in which units; a ready pipeline."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _WORDS = {
 }
 _NICE = (20, 25, 50, 60, 80, 100, 120, 125, 200, 250, 300, 400, 500, 600, 800, 1000, 1200, 1500, 2000, 2500, 4000, 5000)
 _USUAL = 500.0  # [Hz] by which the rest at the beginning is looked for where no rate is known
-_NEAR = 0.05  # by which a rate that was told from the numbers may miss one of those
+_NEAR = 0.05  # by which a rate found from the numbers may miss one of those
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class _Looked:
     clock: Clock | None
 
     def series(self) -> list[Series]:
-        """Every column but the time, with what its unit or its name says that it is."""
+        """Every column but the time, with its role by its unit or name."""
         names = self.sheet.names
         time = self.clock.seconds if self.clock else np.arange(len(self.values), dtype=float)
         found: list[Series] = []
@@ -74,7 +74,7 @@ def _look(path: Path, choices: Mapping[str, str]) -> _Looked:
 
 
 def survey_csv(path: Path) -> Survey:
-    """What a CSV file holds: its rows, their rate, and what its columns may be."""
+    """What a CSV file contains: its rows, their rate, and what its columns may be."""
     looked = _look(path, {})
     sheet, clock = looked.sheet, looked.clock
     found = searched(looked.series(), {})
@@ -89,10 +89,12 @@ def survey_csv(path: Path) -> Survey:
     columns = list(gathered.names)
     kind = f"{len(sheet.names)} columns, {'a header' if sheet.header else 'no header'}, {sheet.delimiter!r} between"
     notes: tuple[str, ...] = (
-        () if clock else ("no column holds the time: give the rate, --rate '500 Hz', or the column, --time",)
+        () if clock else ("no column is the time: give the rate, --rate '500 Hz', or the column, --time",)
     )
     if (cut := cut_number(path, sheet.delimiter)) is not None:
-        notes += (f"the file was cut within its last number, {cut}: its line has no end, and all above it more digits",)
+        notes += (
+            f"the file was cut within its last number, {cut}: its line has no end, all numbers above have more digits",
+        )
     if clock is None:
         numbers = gathered.surveys()
         topic = TopicSurvey(path.name, kind, "csv", rows, 0, 0, fields=tuple(columns), numbers=numbers)
@@ -118,11 +120,11 @@ def survey_csv(path: Path) -> Survey:
 
 
 def tables_csv(path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
-    """Every row that has a time, in blocks, as recorded; raises LogError where no column holds the time."""
+    """Every row that has a time, in blocks, as recorded; raises LogError where no column is the time."""
     looked = _look(path, {})
     sheet, clock = looked.sheet, looked.clock
     if clock is None or clock.column is None:
-        raise LogError(f"{path}: no column holds the time (there are: {sheet.columns})")
+        raise LogError(f"{path}: no column is the time (there are: {sheet.columns})")
     scale = si_unit(str(clock.setting["time"]["unit"]))[1]
     for block in sheet.blocks():
         with np.errstate(invalid="ignore", over="ignore"):
@@ -151,7 +153,7 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
         extra["reasons"] += [f"time: {clock.reason}"] if clock.reason else []
         if not clock.sure:
             column = f"column {shown(sheet.column(clock.column or 0))}"
-            doubts.append(f"time: {column} is a guess: it grows evenly ({clock.reason}); --time or --rate says it")
+            doubts.append(f"time: {column} is a guess: it grows evenly ({clock.reason}); --time or --rate sets it")
     else:
         rate = _rate(found, factors, extra)
         device["rate"] = "? Hz" if rate is None else f"{rate:g} Hz"
@@ -164,7 +166,7 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
 
 
 def _rate(found: Found, factors: Mapping[str, float], extra: Mapping[str, list[str]]) -> float | None:
-    """The rate of a file that does not say it: by the velocity, where it is the slope of the position."""
+    """The rate of a file that does not state it: by the velocity, where it is the slope of the position."""
     if found.gain:
         rate = abs(found.gain) * factors["velocity"] / factors["position"]
         nice = min(_NICE, key=lambda r: abs(np.log(r / rate)))
@@ -172,12 +174,10 @@ def _rate(found: Found, factors: Mapping[str, float], extra: Mapping[str, list[s
         if RATES[0] <= rate <= RATES[1]:
             extra["doubts"].append(
                 f"rate: {rate:g} Hz is a guess: nothing states it, but at this rate the velocity is the slope of the "
-                "position; --rate says it"
+                "position; --rate sets it"
             )
             return rate
-    extra["blanks"].append(
-        "rate: how many rows there are in a second; no number in the file says it (or --rate '500 Hz')"
-    )
+    extra["blanks"].append("rate: rows per second; nothing in the file states it (or --rate '500 Hz')")
     return None
 
 
@@ -186,4 +186,4 @@ def _chosen(sheet: Sheet, series: Sequence[Series], role: str, text: str) -> Ser
     for mine in series:
         if mine.key[1] == str(k):
             return replace(mine, role=role, why="chosen")
-    raise LogError(f"{sheet.path}: --{role}: column {shown(text)} holds the time, or counts the rows")
+    raise LogError(f"{sheet.path}: --{role}: column {shown(text)} is the time, or counts the rows")

@@ -1,4 +1,4 @@
-"""A CSV file that nobody has described: its separator, its header, its numbers, and what their names say of units."""
+"""A CSV file without a description: its separator, its header, its numbers, and the units in their names."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from palpate_devices.logs.unpack import DAMAGED
 
 SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz")
 _SEPARATORS = (",", ";", "\t")
-_LOOKED = 50  # lines by which the separator is told
+_LOOKED = 50  # lines by which the separator is found
 _LINE = 100_000  # characters; the csv module takes no longer cell
 _BLOCK = 4096  # rows at once
 _UNIT = 20  # characters of a unit; a longer one is none
@@ -39,7 +39,7 @@ class Sheet:
 
     @classmethod
     def of(cls, path: Path) -> Sheet:
-        """Told by the first lines; raises LogError where they are no table of numbers."""
+        """Found from the first lines; raises LogError where they are no table of numbers."""
         with opened(path) as file:
             lines = [line for line in islice(bounded(file, path), _LOOKED) if line.strip()]
         if not lines:
@@ -51,7 +51,7 @@ class Sheet:
         _refuse_decimal_commas(path, lines, best, first if header else None, rest)
         names = [cell.strip().lstrip("\ufeff") for cell in first] if header else list(map(str, range(len(first))))
         if not (rest if header else [first]):
-            raise LogError(f"{path}: the file holds no rows of numbers")
+            raise LogError(f"{path}: the file contains no rows of numbers")
         return cls(path, best, tuple(name or str(k) for k, name in enumerate(names)), header)
 
     def blocks(self) -> Iterator[Floats]:
@@ -67,7 +67,7 @@ class Sheet:
                 yield block[[bool(cells) for cells in part]]
 
     def unit(self, column: int) -> str | None:
-        """The unit that the name of a column ends in; None where it says none."""
+        """The unit that the name of a column ends in; None where it names none."""
         unit = _unit_text(self.names[column])
         try:
             return unit if unit and si_unit(unit) else None
@@ -121,7 +121,7 @@ def _unit_text(name: str) -> str:
 
 
 def number(cell: str) -> float:
-    """The number that a cell holds; raises ValueError. ``1_5`` is none: Python alone takes it for 15."""
+    """The number in a cell; raises ValueError. ``1_5`` is none: Python alone takes it for 15."""
     if "_" in cell:
         raise ValueError(cell)
     return float(cell)

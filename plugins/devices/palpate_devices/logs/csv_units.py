@@ -1,4 +1,4 @@
-"""In which units the columns of a CSV file are, where its header does not say so."""
+"""The units of a CSV file's columns, where its header does not state them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _LIKE = 0.25  # by which a velocity may miss the slope of the position, of their
 
 
 def units_of(found: Found, clocked: bool) -> tuple[dict[str, str], list[str]]:
-    """Units as the header says, else the likeliest; and which of them are guesses; `clocked`: its time is known."""
+    """Units from the header, else the likeliest; and which of them are guesses; `clocked`: its time is known."""
     units = {
         r: p.series.unit
         for r, p in found.picks.items()
@@ -23,14 +23,12 @@ def units_of(found: Found, clocked: bool) -> tuple[dict[str, str], list[str]]:
     spans = {r: float(np.subtract(*np.nanpercentile(p.series.values, (99.8, 0.2)))) for r, p in found.picks.items()}
     if "position" not in units:
         units["position"] = length_unit(spans["position"])
-        doubts.append(
-            f"unit of the position: {units['position']} is a guess, by how far it moves: {spans['position']:.3g}"
-        )
+        doubts.append(f"unit of the position: {units['position']} is a guess from its range: {spans['position']:.3g}")
     way = spans["position"] * si_unit(units["position"])[1]
     if "force" not in units:
         units["force"], elasticity = force_unit(spans["force"], way)
         doubts.append(
-            f"unit of the force: {units['force']} is a guess, by which a tip of 5 mm would feel some "
+            f"unit of the force: {units['force']} is a guess: a tip of 5 mm would then measure some "
             f"{elasticity / 1e3:.3g} kPa"
         )
     if "velocity" in found.picks and "velocity" not in units:
@@ -42,12 +40,12 @@ def units_of(found: Found, clocked: bool) -> tuple[dict[str, str], list[str]]:
 def _speed_unit(found: Found, length: str, clocked: bool) -> tuple[str, str]:
     """The unit in which a velocity is the slope of the position."""
     if not clocked or not found.gain:
-        return f"{length}/s", f"unit of the velocity: {length}/s is a guess, as that of the position"
+        return f"{length}/s", f"unit of the velocity: {length}/s is a guess, like that of the position"
     ratios = {unit: abs(found.gain) * si_unit(unit)[1] / si_unit(length)[1] for unit in ("m/s", "mm/s", "um/s", "cm/s")}
     unit = min(ratios, key=lambda u: abs(np.log(ratios[u])))
     fits = abs(ratios[unit] - 1.0) < _LIKE
     by = (
-        "by which it is the slope of the position"
+        "with which it is the slope of the position"
         if fits
         else f"though it is {ratios[unit]:.2f} times the position's slope"
     )

@@ -1,4 +1,4 @@
-"""From a log to a pipeline that reads it: what the log's device suggests, and a template for what a log cannot say."""
+"""From a log to a pipeline that reads it: what the log's device suggests, and a template for the rest."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def pipeline_text(suggestion: Suggestion, log: Path, rest: str) -> str:
     words += suggestion.hints
     lines = [f"# {printable(text)}" for text in words]
     lines += ["", "[run]", f"name = {_toml(log.name)}"]
-    lines += ["# Nobody has stated these: correct them below, and take them out of this list."]
+    lines += ["# Not stated anywhere: correct these below, and take them out of this list."]
     lines += [f"assumed = {_toml(list(_ASSUMED))}", "", "[device.log]"]
     tables = {key: value for key, value in suggestion.device.items() if key in ("signals", "columns")}
     for key, value in suggestion.device.items():
@@ -63,11 +63,11 @@ def pipeline_text(suggestion: Suggestion, log: Path, rest: str) -> str:
         lines += ["", f"[device.log.{key}]", *(f"{name} = {_toml(item)}" for name, item in table.items())]
     lines += [
         "",
-        '# Timing moves the viscosity: declare what is known of it, as in delay = "0 ms", uncertainty = "1 ms".',
+        '# Timing shifts the viscosity: declare what is known of it, as in delay = "0 ms", uncertainty = "1 ms".',
     ]
     lines += ["[alignment]"]
     lines += [f"{key} = {_toml(value)}" for key, value in suggestion.alignment.items()]
-    lines += ['tip_mass = "140 g"                     # all that hangs behind the sensor: weigh it']
+    lines += ['tip_mass = "140 g"                     # everything mounted behind the sensor: weigh it']
     return "\n".join(lines) + "\n\n" + rest
 
 

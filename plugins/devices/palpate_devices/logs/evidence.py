@@ -1,4 +1,4 @@
-"""What numbers say of themselves: which move together as force, position and velocity of a palpation do, and which way.
+"""Evidence in the numbers: which move together as force, position and velocity of a palpation do, and with which sign.
 
 A contact force is a function of the depth and its rate, and grows faster than the depth: F ~ c0 + c1 z + c2 z^2 +
 c3 z' + c4 z z', with c2 > 0 whichever way z counts (a contact is one-sided; a half-space, a hinge at the surface and
@@ -19,8 +19,8 @@ _EVEN = 0.5  # of a rate's own movement that the slope may leave
 _FAR = 0.2  # of its largest value that a rate falls below somewhere
 _NEAR = 5  # samples to either side for the rate of a position itself
 _MOST = 60_000  # points of the common grid
-_SURE = 4.0  # ratio of a one-sided force's excursions by which its sign is told
-_CURVED = 3.0  # standard errors by which a curvature is told, with 50 independent stretches of the record
+_SURE = 4.0  # ratio of a one-sided force's excursions that determines its sign
+_CURVED = 3.0  # standard errors of a significant curvature, with 50 independent stretches of the record
 _STRETCHES = 50
 
 
@@ -157,13 +157,13 @@ def force_sign(force: Floats, law: Law) -> Sign:
     bend = 1 if law.bend >= 0 else -1
     curved = abs(law.bend) > _CURVED
     if rests and (not curved or side == bend):
-        return Sign(side, "it leaves its rest to one side", curved)
+        return Sign(side, "it leaves its rest value to one side", curved)
     if curved and not rests:
         return Sign(bend, "it grows faster than the depth", abs(law.bend) > 2 * _CURVED or _one_side(force) == bend)
     if abs(law.bend) > 3 * _CURVED:
         return Sign(bend, "it grows faster than the depth", True)  # and rests in contact
     if curved:
-        return Sign(bend, "it grows faster than the depth, but leaves its rest to the other side", False)
+        return Sign(bend, "it grows faster than the depth, but leaves its rest value to the other side", False)
     return Sign(_one_side(force) or side, "it is mostly on this side of zero", False)
 
 

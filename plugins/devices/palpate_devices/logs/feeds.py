@@ -75,7 +75,7 @@ class Feed:
             return sensible(values * self.factors if self.scaled else values)
 
     def along(self, values: Floats, quaternions: Floats | None = None) -> Floats:
-        """Channels [SI] (n, k) of readings (n, readings): vectors, turned where told how, along their directions."""
+        """Channels [SI] (n, k) of readings (n, readings): vectors, rotated where declared, along their directions."""
         columns, at = [], 0
         for direction in self.directions:
             if direction is None:

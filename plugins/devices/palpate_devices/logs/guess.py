@@ -17,7 +17,7 @@ _CERTAIN = 0.98  # share by which a velocity is a witness of which column is the
 _RATE = 0.8  # share of a velocity that a slope must explain
 _SAME = 0.998  # share of one column that a straight line of another explains, where both say the same
 _BENT = 3.0  # standard errors of a bend that count in full
-_SMOOTHER = 3.0  # ratio of roughness by which a setpoint is told from a measurement
+_SMOOTHER = 3.0  # ratio of roughness that distinguishes a setpoint from a measurement
 _CLEARLY = 1.15  # how much better the best must be than the next to be taken without a doubt
 _EXPLAINED = 0.5  # share of the force's movement that the position must explain, at the least
 _OTHERS = 4  # alternatives that are named
@@ -39,7 +39,7 @@ class Series:
 
     @property
     def commanded(self) -> bool:
-        """Whether its name says that it is what was asked for, and not what was measured."""
+        """Whether its name marks it as commanded, not measured."""
         return any(word in self.label.lower() for word in _COMMAND)
 
 
@@ -102,7 +102,7 @@ class Search:
         return self._laws[p, f]
 
     def _same(self, one: int, other: int) -> bool:
-        """Whether two columns say the same, but for an offset, a sign and a unit."""
+        """Whether two columns are the same, but for an offset, a sign and a unit."""
         a, b = self._columns[one], self._columns[other]
         spread = float(a.std() * b.std())
         return spread > 0 and float(np.mean((a - a.mean()) * (b - b.mean())) / spread) ** 2 > _SAME
@@ -213,7 +213,7 @@ class Search:
         signs = {"force": force, "position": Sign(falls, words, force.sure and clear)}
         if gain is not None:
             agrees = gain >= 0
-            words = "it is the rate of the position" if agrees else "it counts the other way than the position"
+            words = "it is the rate of the position" if agrees else "its sign is opposite to that of the position"
             signs["velocity"] = Sign(falls if agrees else -falls, words, force.sure and clear and gain != 0.0)
         return signs
 

@@ -24,7 +24,7 @@ from palpate_devices.ur3e.kinematics import ALPHA, JOINTS, A, D, matrix_of
 
 _POSE = (*((axis, "m") for axis in "xyz"), *((f"q{axis}", "1") for axis in "xyzw"))
 _TWIST = (*((axis, "m/s") for axis in "xyz"), *((f"w{axis}", "rad/s") for axis in "xyz"))
-# q and -q are one orientation: the one that lies on the side of this is told, whose edge is far from usual poses.
+# q and -q are one orientation: the one on the side of this is given, whose edge is far from usual poses.
 _SIDE = np.array([0.70, 0.17, 0.11, 0.68])
 
 
@@ -46,7 +46,7 @@ class Kinematics(Settings):
         default=None, description="a robot whose nominal parameters are known: streams tip and twist; or give joints"
     )
     joints: tuple[Joint, ...] = Field(default=(), description="joints of another robot, from the base to the tip")
-    prefix: str = Field(default="", description='what stands before the joint names of a known robot, such as "left_"')
+    prefix: str = Field(default="", description='prefix of the joint names of a known robot, such as "left_"')
     tcp: tuple[Length, ...] = Field(min_length=3, max_length=3, description="tip on the flange")
     tcp_rotation: tuple[Angle, ...] = Field(
         default=(0.0, 0.0, 0.0), min_length=3, max_length=3, description="rotation vector of the tool on the flange"

@@ -24,16 +24,14 @@ class MappedSignal(Settings):
     topic: str = Field(min_length=1, description='topic, such as "/ft_sensor/wrench"')
     field: str = Field(min_length=1, description='path to the number, such as "wrench.force.z" or "data"')
     index: int | None = Field(default=None, ge=0, description="which element, where the field is an array")
-    select: str | None = Field(
-        default=None, description="joint (JointState) or child frame (TFMessage) whose number it is"
-    )
+    select: str | None = Field(default=None, description="joint (JointState) or child frame (TFMessage) of the number")
     unit: str = Field(default="1", description='unit of the recorded number, such as "mm" or "N"')
     direction: tuple[float, float, float] | None = Field(
-        default=None, description="field is a vector x, y, z, and the channel its component along this direction"
+        default=None, description="field is a vector x, y, z; the channel is its component along this direction"
     )
     orientation: Orientation | Literal["kinematics"] | None = Field(
         default=None,
-        description="the pose that turns the vector's frame, or that of the kinematics; direction is then in its frame",
+        description="the pose that rotates the vector's frame, or the kinematics; direction is then in its frame",
     )
     scale: float = Field(default=1.0, description="factor on the recorded number, for readings in counts")
 

@@ -26,7 +26,7 @@ from palpate_devices.logs.topics import Messages, Topic
 
 
 class McapFile:
-    """A file, opened; what is wrong with it is said in one LogError, or with `accept_cut` read around."""
+    """A file, opened; errors in it raise one LogError, or with `accept_cut` are skipped."""
 
     def __init__(self, path: Path, accept_cut: bool = False) -> None:
         self.path = path
@@ -54,7 +54,7 @@ class McapFile:
         return size > 2 * len(records.MAGIC) and tail == records.MAGIC
 
     def _refuse_foreign(self, file: IO[bytes], size: int) -> None:
-        """A file without the first bytes of a log is one where it holds chunks, and is read only if that is asked."""
+        """A file without the first bytes of a log counts as one if it contains chunks, and is read only on request."""
         if not self._accept_cut or next(chunks_from(file, 0, size), None) is None:
             raise LogError(f"{self.path}: is no MCAP log")
         self._notes.append("its first bytes are wrong")
@@ -83,7 +83,9 @@ class McapFile:
         """That something is missing, how much and where, or that nothing guards the messages."""
         if not self.complete:
             words = "; ".join(self._notes) if self._report is None else self._report.words()
-            return f"{self.path.name} is cut or damaged: only what is whole was read{f'; {words}' if words else ''}"
+            return (
+                f"{self.path.name} is cut or damaged: only the undamaged part was read{f'; {words}' if words else ''}"
+            )
         if self.unchecked:
             return f"{self.path.name}: {self.unchecked} messages carry no checksum: damage to them would not be seen"
         return None
@@ -105,7 +107,7 @@ class McapFile:
 
     @property
     def counts(self) -> Mapping[str, int] | None:
-        """Messages by topic, where the summary says it."""
+        """Messages by topic, where the summary states it."""
         counts, channels = self._summary.counts, self._summary.channels
         if counts is None:
             return None
@@ -183,7 +185,7 @@ class McapFile:
         except Damage as damage:
             if self._complete:
                 raise LogError(
-                    f"{self.path}: the log is damaged: {damage}; accept_cut = true reads what is whole"
+                    f"{self.path}: the log is damaged: {damage}; accept_cut = true reads the undamaged part"
                 ) from damage
         finally:
             self.unchecked = reader.unchecked
@@ -242,12 +244,12 @@ class McapFile:
         if (opcode, length) != (records.FOOTER, 20):
             raise Damage("it has no footer")
         if start > size:
-            raise Damage(f"it is said to begin at {start}")
+            raise Damage(f"it is declared to begin at {start}")
         known.data = _data_checksum(file, (start or size - 37) - 13)
         if start == 0:
             return
         if not len(records.MAGIC) < start <= size - 37 or size - start > records.LIMIT:
-            raise Damage(f"it is said to begin at {start}")
+            raise Damage(f"it is declared to begin at {start}")
         file.seek(start)
         content = file.read(size - 37 - start)
         if crc and zlib.crc32(content + footer[:25]) != crc:

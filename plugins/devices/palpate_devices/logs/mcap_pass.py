@@ -27,7 +27,7 @@ class _Whole:
 
     chunk: records.Chunk
     index: list[Stamps]
-    head: bytes  # of its record, which tells it from others
+    head: bytes  # of its record, which identifies it
     end: int = 0  # [bytes] where its record ends in the file
     pieces: tuple[records.Piece, ...] = ()
 
@@ -64,7 +64,7 @@ class Pass:
             raise Damage("it ends before its data do")
         if self._whole and self._summary.counts is not None and self.counts != Counter(self._summary.counts):
             found, said = self.counts.total(), sum(self._summary.counts.values())
-            raise Damage(f"it holds {found} messages where its statistics say {said}, or not the same ones")
+            raise Damage(f"it contains {found} messages where its statistics state {said}, or not the same ones")
 
     def _check_data(self, file: IO[bytes]) -> bool:
         """Whether a checksum covers all data, and is right; raises Damage where it is wrong."""
@@ -117,11 +117,11 @@ class Pass:
             raise
 
     def _other(self, file: IO[bytes], opcode: int, length: int) -> None:
-        """A record that is no message, and holds none."""
+        """A record that is no message, and contains none."""
         if opcode in (records.SCHEMA, records.CHANNEL) and length <= records.LIMIT:
             self._known.define(opcode, file.read(length))
         elif opcode == 0:
-            raise Damage("a record has the kind 0, which none has")
+            raise Damage("a record has the unknown kind 0")
         elif opcode in records.EXTRAS and self._known.extras is not None and length <= records.LIMIT:
             self._known.extras.append((opcode, file.read(length)))
         else:
@@ -209,7 +209,7 @@ def data_checked(file: IO[bytes], summary: Known) -> bool | None:
 
 
 def _enough(pending: list[_Whole]) -> bool:
-    """Whether chunks are worth a block; one without a checksum ends it, and is told apart from those with one."""
+    """Whether chunks are worth a block; one without a checksum ends it, and is kept apart from those with one."""
     size = sum(len(whole.chunk.data) for whole in pending)
     return size >= _TOGETHER or not pending[-1].chunk.checked
 

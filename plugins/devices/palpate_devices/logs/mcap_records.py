@@ -25,7 +25,7 @@ HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = ra
 ATTACHMENT, STATISTICS, METADATA, DATA_END = 0x09, 0x0B, 0x0C, 0x0F
 EXTRAS = (ATTACHMENT, METADATA)
 RECORD = struct.Struct("<BQ")
-CHUNK_HEAD = 28  # bytes of a chunk that tell it from others: its times, size and checksum
+CHUNK_HEAD = 28  # bytes that identify a chunk: its times, size and checksum
 HEAD = 31  # bytes of a message record before its payload: record 9, channel 2, sequence 4, two times 16
 
 Other = tuple[int, int, int]  # opcode, offset and length of the content of a record that is no message
@@ -69,7 +69,7 @@ def open_chunk(content: bytes, unpacker: Unpacker) -> Chunk:
         raise Damage(f"a chunk claims {size} bytes, more than {LIMIT}")
     data = _decompressed(name, packed, size, unpacker)
     if len(data) != size:
-        raise Damage(f"a chunk claims {size} bytes and holds {len(data)}")
+        raise Damage(f"a chunk claims {size} bytes and contains {len(data)}")
     if crc and zlib.crc32(data) != crc:
         raise Damage("a chunk's checksum is wrong")
     return Chunk(data, crc != 0)

@@ -30,19 +30,19 @@ class Report:
 
     @property
     def missing(self) -> str:
-        """How much is missing, as far as anything says it."""
+        """How much is missing, as far as it is known."""
         if self.said is not None:
             total = sum(self.said.values())
             lost = sum(max(n - self.counts.get(channel, 0), 0) for channel, n in self.said.items())
             more = sum(max(n - self.said.get(channel, 0), 0) for channel, n in self.counts.items())
             words = [f"{lost} of {total} messages are missing, by the log's own statistics"] if lost else []
-            return "; ".join([*words, f"it holds {more} messages more than its statistics say"] if more else words)
+            return "; ".join([*words, f"it contains {more} messages more than its statistics state"] if more else words)
         gaps = [g for loss in self.losses if (g := self._gap(loss)) > 0]
         span = (self.last or 0) - (self.first or 0) - sum(gaps)
         lost = round(self.counts.total() * sum(gaps) / span) if span > 0 else 0
         words = [f"about {lost} messages are missing, by the rates of the others"] if lost else []
         if self.cut or any(loss.after is None for loss in self.losses):
-            words.append("what came after that is lost, and nothing says how much it was")
+            words.append("everything after that is lost; its amount is unknown")
         return "; ".join(words)
 
     @staticmethod
@@ -50,7 +50,7 @@ class Report:
         return 0 if loss.before is None or loss.after is None else loss.after - loss.before
 
     def words(self) -> str:
-        """All of it, on one line; empty where nothing is amiss."""
+        """All of it, on one line; empty where nothing is wrong."""
         where = [self._where(loss) for loss in self.losses[:_SHOWN]]
         if len(self.losses) > _SHOWN:
             where.append(f"and {len(self.losses) - _SHOWN} more pieces")
@@ -62,7 +62,7 @@ class Report:
         if self.doubtful:
             found.append(f"the definition of {', '.join(self.doubtful)} comes from a chunk that is damaged")
         if self.nameless:
-            found.append(f"{self.nameless} messages that are whole belong to topics that nothing defines any more")
+            found.append(f"{self.nameless} undamaged messages belong to topics whose definitions are lost")
         if self.unchecked:
             found.append(f"{self.unchecked} messages carry no checksum: damage to them would not be seen")
         return "; ".join(found)

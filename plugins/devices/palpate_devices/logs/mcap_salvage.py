@@ -32,7 +32,7 @@ class LostPiece:
 
 
 class Salvage:
-    """One way through what is left of a file, around what is damaged, from where a reader met with damage."""
+    """One path through the rest of a file, around damaged parts, from where a reader met damage."""
 
     def __init__(self, path: Path, known: Known, reader: Pass) -> None:
         self._path, self._known, self._counts = path, known, reader.counts
@@ -153,7 +153,7 @@ class Salvage:
         return position, block
 
     def _resumed(self, file: IO[bytes], position: int, size: int) -> int:
-        """Where to go on behind a damaged record: at the next chunk, else where the record says that it ends."""
+        """Where to continue behind a damaged record: at the next chunk, else where the record states its end."""
         claimed = self._claimed(file, position, size)
         if self._next is None or self._next <= position:
             self._next = self._next_chunk(file, position + 1, size)
@@ -165,7 +165,7 @@ class Salvage:
         return loose or search.data_end_from(file, position + 1, size) or size
 
     def _has_chunks(self, file: IO[bytes], size: int) -> bool:
-        """Whether the head of a chunk is anywhere: then no message that stands by itself is believed to be one."""
+        """Whether the head of a chunk is anywhere: then no message outside of a chunk is trusted to be one."""
         if self._chunked is None:
             self._chunked = next(search.chunks_from(file, 0, size), None) is not None
         return self._chunked

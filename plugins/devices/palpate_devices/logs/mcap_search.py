@@ -1,4 +1,4 @@
-"""Where records of an MCAP file begin behind damage: found by what they say of themselves, not by what came before."""
+"""Where records of an MCAP file begin behind damage: found by their own content, not by what came before."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from palpate_devices.logs.mcap_records import Damage
 _WINDOW = 1 << 22  # [bytes] looked through at once
 _HEAD = 64  # [bytes] more than the head of a chunk, up to the length of its records
 _NAMES = (b"", b"lz4", b"zstd")
-_CHAIN = 4  # records in a row that are believed where no checksum speaks
+_CHAIN = 4  # records in a row that are trusted without a checksum
 _FIXED = {records.FOOTER: 20, records.DATA_END: 4, 0x0E: 17}  # length of the content by kind
 _KINDS = frozenset(range(1, 16))
 
@@ -86,7 +86,7 @@ def fitting(head: bytes, left: int) -> tuple[int, int]:
     if length > left:
         raise Damage(f"a record claims {length} bytes, more than the file has")
     if opcode not in _KINDS:
-        raise Damage(f"a record has the kind {opcode}, which none has")
+        raise Damage(f"a record has the unknown kind {opcode}")
     if _FIXED.get(opcode, length) != length or (opcode == records.MESSAGE and length < records.HEAD - 9):
         raise Damage(f"a record of the kind {opcode} claims {length} bytes")
     return opcode, length

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from palpate import Batch, Floats, LogError
 
+from palpate_devices.ahead import ahead
 from palpate_devices.logs.decoders import decoder_of
 from palpate_devices.logs.feeds import Feed, mapped_feeds, said_of
 from palpate_devices.logs.files import readable, regular
@@ -20,6 +21,7 @@ from palpate_devices.logs.topics import Container, Messages, Stamps
 from palpate_devices.logs.turning import Turning
 
 HostTime = Callable[[Feed, Stamps, Stamps], Stamps]
+_AHEAD = 4  # batches that are read before they are asked for
 
 
 class Reader:
@@ -67,7 +69,10 @@ class LogLink:
         self._container, self._feeds, self._window, self._log = container, feeds, window, log
 
     def batches(self) -> Iterator[Batch]:
-        """Every block of the log, as a batch of each stream that it feeds."""
+        """Every block of the log, as a batch of each stream that it feeds; a thread reads ahead."""
+        return ahead(self._read(), _AHEAD)
+
+    def _read(self) -> Generator[Batch]:
         for feed in self._feeds:
             feed.left_out.clear()
         reader = Reader(self._feeds, self._log)
@@ -111,7 +116,7 @@ def window(container: Container, begin: float | None, end: float | None) -> tupl
 
 
 def tables_of(container: Container) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
-    """Every topic that holds numbers, in blocks, as recorded; a topic that cannot be decoded is left out."""
+    """Every topic that contains numbers, in blocks, as recorded; a topic that cannot be decoded is left out."""
     plans: dict[str, tuple[tuple[str, ...], list[Reading]] | None] = {}
     decoders = {}
     for topic, messages in container.blocks(set(container.topics)):
@@ -133,7 +138,7 @@ def tables_of(container: Container) -> Iterator[tuple[str, tuple[str, ...], Batc
 
 
 def texts_of(container: Container) -> Iterator[tuple[str, tuple[str, ...], Stamps, list[tuple[str, ...]]]]:
-    """Every topic that holds texts, in blocks: its name, the names of the texts, stamps [ns] and texts."""
+    """Every topic that contains texts, in blocks: its name, the names of the texts, stamps [ns] and texts."""
     plans: dict[str, tuple[MessageDecoder, tuple[str, ...]] | None] = {}
     for topic, messages in container.blocks(set(container.topics)):
         try:

@@ -1,4 +1,4 @@
-"""Temporary folders that a kill does not leave for ever: making the next one removes those whose owner is gone."""
+"""Temporary folders that a kill does not leave for good: making the next one removes those whose owner is gone."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LOCK = "in-use"
 
 @contextmanager
 def scratch(beside: Path | None = None) -> Iterator[Path]:
-    """A folder for files in between, in that folder or among the system's temporary files; raises OSError.
+    """A folder for intermediate files, in that folder or among the system's temporary files; raises OSError.
 
     Its owner holds a lock, which the system takes back when the process ends, however it ends.
     """

@@ -133,7 +133,7 @@ class SqliteBag:
 
 
 def _missing(file: IO[bytes]) -> int:
-    """How many bytes a database is shorter than it says [bytes]: SQLite takes what a cut page lacks for zeros."""
+    """How many bytes a database is shorter than it states [bytes]: SQLite takes what a cut page lacks for zeros."""
     file.seek(0)
     head = file.read(100)
     if len(head) < 100 or head[24:28] != head[92:96]:  # the number of pages is out of date
@@ -150,7 +150,7 @@ def _connected(path: Path, mode: str) -> sqlite3.Connection:
 
 
 def guard(database: sqlite3.Connection) -> None:
-    """Let nothing in a stranger's database run, or take more memory than a message may."""
+    """Let nothing in a third-party database run, or take more memory than a message may."""
     database.text_factory = lambda raw: raw.decode(errors="replace")
     database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST)
     database.execute("PRAGMA trusted_schema = OFF")
@@ -171,7 +171,7 @@ def journals(path: Path) -> list[Path]:
 
 
 def copy_with_journal(path: Path, target: Path) -> None:
-    """Copy a database with what is beside it, so that SQLite can complete the copy and leave the original alone."""
+    """Copy a database with the files beside it, so that SQLite can complete the copy and leave the original alone."""
     shutil.copyfile(path, target)
     for file in journals(path):
         shutil.copyfile(file, target.with_name(target.name + file.name.removeprefix(path.name)))

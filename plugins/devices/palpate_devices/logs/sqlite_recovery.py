@@ -29,7 +29,7 @@ _PATIENCE = 16  # windows in a row that give nothing, before ever more is passed
 
 
 def recover_bag(path: Path, out: Path) -> str:
-    """Write what can be read of a ``.db3`` file into a new one, and say how much that is."""
+    """Write what can be read of a ``.db3`` file into a new one, and report how much that is."""
     if out.exists():
         raise OutputError(f"{out}: exists already, and nothing is ever overwritten")
     regular(path)
@@ -50,7 +50,7 @@ def recover_bag(path: Path, out: Path) -> str:
 
 
 def _lengthen(copy: Path) -> int | None:
-    """Fill a file that is cut with zeros up to its size: SQLite reads nothing of one that is shorter than it says.
+    """Fill a file that is cut with zeros up to its size: SQLite reads nothing of one that is shorter than it states.
 
     A page that is not all there goes as a whole, lest its second half be taken for zeros. Returns the size of a page
     where something was missing.
@@ -79,7 +79,7 @@ def _recovered(path: Path, copy: Path, out: Path, page: int | None) -> str:
         topics = old.execute("SELECT id, name FROM topics").fetchall()
         left_out = []
         with _created(out) as new:
-            new.execute("PRAGMA synchronous = OFF")  # a recovery that is interrupted is made anew
+            new.execute("PRAGMA synchronous = OFF")  # a recovery that is interrupted is repeated
             for name, definition in tables.items():
                 if name == "messages":
                     new.execute(definition)
@@ -93,7 +93,7 @@ def _recovered(path: Path, copy: Path, out: Path, page: int | None) -> str:
         out.unlink()
         raise LogError(f"{path}: none of its messages can be read")
     said = "the bag was whole: " if whole else ""
-    lost = "" if whole else "; what could not be read is lost, and a database has no checksums for what could"
+    lost = "" if whole else "; unreadable messages are lost, and a database has no checksums for the others"
     beside = f"; tables left out: {printable(', '.join(left_out))}" if left_out else ""
     return f"{said}{count} messages over {(last - first) / 1e9:.3f} s are in {out}{lost}{beside}"
 
@@ -136,7 +136,7 @@ def _taken_over(old: sqlite3.Connection, new: sqlite3.Connection, table: str, de
 def _salvage(
     old: sqlite3.Connection, copy: Path, new: sqlite3.Connection, page: int | None
 ) -> tuple[int, int, int, bool]:
-    """Messages that came over, their first and last time-stamps [ns], and whether nothing was amiss."""
+    """Messages that came over, their first and last time-stamps [ns], and whether nothing was wrong."""
     count, stamps, whole = 0, [], True
     for rows in _everything(old, copy):
         good = [row for row in rows if _sound(row, page)]
@@ -195,7 +195,7 @@ def _scanned(old: sqlite3.Connection, begin: int) -> Generator[list[Row], None, 
 
 
 def _bound(old: sqlite3.Connection, which: str, otherwise: int) -> int:
-    """The smallest or largest number of a message, where it can be told."""
+    """The smallest or largest number of a message, where it can be determined."""
     try:
         found = old.execute(f"SELECT {which}(id) FROM messages").fetchone()[0]
     except sqlite3.Error:

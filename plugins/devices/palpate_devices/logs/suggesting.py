@@ -16,7 +16,7 @@ from palpate_devices.recording import Suggestion
 
 _TARE = 0.9  # [s]
 _FREE = 0.05  # of the force's range by which its rest may be away from where it touches nothing
-_RADIUS = 0.005  # [m] of the tip by which a unit's plausibility is told
+_RADIUS = 0.005  # [m] of the tip by which a unit's plausibility is judged
 _LENGTHS = (("um", 200.0), ("mm", 0.2), ("m", 0.0))  # unit, and the least way of a palpation in it
 _STIFFEST, _SOFTEST = 5e7, 50.0  # [Pa] beyond which another unit of force is likelier
 
@@ -36,8 +36,8 @@ def doubts_of(found: Found) -> list[str]:
     unsure = [role for role, sign in found.signs.items() if not sign.sure]
     if "force" in unsure:
         said.append(
-            f"sign of the force: {found.signs['force'].value:+d} is a guess ({found.signs['force'].why}); where it is "
-            "wrong, the signs of position and velocity are so, too"
+            f"sign of the force: {found.signs['force'].value:+d} is a guess ({found.signs['force'].why}); if it is "
+            "wrong, so are the signs of position and velocity"
         )
     elif unsure:
         named = " and ".join(unsure)
@@ -124,10 +124,13 @@ def assembled(
 
 
 def delay_hint(series: Mapping[str, tuple[Floats, Floats]]) -> list[str]:
-    """The delay between force and motion, where something swings in free air; in contact nothing can tell it."""
+    """The delay between force and motion, where something swings in free air; in contact it cannot be determined."""
     found = air_delay(*series["force"], *series["position"])
     if found is None:
-        return ["delay: nothing moves enough in free air to tell it; in contact it cannot be told from viscosity"]
+        return [
+            "delay: nothing moves enough in free air to determine it; in contact it cannot be distinguished "
+            "from viscosity"
+        ]
     delay, std, mass = found
     late = "force" if delay > 0 else "position"
     return [

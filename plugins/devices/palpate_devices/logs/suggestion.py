@@ -1,4 +1,4 @@
-"""A ready mapping for a log nobody has described."""
+"""A ready mapping for a log without a description."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _TAIL = 0.5  # [s]
 _ROWS = 400_000  # of one topic that are looked into
 _COLUMNS = 40
 _NAMED = 24  # numbers that a message names
-_LEAST = 20  # messages that tell anything
+_LEAST = 20  # fewest messages to conclude from
 
 Looked = Mapping[str, tuple[tuple[str, ...], Floats, Floats]]  # by topic: columns, time [s], values
 
@@ -62,10 +62,10 @@ def _nothing_found(series: Sequence[Series]) -> str:
 def _times(
     found: Found, keys: Mapping[str, tuple[str, str]], looked: Looked, reasons: list[str]
 ) -> Iterator[tuple[str, Any]]:
-    """Keys of the device that say until when it is read, and by which clock."""
+    """Keys of the device for the end of reading, and its clock."""
     end = _last_contact(found.picks["force"].series, found.signs["force"].value)
     if end is not None:
-        reasons.append(f"end: the result is what a filter says at the end, and after {end:.1f} s the load is gone")
+        reasons.append(f"end: the result is the filter's last estimate, and after {end:.1f} s the load is gone")
         yield "end", f"{end:.1f} s"
     clock = _clock(keys, looked)
     if clock is not None:
@@ -74,7 +74,7 @@ def _times(
 
 
 def _guess_units(found: Found, units: dict[str, str], doubts: list[str]) -> None:
-    """Units of numbers whose type says nothing: SI is what ROS asks for, and is doubted where it is not likely."""
+    """Units of numbers whose type gives none: SI by the convention of ROS, doubted where unlikely."""
     if all(pick.series.unit for role, pick in found.picks.items() if role != "velocity"):
         return
     spans = {r: float(np.subtract(*np.nanpercentile(p.series.values, (99.8, 0.2)))) for r, p in found.picks.items()}
@@ -89,7 +89,7 @@ def _guess_units(found: Found, units: dict[str, str], doubts: list[str]) -> None
             ("m/s", "mm/s", "um/s"), key=lambda u: abs(np.log(abs(found.gain or 1.0) * si_unit(u)[1] / scale))
         )
     guessed = [f"{unit} for the {role}" for role, unit in units.items() if not found.picks[role].series.unit]
-    doubts.append(f"units: {', '.join(guessed)}: nothing states them; they are guesses by how much each moves")
+    doubts.append(f"units: {', '.join(guessed)}: nothing states them; they are guesses from the range of each")
 
 
 def _clock(keys: Mapping[str, tuple[str, str]], looked: Looked) -> str | None:
@@ -112,7 +112,7 @@ def _field(text: str) -> dict[str, Any]:
 
 
 def _looked(container: Container) -> Looked:
-    """The beginning of every topic that holds numbers; what palpate itself computed or asked for is no measurement."""
+    """The beginning of every topic that contains numbers; what palpate computed or commanded is no measurement."""
     blocks: dict[str, Any] = {}
     names: dict[str, tuple[str, ...]] = {}
     for topic, columns, batch in tables_of(container):
@@ -159,7 +159,7 @@ def _chosen(role: str, choice: str, series: list[Series], looked: Looked, path: 
 
 
 def _last_contact(force: Series, sign: int) -> float | None:
-    """When [s] the force was last at half of its peak, where the record goes on for a while after that."""
+    """When [s] the force was last at half of its peak, where the record continues for a while after that."""
     good = np.isfinite(force.values) & (np.abs(force.values) < LARGEST)
     time, values = force.time[good], sign * force.values[good]
     low, high = (float(x) for x in np.percentile(values, (1.0, 99.8)))

@@ -21,11 +21,11 @@ def draw_suggestion(suggestion: Suggestion, name: str, path: Path) -> None:
         every = max(len(time) // _POINTS, 1)
         axis.plot(time[::every] - begin, values[::every], linewidth=0.8)
         axis.set_ylabel(f"{role} [{unit}]")
-    axes[0, 0].set_title(f"{name}: as palpate would take it")
+    axes[0, 0].set_title(f"{name}: as palpate would read it")
     axes[-2, 0].set_xlabel("time [s]")
     force, place = suggestion.views["force"], suggestion.views["position"]
     every = max(len(force[0]) // _POINTS, 1)
     heights = np.interp(force[0][::every], place[0], place[1])
     axes[-1, 0].plot(1e3 * (heights.max() - heights), force[1][::every], ".", markersize=1)
-    axes[-1, 0].set(xlabel="way down from the highest point [mm]", ylabel="force [N]")
+    axes[-1, 0].set(xlabel="depth below the highest point [mm]", ylabel="force [N]")
     save_figure(figure, path)

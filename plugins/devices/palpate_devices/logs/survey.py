@@ -1,4 +1,4 @@
-"""A survey of a log: what its topics hold, how regular they are, and how late."""
+"""A survey of a log: what its topics contain, how regular they are, and their delay."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class _TopicCounts:
 
 
 def survey_of(container: Container, path: Path, kind: str) -> Survey:
-    """Read a log once and say what it holds; topics that cannot be decoded are listed with the reason."""
+    """Read a log once and list its contents; topics that cannot be decoded are listed with the reason."""
     seen: dict[str, _TopicCounts] = {}
     count = 0
     for name, topic in container.topics.items():

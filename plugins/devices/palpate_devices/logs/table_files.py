@@ -131,7 +131,7 @@ def _parquet(out: Path, numbers: Mapping[str, TopicArrays]) -> None:
         import pyarrow  # type: ignore[import-not-found,import-untyped,unused-ignore]
         import pyarrow.parquet  # type: ignore[import-not-found,import-untyped,unused-ignore]
     except ImportError as error:
-        raise ConfigurationError("parquet needs a library that is not here: pip install pyarrow") from error
+        raise ConfigurationError("parquet needs a library that is not installed: pip install pyarrow") from error
     names = [f"{entry.topic}:{name}" for entry in numbers.values() for name in entry.names]
     texts = _all_texts(numbers)
     kinds = ((name, pyarrow.string() if name in texts else pyarrow.float64()) for name in names)

@@ -59,9 +59,9 @@ def topics_of(log: Path, topics: list[str] | None, folder: Path) -> dict[str, To
     missing = [topic for topic in topics or () if topic not in files and topic + TEXTS not in texts]
     if missing:
         there = printable(", ".join(names))
-        raise LogError(f"{log}: --topic {missing[0]}: holds no numbers and no texts (there are: {there})")
+        raise LogError(f"{log}: --topic {missing[0]}: contains no numbers and no texts (there are: {there})")
     if not files and not texts:
-        raise LogError(f"{log}: holds no numbers and no texts")
+        raise LogError(f"{log}: contains no numbers and no texts")
     return {topic: _mapped(folder, str(i), names[topic], topic) for i, topic in enumerate(files)} | texts
 
 

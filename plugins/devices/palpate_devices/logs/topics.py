@@ -65,7 +65,7 @@ class Container(Protocol):
 
     @property
     def trouble(self) -> str | None:
-        """What is amiss with the file as a whole, such as a missing end; None where nothing is."""
+        """What is wrong with the file as a whole, such as a missing end; None where nothing is."""
         ...
 
     @property

@@ -29,10 +29,10 @@ def unpack(path: Path, target: Path, kind: str, magic: bytes) -> None:
     with path.open("rb") as packed, target.open("wb") as out:
         for block in _unpacked(packed, kind):
             if written < len(magic) and not _fits(block, magic, written):
-                raise OSError("what is compressed in it does not begin as it should")
+                raise OSError("its compressed content does not begin as it should")
             written += len(block)
             if written > limit:
-                raise TooLargeError(f"it unpacks to more than {_RATIO} times its size, and no log does")
+                raise TooLargeError(f"it unpacks to more than {_RATIO} times its size, which no log does")
             if written > free:
                 raise TooLargeError(
                     f"it unpacks to more than the {max(free, 0) >> 20} MiB that are free in {target.parent}"

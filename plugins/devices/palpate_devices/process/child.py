@@ -24,7 +24,7 @@ _BEAT_EVERY = 0.025  # [s]
 class Child:
     """A process that runs one module of a device, as its parent sees it: a ring to read, a socket for the rest.
 
-    The process is told its settings as JSON. When the parent goes, however it goes, the socket closes, and the child
+    The process gets its settings as JSON. When the parent goes, however it goes, the socket closes, and the child
     is to put the device at rest and leave. When the child goes or stops beating, the parent kills it and says so.
     """
 
@@ -56,7 +56,7 @@ class Child:
             self.ring.beat(time.monotonic_ns(), host=True)
 
     def messages(self, timeout: float = 0.0) -> list[dict[str, Any]]:
-        """What the child has said since the last call, waiting up to `timeout` [s] for something."""
+        """Messages of the child since the last call, waiting up to `timeout` [s] for something."""
         found = []
         with contextlib.suppress(ConnectionError):
             while select.select([self._socket], [], [], timeout)[0]:
@@ -82,10 +82,10 @@ class Child:
                     return message
             self.check()
         self.kill()
-        raise DeviceError(f"{self.name}: does not get ready within {timeout:g} s")
+        raise DeviceError(f"{self.name}: is not ready within {timeout:g} s")
 
     def check(self, beat_limit: float | None = None) -> None:
-        """Raise DeviceError where the child has told of a fault, has died, or has not beaten for so long [s]."""
+        """Raise DeviceError where the child has reported a fault, has died, or has not beaten for so long [s]."""
         if self.fault is None and self._process.poll() is not None:
             self.messages()
         if self.fault is not None:
@@ -125,7 +125,7 @@ class Child:
         self._process.wait()
 
     def close(self, timeout: float = 2.0) -> None:
-        """Let the process end by itself, and make it where it does not."""
+        """Let the process end on its own, and end it where it does not."""
         self.tell("close")
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_WR)
@@ -159,7 +159,7 @@ class Parent:
             self._socket.sendall(json.dumps({"say": word, **facts}).encode() + b"\n")
 
     def messages(self) -> list[dict[str, Any]]:
-        """What the parent has said since the last call; sets `gone` where it has closed its end or died."""
+        """Messages of the parent since the last call; sets `gone` where it has closed its end or died."""
         try:
             data, descriptors, _, _ = socket.recv_fds(self._socket, 65536, 4)
             self.descriptors += descriptors

@@ -19,7 +19,7 @@ def epoch_offset() -> int:
     """What makes a time since the epoch [ns] out of a monotonic one; the same for all devices of a process."""
     while True:
         before, epoch, after = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
-        if after - before < 20_000:  # nobody came in between
+        if after - before < 20_000:  # nothing came in between
             return epoch - (before + after) // 2
 
 
@@ -27,8 +27,8 @@ class ClockMap:
     """From a device's clock to the host's, by the lower envelope of (received - stamped).
 
     Transport only ever adds delay, so the smallest difference is nearest to the truth; it may rise again by 200 ppm so
-    that a device whose clock is slow is followed. What is left is the smallest delay there is, some tenths of a
-    millisecond, of one sign: it belongs into the declared uncertainty. Depends on the rows alone, not on how they were
+    that a device whose clock is slow is followed. The remainder is the smallest delay, some tenths of a millisecond,
+    of one sign: it belongs in the declared uncertainty. Depends on the rows alone, not on how they were
     cut into batches.
     """
 

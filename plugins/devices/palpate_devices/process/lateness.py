@@ -1,4 +1,4 @@
-"""How late a loop wakes up: a histogram in shared memory."""
+"""The wake-up delay of a loop: a histogram in shared memory."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _CYCLES, _MISSED, _LATEST, _FIRST, _LAST, _LOST, _HOST, _BINS = 16, 17, 18, 19, 
 
 
 class Lateness:
-    """Counts, in the words of a ring's head, how late each cycle began."""
+    """Counts the delay of each cycle in the words of a ring's head."""
 
     def __init__(self, head: NDArray[np.int64], period: int) -> None:
         self._head = head

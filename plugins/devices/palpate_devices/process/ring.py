@@ -20,7 +20,7 @@ class Ring:
     """Rows of 64-bit floats, with a head of whole numbers: rows written, heartbeats of both sides, words.
 
     A row may carry whole numbers in columns that both sides read through `integers`. The counter is written after the
-    row, so that a reader never sees half of one; a reader that is a whole ring late is told how many it lost.
+    row, so that a reader never sees half of one; a reader that is a whole ring late learns how many it lost.
     """
 
     def __init__(self, descriptor: int, columns: int, rows: int = ROWS) -> None:

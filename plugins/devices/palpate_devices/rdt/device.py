@@ -34,11 +34,11 @@ class RdtSensor(Device):
     box: Literal["ati", "onrobot"] = Field(default="ati", description="whose it is")
     counts_per_force: float = Field(default=1e6, gt=0, description="ATI: counts per newton, cfgcpf in netftapi2.xml")
     counts_per_torque: float = Field(default=1e6, gt=0, description="ATI: counts per newton metre, cfgcpt")
-    rate: Frequency = Field(default=1000.0, gt=0, le=7000, description="readings per second; an ATI box has it set")
-    force_limit: Force = Field(default=200.0, gt=0, description="range of the force; readings beyond are saturated")
+    rate: Frequency = Field(default=1000.0, gt=0, le=7000, description="readings per second, as set in an ATI box")
+    force_limit: Force = Field(default=200.0, gt=0, description="range of the force; readings beyond it are saturated")
     silence: Time = Field(default=0.1, gt=0, description="a longer silence is a fault")
-    boot: Time = Field(default=2.0, gt=0, description="how long the first reading may take")
-    most_lost: int = Field(default=1000, ge=1, description="a larger jump of the readings' numbers is a new start")
+    boot: Time = Field(default=2.0, gt=0, description="longest wait for the first reading")
+    most_lost: int = Field(default=1000, ge=1, description="a larger jump of the readings' numbers is a restart")
 
     @property
     def live(self) -> bool:

@@ -58,7 +58,7 @@ def _read(link: socket.socket, ring: Ring, parent: Parent, settings: dict[str, A
                 ring.head[OUT_OF_ORDER] += 1
                 continue
             if lost > settings["most_lost"]:
-                raise DeviceError(f"the sensor's numbers jump by {lost}: it was started anew, and with it its zero")
+                raise DeviceError(f"the sensor's numbers jump by {lost}: it was restarted, and its zero reset")
             ring.head[LOST] += lost
             before, heard = sequence, now
             sound = [n / per for n, per in zip(counts, scale, strict=True)]

@@ -14,9 +14,9 @@ _SILENT = 500_000_000  # [ns] after which another publisher may take over
 _SLOW = 5  # usual intervals
 _BACK = 10_000_000  # [ns] that stamps may go back within a clock
 _LEAP = 500_000_000  # [ns] by which they may go ahead of the arrivals
-_KNOWN = 50  # steps that tell the usual one
+_KNOWN = 50  # steps that determine the usual one
 _IRREGULAR = 0.5  # of the usual step
-_PAUSE = 1_000_000_000  # [ns]; longer is no loss, but nobody who sends
+_PAUSE = 1_000_000_000  # [ns]; longer is no loss, but a pause of the sender
 
 
 @dataclass
@@ -48,7 +48,7 @@ class Publisher:
         return True
 
     def left(self, writer: int) -> None:
-        """A writer has said that it goes."""
+        """A writer has announced that it leaves."""
         if writer == self.writer:
             self._last = 0
 
@@ -81,7 +81,7 @@ class StampClock:
 
 @dataclass
 class CommonClock:
-    """Stamps of several topics by one clock: moved to the host's clock together, so that what lies between them stays.
+    """Stamps of several topics by one clock: moved to the host's clock together, so that delays between them are kept.
 
     The lower envelope is that of all arrivals, whichever topic is the fastest.
     """
@@ -184,7 +184,7 @@ class TopicAccount:
     counts: Counter[str] = field(default_factory=Counter)
 
     def table(self) -> dict[str, float | int | None]:
-        """As a record says it."""
+        """As in a record."""
         return {
             "messages": self.counts["messages"],
             "missing": self.losses.missing,

@@ -19,7 +19,7 @@ from palpate_devices.ros2.network import Network, Publication
 
 _TAKEN = 256  # messages at a time
 _LAST = 0.5  # [s] that readers have for what was sent last, before its writer goes
-_CONFIGURED = "CYCLONEDDS_URI"  # whoever has configured Cyclone is not overruled
+_CONFIGURED = "CYCLONEDDS_URI"  # a configured Cyclone is not overruled
 
 
 def configuration(network: Network) -> str:
@@ -119,7 +119,7 @@ class CycloneTalker:
         self._writers: dict[str, tuple[Any, Any]] = {}
 
     def announce(self, topic: str, type_name: str, latched: bool = False) -> None:
-        """Tell of a topic, so that others find it before it sends; `latched`: who comes later gets the last message."""
+        """Announce a topic, so that it is found before it sends; `latched`: late subscribers get the last message."""
         self._writer(topic, type_name, latched)
 
     def _writer(self, topic: str, type_name: str, latched: bool) -> Any:

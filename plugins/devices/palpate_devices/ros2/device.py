@@ -62,20 +62,20 @@ class Ros2Device(Device):
     )
     clocks: Literal["each", "one"] = Field(
         default="each",
-        description='"each": the clock of each topic is mapped by itself; "one": all stamps are of one computer, or of '
-        "several that are synchronised, and what lies between topics stays",
+        description='"each": the clock of each topic is mapped separately; "one": all stamps are of one computer, or '
+        "of several that are synchronised, and delays between topics are kept",
     )
     namespace: str = Field(default="", description="of topics that do not begin with a slash")
     types: dict[str, str] = Field(
         default={},
-        description='definitions of types of your own, each the text of its .msg or .idl: { "my_msgs/msg/Load" = '
+        description='definitions of custom types, each the text of its .msg or .idl: { "my_msgs/msg/Load" = '
         '"float64 newtons" }',
     )
     reliability: Literal["best-effort", "reliable"] = Field(
         default="best-effort",
-        description='"reliable" asks for what was lost once more, and matches reliable writers only',
+        description='"reliable" requests lost messages again, and matches reliable writers only',
     )
-    history: int = Field(default=1000, ge=1, le=100_000, description="messages of a topic that may wait in DDS")
+    history: int = Field(default=1000, ge=1, le=100_000, description="messages of a topic that DDS may queue")
     interface: str | None = Field(default=None, min_length=1, description='network interface, such as "eth0" or "lo"')
     peers: tuple[str, ...] = Field(
         default=(),
@@ -84,16 +84,16 @@ class Ros2Device(Device):
     )
     limits: dict[str, WatchedRange] = Field(
         default={},
-        description="of readings by channel; one beyond is flagged, and stops nothing: "
-        '{ force = { greatest = "20 N" }, "tip.z" = { least = "-8 mm" } }',
+        description="limits of readings by channel; a reading beyond is flagged, and "
+        'stops nothing: { force = { greatest = "20 N" }, "tip.z" = { least = "-8 mm" } }',
     )
     alarm: str | None = Field(
         default=None,
         pattern=r"^/[A-Za-z_]",
-        description="topic (std_msgs/Bool, latched) that is true from the first reading beyond a limit on",
+        description="topic (std_msgs/Bool, latched) that becomes true at the first reading beyond a limit",
     )
-    patience: Time = Field(default=3.0, gt=0, description="how long topics may take to be found")
-    listen: Time | None = Field(default=None, gt=0, description="how long to listen; left out: until Ctrl-C")
+    patience: Time = Field(default=3.0, gt=0, description="longest time to find the topics")
+    listen: Time | None = Field(default=None, gt=0, description="listening time; left out: until Ctrl-C")
 
     @field_validator("types")
     @classmethod

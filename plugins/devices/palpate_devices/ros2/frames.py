@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 _HEAD = struct.Struct("<IIqqQ")  # bytes of the payload, topic, arrival [ns], source [ns], writer
 _PIPE = 1 << 20  # [bytes]
-_HELD = 64 << 20  # [bytes] that may wait where nobody takes them
+_HELD = 64 << 20  # [bytes] that may wait for a reader
 _PIECE = 1 << 18
 
 
@@ -53,7 +53,7 @@ class Outlet:
         self._held += _HEAD.pack(*head) + message.payload
 
     def flush(self) -> None:
-        """Write as much as fits; raises BrokenPipeError where nobody reads any more."""
+        """Write as much as fits; raises BrokenPipeError where the reader is gone."""
         while self._held:
             try:
                 written = os.write(self._descriptor, memoryview(self._held)[:_PIECE])

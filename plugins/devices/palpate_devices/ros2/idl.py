@@ -38,7 +38,7 @@ def message_class(type_name: str, definition: str) -> Any:
 
 
 def _struct(name: str, definitions: Definitions, done: dict[str, Any]) -> Any:
-    """An IdlStruct of one type, and of all that it holds."""
+    """An IdlStruct of one type, and of all types in it."""
     from cyclonedds.idl import IdlStruct
 
     if name not in done:

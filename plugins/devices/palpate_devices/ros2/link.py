@@ -148,32 +148,35 @@ class Ros2Link:
         }
 
     def _flags(self) -> Iterator[Flag]:
-        """What speaks against the readings, one of a kind."""
+        """Flags on the readings, one of a kind."""
         accounts = sorted(self._accounts.items())
 
-        def told(what: Callable[[TopicAccount], int], words: str) -> str:
+        def summary(what: Callable[[TopicAccount], int], words: str) -> str:
             return "; ".join(words.format(what(a), topic=topic) for topic, a in accounts if what(a))
 
-        damaged = told(lambda a: a.counts["damaged"], "{} messages of {topic} were damaged")
+        damaged = summary(lambda a: a.counts["damaged"], "{} messages of {topic} were damaged")
         leaps = [clock.restarts for clock in self._clocks.values()]
         restarts = max([*leaps, self._common.restarts if self._common is not None else 0])
         others = "{} messages of another publisher of {topic} were left out"
         found = (
-            Flag("ros2-publishers", told(lambda a: a.publisher.ignored, others)),
-            Flag("ros2-restarted", told(lambda a: a.publisher.changes, "{topic} has changed its publisher {} times")),
+            Flag("ros2-publishers", summary(lambda a: a.publisher.ignored, others)),
             Flag(
-                "ros2-missing", told(lambda a: a.losses.missing, "{} messages of {topic} are missing by their stamps")
+                "ros2-restarted", summary(lambda a: a.publisher.changes, "{topic} has changed its publisher {} times")
+            ),
+            Flag(
+                "ros2-missing",
+                summary(lambda a: a.losses.missing, "{} messages of {topic} are missing by their stamps"),
             ),
             Flag("ros2-damaged", f"{damaged} ({self._trouble})" if damaged else ""),
             Flag("ros2-unread", self._unread()),
             Flag("ros2-limit", "; ".join(str(limit) for limit in self._limits if limit.beyond)),
             Flag("ros2-clocks", self._apart()),
-            Flag("ros2-clock", f"the clock of a publisher leapt {restarts} times" if restarts else ""),
+            Flag("ros2-clock", f"the clock of a publisher jumped {restarts} times" if restarts else ""),
         )
         return (flag for flag in found if flag.message)
 
     def _unread(self) -> str:
-        """Whether somebody publishes a topic as it cannot be read; empty where nobody does."""
+        """Topics published in a form that cannot be read; empty where there are none."""
         found = {topic: self._source.unmatched(topic) for topic in sorted(self._accounts)}
         return "; ".join(f"{topic} {why}" for topic, why in found.items() if why)
 
@@ -183,7 +186,7 @@ class Ros2Link:
         if apart is None or apart[2] <= _ONE_CLOCK:
             return ""
         ahead, behind = (name.split()[0] for name in apart[:2])
-        return f"{behind} is by {apart[2]:.3g} s later than {ahead}: their clocks are not one"
+        return f"{behind} is by {apart[2]:.3g} s later than {ahead}: they do not share one clock"
 
 
 def _selects(feeds: Sequence[Feed], topic: str) -> bool:

@@ -1,4 +1,4 @@
-"""Listening to a domain: the process that does it, and what it says."""
+"""Listening to a domain: the process that does it, and its reports."""
 
 from __future__ import annotations
 
@@ -52,14 +52,14 @@ class Listener:
 
     @property
     def types(self) -> Mapping[str, str]:
-        """The types of topics that somebody publishes."""
+        """The types of published topics."""
         return {entry["topic"]: entry["type"] for entry in reversed(self.publications.values())}  # the first counts
 
     def unmatched(self, topic: str) -> str:
-        """Why somebody who publishes a topic is not heard, in words; empty where all are."""
+        """Why a publisher of a topic is not heard, in words; empty where all are."""
         there = [entry for entry in self.publications.values() if entry["topic"] == topic]
         if self.network.reliable and not all(entry["reliable"] for entry in there):
-            return 'is published best effort, and reliability = "reliable" asks for more than that'
+            return 'is published best effort, and reliability = "reliable" requires more'
         return self.problems.get(topic, "")
 
 
@@ -110,7 +110,7 @@ def hear(source: Listener, definitions: Mapping[str, str], seconds: float, enoug
 
 
 def refuse_missing(source: Listener, heard: Heard, wanted: Sequence[str], name: str, seconds: float) -> None:
-    """Raise DeviceError where a topic is not there, has a type nobody knows, or has sent nothing."""
+    """Raise DeviceError where a topic is missing, has an unknown type, or has sent nothing."""
     there = source.types
     for topic in wanted:
         if topic in heard.filled:
@@ -119,12 +119,12 @@ def refuse_missing(source: Listener, heard: Heard, wanted: Sequence[str], name: 
             raise DeviceError(f"{name}: {_problem(topic, there.get(topic, ''), source.problems[topic])}")
         if topic in there:
             if why := source.unmatched(topic):
-                raise DeviceError(f"{name}: {topic} {why}: nothing comes; leave reliability out")
+                raise DeviceError(f"{name}: {topic} {why}: nothing is received; leave reliability out")
             raise DeviceError(
                 f"{name}: {topic} is published ({there[topic]}), but has sent nothing in {seconds:g} s; is the driver "
                 "running?"
             )
-        raise DeviceError(f"{name}: nobody publishes {topic} within {seconds:g} s ({_topics(there, source.network)})")
+        raise DeviceError(f"{name}: {topic} is not published within {seconds:g} s ({_topics(there, source.network)})")
 
 
 def _problem(topic: str, type_name: str, why: str) -> str:

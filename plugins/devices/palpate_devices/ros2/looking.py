@@ -33,7 +33,7 @@ class Address:
 
     @property
     def name(self) -> str:
-        """As messages say it."""
+        """As in messages."""
         return f"ROS 2 domain {self.network.domain}"
 
 
@@ -79,7 +79,7 @@ def heard_at(address: Address) -> Heard:
 def survey_at(address: Address) -> Survey:
     """What is published at an address."""
     found = survey_of(heard_at(address), Path(address.name), f"for {address.seconds:g} s")
-    note = f"nobody publishes anything: {address.network.nobody}"
+    note = f"nothing is published: {address.network.nobody}"
     return found if found.topics else replace(found, notes=(*found.notes, note))
 
 

@@ -24,10 +24,10 @@ class Network:
 
     @property
     def nobody(self) -> str:
-        """What to look at where nobody is found, in words."""
+        """What to check where no publisher is found, in words."""
         if self.middleware == "zenoh":
             return (
-                "is the domain right, as in ROS_DOMAIN_ID, and does the router run where peers say (ros2 run "
+                "is the domain right, as in ROS_DOMAIN_ID, and does the router run where peers state (ros2 run "
                 "rmw_zenoh_cpp rmw_zenohd; localhost:7447 if there are none)?"
             )
         return (
@@ -52,7 +52,7 @@ class Talker(Protocol):
     """A member that publishes messages: of estimates, flags and alarms, and of nothing that moves."""
 
     def announce(self, topic: str, type_name: str, latched: bool = False) -> None:
-        """Tell of a topic, so that others find it before it sends; `latched`: who comes later gets the last message."""
+        """Announce a topic, so that it is found before it sends; `latched`: late subscribers get the last message."""
 
     def send(self, topic: str, type_name: str, payload: bytes, latched: bool = False) -> None:
         """Publish a message."""

@@ -21,7 +21,7 @@ _APART = 2e-4  # [m] between two of them
 
 
 class Ros2Sink(Sink):
-    """Publishes what is found to a ROS 2 system while the run goes on; needs ``palpate[ros2]``, or ``palpate[zenoh]``.
+    """Publishes the estimates to a ROS 2 system during the run; needs ``palpate[ros2]``, or ``palpate[zenoh]``.
 
     Standard types only, so that rviz, plotjuggler and ``ros2 topic echo`` show them: for every parameter of a track
     ``palpate/MODEL/ESTIMATOR/PARAMETER`` (geometry_msgs/Vector3Stamped: value, standard deviation, both in SI, and the
@@ -33,7 +33,7 @@ class Ros2Sink(Sink):
     domain: int = Field(default=0, ge=0, le=232, description="the DDS domain, as in ROS_DOMAIN_ID")
     middleware: Middleware = Field(default="dds", description='"zenoh" where nodes use rmw_zenoh_cpp')
     namespace: str = Field(default="", pattern=r"^(/[A-Za-z_][A-Za-z0-9_]*)*$", description='such as "/left"')
-    interval: Time = Field(default=0.02, ge=0, description="one estimate is published in so much time of the record")
+    interval: Time = Field(default=0.02, ge=0, description="interval of the published estimates, in time of the record")
     frame: str = Field(default="surface", description="frame_id of the messages")
     interface: str | None = Field(default=None, min_length=1, description='network interface, such as "eth0" or "lo"')
     peers: tuple[str, ...] = Field(
@@ -128,11 +128,11 @@ class Publishing:
         self._talker.send(f"{self._topic(track)}/map", *message, latched=True)
 
     def flags(self, track: str | None, flags: tuple[Flag, ...]) -> None:
-        """All that now speaks against a track, or against the record."""
+        """All current flags on a track, or on the record."""
         self._flags[track or "record"] = flags
 
     def health(self, health: Mapping[str, Any]) -> None:
-        """Once a second the flags, which are told before the health only where they have changed."""
+        """The flags once a second, and before the health only where they have changed."""
         self._talker.send(f"{self._base}/flags", *diagnostics(self._stamp, self._flags), latched=True)
 
     def result(self, table: Mapping[str, Any]) -> None:

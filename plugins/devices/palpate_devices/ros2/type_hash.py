@@ -1,4 +1,4 @@
-"""Type hashes of ROS 2 (RIHS01, REP 2011 and 2016): SHA-256 of what a type consists of, with all that it holds."""
+"""Type hashes of ROS 2 (RIHS01, REP 2011 and 2016): SHA-256 of a type's definition, with all types in it."""
 
 from __future__ import annotations
 

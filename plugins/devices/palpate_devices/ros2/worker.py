@@ -1,4 +1,4 @@
-"""The process that listens to topics: so that no busy thread of the main job delays a message."""
+"""The process that listens to topics, so that no busy thread of the main job delays a message."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from palpate_devices.ros2.network import Participant, Publication, network_of
 
 _IDLE = 0.02  # [s]
 _NEWS = 50_000_000  # [ns] between two looks at who is there
-LOST = WORDS  # word of the ring's head: messages that nobody has taken
+LOST = WORDS  # word of the ring's head: messages not taken
 
 
 def main() -> None:

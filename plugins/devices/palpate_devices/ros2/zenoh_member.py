@@ -28,7 +28,7 @@ from palpate_devices.ros2.zenoh_names import (
     tokens_of_publishers,
 )
 
-_CONFIGURED = "ZENOH_SESSION_CONFIG_URI"  # as rmw_zenoh has it; whoever has configured zenoh is not overruled
+_CONFIGURED = "ZENOH_SESSION_CONFIG_URI"  # as in rmw_zenoh; a configured zenoh is not overruled
 _ROUTER = "tcp/localhost:7447"  # where rmw_zenoh has its router
 _PORT = 7447
 _CONNECTING = 500  # [ms] that others may take at once; later ones are tried on and on
@@ -75,7 +75,7 @@ class ZenohParticipant:
                 yield found
 
     def _leave(self, topic: str) -> None:
-        """Whoever wrote to a topic has gone, where nobody is left; which of several, a token does not say."""
+        """A publisher of a topic has gone, where none is left; which of several, a token does not state."""
         if topic in self._numbers and all(other.topic != topic for other in self._known.values()):
             gone = self._writers.pop(topic, set())
             now = time.monotonic_ns()
@@ -117,7 +117,7 @@ class ZenohTalker:
         self._sent: defaultdict[str, int] = defaultdict(int)
 
     def announce(self, topic: str, type_name: str, latched: bool = False) -> None:
-        """Tell of a topic; who subscribes from Humble, where types have no hash, is served, too."""
+        """Announce a topic; subscribers from Humble, where types have no hash, are served, too."""
         from zenoh import ext
 
         if topic in self._writers:
@@ -137,12 +137,12 @@ class ZenohTalker:
         self._writers[topic] = identity(token), writers
 
     def send(self, topic: str, type_name: str, payload: bytes, latched: bool = False) -> None:
-        """Publish a message; who does not keep up loses it, and never holds up a run."""
+        """Publish a message; a subscriber that does not keep up loses it, and never delays a run."""
         self.announce(topic, type_name, latched)
         who, writers = self._writers[topic]
         self._sent[topic] += 1
         extra = attachment(self._sent[topic], time.time_ns(), who)
-        for writer in writers:  # nobody who listens, nothing that is sent
+        for writer in writers:  # no listener, nothing sent
             writer.put(payload, attachment=extra)
 
     def close(self) -> None:

@@ -2,7 +2,7 @@
 
 Messages of a topic go to ``DOMAIN/TOPIC/TYPE/HASH``, the type by its name in DDS. Each publisher holds a liveliness
 token ``@ros2_lv/DOMAIN/SESSION/NODE/ENTITY/MP/ENCLAVE/NAMESPACE/NODENAME/TOPIC/TYPE/HASH/QOS``, with % for slashes in a
-part. With each message goes its number, the time when it was written, and the 16 bytes that tell its publisher.
+part. With each message goes its number, the time when it was written, and the 16 bytes that identify its publisher.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _ROOT, _PUBLISHER, _NODE = "@ros2_lv", "MP", "NN"
 _PARTS = 13  # of a publisher's token
 _BEST_EFFORT = "2"
 _VOLATILE, _LATCHED = "::,10:,:,:,,", ":1:,1:,:,:,,"  # what is the default is left out: reliable, volatile
-_ATTACHED = struct.Struct("<qq")  # number, time [ns]; then the length of what tells the publisher, and that
+_ATTACHED = struct.Struct("<qq")  # number, time [ns]; then the length of the publisher's identity, and that
 _WRITER = struct.Struct("<Q")
 
 
@@ -57,7 +57,7 @@ def publication_of(token: str) -> Publication | None:
 
 
 def identity(token: str) -> bytes:
-    """16 bytes that tell a publisher from all others."""
+    """16 bytes that identify a publisher."""
     return blake2b(token.encode(), digest_size=16).digest()
 
 

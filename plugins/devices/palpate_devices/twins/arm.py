@@ -27,7 +27,7 @@ class SimulatedArm:
     tcp: Floats = field(default_factory=lambda: np.eye(4))
     qd: Floats = field(default_factory=lambda: np.zeros(6))
     model: Model = UR3E
-    jammed: bool = False  # it stands, whatever it is told
+    jammed: bool = False  # it stands still, whatever is commanded
     _mode: str = "hold"
     _target: Floats = field(default_factory=lambda: np.zeros(6))
     _lag: float = 0.05

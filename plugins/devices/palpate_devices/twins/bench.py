@@ -20,7 +20,7 @@ class VirtualBench(BenchSettings):
     """
 
     def serve(self, seed: int, ready: Callable[[Mapping[str, str]], None]) -> None:
-        """Serve until SIGTERM, Ctrl-C or the end of the standard input, where somebody is at it."""
+        """Serve until SIGTERM, Ctrl-C or the end of the standard input, where that is open."""
         world = World(self, seed)
         try:
             scheduling = real_time(50)

@@ -1,4 +1,4 @@
-"""Lines that somebody types, or a program writes, to twins that run."""
+"""Lines that a user types, or a program writes, to running twins."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 
 class Console:
-    """The standard input, where somebody is at it: each line is answered."""
+    """The standard input, where it is open: each line is answered."""
 
     def __init__(self, answer: Callable[[list[str]], str], commands: Mapping[str, str]) -> None:
         self._answer, self._commands = answer, commands

@@ -49,7 +49,7 @@ class Controller:
         self.remote = True  # in remote control
         self.deaf = False  # no program starts
         self.uploads = 0
-        self.stuck: list[float] | None = None  # the pose that it goes on to tell
+        self.stuck: list[float] | None = None  # the pose that it keeps reporting
         self.no_number = False  # its pose is none
         self.pendant_tcp = arm.tcp
         self._state: dict[str, Any] = {
@@ -98,7 +98,7 @@ class Controller:
         self._safety, self._stopped_at = _SAFEGUARD if safeguard else _PROTECTIVE, self.now
 
     def stick(self) -> None:
-        """Tell the present pose for ever, and all else as it is."""
+        """Keep reporting the present pose, and all else as it is."""
         self.stuck = pose_of(tip(self.arm.q.tolist(), self.arm.tcp, self.arm.model)[0])
 
     def emergency_stop(self) -> None:
@@ -142,7 +142,7 @@ class Controller:
         self.arm.advance()
 
     def state(self) -> dict[str, Any]:
-        """What the outputs say now: joints with their noise, and what follows from the joints."""
+        """The present outputs: joints with their noise, and what follows from the joints."""
         arm = self.arm
         pose, jacobian = tip(arm.q.tolist(), arm.tcp, arm.model)
         # Noise belongs to the joints, so that pose and joints agree; it is scaled to the noise of the height.

@@ -1,4 +1,4 @@
-"""Faults that the twins can be told to have, by name."""
+"""Faults that the twins can simulate, by name."""
 
 from __future__ import annotations
 
@@ -22,43 +22,43 @@ FAULTS = {
     "stop-program": "the program is stopped on the pendant",
     "freeze": "the controller keeps its connections and sends nothing more",
     "thaw": "it sends again",
-    "stall SECONDS": "the whole world stands still for so long",
-    "stuck-pose": "the controller goes on to tell the pose of this moment, whatever the arm does",
+    "stall SECONDS": "everything stands still for this long",
+    "stuck-pose": "the controller keeps reporting the pose of this moment, whatever the arm does",
     "nan-pose": "the controller's pose is no number",
-    "jam": "the arm stands, whatever it is told",
-    "mute-control": "the connection that commands is neither heard nor answered; the states go on",
+    "jam": "the arm stands still, whatever is commanded",
+    "mute-control": "the command connection is neither read nor answered; the states continue",
     "close": "the controller ends its connections and takes new ones",
     "reset": "the same by a TCP reset",
     "gone": "the controller closes its ports as well",
     "half": "the controller sends half a packet and nothing more",
     "message": "the controller sends a text between its states",
-    "refuse-start": "the controller refuses to send states to whoever connects from now on",
+    "refuse-start": "the controller refuses to send states to new connections",
     "lack NAME": "the controller does not know an output",
     "deaf": "the controller starts no program",
     "local": "the robot is not in remote control",
-    "no-port NUMBER": "nobody listens on a port: 30003, 30004 or 29999",
-    "no-greeting": "the dashboard takes connections and says nothing",
-    "mute": "the controller takes connections and answers nothing",
+    "no-port NUMBER": "a port is closed: 30003, 30004 or 29999",
+    "no-greeting": "the dashboard accepts connections and sends nothing",
+    "mute": "the controller accepts connections and answers nothing",
     "unplug": "the sensor's cable is pulled",
     "plug-in": "and put back",
-    "reboot": "the sensor starts anew",
+    "reboot": "the sensor restarts",
     "silent": "the sensor sends nothing more",
-    "slow SECONDS": "the sensor answers commands so late, and starts in 2.5 s",
-    "lumps SECONDS": "frames arrive in lumps, as by a USB adapter whose latency timer is so long",
+    "slow SECONDS": "the sensor answers commands with this delay, and starts in 2.5 s",
+    "lumps SECONDS": "frames arrive in lumps, as from a USB adapter with this latency timer",
     "raw": "the sensor sends counts of its gauges",
-    "throttled": "the sensor says that it leaves out measurements",
-    "overrange": "the sensor says over range",
-    "saturated": "the sensor says invalid",
-    "sound": "the sensor is all right again",
-    "corrupt FRACTION": "so large a part of the frames is damaged on the line",
+    "throttled": "the sensor reports that it leaves out measurements",
+    "overrange": "the sensor reports over range",
+    "saturated": "the sensor reports invalid",
+    "sound": "the sensor is in order again",
+    "corrupt FRACTION": "this share of the frames is damaged on the line",
     "refuse LETTER": "the sensor refuses a command",
-    "sign": "the sensor counts the other way round",
+    "sign": "the sensor's sign is reversed",
     "turn X Y Z": "the tool is turned: gravity points along X Y Z in the sensor's frame (the arm does not show it)",
-    "mark": "forget how far and fast the arm was until now",
-    "trace FILE": "write what the arm truly did in the last minute, as an array of numpy",
-    "start X Y Z A B C": "where `restore` puts the tip [mm], and the tool's rotation vector off the work frame's [deg]",
+    "mark": "reset the record of how far and fast the arm moved",
+    "trace FILE": "write the arm's true motion of the last minute, as a numpy array",
+    "start X Y Z A B C": "tip after `restore` [mm], and rotation vector of the tool from the work frame's [deg]",
     "elasticity PASCAL": "of the specimen, from now on",
-    "restore": "everything is sound again, and the arm where it was at the start",
+    "restore": "everything is in order again, and the arm where it was at the start",
     "state": "print what the twins did so far",
     "quit": "end",
 }
@@ -142,16 +142,16 @@ _NUMBERS = {"turn": "three numbers", "start": "six numbers"}  # that an action w
 
 
 def apply_fault(world: World, words: list[str]) -> str:
-    """Do what a line says; answer with the host's monotonic time, or with what is wrong with it."""
+    """Execute a line; answer with the host's monotonic time, or with its error."""
     name, given = words[0], words[1:]
     if name == "state":
         return _state(world)
     if name not in _ACTIONS:
-        return f"unknown: {name}; help lists what there is"
+        return f"unknown: {name}; help lists the commands"
     try:
         _ACTIONS[name](world, given or [""])
     except ValueError:
-        return f"{name} wants {_NUMBERS.get(name, 'a number')}, not {' '.join(given)!r}"
+        return f"{name} needs {_NUMBERS.get(name, 'a number')}, not {' '.join(given)!r}"
     return f"done {time.monotonic():.6f} {name}"
 
 

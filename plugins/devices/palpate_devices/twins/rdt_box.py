@@ -16,7 +16,7 @@ _STATUS = {"throttled": 0, "overrange": 0x80010000, "saturated": 0x80000002, "ra
 
 
 class VirtualBox:
-    """Answers requests and sends readings; `instants` says when it samples, `send` is told what it read.
+    """Answers requests and sends readings; `instants` gives its sampling times, `send` gets its readings.
 
     It has the face of `VirtualSensor`, so that a bench need not know which of them it has.
     """
@@ -43,7 +43,7 @@ class VirtualBox:
         try:
             self._socket.bind(self._address)
         except OSError as error:
-            raise DeviceError(f"{self._address[0]}:{PORT} cannot be had: {error.strerror}") from error
+            raise DeviceError(f"{self._address[0]}:{PORT} cannot be used: {error.strerror}") from error
 
     def unplug(self) -> None:
         """Be off the net."""
@@ -52,7 +52,7 @@ class VirtualBox:
         self._socket, self._client = None, None
 
     def reboot(self, now: float) -> None:
-        """Count from the beginning; whoever listens goes on to be served."""
+        """Count from the beginning; listeners continue to be served."""
         self._sequence = 0
 
     def restore(self) -> None:

@@ -120,8 +120,8 @@ def layout(names: list[str], types: Mapping[str, str]) -> struct.Struct:
 class ClientSession:
     """One client's connection: recipes, and whether it wants data.
 
-    `claim` tells whether an input is this session's to write; `write` takes the inputs of a data packet. An output that
-    is `unknown` is not found; START is refused unless `starts`.
+    `claim` returns whether an input is this session's to write; `write` takes the inputs of a data packet. An output
+    that is `unknown` is not found; START is refused unless `starts`.
     """
 
     def __init__(
@@ -150,7 +150,7 @@ class ClientSession:
         return bool(self._inputs)
 
     def answer(self, kind: str, payload: bytes) -> bytes:
-        """What the controller says to a packet."""
+        """The controller's answer to a packet."""
         if kind == "V":
             return packet("V", bytes([payload == b"\0\2"]))
         if kind == "v":

@@ -32,8 +32,8 @@ class VirtualSensor:
     """State machine of a SensONE: boot, RUN, CONFIG; commands, acknowledgements, frames.
 
     The port is a symbolic link to a pseudo-terminal. It resets when the port is opened, as the real one does by DTR,
-    comes up at its stored settings and streams by itself. Which wrench it reads is not its business: `instants` says
-    when it samples, `send` is told what it read.
+    comes up at its stored settings and streams by itself. Which wrench it reads is not its business: `instants` gives
+    its sampling times, `send` gets its readings.
     """
 
     def __init__(self, port: Path, overhead: float, ppm: float, clock_start: int, seed: int) -> None:
@@ -69,7 +69,7 @@ class VirtualSensor:
         link.unlink(missing_ok=True)
         link.symlink_to(os.ttyname(slave))
         link.replace(self._port)
-        os.close(slave)  # from now on the terminal says whether somebody has it open
+        os.close(slave)  # from now on the terminal reports whether it is open
         self._mode = "closed"
 
     def unplug(self) -> None:
@@ -83,7 +83,7 @@ class VirtualSensor:
 
     @property
     def descriptor(self) -> int | None:
-        """What to wait for, where somebody has the port open."""
+        """What to wait for, where the port is open."""
         return self._master if self._mode not in ("closed", "unplugged") else None
 
     @property
@@ -97,7 +97,7 @@ class VirtualSensor:
         return math.pow(self._sinc / 64.0, -0.72)
 
     def reboot(self, now: float) -> None:
-        """Start anew, with the stored settings."""
+        """Restart, with the stored settings."""
         boot = _SLOW_BOOT if self.reply_time > _REPLY else _BOOT
         self._mode, self._boot_at, self._command, self._replies, self._held = "boot", now + boot, b"", [], b""
         self._unsent = b""
@@ -219,5 +219,5 @@ class VirtualSensor:
             self._unsent = b""
 
     def waiting(self) -> int:
-        """Bytes that nobody has read yet."""
+        """Bytes not read yet."""
         return int.from_bytes(fcntl.ioctl(self._master, termios.TIOCOUTQ, bytes(4)), "little")

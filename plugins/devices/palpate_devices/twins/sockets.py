@@ -74,7 +74,7 @@ class ListeningPorts:
         self.open()
 
     def open(self) -> None:
-        """Listen, on those ports where nobody does."""
+        """Listen, on those ports that are free."""
         for port in {RTDE, SCRIPT, DASHBOARD} - set(self._listening.values()):
             listener = socket.socket()
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -83,7 +83,9 @@ class ListeningPorts:
             except OSError as error:
                 listener.close()
                 self.close()
-                raise DeviceError(f"{self._host}:{port} cannot be had: {error.strerror}; is a twin running?") from error
+                raise DeviceError(
+                    f"{self._host}:{port} cannot be used: {error.strerror}; is a twin running?"
+                ) from error
             listener.listen()
             listener.setblocking(False)
             self._listening[listener] = port
@@ -102,7 +104,7 @@ class ListeningPorts:
             del self._listening[listener]
 
     def say(self, text: str) -> None:
-        """Send a text message to whoever takes data, as the controller does when a user's program calls for it."""
+        """Send a text message to all clients that take data, as the controller does when a user's program asks."""
         data = text.encode()
         message = packet("M", bytes([len(data)]) + data + bytes([4]) + b"twin" + bytes([3]))
         for client in self.clients:
@@ -147,7 +149,7 @@ class ListeningPorts:
                 self._drop(client)
 
     def broadcast(self) -> None:
-        """Send this tick's state to whoever wants it."""
+        """Send this tick's state to all clients that want it."""
         wanting = [client for client in self.clients if client.session.started and not self._is_mute(client)]
         if not wanting or self.frozen:
             return

@@ -34,7 +34,7 @@ class World:
     def __init__(self, settings: BenchSettings, seed: int) -> None:
         self.settings = settings
         noise = np.random.SeedSequence(seed).spawn(3)
-        # Where the tool is, and what the controller takes for it: a client may tell it otherwise.
+        # Where the tool is, and where the controller assumes it: a client may set it.
         self._tool = matrix_of([*settings.tcp, *settings.tcp_rotation])
         arm = SimulatedArm(self._start(), self._tool, model=MODELS[settings.robot])
         robot_seed, sensor_seed = (int(s.generate_state(1)[0]) for s in noise[:2])
@@ -137,7 +137,7 @@ class World:
         self.truth.add(time.monotonic(), *self._before, self._turning, joint, self._force, self.controller.read)
 
     def _feel(self, instants: Any) -> Any:
-        """The wrench (n, 6) that the sensor tells at times (n,): what it felt `force_delay` before."""
+        """The wrench (n, 6) that the sensor reports at times (n,): what it felt `force_delay` before."""
         settings = self.settings
         places, speeds, accelerations = self._motion(instants - settings.force_delay)
         contact = settings.specimen.push(instants, places, speeds)

@@ -36,7 +36,7 @@ from palpate_devices.ur3e.plan import PERIOD
 from palpate_devices.ur3e.probe import load_known, model_said, probe
 from palpate_devices.ur3e.servo import Law
 
-_HINT = ": the client library does that where it loses the link to the controller"
+_HINT = ": the client library does that when it loses the link to the controller"
 
 
 class UR(Device):
@@ -60,13 +60,13 @@ class UR(Device):
         default=None,
         min_length=3,
         max_length=3,
-        description="rotation vector of the tool on the flange; left out: what the pendant has",
+        description="rotation vector of the tool on the flange; left out: the pendant's setting",
     )
     model: Literal["auto", "ur3e", "ur5e", "ur10e", "ur16e"] = Field(
-        default="auto", description='which arm; "auto": told by where its joints put the tip'
+        default="auto", description='which arm; "auto": found from joints and tip pose'
     )
     payload: Mass | None = Field(
-        default=None, gt=0, le=20, description="all that hangs on the flange; left out: what the pendant has"
+        default=None, gt=0, le=20, description="everything mounted on the flange; left out: the pendant's setting"
     )
     payload_centre: tuple[Length, ...] = Field(
         default=(0.0, 0.0, 0.0), min_length=3, max_length=3, description="centre of mass of that payload on the flange"
@@ -79,18 +79,18 @@ class UR(Device):
     damping: float = Field(default=0.5, ge=0, lt=1, description="derivative gain of the PD law")
     lookahead: Time = Field(default=0.03, ge=0.03, le=0.2, description="servoL's lookahead time")
     servo_gain: float = Field(default=1000.0, ge=100, le=2000, description="servoL's gain")
-    watchdog: Frequency = Field(default=10.0, ge=1, le=50, description="the arm stops where commands come more rarely")
-    stale: Time = Field(default=0.1, gt=0, description="an older state of the controller is a lost link")
-    host_limit: Time = Field(default=0.25, gt=0, description="the arm retracts where the main job is silent for longer")
-    start: Time = Field(default=20.0, gt=0, description="how long the client library may take to connect")
-    start_tolerance: Length = Field(default=0.03, gt=0, description="how far from its start a motion may begin")
-    approach_speed: Speed = Field(default=0.02, gt=0, le=0.25, description="fastest on the way to the start")
+    watchdog: Frequency = Field(default=10.0, ge=1, le=50, description="the arm stops when commands arrive less often")
+    stale: Time = Field(default=0.1, gt=0, description="a state older than this is a lost link")
+    host_limit: Time = Field(default=0.25, gt=0, description="the arm retracts when the main job is silent for longer")
+    start: Time = Field(default=20.0, gt=0, description="longest time for the client library to connect")
+    start_tolerance: Length = Field(default=0.03, gt=0, description="largest distance of the tip from a motion's start")
+    approach_speed: Speed = Field(default=0.02, gt=0, le=0.25, description="highest speed on the way to the start")
     retract_speed: Speed = Field(default=0.05, gt=0, le=0.25, description="of a retraction")
-    acceleration: Acceleration = Field(default=1.0, gt=0, le=5, description="of braking and retraction, at most")
+    acceleration: Acceleration = Field(default=1.0, gt=0, le=5, description="highest, in braking and retraction")
     joint_speed: AngularSpeed = Field(
-        default=math.pi / 2, gt=0, le=math.pi, description="fastest joint that a command may ask for"
+        default=math.pi / 2, gt=0, le=math.pi, description="highest joint speed that a command may require"
     )
-    tracking: Length = Field(default=0.01, gt=0, le=0.05, description="how far the arm may be from its command")
+    tracking: Length = Field(default=0.01, gt=0, le=0.05, description="largest distance of the arm from its command")
     links_low: tuple[Length, ...] = Field(
         default=(-2.0, -2.0, 0.0),
         min_length=3,
@@ -127,7 +127,7 @@ class UR(Device):
 
     @property
     def own_motion(self) -> OwnMotion:
-        """It goes to the start, brakes, and goes on for a while where the job does."""
+        """It goes to the start, brakes, and continues for a while where the job does."""
         return OwnMotion(self.approach_speed, self.start_tolerance, self.acceleration, self.host_limit)
 
     def connect(self, seed: int) -> AbstractContextManager[Link]:
@@ -135,7 +135,7 @@ class UR(Device):
         return self._connected(observe=False)
 
     def observe(self, seed: int) -> AbstractContextManager[Link]:
-        """Its states; whatever program runs goes on."""
+        """Its states; a running program continues."""
         return self._connected(observe=True)
 
     @contextmanager

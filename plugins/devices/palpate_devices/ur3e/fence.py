@@ -1,4 +1,4 @@
-"""The fence: every command is judged before it is sent, and what the robot says of itself while it moves."""
+"""The fence: every command is checked before it is sent, and the robot's state while it moves."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ _MARGIN = 1e-3  # [m] that a command may lead, or a measured tip may swing, over
 _SUDDEN = 1.5
 _FARTHEST = 0.15  # [rad] that a joint may have to go from where it is to where the command is
 _CANCELLED = 12.0  # times the tip's speed
-SINGULAR = "the arm is near a singular posture: bring the specimen elsewhere in its reach"
+SINGULAR = "the arm is near a singular posture: move the specimen to another place in its reach"
 _LINKS = ("elbow", "wrist 1", "wrist 2", "wrist 3", "flange")
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is wrong, and whether the arm can be trusted to leave the material by itself."""
+    """What is wrong, and whether the arm can be trusted to leave the material on its own."""
 
     text: str
     trusted: bool = True
@@ -38,7 +38,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class ArmState:
-    """What the robot said last, in the work frame; its joints in their own."""
+    """The robot's last state, in the work frame; its joints in their own."""
 
     position: Floats  # (3,)
     velocity: Floats  # (3,)
@@ -48,7 +48,7 @@ class ArmState:
 
 
 class Fence:
-    """Limits of `[safety]`, once they are told, and those of the arm itself."""
+    """Limits of `[safety]`, once they are set, and those of the arm itself."""
 
     def __init__(self, own: dict[str, Any], work: WorkFrame, tool: Floats, model: Model, acceleration: float) -> None:
         self._work, self._tool, self._model = work, tool, model
@@ -78,7 +78,7 @@ class Fence:
         if (verdict := self._outside(position, low - 1e-6, high + 1e-6, "a setpoint")) is not None:
             return verdict
         moved = np.diff(position, axis=0) / PERIOD
-        for what, velocity in (("the setpoints move", moved), ("the setpoints say that they move", stated)):
+        for what, velocity in (("the setpoints move", moved), ("the setpoints state that they move", stated)):
             fastest = float(np.linalg.norm(velocity, axis=1).max(initial=0.0))
             if fastest > self.limits["speed"] * 1.001 + 1e-6:
                 return Verdict(f"{what} at {1e3 * fastest:.1f} mm/s, over the limit of {mm(self.limits['speed'])}/s")
@@ -110,7 +110,7 @@ class Fence:
         self._commands.pop()
 
     def in_motion(self, command: Floats, seen: ArmState) -> Verdict | None:
-        """What the robot says of itself, on the way or in the motion."""
+        """The robot's own state, on the approach or in the motion."""
         if (text := self._following.complaint(command, seen.position, seen.fresh)) is not None:
             return Verdict(text, False)
         if self.limits is None:
@@ -201,9 +201,7 @@ class Fence:
             )
         joint = max(range(6), key=lambda i: abs(ways[i]))
         if abs(ways[joint]) > _FARTHEST:
-            return Verdict(
-                f"{JOINTS[joint]} is {math.degrees(abs(ways[joint])):.0f} deg from where the command wants it"
-            )
+            return Verdict(f"{JOINTS[joint]} is {math.degrees(abs(ways[joint])):.0f} deg from its command")
         return None if leaving else self._link_outside(places.tolist())
 
     def _link_outside(self, places: list[list[float]]) -> Verdict | None:
@@ -226,10 +224,10 @@ def is_singular(jacobian: Floats) -> bool:
 
 
 def _against_one_another(jacobian: Floats, inverse: Any) -> float:
-    """How much faster than the tip its joints would move it, each by itself: 2 to 5 in an ordinary posture.
+    """How much faster than the tip its joints would move it, each on its own: 2 to 5 in an ordinary posture.
 
     The root of the sum of squares over the joints and the three directions of the tip. Near a singular posture they
-    cancel out, and where one of them lags, brakes or is at its limit, the tip goes astray.
+    cancel out, and where one of them lags, brakes or is at its limit, the tip leaves its path.
     """
     return float(np.linalg.norm(np.linalg.norm(jacobian[:3], axis=0)[:, None] * inverse))
 

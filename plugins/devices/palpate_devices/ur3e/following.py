@@ -1,4 +1,4 @@
-"""Whether an arm goes where it is told, by the poses that it tells."""
+"""Whether an arm follows its commands, by the poses that it reports."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Following:
         self._same, self._anchor = 0, command.copy()
 
     def complaint(self, command: Floats, position: Floats, fresh: bool) -> str | None:
-        """A pose that stands still while commands go on: to the last bit, or as good as; `fresh`: it is a new one."""
+        """A pose that stands still while commands continue: to the last bit, or nearly; `fresh`: it is a new one."""
         self._cycles += 1
         if not fresh:
             return None
@@ -42,7 +42,7 @@ class Following:
         self._last = position.tolist()
         gone = length(command - self._anchor)
         if self._same >= _STILL and gone > _STILL_WAY:
-            return f"the measured pose stands still to the last digit while the arm was told to move by {mm(gone)}"
+            return f"the measured pose does not change in any digit while the arm was commanded to move by {mm(gone)}"
         return self._lags(command, position)
 
     def _lags(self, command: Floats, position: Floats) -> str | None:
@@ -52,15 +52,15 @@ class Following:
         while len(past) > 1 and self._cycles - past[1][0] >= self._window:
             past.popleft()
         began, first_command, first_place = past[0]
-        told = length(command - first_command)
-        if self._cycles - began < self._window or told <= _STUCK_WAY:
+        commanded = length(command - first_command)
+        if self._cycles - began < self._window or commanded <= _STUCK_WAY:
             return None
         done = length(position - first_place)
-        if done < _STUCK_PART * told:
+        if done < _STUCK_PART * commanded:
             # A swing that has turned round meanwhile is back where it was, and has moved all the same.
             done = max(length(place - first_place) for _, _, place in past)
-        if done < _STUCK_PART * told:
-            return f"the arm was told to move by {mm(told)} and has moved by {mm(done)}"
+        if done < _STUCK_PART * commanded:
+            return f"the arm was commanded to move by {mm(commanded)} and has moved by {mm(done)}"
         return None
 
 

@@ -1,4 +1,4 @@
-"""The force, read where the sensor's process puts it: nobody else has to be awake."""
+"""The force, read where the sensor's process puts it: no other process has to be awake."""
 
 from __future__ import annotations
 

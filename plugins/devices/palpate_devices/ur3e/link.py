@@ -1,4 +1,4 @@
-"""A connected arm, as the host sees it: a process that servoes, and what it said."""
+"""A connected arm, as the host sees it: a process that servoes, and its reports."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class URLink:
         """Whether a force may lead; see `palpate.Leadable`. The process that sends the commands asks again."""
         limits = self._limits
         if limits is None:
-            raise ConfigurationError(f"{self._child.name}: a force leads under the limits of [safety] only")
+            raise ConfigurationError(f"{self._child.name}: force control needs the limits of [safety]")
         text = refusal(law, self._stop_force, limits.speed, limits.acceleration, law.end)
         if text is not None:
             raise ConfigurationError(f"{self._child.name}: {text}")
@@ -98,7 +98,7 @@ class URLink:
         if way < _SHORTEST_RETREAT:
             raise DeviceError(
                 f"{self._child.name}: the tip is at the top of the workspace, at {1e3 * place[2]:.1f} mm: there is no "
-                "room for the retreat that tells whether it is free; bring it down by hand or raise [safety] high"
+                "room for the retreat that checks whether it is free; bring it down by hand or raise [safety] high"
             )
         self._child.tell("retreat", way=way, speed=speed)
         law = Law("servo", 0.0, 0.0, speed, speed, self._settings.acceleration)
@@ -110,7 +110,7 @@ class URLink:
 
     def _known_place(self) -> Floats:
         if self._position is None:
-            raise DeviceError(f"{self._child.name}: nothing is known of where the arm is")
+            raise DeviceError(f"{self._child.name}: the arm's position is unknown")
         return self._position
 
     def way(self, trajectory: Trajectory) -> tuple[Floats, Setpoint]:
@@ -131,8 +131,8 @@ class URLink:
         if self._limits is not None:
             if turn > self._limits.orientation:
                 raise DeviceError(
-                    f"{name}: the tool is turned by {math.degrees(turn):.1f} deg from what the work frame wants, more "
-                    f"than [safety] orientation = {math.degrees(self._limits.orientation):g} deg; {advice}"
+                    f"{name}: the tool is turned by {math.degrees(turn):.1f} deg from the work frame's orientation, "
+                    f"more than [safety] orientation = {math.degrees(self._limits.orientation):g} deg; {advice}"
                 )
             law = replace(law, approach_speed=min(law.approach_speed, self._limits.speed))
             law = replace(law, angular_speed=self._limits.angular_speed)
@@ -181,7 +181,7 @@ class URLink:
             raise DeviceError(f"{self._child.name}: {self._stopped['reason']}")
 
     def _has_stopped(self, message: Mapping[str, Any]) -> None:
-        """The servo process has stopped the motion by itself, and says why."""
+        """The servo process has stopped the motion on its own, with the reason."""
         if not self._stopped:
             self._stopped = {"reason": message["text"], "monotonic": message["at"] / 1e9}
         if self._trip is not None:

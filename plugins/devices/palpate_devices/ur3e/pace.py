@@ -3,7 +3,7 @@
 A controller takes its inputs at each tick and sends its state soon after: cycles begin at that time, so that a command
 is there well before the next tick. Where commands come as it ticks it reads now two and now none, and the arm trembles.
 A command that was sent so late that it may be read in the tick after takes the place of the next one: of two in a tick
-only the last counts, and the arm leaps. What the host has held up is left out in the same way, and told to the next
+only the last counts, and the arm leaps. What the host has held up is left out in the same way, and reported to the next
 cycle.
 """
 
@@ -64,7 +64,7 @@ class Pace:
         self._lateness = Lateness(ring.head, _TICK)
 
     def run(self, cycle: Callable[[int, int], None], look: Callable[[], None]) -> NoReturn:
-        """A cycle at each deadline, told the time [ns] and how many were left out; a look between two of them."""
+        """A cycle at each deadline, given the time [ns] and how many were left out; a look between two of them."""
         deadline, left_out = time.monotonic_ns() + _TICK, 0
         while True:
             now = self._sleep(max(deadline - time.monotonic_ns(), 0))

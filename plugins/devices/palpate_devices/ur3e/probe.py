@@ -14,7 +14,7 @@ _VERSION_2 = b"\x00\x05\x56\x00\x02"
 
 
 def load_known(facts: Mapping[str, str]) -> bool:
-    """Whether the controller's software can tell the payload: from 5.6 on."""
+    """Whether the controller's software can report the payload: from 5.6 on."""
     match = re.search(r"(\d+)\.(\d+)", facts.get("software", ""))
     return match is not None and (int(match[1]), int(match[2])) >= (5, 6)
 
@@ -25,7 +25,7 @@ def model_said(facts: Mapping[str, str]) -> str:
 
 
 def probe(host: str) -> dict[str, str]:
-    """What the controller says of itself; raises DeviceError where one of its ports does not answer as it should."""
+    """The controller's facts; raises DeviceError where one of its ports does not answer as it should."""
     _asked(host, RTDE, "RTDE", lambda link: _rtde(link, host))
     facts = _asked(host, DASHBOARD, "dashboard", _dashboard)
     _refuse(facts, host)

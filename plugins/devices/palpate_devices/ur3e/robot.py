@@ -43,7 +43,7 @@ class Robot:
     """The client library's objects, and the state that they last gave; without `control` it only listens.
 
     Its constructor raises RuntimeError in the library's words, takes seconds where the controller does not begin
-    to send, and hangs for ever, interpreter's lock held, where it accepts and is silent: only a process that may be
+    to send, and hangs indefinitely, interpreter's lock held, where it accepts and is silent: only a process that may be
     killed makes one.
     """
 
@@ -72,7 +72,7 @@ class Robot:
             self._take_over(settings)
 
     def _take_over(self, settings: dict[str, Any]) -> None:
-        """The control program, watchdog, tool and payload; tells the model by where the tool is."""
+        """The control program, watchdog, tool and payload; finds the model from the tool's pose."""
         import rtde_control
 
         self.control = rtde_control.RTDEControlInterface(settings["host"], 500.0)
@@ -124,8 +124,8 @@ class Robot:
             model, apart = told_apart(q, self.tool, place)
         if apart > _NEAR:
             raise RuntimeError(
-                f"the controller has the tip {1e3 * apart:.1f} mm from where the joints of a {model.name} put it: is "
-                f"this another arm? ([device.*] model is one of {', '.join(MODELS)})"
+                f"the controller reports the tip {1e3 * apart:.1f} mm from where the joints of a {model.name} put it: "
+                f"is this another arm? ([device.*] model is one of {', '.join(MODELS)})"
             )
         self.model = model
         self.facts |= {"model": model.name, "nominal_kinematics_off": apart}

@@ -67,9 +67,9 @@ def way(begin: Floats, end: Floats, law: Law, turn: float = 0.0) -> StraightWay:
 
 
 class Commander:
-    """Holds, retreats, goes to the start, follows a plan of setpoints, or retracts; says where the tip shall be next.
+    """Holds, retreats, goes to the start, follows a plan of setpoints, or retracts; gives the tip's next place.
 
-    The orientation is a rotation vector of the tool from where the work frame wants it; it vanishes on the way to the
+    The orientation is a rotation vector of the tool from the work frame's orientation; it vanishes on the way to the
     start and is never changed but there.
     """
 

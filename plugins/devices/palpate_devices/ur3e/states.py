@@ -23,7 +23,7 @@ _PAUSES = (3, 4)  # PAUSING, PAUSED
 
 
 def complaint(modes: tuple[int, int, int], height: float | None) -> str | None:
-    """Why the arm cannot go on, from robot mode, safety mode and runtime state; None where it can.
+    """Why the arm cannot continue, from robot mode, safety mode and runtime state; None where it can.
 
     `height` [m] of the tip over the nominal skin, where it was in motion.
     """

@@ -110,9 +110,9 @@ class _Loop:
         self._command(commander, now)
 
     def _command(self, commander: Commander, now: int) -> None:
-        """The next command, if it keeps the limits; else the way out."""
+        """The next command, if it keeps the limits; else the retraction."""
         robot, seen = self._robot, self._robot.look()
-        # A law that reads a frozen position would drive on and on, a force that nobody tells rises, and commands that
+        # A law that reads a frozen position would drive on and on, a force that is not read rises, and commands that
         # lie on a lost link come all at once: without news the arm waits where it is.
         deaf = self._eye is not None and commander.mode in _MOVING and self._eye.deaf(now)
         if not deaf and now - robot.seen <= _BLIND:
@@ -139,7 +139,7 @@ class _Loop:
             self._stop_for(verdict, commander)
 
     def _stop_for(self, verdict: Verdict, commander: Commander) -> None:
-        """Retract where the arm does what it is told, else stop it where it is."""
+        """Retract where the arm follows its commands, else stop it where it is."""
         if not verdict.trusted or commander.mode not in _MOVING:
             self._fail(verdict.text + self._halt_in_doubt())
         self._parent.tell("limit", text=verdict.text, at=time.monotonic_ns())
@@ -181,12 +181,12 @@ class _Loop:
             self._fail(f"the controller is silent: its last state is {1e3 * age:.0f} ms old")
 
     def _mute_control(self) -> str:
-        """A program that the control link still believes to run, although the other link says that it does not."""
+        """A program that the control link still reports as running, although the other link reports that it is not."""
         for _ in range(_MUTE):
             if not self._robot.control.isProgramRunning():
                 return ""
             time.sleep(PERIOD)
-        return " The control link still takes it for running: that link is mute, and commands did not arrive."
+        return " The control link still reports it as running: that link is mute, and commands did not arrive."
 
     def _listen(self, now: int) -> None:
         head, commander = self._ring.head, self._commander
@@ -221,7 +221,7 @@ class _Loop:
             case "watch":
                 self._eye = ForceEye(self._parent.descriptors.pop(0), message)
             case "retreat" | "follow" if self._fence.limits is None:
-                self._refuse("no limits were told: `link.limit` comes before a motion", commander)
+                self._refuse("no limits were set: `link.limit` comes before a motion", commander)
             case "retreat":
                 self._begin(commander)
                 commander.retreat(message["way"], message["speed"])
@@ -305,7 +305,7 @@ class _Loop:
 
 
 def _slower(law: Law, limits: dict[str, Any]) -> dict[str, float]:
-    """What the arm does by itself, and what the law makes of setpoints, keeps the limits of the motion."""
+    """The arm's own motions, and the law's commands, keep the limits of the motion."""
     return {
         "approach_speed": min(law.approach_speed, _OWN * limits["speed"]),
         "retract_speed": min(law.retract_speed, _OWN * limits["speed"]),

@@ -28,7 +28,7 @@ _PLAIN: dict[str, Callable[..., str]] = {
     "OP_FMAX": lambda a, b: f"({a} < {b} || {a} != {a}) ? {b} : {a}",
     "OP_FMIN": lambda a, b: f"({a} > {b} || {a} != {a}) ? {b} : {a}",
 }
-# Divisions are told apart by those who count.
+# Divisions are distinguished by the counters.
 CHEAP = frozenset({*_PLAIN, *COMPARISONS, "OP_FABS"})
 
 

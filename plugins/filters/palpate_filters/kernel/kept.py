@@ -1,4 +1,4 @@
-"""Machine code kept on disk from one run to the next, in a folder that nobody else can write to.
+"""Machine code kept on disk from one run to the next, in a folder that no other user can write to.
 
 Code is executed, so that only what this user wrote is read: the folder is the user's own and closed to all others,
 a file is no link, and its first bytes are the SHA-256 of the rest. Whatever is not so is as if it were not there. A
@@ -56,10 +56,10 @@ def _read(file: Path) -> bytes | None:
             found = os.fstat(opened.fileno())
             if not stat.S_ISREG(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o077:
                 return None
-            told, code = opened.read(_SUM), opened.read()
+            stated, code = opened.read(_SUM), opened.read()
     except OSError:
         return None
-    return code if sha256(code).digest() == told else None
+    return code if sha256(code).digest() == stated else None
 
 
 def _write(file: Path, code: bytes) -> None:

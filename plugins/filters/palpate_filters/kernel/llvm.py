@@ -36,7 +36,7 @@ class CompiledStep:
         self.outputs = int(function.numel_out(1))
         with _COMPILING:
             self._scalar, self._single = _compiled(function.serialize())
-        # One sample at a time, what takes longest is telling where the arrays are: these stay where they are.
+        # One sample at a time, passing the arrays' addresses takes longest: these stay where they are.
         widths = [function.numel_in(i) for i in range(3)]
         shapes = [widths[0], (1, widths[1]), widths[2], (1, self.outputs)]
         self._held = [np.zeros(shape) for shape in shapes]
@@ -175,7 +175,7 @@ def _machine() -> Any:
 
 @cache
 def _library() -> None:
-    """Start LLVM, and tell it where the functions of the C library are."""
+    """Start LLVM, and register the functions of the C library."""
     import llvmlite.binding as binding
 
     binding.initialize_native_target()

@@ -28,7 +28,7 @@ class Pressed:
     name: str
     model: ContactModel
     time: Floats  # (n,) [s]
-    force: Floats  # (n,) [N] of the contact: without inertia, and without offset and drift where the air tells them
+    force: Floats  # (n,) [N] of the contact: without inertia, and without offset and drift where the air shows them
     height: Floats  # (n,) [m] of the arm's tip, smoothed
     holds: tuple[Hold, ...]
     touch: float  # [m] height at the first sample in contact

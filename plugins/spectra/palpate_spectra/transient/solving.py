@@ -202,8 +202,8 @@ def creeping(pressed: Pressed, level: float, rig: Rig) -> tuple[Problem, Solved,
 def _skin(problem: Problem, rig: Rig, std: Floats) -> tuple[float, float]:
     """The middle [m] of all surfaces with which some spectrum describes the press, and their standard deviation.
 
-    Which do is told by chi^2 alone, at 95 %: a smooth spectrum has fast parts that a material need not have, and wants
-    the skin lower, or higher, for them.
+    Which ones do is decided by chi^2 alone, at 95 %: a smooth spectrum has fast parts that a material need not have,
+    and wants the skin lower, or higher, for them.
     """
     from scipy.optimize import brentq, minimize_scalar
 

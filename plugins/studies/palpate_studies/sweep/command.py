@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import tomli_w
 import typer
-from palpate import OutputError, PalpateError, UserError
+from palpate import OutputError, UserError
 from palpate.host import (
     FormatOption,
     JsonOption,
@@ -29,9 +29,9 @@ from palpate.host import (
 )
 
 from palpate_studies.engines import SchedulerOption, StageOption, engine_of
-from palpate_studies.jobs import Answer, Engine, OtherSettingsError, Outcome, Written, found_before
+from palpate_studies.jobs import Answer, Engine, OtherSettingsError, Written, found_before
 from palpate_studies.sweep.combinations import Combination, combinations_of, refuse_hopeless
-from palpate_studies.sweep.table import best_rows, rows_of, write_rows
+from palpate_studies.sweep.table import Found, best_rows, write_rows
 
 
 def sweep(
@@ -60,16 +60,14 @@ def sweep(
         refuse_hopeless(_planned(source, combinations, overrides or [], Path()))
     folder = _folder(source, out)
     planned = _planned(source, combinations, overrides or [], folder)
-    found: dict[int, Outcome] = {
-        one.number: Answer(done) for one in planned if (done := found_before(one.job)) is not None
-    }
+    found = {one.number: Found.of(one, Answer(done)) for one in planned if (done := found_before(one.job)) is not None}
     earlier = len(found)
     gone: UserError | None = None
     try:
         _carry_out(planned, found, engine_of(scheduler, jobs, folder, stage))
     except UserError as error:
         gone = error
-    rows = [row for one in planned if one.number in found for row in rows_of(one, found[one.number])]
+    rows = [row for one in planned if one.number in found for row in found[one.number].rows]
     write_rows(folder, rows)
     failed = _tell_failures(found)
     if gone is not None:
@@ -94,7 +92,7 @@ def sweep(
             analysis("curves")(list(runs.values()), list(runs), points, folder / "sweep.png")
 
 
-def _carry_out(planned: Sequence[Combination], found: dict[int, Outcome], engine: Engine) -> None:
+def _carry_out(planned: Sequence[Combination], found: dict[int, Found], engine: Engine) -> None:
     """Run what is not `found` yet, until all is done or somebody stops it; raises OtherSettingsError."""
     rest = {one.job.name: one for one in planned if one.number not in found}
     with (
@@ -108,13 +106,14 @@ def _carry_out(planned: Sequence[Combination], found: dict[int, Outcome], engine
                 return
             if isinstance(outcome, OtherSettingsError):
                 raise outcome
-            found[rest[job.name].number] = outcome
+            one = rest[job.name]
+            found[one.number] = Found.of(one, outcome)
             progressed(len(found))
 
 
-def _tell_failures(found: Mapping[int, Outcome]) -> int:
+def _tell_failures(found: Mapping[int, Found]) -> int:
     """Say which combinations failed, and why; how many."""
-    failures = {number: outcome for number, outcome in sorted(found.items()) if isinstance(outcome, PalpateError)}
+    failures = {number: done.failure for number, done in sorted(found.items()) if done.failure is not None}
     for number, reason in failures.items():
         typer.echo(f"combination {number} failed: {reason}", err=True)
     return len(failures)
@@ -129,13 +128,13 @@ def _planned(
     ]
 
 
-def _runs(planned: Sequence[Combination], found: Mapping[int, Outcome]) -> dict[str, Path]:
+def _runs(planned: Sequence[Combination], found: Mapping[int, Found]) -> dict[str, Path]:
     """The run of each combination that has one, by its values."""
     runs = {}
     for one in planned:
-        if isinstance(outcome := found[one.number], Answer):
+        if (folder := found[one.number].folder) is not None:
             told = ", ".join(f"{key.rpartition('.')[2]} {value}" for key, value in one.values.items())
-            runs[told] = outcome.result.folder
+            runs[told] = folder
     return runs
 
 

@@ -6,6 +6,7 @@ import csv
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,23 @@ from palpate_studies.jobs import Outcome
 from palpate_studies.sweep.combinations import Combination
 
 _VERDICTS = ("good", "note", "doubtful", "invalid")
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a sweep keeps of a combination."""
+
+    rows: list[dict[str, Any]]
+    folder: Path | None  # of the run
+    failure: str | None  # why there is none
+
+    @classmethod
+    def of(cls, combination: Combination, outcome: Outcome) -> Found:
+        """Of what its job has come to."""
+        rows = rows_of(combination, outcome)
+        if isinstance(outcome, PalpateError):
+            return cls(rows, None, str(outcome))
+        return cls(rows, outcome.result.folder, None)
 
 
 def rows_of(combination: Combination, outcome: Outcome) -> list[dict[str, Any]]:

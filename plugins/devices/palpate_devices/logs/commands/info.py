@@ -1,4 +1,4 @@
-"""``palpate info LOG``: what a log holds, and a pipeline that reads it."""
+"""``palpate info LOG``: the contents of a log, and a pipeline that reads it."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ def info(
         Path | None, typer.Argument(help="The log: .mcap, .db3, a bag folder, .csv; or ros2://DOMAIN.")
     ] = None,
     suggest: Annotated[bool, typer.Option("--suggest", help="Print a ready pipeline that reads the log.")] = False,
-    force: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the force.")] = None,
-    position: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the position.")] = None,
-    velocity: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="What is the velocity.")] = None,
-    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="What is the time in a CSV file.")] = None,
+    force: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="Source of the force.")] = None,
+    position: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="Source of the position.")] = None,
+    velocity: Annotated[str | None, typer.Option(metavar="TOPIC:FIELD", help="Source of the velocity.")] = None,
+    time: Annotated[str | None, typer.Option(metavar="COLUMN", help="Column of the time in a CSV file.")] = None,
     rate: Annotated[str | None, typer.Option(help="Rate of a CSV file without a time, such as '500 Hz'.")] = None,
     out: Annotated[
         Path | None,
@@ -36,11 +36,11 @@ def info(
     ] = None,
     picture: Annotated[
         Path | None,
-        typer.Option(help="Draw what was taken for force and motion, .png or .svg."),
+        typer.Option(help="Draw the signals taken as force and motion, .png or .svg."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Say what a log holds, with --suggest as a pipeline that reads it; without a log, what palpate runs on."""
+    """Show what a log contains, with --suggest a pipeline that reads it; without a log, what palpate runs on."""
     if log is None:
         show_installation(as_json)
         return
@@ -58,7 +58,7 @@ def info(
 
 
 def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path | None, as_json: bool) -> None:
-    """Print or write the pipeline, and say on standard error what in it is a guess or must be filled in."""
+    """Print or write the pipeline, and list on standard error what in it is a guess or must be filled in."""
     address = address_of(str(log))
     carried = carried_by(log) if address is None else None
     if carried is not None and not choices and picture is None:
@@ -98,11 +98,11 @@ def _written(text: str, out: Path | None, as_json: bool, suggestion: Suggestion 
         raise OutputError(f"{out}: exists already, and nothing is ever overwritten") from error
     except OSError as error:
         raise OutputError(f"{out}: cannot write: {error.strerror}") from error
-    typer.echo(f"the pipeline is in {out}; palpate run {out}", err=as_json)
+    typer.echo(f"the pipeline is in {out}; run it with: palpate run {out}", err=as_json)
 
 
 def survey_view(survey: Survey) -> RenderableType:
-    """The table of topics, and what is amiss."""
+    """The table of topics, and what is wrong."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text

@@ -38,7 +38,7 @@ def record(
     logs = {name: sink for name, sink in pipeline.sinks.items() if isinstance(sink, McapSink)}
     if not logs:
         if "log" in pipeline.sinks:
-            raise ConfigurationError(f"{file}: [sink.log] is no mcap, which a recording is written by: rename it")
+            raise ConfigurationError(f"{file}: [sink.log] is no mcap, the format of a recording: rename it")
         logs = {"log": McapSink()}
     with progress(str(file), "s"):
         result = run_pipeline(replace(pipeline, tracks=(), sinks={**pipeline.sinks, **logs}), out, progressed)

@@ -118,7 +118,7 @@ class Profile(Indenter):
         return self._series.profile_area(depth)
 
     def validity(self, depth: float) -> str:
-        """Beyond the depth at which the edge touches, the tip is a shaft that nobody described."""
+        """Beyond the depth at which the edge touches, the tip is a shaft that is not described."""
         if depth <= self._series.depth:
             return ""
         return f"the tip's profile ends at a depth of {1e3 * self._series.depth:.3g} mm; beyond, a shaft is assumed"

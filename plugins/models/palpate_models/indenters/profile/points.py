@@ -16,7 +16,7 @@ _ROUND = 0.25  # of the first chord's slope: an apex whose slope is less is a sm
 def read_points(path: Path, unit: float) -> tuple[Floats, Floats]:
     """Radii and heights (n,) [m] in a CSV file of two columns r, z, in a unit [m].
 
-    A first line that holds no numbers is a heading; lines that begin with # are skipped. Raises ValueError, with file
+    A first line without numbers is a heading; lines that begin with # are skipped. Raises ValueError, with file
     and line, on a missing file and on a profile that does not begin at r = 0 and z = 0, whose radii do not grow, whose
     heights fall, or that holds anything but finite numbers.
     """

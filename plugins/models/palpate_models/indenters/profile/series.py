@@ -28,8 +28,8 @@ class Piece:
 class RadiusSeries:
     """a(d) as a sum of clamped polynomials in w = (d/D)^(1/4), and A(d) as the integral of that very sum.
 
-    The fourth root makes contact radii that begin as d^(1/n), n = 1, 2, 4, smooth in w. Deeper than D the tip is taken
-    to go on as a straight shaft: a stays, A grows linearly.
+    The fourth root makes contact radii that begin as d^(1/n), n = 1, 2, 4, smooth in w. Deeper than D the tip is
+    assumed to continue as a straight shaft: a stays, A grows linearly.
     """
 
     depth: float  # D [m]

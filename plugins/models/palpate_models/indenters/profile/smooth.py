@@ -20,7 +20,7 @@ _APEX = (1e-3, 4e-3)  # of the edge: where the exponent at the apex is read off
 class SmoothRadius:
     """a(d) = s^e P(s) with s = d/D, and A(d) as the integral of that very product, D s^(e+1) sum c_j/(j + 1 + e) s^j.
 
-    Deeper than D the tip is taken to go on as a straight shaft: a stays, A grows linearly.
+    Deeper than D the tip is assumed to continue as a straight shaft: a stays, A grows linearly.
     """
 
     depth: float  # D [m]

@@ -37,7 +37,7 @@ def reduced_of_curve(curve: Any) -> Callable[[Floats], Floats]:
 def reduced_of_function(profile: Callable[[Any], Any], edge: float) -> Callable[[Floats], Floats]:
     """g(x) of a function f(r), 0 <= r <= edge, that takes complex numbers.
 
-    The slope is exact, by a complex step; the integral is by Gauss-Legendre on panels that begin anew at every kink.
+    The slope is exact, by a complex step; the integral is by Gauss-Legendre on panels that restart at every kink.
     """
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
 
