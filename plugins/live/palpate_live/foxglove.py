@@ -47,7 +47,7 @@ Entry = tuple[int, int, bytes]  # number of the channel, time [ns], message
 
 
 class Channels:
-    """What there is to subscribe to, and each message of the run as messages of channels."""
+    """The available channels, and each message of the run as messages of channels."""
 
     def __init__(self) -> None:
         self.offered: list[dict[str, Any]] = []
