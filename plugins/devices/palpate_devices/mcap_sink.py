@@ -235,7 +235,7 @@ class _Log:
 
 
 def _facts(device: str, stream: Stream) -> dict[str, Any]:
-    """What a replay must know of a stream and the messages do not say."""
+    """What a replay must know of a stream and the messages do not state."""
     return {
         "schema": LOG_SCHEMA,
         "device": device,

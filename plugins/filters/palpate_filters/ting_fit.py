@@ -1,4 +1,4 @@
-"""The `ting-fit` estimator: one loading and one unloading by Ting's (1966) contact that shrinks on the way out."""
+"""The `ting-fit` estimator: one loading and one unloading by Ting's (1966) contact that shrinks in unloading."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ def rejected(folder: Path) -> dict[Path, str]:
 
 
 def _demand_track(part: RunFolder, track: str) -> None:
-    """Raise LogError where a part palpated, but not with this track: a map of the rest would say nothing of it."""
+    """Raise LogError where a part palpated, but not with this track: a map of the rest would not include it."""
     there = tracks_of(part.path)
     if track in there:
         return

@@ -107,7 +107,7 @@ def _run(planned: list[Combination], jobs: int | None) -> dict[str, Outcome]:
 
 @contextmanager
 def _without_script() -> Iterator[None]:
-    """Processes that are started in the context do not run the script once more that has called for them."""
+    """Processes started in the context do not run the calling script again."""
     main = sys.modules["__main__"]
     kept: dict[str, Any] = {name: main.__dict__.pop(name) for name in ("__file__", "__spec__") if name in main.__dict__}
     main.__dict__["__spec__"] = None

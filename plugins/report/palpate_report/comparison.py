@@ -1,4 +1,4 @@
-"""The report of many runs: what they say together, group by group and place by place."""
+"""The report of many runs: their results together, group by group and place by place."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ def _laws(answers: Sequence[Answer], fits: Sequence[LawFit]) -> Iterator[Flag]:
 
 
 def sentence(fits: Sequence[LawFit], lines: Sequence[Line]) -> str:
-    """What the data say of law and delay, as one sentence."""
+    """The data's evidence on law and delay, as one sentence."""
     if len({round(line.frequency, 3) for line in lines}) < 2:
         return "One frequency cannot distinguish a delay from a loss: record another, or calibrate the timing."
     if not fits:

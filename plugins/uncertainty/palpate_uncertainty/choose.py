@@ -78,9 +78,9 @@ def choose(
     as_json: JsonOption = False,
     layout: FormatOption = "table",
 ) -> None:
-    """Fit every model to every record, and say which of them the data support.
+    """Fit every model to every record, and report which of them the data support.
 
-    By the evidence (BIC by independent samples), by blocks of each record that a fit was not shown, and by whether what
+    By the evidence (BIC by independent samples), by blocks of each record held out of a fit, and by whether what
     is left is the channel's noise.
     """
     wanted = [name.strip() for name in models.split(",") if name.strip()] if models else []
@@ -222,7 +222,7 @@ def _mean(own: Sequence[Candidate]) -> tuple[float, float] | None:
 
 
 def sentence(standings: Sequence[Standing], records: int) -> str:
-    """What the data say, for a reader of a paper."""
+    """The data's evidence, in a sentence for a paper."""
     over = f"over {records} records" if records > 1 else "of the record"
     fair = [one for one in standings if one.misfits < one.records and np.isfinite(one.behind)]
     if not fair:

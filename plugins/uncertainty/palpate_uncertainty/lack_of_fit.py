@@ -167,7 +167,7 @@ def _table(found: Tested) -> Diagnosed:
 
 
 def _explained(track: TrackEvidence, found: Tested, base: _Base) -> Diagnosed:
-    """What the pattern says of the reason, and by how much each parameter may be off for it."""
+    """The reason shown by the pattern, and by how much each parameter may be off for it."""
     first = base.test(base.fit.residual)
     others = _others(base, first)
     left = _left(others, first)
@@ -214,7 +214,7 @@ def _others(base: _Base, first: Tested) -> list[tuple[Refit, Tested]]:
 
 
 def _shifts(track: TrackEvidence, others: Sequence[Refit]) -> Floats:
-    """How far (k,) the parameters may be from what some refits say."""
+    """How far (k,) the parameters may be from those of some refits."""
     return np.asarray(np.max([np.max(np.abs(other.candidates - track.values), axis=0) for other in others], 0))
 
 

@@ -57,7 +57,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Propagated:
-    """What the draws of one track come to."""
+    """Results of the draws of one track."""
 
     name: str
     values: Floats  # (n, k); NaN where nothing was estimated

@@ -167,7 +167,7 @@ def _surface_flags(last: Tail, model: ContactModel, report: AlignmentReport) -> 
 
 
 def _validity_flags(model: ContactModel, last: Tail) -> Iterator[Flag]:
-    """What the model says against itself at the greatest depth that was reached."""
+    """The model's own limits, at the greatest depth that was reached."""
     depth = float(np.max(last.surface - last.position)) if len(last.time) else 0.0
     problem = model.validity(depth) if np.isfinite(depth) and depth > 0 else ""
     if problem:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TrackCurve:
-    """What one track says along a sweep."""
+    """One track's estimates along a sweep."""
 
     parameter: str
     unit: str

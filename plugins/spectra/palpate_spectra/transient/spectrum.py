@@ -1,4 +1,4 @@
-"""What a spectrum of times says, and to what degree: H over tau, and the strength of each decade."""
+"""What a spectrum of times determines, and how well: H over tau, and the strength of each decade."""
 
 from __future__ import annotations
 
