@@ -88,7 +88,8 @@ def become(request, streams):
     before = folders()
     os.environ.clear()
     os.environ.update(request["env"])
-    sys.path[1:] = [*folders(), *(place for place in sys.path[1:] if place not in before)]
+    if folders() != before:
+        sys.path[1:] = [*folders(), *(place for place in sys.path[1:] if place not in before)]
     sys.argv = ["-c", *request["arguments"]]
 
 

@@ -1,6 +1,7 @@
 """The table of estimates as text: a thread of its own writes that of a replay, the same bytes as without."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,19 +15,20 @@ TRACKS = {"dr/ekf": (Parameter("elasticity", "", "Pa", ""),)}
 def block(begin, count):
     time = begin + np.arange(count) / 500
     random = np.random.default_rng(round(begin * 1000))
-    columns = random.normal(size=(count, 4)).T
+    interval, force, position, velocity = random.normal(size=(4, count))
     marks = np.ones(count, bool)
-    samples = Samples(np.rint(time * 1e9).astype(np.int64), time, *columns, marks, marks)
-    numbers = random.normal(size=(count, 5)).T
-    table = random.normal(size=(2, count, 1))
-    estimates = Estimates(time, *table, *numbers[:4], np.zeros(count, np.uint32), innovation=numbers[4])
+    samples = Samples(np.rint(time * 1e9).astype(np.int64), time, interval, force, position, velocity, marks, marks)
+    values, std = random.normal(size=(2, count, 1))
+    surface, spread, model, nis, innovation = random.normal(size=(5, count))
+    status = np.zeros(count, np.uint32)
+    estimates = Estimates(time, values, std, surface, spread, model, nis, status, innovation=innovation)
     return samples, {"dr/ekf": estimates}
 
 
 def opened(folder, live, interval=0.01):
     folder.mkdir()
     run = SimpleNamespace(estimates_interval=interval)
-    pipeline = SimpleNamespace(devices={"rig": SimpleNamespace(live=live)}, tables={}, run=run)
+    pipeline: Any = SimpleNamespace(devices={"rig": SimpleNamespace(live=live)}, tables={}, run=run)
     return estimates_file(folder, TRACKS, pipeline, offline=False)
 
 

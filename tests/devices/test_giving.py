@@ -44,5 +44,5 @@ def test_what_remembers_is_refused(root):
     class Remembers:
         memory = True
 
-    with pytest.raises(ConfigurationError, match="remembers"):
+    with pytest.raises(ConfigurationError, match="a specimen with memory cannot be behind a spring"):
         giving_way(specimen(root, model=Remembers()), np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)), 1e4)

@@ -166,8 +166,10 @@ def _fits(folder):
 def test_fits_of_several_logs_are_those_of_this_machine(scheduler, place, palpate, point_pipeline, tmp_path):
     text = point_pipeline.read_text().replace('duration = "10 s"', 'duration = "1 s"')
     files = [tmp_path / "one.toml", tmp_path / "two.toml"]
+    (tmp_path / "own.py").write_text(OWN)  # both share it, and the workers have never heard of it
     for seed, file in enumerate(files, start=1):
-        file.write_text(text.replace("seed = 1\n", f"seed = {seed}\n") + '[estimator.fit]\ntype = "casadi-fit"\n')
+        own = text.replace("seed = 1\n", f'seed = {seed}\nplugins = ["own.py"]\n')
+        file.write_text(own + '[estimator.fit]\ntype = "mine"\n')
 
     def fit(out, *more, code=0):
         done = palpate("fit", *files, "--no-pictures", "--json", "--out", tmp_path / out, *more)

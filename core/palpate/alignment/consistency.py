@@ -51,7 +51,7 @@ class VelocityCheck:
         even = step.max(axis=1) < 3 * duration / _SPAN  # no gap within
         means = np.where(even, mean, np.nan)
         self._add(np.column_stack([means, slope, duration]))
-        self._waiting = [block[whole * _SPAN :]]
+        self._waiting = [block[np.arange(whole * _SPAN, len(block))]]  # a copy: a view would hold the whole block
         self._held -= whole * _SPAN
 
     def _add(self, stretches: Floats) -> None:

@@ -15,7 +15,9 @@ from palpate.vectors import Floats
 _LEAST_STEPS = 4  # steps of the integration from one sample to the next
 _MOST_STEPS = 64
 _STEP_TIMES_RATE = 0.25  # Runge-Kutta's local error is then some 1e-5 of what a state forgets in the step
-_BUILT: dict[int, tuple[weakref.ref[Any], dict[int, Any]]] = {}  # by identity: a third-party model need not be hashable
+_TOGETHER = 64  # intervals in one call
+# By identity: a third-party model need not be hashable.
+_BUILT: dict[int, tuple[weakref.ref[Any], dict[tuple[int, int], Any]]] = {}
 
 
 def force_over_time(
@@ -57,18 +59,28 @@ def memory_over_time(
         return states
     states[0] = 0.0 if memory is None else memory
     steps = _steps(model, time, depth, rate, theta)
-    function = _kept(model, steps)
-    state, ends = states[0].copy(), np.zeros(5)
-    buffer, advance = function.buffer()  # a call through it costs a twentieth of an ordinary one
-    for i, array in enumerate((state, ends, np.array(theta, float))):
-        buffer.set_arg(i, memoryview(array.data))
-    after = np.zeros(count)
-    buffer.set_res(0, memoryview(after.data))
-    for i, length in enumerate(np.diff(time).tolist(), start=1):
-        ends[:] = length, depth[i - 1], rate[i - 1], depth[i], rate[i]
-        advance()
-        state[:] = states[i] = after
+    ends = np.column_stack([np.diff(time), depth[:-1], rate[:-1], depth[1:], rate[1:]])
+    done = 0
+    for together in (_TOGETHER, 1):
+        rest = len(ends) - done
+        whole = rest - rest % together
+        _follow(_kept(model, steps, together), states[done:], ends[done : done + whole], theta, together)
+        done += whole
     return states
+
+
+def _follow(function: Any, states: Floats, ends: Floats, theta: Sequence[float], together: int) -> None:
+    """Fill in the states (m + 1, k) after intervals (m, 5), so many at a time; the first is there."""
+    state, values = np.empty(states.shape[1]), np.tile(np.array(theta, float), (together, 1))
+    given, after = np.empty((together, 5)), np.empty((together, states.shape[1]))
+    buffer, advance = function.buffer()  # a call through it costs a twentieth of an ordinary one
+    for i, array in enumerate((state, given, values)):
+        buffer.set_arg(i, memoryview(array.data))
+    buffer.set_res(0, memoryview(after.data))
+    for i in range(0, len(ends), together):
+        state[:], given[:] = states[i], ends[i : i + together]
+        advance()
+        states[i + 1 : i + 1 + together] = after
 
 
 def _steps(model: ContactModel, time: Floats, depth: Floats, rate: Floats, theta: Sequence[float]) -> int:
@@ -92,15 +104,19 @@ def _steps(model: ContactModel, time: Floats, depth: Floats, rate: Floats, theta
     return steps
 
 
-def _kept(model: ContactModel, steps: int) -> Any:
-    """The function of an interval of so many steps, or that of the forgetting (0), built once for each model."""
+def _kept(model: ContactModel, steps: int, together: int = 1) -> Any:
+    """The function of so many intervals of so many steps, or that of the forgetting (0), built once for each model."""
     known = _BUILT.get(id(model))
     if known is None or known[0]() is not model:
         own = id(model)
         known = _BUILT[own] = (weakref.ref(model, lambda _: _BUILT.pop(own, None)), {})
-    if steps not in known[1]:
-        known[1][steps] = _interval(model, steps) if steps else _forgetting(model)
-    return known[1][steps]
+    if (steps, together) not in known[1]:
+        if together > 1:
+            made = _kept(model, steps).mapaccum("intervals", together)
+        else:
+            made = _interval(model, steps) if steps else _forgetting(model)
+        known[1][steps, together] = made
+    return known[1][steps, together]
 
 
 def _forgetting(model: ContactModel) -> Any:

@@ -5,25 +5,22 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from threading import Event
 from typing import Any
 
-from palpate.alignment import Aligner
 from palpate.config import Pipeline, resolved_text
 from palpate.errors import DeviceError, UserError
 from palpate.pipeline.concluding import Result, concluded
-from palpate.pipeline.data_path import DataPath
 from palpate.pipeline.facts import facts_beside, flat_facts, planned_duration, planned_extent
-from palpate.pipeline.flow import Arrivals, Flow, Progress, Taken
+from palpate.pipeline.flow import Progress
 from palpate.pipeline.interrupt import Interrupt, interruptible
-from palpate.pipeline.latency import Latency
 from palpate.pipeline.outputs import Outputs
-from palpate.pipeline.standstill import declared_noise
-from palpate.pipeline.telling import Telling
+from palpate.pipeline.session import Session
 from palpate.pipeline.tracks import Tracks, start_tracks
 from palpate.result import GIVEN, PIPELINE, RESULT, make_folder, withdraw_folder
 from palpate.sink import Run, Writer
@@ -43,47 +40,17 @@ def run_pipeline(
     started = datetime.now(UTC).astimezone()
     folder = make_folder(pipeline.run.name, out, started)
     facts = known.result()
-    aligner = Aligner(pipeline.alignment, pipeline.ports)
     began = time.monotonic()
-    failure: DeviceError | None = None
-    taken = False
-    with refused_leaves_nothing(folder, lambda: taken), interruptible() as interrupt, ExitStack() as stack:
+    with refused_leaves_nothing(folder) as begun, interruptible() as interrupt, ExitStack() as stack:
         run = _described(pipeline, folder, facts, tracks, interrupt)
         stack.enter_context(beside)
         outputs = Outputs(stack, pipeline, run, tracks.online, observer)
-        latency = Latency(pipeline.ports["position"]) if live and pipeline.tracks else None
-        path = DataPath(aligner, tracks, outputs, latency)
-        backlog = path.backlog
-
-        def show() -> Taken:
-            now = {"time": aligner.reached, "behind": backlog.behind}
-            telling.look(now)
-            if progress is not None and aligner.reached:
-                progress(aligner.reached, flow.total, backlog.behind)
-            return Taken(aligner.reached, backlog.behind)
-
-        def take(arrivals: Arrivals) -> Taken:
-            nonlocal taken
-            taken = True
-            path.step(arrivals)
-            return show()
-
-        flow = Flow(pipeline, take, interrupt, declared_noise(pipeline))
-        telling = Telling(outputs.writers, flow, aligner, tracks, pipeline)
-        try:
-            flow.run()
-        except DeviceError as error:
-            interrupt.reason, failure = f"stopped by a device: {error}", error
-        for _ in path.finish(lambda: interrupt.reason is not None):
-            show()
-        telling.last({"time": aligner.reached, "behind": 0.0})
-        if latency is not None:
-            behind = {"largest_behind": backlog.largest, "until": backlog.given_up}
-            flow.facts["estimates"] = {"latency": latency.table(), **behind}
-        if flow.facts:
-            facts["live"] = flow.facts
+        session = Session(pipeline, tracks, outputs, interrupt, progress)
+        failure = session.run(begun)
+        if live_facts := session.facts:
+            facts["live"] = live_facts
         facts |= {"started": started.isoformat(timespec="seconds"), "duration": time.monotonic() - began}
-        report = aligner.report
+        report = session.report
         result = concluded(pipeline, folder, facts, report, tracks.results(pipeline, report), interrupt)
         outputs.finish(result.table())
     write_new(folder / RESULT, json.dumps(result.table(), indent=2, allow_nan=False) + "\n")
@@ -111,11 +78,12 @@ def _described(pipeline: Pipeline, folder: Path, facts: dict[str, Any], tracks: 
 
 
 @contextmanager
-def refused_leaves_nothing(folder: Path, begun: Callable[[], bool]) -> Iterator[None]:
-    """Removes the folder of a run that its pipeline, its log or its output refuses before it has recorded anything."""
+def refused_leaves_nothing(folder: Path) -> Iterator[Event]:
+    """Removes the folder of a run that is refused (by pipeline, log or output) before the event, its first batch."""
+    begun = Event()
     try:
-        yield
+        yield begun
     except UserError:
-        if not begun():
+        if not begun.is_set():
             withdraw_folder(folder)
         raise

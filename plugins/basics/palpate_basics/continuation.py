@@ -1,4 +1,4 @@
-"""Going on with a run: with its pipeline, and another motion."""
+"""Continuing a run: with its pipeline, and another motion."""
 
 from __future__ import annotations
 

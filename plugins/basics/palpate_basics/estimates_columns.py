@@ -1,4 +1,4 @@
-"""What the tables of estimates hold, in whatever form: names of their columns, rows that are due, their numbers."""
+"""Contents of the tables of estimates, in any format: names of their columns, rows that are due, their numbers."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def _estimates_csv(
 class EstimatesFile:
     """``estimates.csv``: time, place, what was measured, every parameter of every track with its std; decimated.
 
-    Numbers have ten digits, far more than any of them deserves.
+    Numbers have ten digits, far more than are significant.
     """
 
     def __init__(self, file: IO[str], tracks: Mapping[str, Sequence[Parameter]], interval: float) -> None:
@@ -116,6 +116,6 @@ class _Aside:
             raise
 
     def finish(self) -> None:
-        """Wait for what is left; raises what the thread has met."""
+        """Wait for the rest; raises the thread's exception."""
         while self._waiting:
             self._waiting.popleft().result()

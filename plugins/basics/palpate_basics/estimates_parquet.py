@@ -84,7 +84,7 @@ class EstimatesStream:
         self._file.flush()
 
     def close(self) -> None:
-        """Write what is left, and the end of the stream."""
+        """Write the rest, and the end of the stream."""
         with self._file:
             self._hand_over()
             self._writer.close()
@@ -120,7 +120,7 @@ def _groups(batches: Any) -> Iterator[list[Any]]:
 
 
 def read_columns(path: Path) -> tuple[tuple[str, ...], Floats]:
-    """Names and numbers (n, columns) of a table in columns; of a stream that was cut, what is whole.
+    """Names and numbers (n, columns) of a table in columns; of a stream that was cut, the complete part.
 
     Raises LogError for what cannot be read.
     """

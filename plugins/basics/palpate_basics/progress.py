@@ -67,7 +67,7 @@ class _Work:
             thread.join(_JOIN)
 
     def line(self) -> str:
-        """All that is under way in one line."""
+        """All work in progress in one line."""
         parts = ", ".join(work.words() for work in _shown)
         return f"{parts}, after {time.monotonic() - self._began:.0f} s"
 

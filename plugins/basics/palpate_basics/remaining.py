@@ -46,7 +46,7 @@ def remaining_pipeline(folder: Path) -> Pipeline | None:
 
 
 def _remaining(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> Trajectory | None:
-    """What of a motion a part left undone: all of it where it can only be done as one."""
+    """The part of a motion left undone: all of it where it cannot be divided."""
     elapsed = _elapsed(part, pipeline, trajectory)
     if elapsed >= trajectory.total_duration - _CAUTION:
         return None

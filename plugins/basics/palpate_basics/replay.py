@@ -1,4 +1,4 @@
-"""``palpate replay``: a recorded run once more, from its log, with the pipeline that it carries."""
+"""``palpate replay``: estimate a recorded run again, from its log, with the pipeline in it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def replay(
     as_json: JsonOption = False,
     layout: FormatOption = "table",
 ) -> None:
-    """Estimate once more from the log of a run, by the pipeline that the log carries: the same numbers to the bit.
+    """Estimate again from the log of a run, by the pipeline in the log: the same numbers to the bit.
 
     Devices are replaced by the log; sinks are left out. Nothing that a log carries is executed.
     """

@@ -13,7 +13,7 @@ from palpate_basics.run import execute
 
 
 def resume(run: Annotated[Path, typer.Argument(help="The folder of the run that was interrupted.")]) -> None:
-    """Do what an interrupted run left: whole lines of a raster, whole points; in a folder inside the run's."""
+    """Do the rest of an interrupted run: whole lines of a raster, whole points; in a folder inside the run's."""
     pipeline = remaining_pipeline(run)
     if pipeline is None:
         typer.echo(f"{run}: is complete; nothing is left to do")

@@ -42,7 +42,7 @@ def run(
     live: Annotated[bool, typer.Option("--live", help='Show it in the browser: --set sink.live.type="live".')] = False,
     form: FormatOption = "table",
 ) -> None:
-    """Run a pipeline; print what was found and where it is written."""
+    """Run a pipeline; print the results and where they are written."""
     if file.is_dir() or file.suffix in _LOGS:
         raise ConfigurationError(f"{file}: is no pipeline file; `palpate replay` estimates a recorded run again")
     assignments = [*(overrides or []), *([f"run.seed={seed}"] if seed is not None else [])]
@@ -60,7 +60,7 @@ def run(
 
 
 def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False) -> None:
-    """Run a pipeline, show how it goes and what it found; ends with the code of the signal that stopped it."""
+    """Run a pipeline, show progress and results; ends with the code of the signal that stopped it."""
     for notice in pipeline.registry.notices:
         typer.echo(notice, err=True)
     with contextlib.ExitStack() as stack:

@@ -51,7 +51,7 @@ def console(width: int = 120) -> Console:
     from rich.console import Console
 
     class Whole(Console):
-        """Prints tables whole; in another form what is no table goes to standard error."""
+        """Prints tables whole; in another format all that is no table goes to standard error."""
 
         def print(self, *objects: Any, **options: Any) -> None:
             """As rich does, but for tables that do not fit."""

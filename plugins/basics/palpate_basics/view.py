@@ -53,7 +53,7 @@ def result_view(result: Result, sections: Mapping[str, ReportSection] | None = N
 
 
 def _derived(result: Result) -> list[RenderableType]:
-    """Elasticity and viscosity that follow from other parameters, with what has to hold for them."""
+    """Elasticity and viscosity that follow from other parameters, with their conditions."""
     from rich.text import Text
 
     lines = [

@@ -30,7 +30,7 @@ def palpate_tables() -> dict[str, type[Settings]]:
 
 @plugin
 def palpate_migrations() -> tuple[Migration, ...]:
-    """What was called otherwise."""
+    """Former names."""
     return (Migration("0.2", "calibration", keys={"rest": "standstill"}),)
 
 

@@ -22,13 +22,13 @@ _NOISES = ("force_std", "velocity_std", "position_std")
 
 
 def identity_of(devices: Mapping[str, Device], channels: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """What the devices behind some channels say of themselves: serial numbers, firmware, file and hash."""
+    """What the devices behind some channels report of themselves: serial numbers, firmware, file and hash."""
     names = {channel.partition(".")[0] for channel in channels.values()}
     return {name: dict(devices[name].provenance) for name in sorted(names) if name in devices}
 
 
 def identity_in(facts: Mapping[str, Any]) -> dict[str, str]:
-    """What of a live device's account says which one it is, and since when it has its power."""
+    """The part of a live device's facts that identifies it, and since when it is powered."""
     kept = ("powered_since", "supply")
     return {key: text for key, text in facts.items() if isinstance(text, str) and (_identifies(key) or key in kept)}
 
@@ -99,7 +99,7 @@ class AppliedCalibration:
         return None
 
     def _powered_since(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]], past: bool) -> datetime | None:
-        """Since when the sensor has its power, by itself or by the robot that feeds it."""
+        """Since when the sensor is powered, on its own or by the robot that feeds it."""
         signals = pipeline.alignment.force.channel, pipeline.alignment.position.channel
         roles = zip(("force", "position"), signals, strict=True)
         facts = [
@@ -177,7 +177,7 @@ class AppliedCalibration:
                 yield Flag("calibration-sensor", f"{self.path} is of {then}, the force here is {signal.channel}")
 
     def _loads(self, arm: Mapping[str, Any]) -> Iterator[str]:
-        """What is wrong with the centre of mass that an arm counts on.
+        """What is wrong with the centre of mass that an arm assumes.
 
         Between flange and tip there is the sensor, too, whose own centre is on the axis: so what the payload and the
         tip weigh off that axis is the same, whichever way the sensor is turned, and along it the payload has no less.
@@ -203,7 +203,7 @@ class AppliedCalibration:
             )
 
     def _conflicts(self, stated: AlignmentSettings) -> Iterator[Flag]:
-        """Settings of the file that stand, although the calibration says otherwise."""
+        """Settings of the file that apply, although the calibration contradicts them."""
         values = self.values
         mass, delay = values.get("mass"), values.get("delay")
         if mass is not None and stated.tip_mass is not None and not _within(mass, stated.tip_mass):

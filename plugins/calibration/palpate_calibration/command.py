@@ -99,7 +99,7 @@ def calibrate(
 
 
 def _guide(part: Path, yes: bool) -> Guide:
-    """Who leads a person at the rig from step to step, and keeps what each has found in a file."""
+    """Guides a user at the rig from step to step, and keeps the results of each in a file."""
     from rich.console import Console
 
     from palpate_calibration.guided import Guide
@@ -144,7 +144,7 @@ def _ask(say: Callable[[str], None], yes: bool) -> Callable[[str], None]:
 
 
 def _found(session: StepFindings) -> Iterator[str]:
-    """What a step found, a line for each value."""
+    """Results of a step, a line for each value."""
     for name, value in session.values.items():
         unit, scale = _PEOPLE.get(value.unit, (value.unit, 1.0))
         yield f"  {name}: {measured(value.value * scale, value.combined * scale)} {unit}  ({_MEANING.get(name, '')})"

@@ -45,7 +45,7 @@ class Guide:
 def run_calibration(
     plan: CalibrationPlan, guide: Guide | None = None
 ) -> tuple[Calibration, StepFindings, list[CalibrationRecord]]:
-    """Move and record as often as the plan says, and evaluate; the records are those of the shake.
+    """Move and record as often as the plan states, and evaluate; the records are those of the shake.
 
     Raises ConfigurationError where a motion breaks a limit, before anything moves; LogError where a record cannot be
     used; DeviceError where a device fails.
@@ -182,7 +182,7 @@ def _shake(session: StepFindings) -> dict[str, Any]:
 
 
 def _logs(plan: CalibrationPlan) -> dict[str, dict[str, str]]:
-    """What the devices that only some steps have say of themselves: of a log, file and hash."""
+    """What the devices of single steps report of themselves: of a log, file and hash."""
     return {
         f"{name}.{device}": dict(part.provenance)
         for name, step in plan.settings.steps.items()

@@ -17,7 +17,7 @@ _SHOWN = 0.5  # [s]
 
 @style()
 def draw(record: CalibrationRecord, session: StepFindings, settle: float, path: Path) -> None:
-    """Half a second of force in the first shake, -m z'' with and without the delay, and what is left over."""
+    """Half a second of force in the first shake, -m z'' with and without the delay, and the residual."""
     shake, segment = session.shakes[0], shaking(record, settle)[0]
     middle = (segment.begin + segment.end) / 2
     motion = sine_fit(*record.position.between(segment.begin, segment.end), shake.frequencies, middle)

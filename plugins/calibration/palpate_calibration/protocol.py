@@ -29,7 +29,7 @@ _UNEXPLAINED = 3.0  # times the noise at standstill, and a tenth of the inertia,
 
 @dataclass(frozen=True)
 class StepFindings:
-    """What all repeats together say."""
+    """Results of all repeats together."""
 
     values: dict[str, Measured]  # by name, in the order in which people want them
     shakes: tuple[ShakeFit, ...] = ()
@@ -110,7 +110,7 @@ def _on_plate(record: CalibrationRecord) -> tuple[Floats, Floats]:
 
 
 def joined(sessions: Sequence[StepFindings], settings: CalibrationSettings) -> StepFindings:
-    """All steps together: where several say the same thing, the earlier one counts, and disagreement is noted."""
+    """All steps together: where several give the same value, the earlier one counts, and disagreement is noted."""
     values: dict[str, Measured] = {}
     for session in sessions:
         values = session.values | values

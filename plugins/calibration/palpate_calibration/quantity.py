@@ -66,7 +66,7 @@ class Measured:
 
 
 def calibrated_value(measured: Measured) -> CalibratedValue:
-    """What a calibration file says of a measured value."""
+    """A measured value in a calibration file."""
     return CalibratedValue(
         value=measured.value,
         unit=measured.unit,

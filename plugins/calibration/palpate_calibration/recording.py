@@ -89,7 +89,7 @@ def _run(plan: CalibrationPlan, seed: int, take: Callable[[str, Batch], None], s
 def one_pose(
     plan: CalibrationPlan, step: Orientations, down: tuple[float, ...], seed: int, turn: Callable[[], None]
 ) -> Pose:
-    """The sensor's mean reading in one orientation; where no device turns the tool by itself, `turn` has it done."""
+    """The sensor's mean reading in one orientation; where no device turns the tool on its own, `turn` asks for it."""
     recorder = WrenchRecorder(plan.ports)
     sensor = plan.devices[recorder.device]
     if sensor.live:

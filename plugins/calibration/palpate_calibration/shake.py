@@ -24,7 +24,7 @@ _AVERAGED = 21  # samples, the paper's moving average
 
 @dataclass(frozen=True)
 class ShakeFit:
-    """What one shake says."""
+    """Results of one shake."""
 
     frequencies: tuple[float, ...]  # [Hz]
     amplitudes: tuple[float, ...]  # [m] of the real motion

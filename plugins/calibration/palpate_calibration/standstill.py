@@ -76,7 +76,7 @@ class Spectrum:
 
 
 def noise_spectrum(spectrum: Spectrum) -> NoiseSpectrum:
-    """What a calibration file says of a spectrum."""
+    """A spectrum in a calibration file."""
     return NoiseSpectrum(unit=spectrum.unit, frequencies=spectrum.frequencies, densities=spectrum.densities)
 
 

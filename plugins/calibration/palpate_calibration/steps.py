@@ -21,7 +21,7 @@ _ENOUGH = 2.0  # [s] of standstill
 
 
 def evaluated(step: str, records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
-    """What the records of one step say; raises LogError with the reason where they cannot be used."""
+    """Results from the records of one step; raises LogError with the reason where they cannot be used."""
     if step == "standstill":
         return still(records, settings)
     if step == "shake":

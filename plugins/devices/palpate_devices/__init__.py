@@ -86,7 +86,7 @@ def palpate_sinks() -> dict[str, str]:
 
 @plugin
 def palpate_twins() -> dict[str, str]:
-    """Robots and sensors in software that speak the protocols of the real ones."""
+    """Robots and sensors in software that use the protocols of the real ones."""
     return {"ur3e-bota": "palpate_devices.twins.bench:VirtualBench"}
 
 

@@ -154,13 +154,13 @@ class _Curve:
 
     @property
     def spring_constant(self) -> float | None:
-        """[N/m]; None where the file does not say it."""
+        """[N/m]; None where the file does not state it."""
         value = self.data.metadata.get("spring constant", None)
         return float(value) if value is not None and np.isfinite(value) and value > 0 else None
 
     @property
     def duration(self) -> float | None:
-        """Of the way in [s]."""
+        """Of the approach [s]."""
         value = self.data.metadata.get("duration approach", None)
         return float(value) if value is not None and np.isfinite(value) and value > 0 else None
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from contextlib import closing
 from queue import SimpleQueue
 from typing import Generic, TypeVar
@@ -48,7 +48,7 @@ class _Line(Generic[T]):
         self._thread.join()
 
 
-def ahead(items: Generator[T], most: int) -> Iterator[T]:
+def ahead(items: Generator[T], most: int) -> Generator[T]:
     """The items in their order, of which a thread makes at most so many before they are asked for.
 
     What it raises is raised in their place. The generator is run and closed in the thread, and nowhere else.

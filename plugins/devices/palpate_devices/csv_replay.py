@@ -225,7 +225,7 @@ class _CsvLink:
     def _by_line(self, rows: Iterator[tuple[int, list[str]]]) -> Iterator[Floats]:
         """The numbers (n, places) of lines that may hold anything."""
         while lines := list(islice(rows, _BLOCK)):
-            told: list[tuple[int, list[str]]] = []
+            complete: list[tuple[int, list[str]]] = []
             for line, cells in lines:
                 if not cells:
                     continue
@@ -236,9 +236,9 @@ class _CsvLink:
                     self._begun = True
                     continue
                 self._check_width(cells, line)
-                told.append((line, cells))
-            if told and self._at is not None:
-                yield self._numbers(told, self._at)
+                complete.append((line, cells))
+            if complete and self._at is not None:
+                yield self._numbers(complete, self._at)
 
     def _check_width(self, cells: list[str], line: int) -> None:
         """Refuse a line with more cells than the first: what is behind the one too many is in the wrong column."""
@@ -281,13 +281,13 @@ class _CsvLink:
                 'decimal commas; write the numbers with points, or the columns with delimiter = ";"'
             )
 
-    def _numbers(self, told: list[tuple[int, list[str]]], places: list[int]) -> Floats:
+    def _numbers(self, complete: list[tuple[int, list[str]]], places: list[int]) -> Floats:
         """The numbers (n, places) of lines: at once where all cells look like numbers, else one by one."""
         with suppress(ValueError, IndexError):
-            texts = [cells[place] for _, cells in told for place in places]
+            texts = [cells[place] for _, cells in complete for place in places]
             if not "".join(texts).translate(_OF_NUMBERS).strip(" "):
-                return np.array([float(text) for text in texts]).reshape(len(told), len(places))
-        return np.array([[self._number(cells, place, line) for place in places] for line, cells in told])
+                return np.array([float(text) for text in texts]).reshape(len(complete), len(places))
+        return np.array([[self._number(cells, place, line) for place in places] for line, cells in complete])
 
     def _number(self, cells: list[str], place: int, line: int) -> float:
         if place >= len(cells):

@@ -23,6 +23,7 @@ from palpate_devices.messages import LOG_SCHEMA, STANDARD, MessageType, numbers_
 
 _FLUSH_EVERY = 0.15  # [s]; with what is on its way, a kill costs some 0.05 s more, on a busy machine twice that
 _SYNC_EVERY = 1.0  # [s]; what a power cut can cost
+_TOGETHER = 1 << 14  # messages that are made at once
 _WAITING = 256  # pieces of work; a replay that is faster than the disk waits for it here
 
 _SAMPLE_FIELDS = ("time", "interval", "force", "position", "velocity", "contact", "active")
@@ -184,10 +185,13 @@ class _Log:
         )
         if len(stamps) != len(estimates):  # an offline estimator: all samples at once
             stamps = np.rint(estimates.time * 1e9).astype(np.int64)
-            lateral = np.full((len(estimates), 2), np.nan)
+            lateral = np.broadcast_to(np.nan, (len(estimates), 2))
         ends = (lateral, estimates.innovation)
-        numbers = np.column_stack([estimates.time, estimates.values, estimates.std, *columns, *ends])
-        self._write(self._tracks[track], stamps, stamps, "surface", numbers)
+        whole = (estimates.time, estimates.values, estimates.std, *columns, *ends)
+        for begin in range(0, len(stamps), _TOGETHER):  # those of an offline estimator are of the whole record
+            rows = slice(begin, begin + _TOGETHER)
+            numbers = np.column_stack([column[rows] for column in whole])
+            self._write(self._tracks[track], stamps[rows], stamps[rows], "surface", numbers)
 
     def _write(
         self,
@@ -231,7 +235,7 @@ class _Log:
 
 
 def _facts(device: str, stream: Stream) -> dict[str, Any]:
-    """What a replay must know of a stream and the messages do not say."""
+    """What a replay must know of a stream and the messages do not state."""
     return {
         "schema": LOG_SCHEMA,
         "device": device,

@@ -1,4 +1,4 @@
-"""Recordings: devices that are logs, which can be looked into before a pipeline says what their topics mean."""
+"""Recordings: devices that are logs, which can be inspected before a pipeline maps their topics."""
 
 from __future__ import annotations
 

@@ -182,7 +182,7 @@ class _Rig:
         self._stopped.set()
 
     def batches(self) -> Iterator[Batch]:
-        """What the streams say while the motion lasts, round by round; a thread is ahead where no clock is kept."""
+        """Readings of the streams during the motion, round by round; a thread is ahead where no clock is kept."""
         return self._rounds() if self._settings.pace == "real-time" else ahead(self._rounds(), _AHEAD)
 
     def _rounds(self) -> Generator[Batch]:

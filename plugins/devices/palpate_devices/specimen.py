@@ -237,7 +237,7 @@ class Specimen(Settings):
 
 
 def _with_the_papers(data: dict[str, Any]) -> dict[str, Any]:
-    """A specimen's table with what the paper's specimen of its name has, where it says nothing itself."""
+    """A specimen's table, completed from the paper's specimen of its name."""
     known = dict(SPECIMENS.get(str(data.get("name")), {}))
     if "parameters" in data:
         known = {key: value for key, value in known.items() if key in Specimen.model_fields}

@@ -74,7 +74,7 @@ def palpate_estimators() -> dict[str, str]:
 
 @plugin
 def palpate_migrations() -> tuple[Migration, ...]:
-    """What was called otherwise."""
+    """Former names."""
     from palpate_filters.renamed import RENAMED
 
     return RENAMED

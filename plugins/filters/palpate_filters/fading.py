@@ -68,7 +68,7 @@ _PRESETS: dict[str, dict[str, Any]] = {
 
 
 def preset_below(data: Any, **more: Mapping[str, Any]) -> Any:
-    """A filter's table with what its preset says where the table is silent; `more` adds to presets by their name."""
+    """A filter's table, completed from its preset; `more` adds to presets by their name."""
     if not isinstance(data, dict) or data.get("preset") not in _PRESETS:
         return data
     name = data["preset"]

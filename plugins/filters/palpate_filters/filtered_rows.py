@@ -1,4 +1,4 @@
-"""What a filter says of every sample, for a smoother: the latest is kept, the rest made again when it is asked for."""
+"""A filter's output at every sample, for a smoother: the latest is kept, the rest recomputed on demand."""
 
 from __future__ import annotations
 

@@ -150,8 +150,10 @@ def inertial_tracker(
     step = inertial_step(process, prediction, fading=fading is not None, signed=fading is not None and fading.signed)
     window = settings.start_duration if settings.start_from == "fit" else 0.0
     recursion = Recursion(step, len(problem.model.parameters), numbers, begin, _inputs)
-    told = {"relief_sensitivity": _RELIEF} if fading is not None and settings.order else {}
-    return RecursiveTracker(recursion, Opening(window, settings.noise == "measure", problem.standstill), details=told)
+    details = {"relief_sensitivity": _RELIEF} if fading is not None and settings.order else {}
+    return RecursiveTracker(
+        recursion, Opening(window, settings.noise == "measure", problem.standstill), details=details
+    )
 
 
 def _inputs(samples: Samples, interval: Floats) -> Floats:

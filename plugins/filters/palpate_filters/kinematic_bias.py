@@ -30,7 +30,7 @@ def kinematic_bias(
 
 
 def pulled(information: Floats, pull: Floats) -> Floats | None:
-    """Where constants (k,) and the surface settle, information^-1 pull, but for the surface; None if nothing says."""
+    """Where constants (k,) and the surface settle, information^-1 pull, but for the surface; None if unknown."""
     scale = np.sqrt(np.diag(information))
     if not (np.isfinite(pull).all() and np.isfinite(scale).all() and (scale > 0).all()):
         return None

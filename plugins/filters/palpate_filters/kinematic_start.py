@@ -84,7 +84,7 @@ def _bias_since_the_tare(
 def _fitted_covariance(
     settings: KinematicSettings, process: KinematicProcess, found: StartFit, before: Floats
 ) -> Floats:
-    """Covariance (n, n) after a fit: with a bias from all that the fit says of it, else of each number alone."""
+    """Covariance (n, n) after a fit: with a bias from the fit's full covariance, else of each number alone."""
     place, chart = process.layout, process.chart
     covariance, surface = before.copy(), place.at("surface")
     if not process.biased:
@@ -105,7 +105,7 @@ def _fitted_covariance(
 def _place(
     process: KinematicProcess, position_std: float, velocity_std: float, mean: Floats, std: Floats, first: Samples
 ) -> None:
-    """Put the tip where the first sample says it is."""
+    """Put the tip where the first sample is."""
     moving, motion = float(first.velocity[0]), process.motion
     mean[motion] = first.position[0], moving if np.isfinite(moving) else 0.0, 0.0
     std[motion] = position_std, velocity_std if np.isfinite(moving) else 0.1, ACCELERATION_STD

@@ -82,8 +82,8 @@ def kinematic_step(
     seen = ca.fabs(force) <= _LARGEST
     known = None
     if linearised:  # out of contact there is no slope to linearise by
-        told = ca.logic_and(ca.fabs(sample[4]) <= _LARGEST, process.depth(ca.vertsplit(sample[4:])) > 0)
-        known = ca.if_else(told, sample[4:], x)
+        given = ca.logic_and(ca.fabs(sample[4]) <= _LARGEST, process.depth(ca.vertsplit(sample[4:])) > 0)
+        known = ca.if_else(given, sample[4:], x)
     x, P, surprise = _force_update(process, x, P, force, noise.force**2, seen, iterations, student, centre, known)
     total, seen_count = total + surprise**2, seen_count + seen
     nis = ca.if_else(seen_count > 0, total / ca.fmax(seen_count, 1), -1.0)

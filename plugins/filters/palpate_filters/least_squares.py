@@ -57,12 +57,12 @@ def least_squares(
         evaluations += 1
         fallen = cost - 0.5 * float(tried[0, 0]) if _finite(tried) else -np.inf
         if fallen >= -_ROUNDING * cost and (fallen > 0 or gained <= _ROUNDING * cost):
-            told = gained > _ROUNDING * cost  # by the difference of the costs, whether the step was good
-            slow = not told and gained > _SLOW * before
+            significant = gained > _ROUNDING * cost  # by the difference of the costs, whether the step was good
+            slow = not significant and gained > _SLOW * before
             x, square, before = there, tried, gained
             if slow:
                 return Minimum(x, 0.5 * float(square[0, 0]), evaluations, True)
-            damping = _eased(damping, fallen / gained if told else 1.0)
+            damping = _eased(damping, fallen / gained if significant else 1.0)
         elif damping >= _MOST:
             return Minimum(x, cost, evaluations, gained <= _ROUNDING * cost)
         else:

@@ -125,15 +125,15 @@ def _with_bias(
         chart[:, 0] = np.sum(parts, axis=0)
     whole = np.column_stack([slope, chart, np.ones(len(slope))]) / prior.noise
     information = whole.T @ whole
-    told = np.r_[place.at("surface"), place["chart"].start + np.array(fitted), place.at("bias")]
-    known = information[np.ix_(told, told)].copy()
+    determined = np.r_[place.at("surface"), place["chart"].start + np.array(fitted), place.at("bias")]
+    known = information[np.ix_(determined, determined)].copy()
     known[-1, -1] += 1.0 / prior.std**2
     scale = np.sqrt(np.diag(known))
     scaled = known / np.outer(scale, scale)
     if np.linalg.cond(scaled) > 1e14:
         return None
     covariance = np.zeros((place.size, place.size))
-    covariance[np.ix_(told, told)] = np.linalg.inv(scaled) / np.outer(scale, scale)
+    covariance[np.ix_(determined, determined)] = np.linalg.inv(scaled) / np.outer(scale, scale)
     std = np.sqrt(np.diag(covariance))
     if std[place["chart"]][fitted[0]] > 1.0:  # the first parameter is lost in noise
         return None

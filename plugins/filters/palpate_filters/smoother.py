@@ -1,4 +1,4 @@
-"""The kinematic smoother: what the whole record says of each of its samples, or what is known a little later."""
+"""The kinematic smoother: the estimate at each sample from the whole record, or from a little later."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ class _SmoothingTracker:
     def _backwards(
         self, filtered: FilteredRows, interval: Floats, samples: Samples, settings: Floats, found: Floats
     ) -> None:
-        """Write what the smoother says of every sample but the last, and its states there."""
+        """Write the smoother's output at every sample but the last, and its states there."""
         time, count, columns = samples.time, len(samples) - 1, self._place.span("mean", "covariance")
         if not count:
             return

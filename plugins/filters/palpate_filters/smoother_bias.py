@@ -45,9 +45,9 @@ def smoother_bias(
     )
     (force, position, velocity), jerk = believed[:3] ** 2, believed[3]
     force_, position_, velocity_ = real**2
-    told = (1 / position + w**2 / velocity + h_h / force) / interval
+    measured = (1 / position + w**2 / velocity + h_h / force) / interval
     told_ = (position_ / position**2 + w**2 * velocity_ / velocity**2 + h_h * force_ / force**2) / interval
-    whole = w**6 / jerk + told
+    whole = w**6 / jerk + measured
     pull = (
         np.sum(across * (force_ / force / whole - told_ / whole**2), axis=0) * float(w[1, 0] - w[0, 0]) / np.pi / force
     )

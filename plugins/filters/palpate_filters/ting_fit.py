@@ -1,4 +1,4 @@
-"""The `ting-fit` estimator: one loading and one unloading by Ting's (1966) contact that shrinks on the way out."""
+"""The `ting-fit` estimator: one loading and one unloading by Ting's (1966) contact that shrinks in unloading."""
 
 from __future__ import annotations
 
@@ -196,9 +196,9 @@ class _TingTracker:
         parameters = self._problem.model.parameters
         for place in np.flatnonzero(std > _USELESS * np.abs(theta)):
             parameter = parameters[place]
-            told = f"{parameter.name} of {theta[place]:.3g} {parameter.unit} has a std of {std[place]:.2g}"
+            text = f"{parameter.name} of {theta[place]:.3g} {parameter.unit} has a std of {std[place]:.2g}"
             elastic = parameter.role == "elastic"
-            yield Flag("not-identifiable", told) if elastic else Flag("undetermined", told)
+            yield Flag("not-identifiable", text) if elastic else Flag("undetermined", text)
         names = [parameters[place].name for place in np.flatnonzero(self._free)]
         for i, j in combinations(range(len(names)), 2):
             if abs(correlation[i, j]) > INDISTINCT:

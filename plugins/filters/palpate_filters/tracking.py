@@ -100,8 +100,9 @@ class RecursiveTracker:
         values, std, rest = found[:, :k], found[:, k : 2 * k], found[0, 2 * k :]
         surface, surface_std, force, nis_, innovation_ = (rest[i : i + 1] for i in range(5))
         marks = np.array([status], np.uint32)
-        told = self._details
-        return Estimates(sample.time, values, std, surface, surface_std, force, nis_, marks, told, (), innovation_)
+        return Estimates(
+            sample.time, values, std, surface, surface_std, force, nis_, marks, self._details, (), innovation_
+        )
 
     def _listen(self, samples: Samples, until: int) -> None:
         """Learn the noise from free air before the first contact."""
@@ -171,15 +172,15 @@ class RecursiveTracker:
         row: int,
     ) -> tuple[Floats, Floats]:
         """State after, and outputs of, a part that begins at a row; a listener hears of it piece by piece."""
-        told = []
+        states = np.empty((len(inputs), self._place.size))  # states of all samples would take a kilobyte each
         for first in range(0, len(inputs), PIECE):
             piece = slice(first, first + PIECE)
             again = partial(self._kernel.run, state, inputs[piece], settings)
             state, outputs = again()
             rows = _rows(row + first, len(outputs))
             listener(Stretch(rows, interval[piece], surprises(outputs, self._place), again), outputs)
-            told.append(outputs[:, : self._place.size].copy())  # states of all samples would take a kilobyte each
-        return state, told[0] if len(told) == 1 else np.concatenate(told)
+            states[piece] = outputs[:, : self._place.size]
+        return state, states
 
     def _gather(self, part: Samples, rows: slice, begins: bool, settings: Floats, estimates: Estimates) -> None:
         """Hold samples until there are enough to start on; then run over them, and report only the present."""

@@ -46,7 +46,7 @@ class Columns:
         return 2 * parameters + len(PER_TRACK)
 
     def of_samples(self, samples: Samples, rows: NDArray[np.intp]) -> Table:
-        """Rows (n, columns) of chosen samples; what tracks say is not known yet."""
+        """Rows (n, columns) of chosen samples; estimates are not known yet."""
         table = np.full((len(rows), self.count), np.nan, np.float32)
         table[:, 0] = samples.force[rows]
         table[:, 1] = samples.position[rows]

@@ -1,4 +1,4 @@
-"""The writer: takes what a run says, chooses rows, and hands messages on; it never waits, and keeps next to nothing."""
+"""The writer: takes a run's data, chooses rows, and hands messages on; it never waits, and keeps next to nothing."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Send = Callable[[bytes], object]
 
 
 class Feed:
-    """What is said of a run, as messages for the page."""
+    """A run's data as messages for the page."""
 
     def __init__(self, run: Run, send: Send, meanings: Mapping[str, FlagMeaning], recorded: bool = False) -> None:
         self._send, self._meanings = send, meanings
@@ -56,7 +56,7 @@ class Feed:
             self._stamp = int(samples.stamp[self._chosen[-1]])
 
     def estimates(self, track: str, estimates: Estimates) -> None:
-        """What a track says of the block; of an offline estimator, of the whole record."""
+        """A track's estimates of the block; of an offline estimator, of the whole record."""
         samples = self._samples
         if samples is None or len(estimates) != len(samples) or estimates.time[0] != samples.time[0]:
             self._offline[track] = estimates
@@ -84,12 +84,12 @@ class Feed:
 
     def flags(self, track: str | None, flags: tuple[Flag, ...]) -> None:
         """All current flags on a track, or on the record."""
-        told = []
+        tables = []
         for flag in flags:
             meaning = self._meanings.get(flag.code)
             words = {"meaning": meaning.meaning, "remedy": meaning.remedy} if meaning else {}
-            told.append({**flag.table(), **words})
-        self._tell({"kind": "flags", "track": track, "flags": told})
+            tables.append({**flag.table(), **words})
+        self._tell({"kind": "flags", "track": track, "flags": tables})
 
     def guard(self, state: GuardState) -> None:
         """What the guard does."""
@@ -131,7 +131,7 @@ class Feed:
             self._send(pack_rows({"kind": "rows", "stamp": stamp}, times[piece], table[:, piece]))
 
     def _afterwards(self, track: str, estimates: Estimates) -> None:
-        """Of an offline estimator, which speaks when the record has ended: the same rows, all at once."""
+        """Of an offline estimator, whose result comes when the record has ended: the same rows, all at once."""
         rows, _ = rows_of(estimates.time, -math.inf)
         table = self._columns.of_track(estimates, rows, self._beyond[track]).T
         times = estimates.time[rows]

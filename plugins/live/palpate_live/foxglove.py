@@ -1,7 +1,7 @@
 """The process that serves a run to Foxglove: datagrams in, channels of JSON out; it accepts no other request.
 
-Foxglove's WebSocket protocol, of which palpate speaks what a viewer needs: serverInfo without any ability, advertise,
-subscribe, unsubscribe, and message data (opcode 1, uint32 subscription, uint64 time [ns], the message).
+Foxglove's WebSocket protocol, of which palpate implements what a viewer needs: serverInfo without any ability,
+advertise, subscribe, unsubscribe, and message data (opcode 1, uint32 subscription, uint64 time [ns], the message).
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ Entry = tuple[int, int, bytes]  # number of the channel, time [ns], message
 
 
 class Channels:
-    """What there is to subscribe to, and each message of the run as messages of channels."""
+    """The available channels, and each message of the run as messages of channels."""
 
     def __init__(self) -> None:
         self.offered: list[dict[str, Any]] = []

@@ -19,7 +19,7 @@ _LATEST = ("health", "found")  # of these only the latest counts, by track
 
 
 class History:
-    """Rows of the whole run, the older the coarser, and the messages that say how it is now."""
+    """Rows of the whole run, the older the coarser, and the messages of its present state."""
 
     def __init__(self) -> None:
         self.run: Header | None = None
@@ -40,7 +40,7 @@ class History:
         return self._time[: self._count], self._columns[:, : self._count]
 
     def add(self, message: bytes) -> str:
-        """Remember what a message says; its kind."""
+        """Remember a message's contents; returns its kind."""
         header, rows = unpack(message)
         kind = header["kind"]
         if kind == "run":
@@ -74,7 +74,7 @@ class History:
         self._count = len(kept)
 
     def _fill(self, begin: int, time: Floats, columns: NDArray[np.float32]) -> None:
-        """What an offline estimator says of rows that are known, by their times."""
+        """An offline estimator's results for known rows, by their times."""
         known = self._time[: self._count]
         places = np.searchsorted(known, time)
         found = np.flatnonzero(places < self._count)

@@ -108,7 +108,7 @@ class Server:
         return answer(request, self._token)
 
     async def serve(self, viewer: ServerConnection) -> None:
-        """One browser: the history, then what comes; all that it can say is `stop`."""
+        """One browser: the history, then what comes; the only message it can send is `stop`."""
         if len(self._browsers) >= _MOST:
             await viewer.close(1013, "too many pages are open")
             return
@@ -147,7 +147,7 @@ async def work(
     subprotocols: Sequence[Subprotocol] | None = None,
     largest: int = 64,
 ) -> None:
-    """Serve until the run ends; what viewers say has at most `largest` bytes."""
+    """Serve until the run ends; messages of viewers have at most `largest` bytes."""
     server = made(run, token)
     silent = logging.getLogger("palpate_live")  # foreign requests are no news, and would fill a file
     silent.disabled = True

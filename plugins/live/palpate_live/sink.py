@@ -25,7 +25,7 @@ class LiveSink(Sink):
     port: int = Field(default=0, ge=0, le=65535, description="of 127.0.0.1 that the page is served on; 0: any free one")
 
     def open(self, run: Run) -> AbstractContextManager[Writer]:
-        """Start the page, and say on standard error where it is; raises OutputError where the port is taken."""
+        """Start the page, and print its address on standard error; raises OutputError where the port is taken."""
         return _opened(Child(self.port, run.stop), run)
 
 
@@ -39,7 +39,7 @@ class FoxgloveSink(Sink):
     port: int = Field(default=0, ge=0, le=65535, description="of 127.0.0.1 that is served; 0: any free one")
 
     def open(self, run: Run) -> AbstractContextManager[Writer]:
-        """Start serving, and say on standard error where; raises OutputError where the port is taken."""
+        """Start serving, and print the address on standard error; raises OutputError where the port is taken."""
         return _opened(Child(self.port, None, served=_FOXGLOVE), run)
 
 
@@ -54,8 +54,8 @@ def _opened(child: Child, run: Run) -> Iterator[Writer]:
         yield feed
         feed.flush()
     finally:
-        if (told := child.close()) is not None:
-            say(f"palpate: {told}")
+        if (notice := child.close()) is not None:
+            say(f"palpate: {notice}")
 
 
 def say(text: str) -> None:

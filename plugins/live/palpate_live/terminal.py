@@ -58,7 +58,7 @@ def _print_lines(watcher: Watcher, errors: Console, ended: threading.Event) -> N
 
 
 class Watcher:
-    """What there is to show: it only keeps the latest; who draws it looks when they like."""
+    """The latest state to show; the drawing thread reads it when it likes."""
 
     def __init__(self, name: str, tracks: Mapping[str, tuple[Parameter, ...]]) -> None:
         self._name, self._tracks = name, tracks

@@ -27,7 +27,7 @@ def watch(
 ) -> None:
     """Show a recorded run on the live page, with a time slider, at any speed; Ctrl-C ends it.
 
-    The run is estimated once more from its log, to the same numbers; one that has no log is shown from its table of
+    The run is estimated again from its log, to the same numbers; one that has no log is shown from its table of
     estimates. Nothing is written.
     """
     if (known := recorded(source)) is not None:
@@ -59,13 +59,13 @@ def _serve(port: int, fill: Callable[[Child], bool]) -> None:
     except KeyboardInterrupt:
         pass
     finally:
-        told = child.close()
-    if told is not None:
-        say(f"palpate: {told}")
+        notice = child.close()
+    if notice is not None:
+        say(f"palpate: {notice}")
 
 
 def _filled(child: Child, pipeline: Pipeline, source: Path) -> bool:
-    """Estimate the record once more, and let the page have all of it; whether it came to its end."""
+    """Estimate the record again, and send all of it to the page; returns whether it reached its end."""
     tracks = {str(track.name): track.model.parameters for track in pipeline.tracks}
     run = Run(source, pipeline.ports.streams, tracks, {}, {}, pipeline.run.name)
     feed = Feed(run, child.send, meanings(), recorded=True)

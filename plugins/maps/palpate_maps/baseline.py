@@ -32,7 +32,7 @@ def find_baseline(log: Floats, level: float = 0.05, share: float = 0.5, floor: f
     Up to a `share` of the sites may be outliers, on either side; Rosner's test (1983) finds their number at a level.
     Where what it leaves is not one normal population, or what it takes away is a softer one, so many sites are stiff
     that they hide each other: then the baseline is the lowest mode, determined by what lies below it. `floor` is the
-    least spread believed.
+    least spread assumed.
     """
     found = _without_outliers(log, level, share, floor)
     inner = log[found.members]

@@ -1,4 +1,4 @@
-"""Cumulative sums: a sequential test that says while the tip moves where the stiffness has changed."""
+"""Cumulative sums: a sequential test that shows during the motion where the stiffness has changed."""
 
 from __future__ import annotations
 

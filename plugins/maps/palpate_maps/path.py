@@ -61,8 +61,8 @@ def demand_one_pipeline(run: RunFolder) -> None:
     for part in run.parts[1:] if own is not None else ():
         if part.began:
             text = part.pipeline.read_text(encoding="utf-8")
-            if told := differences(text, own or "", ("trajectory", "run.seed")):
-                raise LogError(f"{part.path}: is no continuation of {run.path}, nothing is mixed: {told}")
+            if differing := differences(text, own or "", ("trajectory", "run.seed")):
+                raise LogError(f"{part.path}: is no continuation of {run.path}, nothing is mixed: {differing}")
 
 
 def _demand_estimates(folder: Path, parts: list[RunFolder]) -> set[str]:
@@ -104,7 +104,7 @@ def rejected(folder: Path) -> dict[Path, str]:
 
 
 def _demand_track(part: RunFolder, track: str) -> None:
-    """Raise LogError where a part palpated, but not with this track: a map of the rest would say nothing of it."""
+    """Raise LogError where a part palpated, but not with this track: a map of the rest would not include it."""
     there = tracks_of(part.path)
     if track in there:
         return
@@ -129,8 +129,8 @@ def _read_part(part: RunFolder, track: str | None, parameter: str | None) -> Pat
     for table in tables:
         if track is not None and track in table.tracks:
             found = _path(part.path, table.track(track), track, parameter)
-            told = part.result["tracks"].get(track, {}).get("details", {}) if part.finished else {}
-            sensitivity = float(told.get("relief_sensitivity", 0.0))
+            details = part.result["tracks"].get(track, {}).get("details", {}) if part.finished else {}
+            sensitivity = float(details.get("relief_sensitivity", 0.0))
             return replace(found, relief_sensitivity=sensitivity) if found is not None else None
     return None
 

@@ -1,4 +1,4 @@
-"""What a search has come to know of each lump, from round to round, and when nothing is left to look for."""
+"""What a search knows of each lump, from round to round, and when nothing remains to be found."""
 
 from __future__ import annotations
 

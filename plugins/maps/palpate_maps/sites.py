@@ -1,4 +1,4 @@
-"""Sites: what an estimate along a way says of one place after the other."""
+"""Sites: an estimate along a path, place by place."""
 
 from __future__ import annotations
 

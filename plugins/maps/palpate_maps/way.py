@@ -1,4 +1,4 @@
-"""Estimates along the way of a tip that moved sideways: what a track says of all places, not of the last one."""
+"""Estimates along the way of a tip that moved sideways: a track's estimates at all places, not at the last one."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Way:
     def add(self, time: Floats, place: Floats, numbers: Floats) -> None:
         """Estimates (n, columns) at times (n,) [s] and places (n, 2) [m]; those of no place are left out.
 
-        What stands for a place is the latest estimate before the tip leaves it.
+        A place gets the latest estimate before the tip leaves it.
         """
         rows = finite_rows(place)
         if not rows.any():
@@ -119,7 +119,7 @@ def _derived(derived: Derived, model: ContactModel, values: Floats, last: Floats
 
 
 def _rescaled(row: BudgetRow, parameters: Mapping[str, Found]) -> BudgetRow:
-    """The estimator's and settling's rows say what they say of the mean; all others stay."""
+    """The estimator's and settling's rows are those of the mean; all others stay."""
     own: dict[str, Any] = {"estimator": lambda found: found.std, "settling": lambda found: found.settling}
     if row.source not in own:
         return row

@@ -29,7 +29,7 @@ def _arm(number: int) -> tuple[Parameter, Parameter]:
 
 
 class _GeneralisedMaxwell(Relaxing):
-    """A lasting spring and so many Maxwell arms as the parameters say."""
+    """A lasting spring and as many Maxwell arms as the parameters give."""
 
     def spectrum(self, theta: Sequence[Any]) -> Spectrum:
         """E + sum of E_k exp(-t/tau_k)."""

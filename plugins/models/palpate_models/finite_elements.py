@@ -224,7 +224,7 @@ def pressed(
 ) -> Iterator[float]:
     """Force over Young's modulus [m^2] at rising depths (n,) [m]; raises NoEquilibriumError, also past `until` [s].
 
-    A function says which tip it is at a depth [m].
+    A function gives the tip at a depth [m].
     """
     at = tip if callable(tip) else lambda _: tip
     soft = SoftCylinder(cylinder, min(at(float(depths[-1])).reach, cylinder.diameter / 2), fine)

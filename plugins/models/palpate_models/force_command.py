@@ -134,7 +134,7 @@ def _from_file(file: Path, model: str | None, overrides: list[str]) -> tuple[str
 
 
 def _theta(model: ContactModel, assignments: list[str]) -> list[float]:
-    """Parameter values; where one is not given, the model's own first guess, said aloud."""
+    """Parameter values; where one is not given, the model's own first guess, with a notice."""
     given: dict[str, str] = {}
     names = [parameter.name for parameter in model.parameters]
     for assignment in assignments:

@@ -34,7 +34,7 @@ class Spectrum:
 
 
 class Relaxing(ContactModel):
-    """A linear material that relaxes, pressed by any axisymmetric tip; a model says its `spectrum`.
+    """A linear material that relaxes, pressed by any axisymmetric tip; a model gives its `spectrum`.
 
     F = 2 E/(1 - nu^2) A(d) + 4 eta/(1 - nu) a(d) d' + sum of q_k with an internal state q_k [N] for each arm,
     dq_k/dt = 2 E_k/(1 - nu^2) a(d) d' - q_k/tau_k in contact and -q_k/tau_k out of it.

@@ -38,7 +38,8 @@ def rounded_flat(radius: float, depth: float, sticking: bool = False) -> tuple[P
     def reduced(x: float, b: float) -> float:
         return x / edge * (np.sqrt(x**2 - b**2) - b * np.arccos(b / x)) if x > b else 0.0
 
-    face = float(brentq(lambda b: reduced(radius, b) - depth, 1e-3 * radius, radius))
+    solve: Any = brentq  # its annotations want numpy's floats
+    face = float(solve(lambda b: reduced(radius, b) - depth, 1e-3 * radius, radius))
     area = depth * radius - float(quad(reduced, face, radius, args=(face,))[0])
 
     def height(r: Floats) -> Floats:

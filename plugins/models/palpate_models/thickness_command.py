@@ -121,8 +121,8 @@ def _factors(
         except NoEquilibriumError as error:
             yield str(error)
             return
-        told = f"{number}/{len(depths)}: {1e3 * depth:.4g} mm: {factor:.4f} ({time.monotonic() - began:.0f} s)"
-        typer.echo(told, err=True)
+        line = f"{number}/{len(depths)}: {1e3 * depth:.4g} mm: {factor:.4f} ({time.monotonic() - began:.0f} s)"
+        typer.echo(line, err=True)
         yield factor
 
 

@@ -1,4 +1,4 @@
-"""Unloading after Ting (1966): on the way back the contact shrinks faster than the depth alone would have it."""
+"""Unloading after Ting (1966): in unloading the contact shrinks faster than the depth alone would make it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def ting_force(
 
 
 class _Way:
-    """One loading and one unloading, with the fading sums of depth and area on the way in."""
+    """One loading and one unloading, with the fading sums of depth and area in loading."""
 
     def __init__(self, model: Any, law: Spectrum, time: Floats, depth: Floats, peak: int) -> None:
         loaded, self._back = np.maximum.accumulate(depth[: peak + 1]), depth[peak + 1 :]
@@ -76,7 +76,7 @@ class _Way:
         return np.asarray(self._lasting * (self._back - _at(self._into, at)) + fading + self._damper * self._speed)
 
     def _faded_since(self, sums: Floats, at: Floats) -> Floats:
-        """Fading sums (m, k) of the loading up to places (m,), as they are on the way back."""
+        """Fading sums (m, k) of the loading up to places (m,), as they are in unloading."""
         kept = np.exp(-np.outer(self._later - _at(self._time, at), self._rates))
         return np.asarray(kept * np.column_stack([_at(column, at) for column in sums.T] or [np.zeros((len(at), 0))]))
 

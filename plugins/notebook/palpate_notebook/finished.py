@@ -79,12 +79,12 @@ class FinishedRun:
 
     @property
     def flags(self) -> dict[str, tuple[Flag, ...]]:
-        """What speaks against each track, by its name."""
+        """Flags on each track, by its name."""
         return {name: read_flags(track["flags"]) for name, track in self.document["tracks"].items()}
 
     @property
     def truth(self) -> dict[str, float]:
-        """What a simulated rig knows, by parameter [SI]; empty for everything else."""
+        """The true values of a simulated rig, by parameter [SI]; empty for everything else."""
         return dict(self.document["truth"])
 
     @cached_property
@@ -122,7 +122,7 @@ class FinishedRun:
         return self._found[0] if self._found is not None else None
 
     def replay(self) -> FinishedRun:
-        """The run made once more from its log, to the same estimates; raises LogError where it has none."""
+        """The run repeated from its log, to the same estimates; raises LogError where it has none."""
         from palpate_notebook.running import execute
 
         carried = carried_by(self.folder)

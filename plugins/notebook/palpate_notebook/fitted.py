@@ -47,7 +47,7 @@ class Fit:
 
     @property
     def flags(self) -> tuple[Flag, ...]:
-        """What speaks against it."""
+        """Its flags."""
         return self.track.flags
 
     @property

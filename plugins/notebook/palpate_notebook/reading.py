@@ -30,7 +30,7 @@ def read(
 ) -> Record:
     """A record from a log: .mcap, .db3, a bag folder, .csv, or a run folder.
 
-    A log that palpate has written says itself what its signals are, and what was declared of them; `signals` reads
+    A log that palpate has written states its signals, and what was declared of them; `signals` reads
     some of them elsewhere, and all else stays. Of others, `signals` settles what is what, as in
     ``{"force": "/wrench:wrench.force.z", "height": "z", "rate": "500 Hz"}``; the rest is found by what the numbers do
     together, and what is only a guess is warned of. Delays and tare that are not stated are flagged in the results
@@ -75,7 +75,7 @@ def _stated(
     tare: str | float | None,
     alignment: Mapping[str, Any] | None,
 ) -> set[str]:
-    """Keys of ``[alignment]`` that the caller says; who knows the timing knows that there is no other delay."""
+    """Keys of ``[alignment]`` given by the caller; a given timing means that there is no other delay."""
     late = delay if isinstance(delay, Mapping) else {} if delay is None else dict.fromkeys(_TIMED)
     roles = _TIMED if timing is not None else [_ROLES.get(role, role) for role in late]
     said = {f"alignment.{role}.delay" for role in roles} | {f"alignment.{key}" for key in alignment or {}}

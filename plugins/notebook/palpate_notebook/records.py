@@ -116,8 +116,8 @@ def _columns(given: Mapping[str, Any], units: Mapping[str, str]) -> dict[str, Fl
 
 def _demand_equal_lengths(lengths: Mapping[str, int]) -> None:
     if len(set(lengths.values())) > 1:
-        told = ", ".join(f"{key} has {length}" for key, length in lengths.items())
-        raise ConfigurationError(f"the columns of a record must be equally long: {told}")
+        listed = ", ".join(f"{key} has {length}" for key, length in lengths.items())
+        raise ConfigurationError(f"the columns of a record must be equally long: {listed}")
     if lengths["time"] < 2:
         raise ConfigurationError(f"a record of {lengths['time']} readings is too short")
 

@@ -64,7 +64,7 @@ class Kept:
 
 @contextmanager
 def quietly() -> Iterator[None]:
-    """Numbers that are out of range become flags, in words; numpy's own warnings say nothing more."""
+    """Numbers that are out of range become flags, in words; numpy's own warnings add nothing."""
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)
         yield

@@ -53,8 +53,8 @@ def run_text(document: Document) -> str:
     lines = [printable(document["run"]["name"])]
     for row in [headings, *rows]:
         lines.append("  ".join(cell.rjust(w) if i else cell.ljust(w) for i, (cell, w) in enumerate(zip(row, widths))))
-    told = [f"  {printable(text)}" for text in _flags(document)]
-    return "\n".join([*lines, "flags" if told else "no flags", *told])
+    listed = [f"  {printable(text)}" for text in _flags(document)]
+    return "\n".join([*lines, "flags" if listed else "no flags", *listed])
 
 
 def run_html(document: Document) -> str:
@@ -62,6 +62,6 @@ def run_html(document: Document) -> str:
     headings, rows = _cells(document)
     head = "".join(f"<th>{escape(text)}</th>" for text in headings)
     body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
-    told = "".join(f"<li>{escape(printable(text))}</li>" for text in _flags(document))
+    listed = "".join(f"<li>{escape(printable(text))}</li>" for text in _flags(document))
     table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-    return f"<b>{escape(printable(document['run']['name']))}</b>{table}{f'<ul>{told}</ul>' if told else 'no flags'}"
+    return f"<b>{escape(printable(document['run']['name']))}</b>{table}{f'<ul>{listed}</ul>' if listed else 'no flags'}"

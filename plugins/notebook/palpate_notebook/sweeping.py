@@ -86,8 +86,8 @@ def _combinations(values: Mapping[str, list[Any]], combine: str) -> list[dict[st
     if combine != "list":
         raise ConfigurationError(f'combine: {combine!r} is none of "grid", "list"')
     if len(set(lengths.values())) > 1:
-        told = ", ".join(f"{key} has {length}" for key, length in lengths.items())
-        raise ConfigurationError(f'combine="list" needs lists of one length: {told}')
+        listed = ", ".join(f"{key} has {length}" for key, length in lengths.items())
+        raise ConfigurationError(f'combine="list" needs lists of one length: {listed}')
     return [dict(zip(values, one, strict=True)) for one in zip(*values.values(), strict=True)]
 
 
@@ -107,7 +107,7 @@ def _run(planned: list[Combination], jobs: int | None) -> dict[str, Outcome]:
 
 @contextmanager
 def _without_script() -> Iterator[None]:
-    """Processes that are started in the context do not run the script once more that has called for them."""
+    """Processes started in the context do not run the calling script again."""
     main = sys.modules["__main__"]
     kept: dict[str, Any] = {name: main.__dict__.pop(name) for name in ("__file__", "__spec__") if name in main.__dict__}
     main.__dict__["__spec__"] = None

@@ -62,7 +62,7 @@ class TrackView:
 
     @property
     def flags(self) -> tuple[Flag, ...]:
-        """What speaks against it, those of the whole record among them."""
+        """Its flags, those of the whole record among them."""
         return read_flags(self.document["flags"])
 
     @property

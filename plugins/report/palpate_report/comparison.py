@@ -1,4 +1,4 @@
-"""The report of many runs: what they say together, group by group and place by place."""
+"""The report of many runs: their results together, group by group and place by place."""
 
 from __future__ import annotations
 
@@ -186,8 +186,8 @@ def _pipelines(runs: Sequence[Run], veils: Mapping[str, Anonymous]) -> dict[str,
     if not known:
         return {}
     (first, own), *others = known
-    told: dict[str, list[str]] = {}
+    grouped: dict[str, list[str]] = {}
     for run, text in others:
-        told.setdefault(differences(text, own, ()) if text != own else "", []).append(run.name)
+        grouped.setdefault(differences(text, own, ()) if text != own else "", []).append(run.name)
     hide = veils[first.name].text if first.name in veils else str
-    return {"name": first.name, "text": hide(own), "others": [(hide(what), names) for what, names in told.items()]}
+    return {"name": first.name, "text": hide(own), "others": [(hide(what), names) for what, names in grouped.items()]}

@@ -135,7 +135,7 @@ def budget_rows(table: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _numbers(document: Mapping[str, Any], subject: Subject) -> list[tuple[str, str, str]]:
-    """Name, value and what to know of it, of everything that the main track says; along a way how far it goes."""
+    """Name, value and notes of everything that the main track gives; along a path the range."""
     table = document.get("tracks", {}).get(subject.main)
     if table is None or subject.main is None:
         return []
@@ -166,7 +166,7 @@ def _record_flags(document: Mapping[str, Any]) -> list[Any]:
 
 
 def _sections(record: Record, hide: Callable[[str], str]) -> Iterator[dict[str, Any]]:
-    """What other plugins show of the run; one that fails says so and keeps nothing else from being shown."""
+    """What other plugins show of the run; one that fails is reported and does not keep the others from being shown."""
     sections = registry.offers("palpate_report_sections", ReportSection)
     for name, section in sorted(sections.items(), key=lambda item: (item[1].order, item[0])):
         try:
@@ -183,7 +183,7 @@ def _facts(run: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _truth(document: Mapping[str, Any]) -> list[str]:
-    """What a simulated rig knows, in the units of the tracks."""
+    """The true values of a simulated rig, in the units of the tracks."""
     tables = document.get("tracks", {}).values()
     units = {name: found["unit"] for table in tables for name, found in table["parameters"].items()} | {"surface": "m"}
     return [

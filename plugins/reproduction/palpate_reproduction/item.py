@@ -118,8 +118,8 @@ def demand_known(items: Sequence[Item], recordings: Mapping[str, Recording]) -> 
     for item in items:
         for row in item.published:
             if row.recording and row.recording not in recordings:
-                told = f"{item.label}: there is no recording {row.recording!r}{suggest(row.recording, recordings)}"
-                raise ConfigurationError(told)
+                message = f"{item.label}: there is no recording {row.recording!r}{suggest(row.recording, recordings)}"
+                raise ConfigurationError(message)
 
 
 def _read(path: Path, kind: type[T]) -> T:

@@ -94,7 +94,7 @@ class Maker:
                 progressed(done)
 
     def rows(self, item: Item) -> list[Row]:
-        """Every row of an item; what fails is a row that says why."""
+        """Every row of an item; a failure is a row with its reason."""
         return [self._row(published) for published in item.published]
 
     def _row(self, published: Published) -> Row:

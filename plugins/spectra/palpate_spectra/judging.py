@@ -35,8 +35,8 @@ def flags_of(
 def _harmonics(answer: Answer) -> Iterator[Flag]:
     worst = sorted(unexplained(answer), key=lambda one: -one.excess)
     if worst:
-        told = ", ".join(f"{1e3 * one.excess:.2g} mN at {one.frequency:.3g} Hz" for one in worst[:3])
-        yield Flag("harmonics", f"{answer.recorded.name}: {told} beyond what the tip's law explains")
+        text = ", ".join(f"{1e3 * one.excess:.2g} mN at {one.frequency:.3g} Hz" for one in worst[:3])
+        yield Flag("harmonics", f"{answer.recorded.name}: {text} beyond what the tip's law explains")
 
 
 def _timing(answers: Sequence[Answer], lines: Sequence[Line]) -> Iterator[Flag]:
@@ -45,9 +45,9 @@ def _timing(answers: Sequence[Answer], lines: Sequence[Line]) -> Iterator[Flag]:
         yield Flag("timing-undeclared", f"1 ms between force and motion changes tan(delta) by up to {1e-3 * slope:.2g}")
     hidden = [line for line in lines if abs(line.shear.imag) < 2 * abs(line.shifts.get("timing", 0j).imag)]
     if hidden:
-        told = ", ".join(f"{line.frequency:.3g}" for line in hidden)
+        text = ", ".join(f"{line.frequency:.3g}" for line in hidden)
         yield Flag(
-            "loss-not-distinguishable", f"at {told} Hz G'' is below twice the effect of the timing's uncertainty"
+            "loss-not-distinguishable", f"at {text} Hz G'' is below twice the effect of the timing's uncertainty"
         )
 
 
@@ -56,19 +56,19 @@ def _laws(answers: Sequence[Answer], fits: Sequence[LawFit]) -> Iterator[Flag]:
         return
     standing = supported(fits)
     if not standing:
-        told = ", ".join(f"{fit.law.name} p = {fit.p:.1e}" for fit in fits)
-        yield Flag("no-law", f"refuted, with a free delay: {told}")
+        text = ", ".join(f"{fit.law.name} p = {fit.p:.1e}" for fit in fits)
+        yield Flag("no-law", f"refuted, with a free delay: {text}")
         return
     allowed = max((answer.recorded.timing or 0.0 for answer in answers), default=0.0)
     if any(answer.recorded.timing is None for answer in answers):
         return
     if all(abs(fit.delay) > _FAR * (fit.delay_std**2 + allowed**2) ** 0.5 for fit in standing):
-        told = ", ".join(f"{1e3 * fit.delay:.3g} ± {1e3 * fit.delay_std:.2g} ms ({fit.law.name})" for fit in standing)
-        yield Flag("delay-found", f"the force is late by {told}; declared: 0 ± {1e3 * allowed:.2g} ms")
+        text = ", ".join(f"{1e3 * fit.delay:.3g} ± {1e3 * fit.delay_std:.2g} ms ({fit.law.name})" for fit in standing)
+        yield Flag("delay-found", f"the force is late by {text}; declared: 0 ± {1e3 * allowed:.2g} ms")
 
 
 def sentence(fits: Sequence[LawFit], lines: Sequence[Line]) -> str:
-    """What the data say of law and delay, as one sentence."""
+    """The data's evidence on law and delay, as one sentence."""
     if len({round(line.frequency, 3) for line in lines}) < 2:
         return "One frequency cannot distinguish a delay from a loss: record another, or calibrate the timing."
     if not fits:
@@ -77,16 +77,16 @@ def sentence(fits: Sequence[LawFit], lines: Sequence[Line]) -> str:
     if not standing:
         return "None of the laws, each with a delay of the force, describes the data."
     best = standing[0]
-    told = f"The data support {' or '.join(fit.law.name for fit in standing)}"
+    text = f"The data support {' or '.join(fit.law.name for fit in standing)}"
     refuted = [fit.law.name for fit in fits if fit not in standing]
-    told += f" (not {', not '.join(refuted)})" if refuted else ""
-    return f"{told}; under {best.law.name} the force is late by {1e3 * best.delay:.3g} ± {1e3 * best.delay_std:.2g} ms."
+    text += f" (not {', not '.join(refuted)})" if refuted else ""
+    return f"{text}; under {best.law.name} the force is late by {1e3 * best.delay:.3g} ± {1e3 * best.delay_std:.2g} ms."
 
 
 def values_of(fit: LawFit) -> str:
     """The parameters of a law in display units."""
-    told = []
+    text = []
     for (name, unit), value, std in zip(fit.law.parameters, fit.values.tolist(), fit.stds.tolist(), strict=True):
         word, factor = display_unit(unit)
-        told.append(f"{name} {factor * value:.4g} ± {factor * std:.2g} {word}".removesuffix(" 1"))
-    return "\n".join(told)
+        text.append(f"{name} {factor * value:.4g} ± {factor * std:.2g} {word}".removesuffix(" 1"))
+    return "\n".join(text)

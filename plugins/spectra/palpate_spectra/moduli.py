@@ -68,7 +68,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Answer:
-    """What one recording says: its lines, and how the force stands at the sums and differences of these."""
+    """Results of one recording: its lines, and the force at the sums and differences of these."""
 
     recorded: Recorded
     lines: tuple[Line, ...]

@@ -1,4 +1,4 @@
-"""What the options of the commands say."""
+"""Values of the commands' options."""
 
 from __future__ import annotations
 

@@ -151,7 +151,7 @@ def _track(pipeline: Pipeline, wanted: str | None, path: Path) -> str:
 
 
 def has_tip(model: ContactModel) -> bool:
-    """Whether a model says what tip presses, and Poisson's ratio."""
+    """Whether a model declares its tip, and Poisson's ratio."""
     return getattr(model, "indenter", None) is not None and hasattr(model, "poisson")
 
 

@@ -21,9 +21,9 @@ _NEAR = 0.03  # of a frequency; pieces nearer than that, one after another, are 
 def pieces(time: Floats, channels: Floats, height: int) -> tuple[list[Fitted], Floats]:
     """Fits of pieces of a motion, and their frequencies' rate of change (pieces,) [Hz/s].
 
-    `height` says which channel is the motion. Its phase is that of the analytic signal; within a piece it is a parabola
-    that least squares finds. Pieces in which the motion is no such sine (a step of the frequency, the ends) are left
-    out; those of one frequency are one.
+    `height` is the number of the motion's channel. Its phase is that of the analytic signal; within a piece it is a
+    parabola that least squares finds. Pieces in which the motion is no such sine (a step of the frequency, the ends)
+    are left out; those of one frequency are one.
     """
     from scipy.signal import hilbert
 

@@ -1,4 +1,4 @@
-"""Conformance checks for parts of your own: call one in a test; it raises AssertionError that says what is wrong.
+"""Conformance checks for parts of your own: call one in a test; it raises AssertionError with the reason.
 
 ::
 

@@ -62,7 +62,7 @@ def _batches(device: Device, trajectory: Trajectory | None, seed: int, listen: f
 
 
 def _heard(link: Link, seconds: float, name: str) -> list[Batch]:
-    """What a live link sends within some time [s]; one that says nothing cannot hold it up."""
+    """What a live link sends within some time [s]; a silent one cannot hold it up."""
     found: list[Batch] = []
     failures: list[Exception] = []
     enough = Event()

@@ -11,7 +11,7 @@ _STEP = 1e-4  # [s]
 
 
 def check_trajectory(trajectory: Trajectory, top_speed: float = 0.25) -> None:
-    """A trajectory starts and ends at rest, has no jumps, and says the velocity that it really has.
+    """A trajectory starts and ends at rest, has no jumps, and states its true velocity.
 
     Checked on a fine grid: shapes, finiteness, rest at both ends and beyond them, the duration, position and velocity
     without jumps, velocity equal to the derivative of position, no speed above `top_speed` [m/s], and a part for

@@ -79,7 +79,7 @@ def palpate_trajectories() -> dict[str, str]:
 
 @plugin
 def palpate_migrations() -> tuple[Migration, ...]:
-    """What was called otherwise."""
+    """Former names."""
     still = ("point", "load-unload", "compression", "multi-sine", "chirp", "shake")
     pressed = ("line-sweep", "raster", "grid-points")
     names = dict.fromkeys(still, ("rest", "standstill")) | dict.fromkeys(pressed, ("press.rest", "press.standstill"))

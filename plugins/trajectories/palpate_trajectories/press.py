@@ -87,7 +87,7 @@ def _between(touches: Sequence[Touch], transfer: float, away: float, there: floa
 
 
 def refuse_hasty(press: Press, way: float, speed: float) -> None:
-    """Raise ValueError where a line is over before the sine has said anything of it."""
+    """Raise ValueError where a line is over before the sine has measured it."""
     if way * press.frequency < _PERIODS * speed:
         raise ValueError(
             f"speed: at {speed:g} m/s a line of {way:g} m lasts {way * press.frequency / speed:.2g} periods of the "

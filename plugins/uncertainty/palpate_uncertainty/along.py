@@ -43,9 +43,9 @@ class Along:
 
 
 def along(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> Along | None:
-    """The model at parameter values (k,) along the `last` samples; None where these say nothing.
+    """The model at parameter values (k,) along the `last` samples; None where these determine nothing.
 
-    What a model remembers comes from the whole `tail`.
+    The memory of a model comes from the whole `tail`.
     """
     if not np.isfinite(values).all():
         return None

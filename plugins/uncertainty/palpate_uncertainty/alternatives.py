@@ -88,7 +88,7 @@ def refit(course: Course, theta: Floats, surface: float, make: Maker = unchanged
 
 
 def alternatives(course: Course, base: Refit, frequency: float | None = None) -> Iterator[Refit]:
-    """Refits of all that the residual may say is wrong; for a model with memory of its own only timing and drift.
+    """Refits of all that the residual may show to be wrong; for a model with memory of its own only timing and drift.
 
     `frequency` [Hz] is that of a motion that oscillates with one.
     """

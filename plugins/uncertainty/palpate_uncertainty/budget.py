@@ -65,7 +65,7 @@ def _draws(run: Path, tracks: list[str], draws: int, seed: int) -> dict[str, Pro
     found = {}
     for case in cases(run, tracks):
         with progress(case.name, "draws", draws):
-            found[case.name] = propagated(case, draws, seed, told=progressed)
+            found[case.name] = propagated(case, draws, seed, report=progressed)
     return found
 
 

@@ -78,9 +78,9 @@ def choose(
     as_json: JsonOption = False,
     layout: FormatOption = "table",
 ) -> None:
-    """Fit every model to every record, and say which of them the data support.
+    """Fit every model to every record, and report which of them the data support.
 
-    By the evidence (BIC by independent samples), by blocks of each record that a fit was not shown, and by whether what
+    By the evidence (BIC by independent samples), by blocks of each record held out of a fit, and by whether what
     is left is the channel's noise.
     """
     wanted = [name.strip() for name in models.split(",") if name.strip()] if models else []
@@ -94,8 +94,8 @@ def choose(
     console().print(said, highlight=False)
     for one in found:
         if one.doubts:
-            told = f"{one.record}, {one.model}: {one.verdict} ({', '.join(one.doubts)})"
-            console().print(told, style="yellow", markup=False, highlight=False)
+            text = f"{one.record}, {one.model}: {one.verdict} ({', '.join(one.doubts)})"
+            console().print(text, style="yellow", markup=False, highlight=False)
 
 
 def candidates(path: Path, wanted: Sequence[str]) -> list[Candidate]:
@@ -125,14 +125,14 @@ def _blocks(pipeline: Pipeline, place: int, samples: Samples) -> Floats:
 
 def _candidate(record: str, model: str, found: TrackResult, blocks: Floats) -> Candidate:
     report, value = found.report, found.parameters.get("elasticity")
-    told = value or next((one.found for one in found.derived if one.name == "elasticity"), None)
+    value = value or next((one.found for one in found.derived if one.name == "elasticity"), None)
     bic, share = np.nan, 1.0
     if report is not None and report.bic is not None:
         bic, share = report.bic, min((report.effective_samples or report.samples) / max(report.samples, 1), 1.0)
     return Candidate(
         record, model, float(bic), float(share), blocks, report.rms if report else np.nan,
         any(flag.code == "lack-of-fit" for flag in found.flags), found.verdict,
-        (float(told.value), float(told.combined)) if told is not None and np.isfinite(told.value) else None,
+        (float(value.value), float(value.combined)) if value is not None and np.isfinite(value.value) else None,
         tuple(dict.fromkeys(flag.code for flag in found.flags if flag.severity != "note")),
     )  # fmt: skip
 
@@ -222,7 +222,7 @@ def _mean(own: Sequence[Candidate]) -> tuple[float, float] | None:
 
 
 def sentence(standings: Sequence[Standing], records: int) -> str:
-    """What the data say, for a reader of a paper."""
+    """The data's evidence, in a sentence for a paper."""
     over = f"over {records} records" if records > 1 else "of the record"
     fair = [one for one in standings if one.misfits < one.records and np.isfinite(one.behind)]
     if not fair:
@@ -230,14 +230,14 @@ def sentence(standings: Sequence[Standing], records: int) -> str:
     best = standings[0]
     level = [one.model for one in standings if one.behind < _SUPPORTED]
     refuted = [f"{one.model} by {one.behind:.3g}" for one in standings if one.behind >= _SUPPORTED]
-    told = f"The data {over} support {' and '.join(level)}"
-    told += " alike" if len(level) > 1 else f" (weight {100 * best.weight:.0f} %)"
-    told += f"; less {', '.join(refuted)} of BIC" if refuted else ""
+    text = f"The data {over} support {' and '.join(level)}"
+    text += " alike" if len(level) > 1 else f" (weight {100 * best.weight:.0f} %)"
+    text += f"; less {', '.join(refuted)} of BIC" if refuted else ""
     if best.blocks:
-        told += f"; {best.model} predicts {best.best_blocks} of {best.blocks} held-out blocks best"
+        text += f"; {best.model} predicts {best.best_blocks} of {best.blocks} held-out blocks best"
     if best.misfits:
-        told += f"; it leaves a lack of fit in {best.misfits} of {best.records}"
-    return told + "."
+        text += f"; it leaves a lack of fit in {best.misfits} of {best.records}"
+    return text + "."
 
 
 def _table(standings: Sequence[Standing]) -> Table:

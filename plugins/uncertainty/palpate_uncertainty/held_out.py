@@ -33,11 +33,11 @@ def held_out(model: ContactModel, estimator: Estimator, problem: Problem, sample
         shown = replace(samples, active=samples.active & ~hidden)
         fit = again.start(replace(problem, model=model)).run(shown)
         rows = used[hidden[used]]
-        told = np.flatnonzero(np.isfinite(fit.values).all(axis=1))
-        if not len(told) or fit.report is None:
+        valid = np.flatnonzero(np.isfinite(fit.values).all(axis=1))
+        if not len(valid) or fit.report is None:
             found.append(float("nan"))
             continue
-        theta, surface = fit.values[told[0]], float(fit.surface[told[0]])
+        theta, surface = fit.values[valid[0]], float(fit.surface[valid[0]])
         forecast = _forecast(model, problem.tip_mass or 0.0, samples, theta, surface) + fit.report.bias
         found.append(float(np.sqrt(np.nanmean((samples.force[rows] - forecast[rows]) ** 2))))
     return np.array(found)

@@ -12,7 +12,7 @@ from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
 from palpate_uncertainty.alternatives import Refit, refit
 from palpate_uncertainty.course import APART, Course, make_course, possible, sweeps
-from palpate_uncertainty.plausibility import not_told, tells, weak_force
+from palpate_uncertainty.plausibility import determines_all, weak_force, weak_force_flag
 
 _ENOUGH = 300  # samples
 _MOST = 3000  # samples that slopes are taken at
@@ -79,7 +79,7 @@ def _judge(track: TrackEvidence) -> Diagnosed:
         flags.append(
             Flag("overconfident", f"the estimator claims more than the record determines: {', '.join(said)}{alike}")
         )
-    flags += _untold(track, np.hypot(track.combined, terms))
+    flags += _undetermined(track, np.hypot(track.combined, terms))
     table: dict[str, Any] = {
         "least_squares": dict(zip(names, best.theta.tolist(), strict=True)),
         "bound": dict(zip(names, bound.tolist(), strict=True)),
@@ -99,14 +99,14 @@ def _apart(track: TrackEvidence, name: str, best: float) -> float:
     return away if away > _COUNTS * corrected.combined else 0.0
 
 
-def _untold(track: TrackEvidence, combined: Floats) -> Iterator[Flag]:
+def _undetermined(track: TrackEvidence, combined: Floats) -> Iterator[Flag]:
     """A weak force that determines an elasticity, but not with this estimator; otherwise plausibility flags it."""
     weak = weak_force(track.ending) if track.ending is not None else None
-    if weak is None or track.ending is None or not tells(track.ending, track.model, weak[1]):
+    if weak is None or track.ending is None or not determines_all(track.ending, track.model, weak[1]):
         return
     elastic = np.array([parameter.role == "elastic" for parameter in track.model.parameters])
     if (elastic & (combined > _VAGUE * np.abs(track.values))).any():
-        yield not_told(*weak)
+        yield weak_force_flag(*weak)
 
 
 def _slid(track: TrackEvidence) -> bool:

@@ -86,8 +86,8 @@ def _along_a_sweep(track: TrackEvidence) -> Diagnosed | None:
     the sweep and fades, whose innovations are never white. One that is leaves a pattern of up to 1 % of its innovations
     where nothing is wrong.
     """
-    told = track.estimator.follows_changes and getattr(track.estimator, "sweep_speed", 0.0) > 0
-    if not told or not np.isfinite(track.kept.innovation).any():
+    follows = track.estimator.follows_changes and getattr(track.estimator, "sweep_speed", 0.0) > 0
+    if not follows or not np.isfinite(track.kept.innovation).any():
         return None
     found = _by_innovations(track)
     if found.p >= LEVEL or found.misfit < _OF_A_SWEEP:
@@ -167,7 +167,7 @@ def _table(found: Tested) -> Diagnosed:
 
 
 def _explained(track: TrackEvidence, found: Tested, base: _Base) -> Diagnosed:
-    """What the pattern says of the reason, and by how much each parameter may be off for it."""
+    """The reason shown by the pattern, and by how much each parameter may be off for it."""
     first = base.test(base.fit.residual)
     others = _others(base, first)
     left = _left(others, first)
@@ -214,7 +214,7 @@ def _others(base: _Base, first: Tested) -> list[tuple[Refit, Tested]]:
 
 
 def _shifts(track: TrackEvidence, others: Sequence[Refit]) -> Floats:
-    """How far (k,) the parameters may be from what some refits say."""
+    """How far (k,) the parameters may be from those of some refits."""
     return np.asarray(np.max([np.max(np.abs(other.candidates - track.values), axis=0) for other in others], 0))
 
 

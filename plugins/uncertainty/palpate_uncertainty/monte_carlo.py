@@ -57,7 +57,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Propagated:
-    """What the draws of one track come to."""
+    """Results of the draws of one track."""
 
     name: str
     values: Floats  # (n, k); NaN where nothing was estimated
@@ -115,7 +115,7 @@ def _case(pipeline: Pipeline, name: Any, result: Mapping[str, Any], samples: Sam
 
 
 def propagated(
-    case: Case, draws: int, seed: int, workers: int | None = None, told: Callable[[int], None] = lambda done: None
+    case: Case, draws: int, seed: int, workers: int | None = None, report: Callable[[int], None] = lambda done: None
 ) -> Propagated:
     """So many draws of a track, the same for the same seed however many processes share them."""
     chunks = [range(first, min(first + _CHUNK, draws)) for first in range(0, draws, _CHUNK)]
@@ -123,7 +123,7 @@ def propagated(
     with ProcessPoolExecutor(workers, initializer=_lightly if len(case.samples) < _LONG else None) as pool:
         for values in pool.map(partial(_chunk, case, seed), chunks):
             found.append(values)
-            told(sum(map(len, found)))
+            report(sum(map(len, found)))
     return Propagated(case.name, np.concatenate(found), case.parameters)
 
 

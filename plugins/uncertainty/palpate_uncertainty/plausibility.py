@@ -8,14 +8,14 @@ import numpy as np
 from palpate import ContactModel, Diagnosed, Ending, Flag, FlagMeaning, Tail, TrackEvidence, contact_force
 from palpate.host import AlignmentReport
 
-from palpate_uncertainty.telling import correlation, slope_by_chance, told_at_best, white_noise
+from palpate_uncertainty.telling import bounds_at_best, correlation, slope_by_chance, white_noise
 
 _STILL_MOVING = 0.02  # of a value: slope times time tracked
 _BY_CHANCE = 3.5  # standard deviations of a slope; of two parameters one is beyond that once in a thousand tracks
 _NIS_RANGE = (0.5, 1.6)  # of the mean over the last second; 0.9 to 1.1 would be one by chance alone
 _COLOURED = 0.3  # autocorrelation of innovations; 0.1 comes by chance alone
 _WEAK = 5.0  # standard deviations of its noise that a force swings by: above, it is not tested what it determines
-_TOLD = 0.2  # of a value: a weak force must determine it to this, by the Cramer-Rao bound
+_DETERMINED = 0.2  # of a value: a weak force must determine it to this, by the Cramer-Rao bound
 _SOFT = (10.0, 1e9)  # [Pa] from the softest gels to hard rubber
 _SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the one that the first touch says
 
@@ -128,8 +128,8 @@ def _colour_flags(tail: Tail) -> Iterator[Flag]:
 def _force_flags(end: Ending, model: ContactModel) -> Iterator[Flag]:
     """Whether the force swings enough to determine the track's values."""
     weak = weak_force(end)
-    if weak is not None and not tells(end, model, weak[1]):
-        yield not_told(*weak)
+    if weak is not None and not determines_all(end, model, weak[1]):
+        yield weak_force_flag(*weak)
 
 
 def weak_force(end: Ending) -> tuple[float, float] | None:
@@ -140,16 +140,16 @@ def weak_force(end: Ending) -> tuple[float, float] | None:
     return (swing, noise) if swing < _WEAK * noise else None
 
 
-def not_told(swing: float, noise: float) -> Flag:
+def weak_force_flag(swing: float, noise: float) -> Flag:
     """A weak force that does not determine the track's values."""
     return Flag("not-identifiable", f"the force swings by {swing:.2g} N against a noise of {noise:.2g} N")
 
 
-def tells(end: Ending, model: ContactModel, noise: float) -> bool:
+def determines_all(end: Ending, model: ContactModel, noise: float) -> bool:
     """Whether the record can determine every parameter estimated."""
-    values, bounds = np.abs(end.last.values.mean(axis=0)), told_at_best(end.tail, model, noise, end.samples)
+    values, bounds = np.abs(end.last.values.mean(axis=0)), bounds_at_best(end.tail, model, noise, end.samples)
     free = [i for i, parameter in enumerate(model.parameters) if parameter.name not in end.held]
-    return bool((bounds < _TOLD * values)[free].all())
+    return bool((bounds < _DETERMINED * values)[free].all())
 
 
 def _surface_flags(last: Tail, model: ContactModel, report: AlignmentReport) -> Iterator[Flag]:
@@ -167,7 +167,7 @@ def _surface_flags(last: Tail, model: ContactModel, report: AlignmentReport) -> 
 
 
 def _validity_flags(model: ContactModel, last: Tail) -> Iterator[Flag]:
-    """What the model says against itself at the greatest depth that was reached."""
+    """The model's own limits, at the greatest depth that was reached."""
     depth = float(np.max(last.surface - last.position)) if len(last.time) else 0.0
     problem = model.validity(depth) if np.isfinite(depth) and depth > 0 else ""
     if problem:

@@ -10,7 +10,7 @@ _ENOUGH = 100  # innovations to estimate their autocorrelation
 _FORGETS = 0.96  # of the variance that an estimator stated half a tail ago
 
 
-def told_at_best(tail: Tail, model: ContactModel, noise: float, samples: int) -> Floats:
+def bounds_at_best(tail: Tail, model: ContactModel, noise: float, samples: int) -> Floats:
     """Least standard uncertainties (k,) by any estimator, for white noise [N] and an unknown surface.
 
     The bound is noise^2 (J^T J)^-1, J the slopes of the force in parameters and depth along the tail, which stands for

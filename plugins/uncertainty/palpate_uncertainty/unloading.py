@@ -1,4 +1,4 @@
-"""A way out of the material under a model whose contact follows the depth, though the material remembers."""
+"""Unloading under a model whose contact follows the depth, though the material has memory."""
 
 from __future__ import annotations
 

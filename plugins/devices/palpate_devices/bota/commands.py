@@ -57,7 +57,7 @@ def powered_since(path: str, usb: Path = Path("/sys/class/tty")) -> str | None:
 
 
 def configure(port: Any, baud: int, filters: dict[str, Any], boot: float) -> str:
-    """Take a sensor from its start to RUN with the given filters; what it said of itself.
+    """Take a sensor from its start to RUN with the given filters; returns what it reported of itself.
 
     Opening the port has reset it. Nothing is stored in its EEPROM, whose writes are counted: after a reboot it is to
     be set up again.

@@ -108,7 +108,7 @@ def _number(file: Path) -> tuple[str, int]:
 
 
 def _lines(metadata: Path) -> list[str]:
-    """What a bag says of itself; none where it does not, as after a crash: its files say enough."""
+    """A bag's metadata; none where missing, as after a crash: its files suffice."""
     try:
         with metadata.open("rb") as file:
             return file.read(_METADATA).decode().splitlines()

@@ -42,7 +42,7 @@ class _Looked:
     clock: Clock | None
 
     def series(self) -> list[Series]:
-        """Every column but the time, with what its unit or its name says that it is."""
+        """Every column but the time, with its role by its unit or name."""
         names = self.sheet.names
         time = self.clock.seconds if self.clock else np.arange(len(self.values), dtype=float)
         found: list[Series] = []
@@ -166,7 +166,7 @@ def suggest_csv(path: Path, choices: Mapping[str, str]) -> Suggestion:
 
 
 def _rate(found: Found, factors: Mapping[str, float], extra: Mapping[str, list[str]]) -> float | None:
-    """The rate of a file that does not say it: by the velocity, where it is the slope of the position."""
+    """The rate of a file that does not state it: by the velocity, where it is the slope of the position."""
     if found.gain:
         rate = abs(found.gain) * factors["velocity"] / factors["position"]
         nice = min(_NICE, key=lambda r: abs(np.log(r / rate)))

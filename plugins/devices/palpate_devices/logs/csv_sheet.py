@@ -67,7 +67,7 @@ class Sheet:
                 yield block[[bool(cells) for cells in part]]
 
     def unit(self, column: int) -> str | None:
-        """The unit that the name of a column ends in; None where it says none."""
+        """The unit that the name of a column ends in; None where it names none."""
         unit = _unit_text(self.names[column])
         try:
             return unit if unit and si_unit(unit) else None

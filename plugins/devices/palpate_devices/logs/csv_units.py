@@ -1,4 +1,4 @@
-"""In which units the columns of a CSV file are, where its header does not say so."""
+"""The units of a CSV file's columns, where its header does not state them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _LIKE = 0.25  # by which a velocity may miss the slope of the position, of their
 
 
 def units_of(found: Found, clocked: bool) -> tuple[dict[str, str], list[str]]:
-    """Units as the header says, else the likeliest; and which of them are guesses; `clocked`: its time is known."""
+    """Units from the header, else the likeliest; and which of them are guesses; `clocked`: its time is known."""
     units = {
         r: p.series.unit
         for r, p in found.picks.items()

@@ -1,4 +1,4 @@
-"""From a log to a pipeline that reads it: what the log's device suggests, and a template for what a log cannot say."""
+"""From a log to a pipeline that reads it: what the log's device suggests, and a template for the rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What numbers say of themselves: which move together as force, position and velocity of a palpation do, and which way.
+"""Evidence in the numbers: which move together as force, position and velocity of a palpation do, and with which sign.
 
 A contact force is a function of the depth and its rate, and grows faster than the depth: F ~ c0 + c1 z + c2 z^2 +
 c3 z' + c4 z z', with c2 > 0 whichever way z counts (a contact is one-sided; a half-space, a hinge at the surface and

@@ -1,4 +1,4 @@
-"""Files that are read as logs: regular ones, whose trouble is said in words."""
+"""Files that are read as logs: regular ones, with their errors as messages."""
 
 from __future__ import annotations
 

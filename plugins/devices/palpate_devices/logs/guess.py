@@ -39,7 +39,7 @@ class Series:
 
     @property
     def commanded(self) -> bool:
-        """Whether its name says that it is what was asked for, and not what was measured."""
+        """Whether its name marks it as commanded, not measured."""
         return any(word in self.label.lower() for word in _COMMAND)
 
 
@@ -102,7 +102,7 @@ class Search:
         return self._laws[p, f]
 
     def _same(self, one: int, other: int) -> bool:
-        """Whether two columns say the same, but for an offset, a sign and a unit."""
+        """Whether two columns are the same, but for an offset, a sign and a unit."""
         a, b = self._columns[one], self._columns[other]
         spread = float(a.std() * b.std())
         return spread > 0 and float(np.mean((a - a.mean()) * (b - b.mean())) / spread) ** 2 > _SAME

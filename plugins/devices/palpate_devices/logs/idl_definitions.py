@@ -159,7 +159,7 @@ class _Parser:
         return Field("", _short([*(scope[:-1] if "::" not in word else []), *word.removeprefix("::").split("::")]))
 
     def _bound(self, scope: list[str], before: str) -> None:
-        """How many there are at the most; a message says how many there are."""
+        """Largest number of elements; a message states its own."""
         if self._peek() == before:
             self._demand(before)
             self._size(scope)

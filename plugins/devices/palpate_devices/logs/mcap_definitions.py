@@ -1,4 +1,4 @@
-"""What the records of an MCAP file define: schemas, channels, and what the summary says of the data."""
+"""What the records of an MCAP file define: schemas, channels, and the summary of the data."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from palpate_devices.logs.topics import Topic
 
 @dataclass
 class Known:
-    """What the records read so far have defined."""
+    """Definitions from the records read so far."""
 
     schemas: dict[int, tuple[str, str, bytes]] = field(default_factory=dict)  # name, encoding, text
     channels: dict[int, Topic] = field(default_factory=dict)

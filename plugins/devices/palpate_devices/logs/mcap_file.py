@@ -26,7 +26,7 @@ from palpate_devices.logs.topics import Messages, Topic
 
 
 class McapFile:
-    """A file, opened; what is wrong with it is said in one LogError, or with `accept_cut` read around."""
+    """A file, opened; errors in it raise one LogError, or with `accept_cut` are skipped."""
 
     def __init__(self, path: Path, accept_cut: bool = False) -> None:
         self.path = path
@@ -107,7 +107,7 @@ class McapFile:
 
     @property
     def counts(self) -> Mapping[str, int] | None:
-        """Messages by topic, where the summary says it."""
+        """Messages by topic, where the summary states it."""
         counts, channels = self._summary.counts, self._summary.channels
         if counts is None:
             return None

@@ -30,7 +30,7 @@ class Report:
 
     @property
     def missing(self) -> str:
-        """How much is missing, as far as anything says it."""
+        """How much is missing, as far as it is known."""
         if self.said is not None:
             total = sum(self.said.values())
             lost = sum(max(n - self.counts.get(channel, 0), 0) for channel, n in self.said.items())

@@ -1,4 +1,4 @@
-"""Where records of an MCAP file begin behind damage: found by what they say of themselves, not by what came before."""
+"""Where records of an MCAP file begin behind damage: found by their own content, not by what came before."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recovery: what is whole of a damaged MCAP log, in a new log that is whole."""
+"""Recovery: the undamaged part of an MCAP log, in a new complete log."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _NEW = "new.mcap"
 
 
 def recover_mcap(path: Path, out: Path) -> str:
-    """Write the whole part of a log into a new file, and say how much that is; raises LogError, OutputError."""
+    """Write the undamaged part of a log into a new file, and report how much that is; raises LogError, OutputError."""
     if out.exists():
         raise OutputError(f"{out}: exists already, and nothing is ever overwritten")
     log = McapFile(path, accept_cut=True)

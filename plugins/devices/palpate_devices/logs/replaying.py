@@ -119,9 +119,9 @@ def _refuse_other_plugins(tables: dict[str, Any], carried: Carried) -> None:
 
 
 def added_table(kind: str, name: str, tables: dict[str, Any]) -> dict[str, Any]:
-    """The table of one more part: on the pipeline's tip where it wants one, of a model with what all its models say.
+    """The table of one more part: on the pipeline's tip if it needs one, of a model with what its models share.
 
-    Numbers that none of them says are defaults; they are noted in ``[run] assumed``.
+    Other numbers are defaults; they are noted in ``[run] assumed``.
     """
     part = registries.load().find(kind, name)
     table: dict[str, Any] = {"type": name}

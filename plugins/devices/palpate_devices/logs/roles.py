@@ -27,7 +27,7 @@ _NONE = ("stamp", "header", "orientation", "rotation", "covariance", "layout", "
 
 
 def typed(topic: str, type_name: str) -> tuple[str, str] | None:
-    """The role of a topic of a known type, and its number; None where the type says nothing."""
+    """The role of a topic of a known type, and its number; None where the type gives none."""
     return _TYPED.get(short_name(type_name))
 
 

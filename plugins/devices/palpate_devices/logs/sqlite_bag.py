@@ -133,7 +133,7 @@ class SqliteBag:
 
 
 def _missing(file: IO[bytes]) -> int:
-    """How many bytes a database is shorter than it says [bytes]: SQLite takes what a cut page lacks for zeros."""
+    """How many bytes a database is shorter than it states [bytes]: SQLite takes what a cut page lacks for zeros."""
     file.seek(0)
     head = file.read(100)
     if len(head) < 100 or head[24:28] != head[92:96]:  # the number of pages is out of date

@@ -1,4 +1,4 @@
-"""What the pages of a damaged SQLite database say of where a table ends.
+"""The ends of tables, from the pages of a damaged SQLite database.
 
 Format: https://www.sqlite.org/fileformat2.html, section 1.6. A page of a table's tree is a leaf, with rows, or points
 to others, each with the largest number of a row that is found there; behind the last such number there is one more.
@@ -49,7 +49,7 @@ def _last(pages: BinaryIO, size: int, page: int) -> int | None:
 
 
 def _number(data: bytes) -> int:
-    """A number of 1 to 9 bytes, of which each but the ninth says whether another follows."""
+    """A number of 1 to 9 bytes, of which each but the ninth flags whether another follows."""
     value = 0
     for byte in data[:8]:
         value = value << 7 | byte & 0x7F

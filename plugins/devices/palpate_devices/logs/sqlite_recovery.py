@@ -29,7 +29,7 @@ _PATIENCE = 16  # windows in a row that give nothing, before ever more is passed
 
 
 def recover_bag(path: Path, out: Path) -> str:
-    """Write what can be read of a ``.db3`` file into a new one, and say how much that is."""
+    """Write what can be read of a ``.db3`` file into a new one, and report how much that is."""
     if out.exists():
         raise OutputError(f"{out}: exists already, and nothing is ever overwritten")
     regular(path)
@@ -50,7 +50,7 @@ def recover_bag(path: Path, out: Path) -> str:
 
 
 def _lengthen(copy: Path) -> int | None:
-    """Fill a file that is cut with zeros up to its size: SQLite reads nothing of one that is shorter than it says.
+    """Fill a file that is cut with zeros up to its size: SQLite reads nothing of one that is shorter than it states.
 
     A page that is not all there goes as a whole, lest its second half be taken for zeros. Returns the size of a page
     where something was missing.

@@ -62,7 +62,7 @@ def _nothing_found(series: Sequence[Series]) -> str:
 def _times(
     found: Found, keys: Mapping[str, tuple[str, str]], looked: Looked, reasons: list[str]
 ) -> Iterator[tuple[str, Any]]:
-    """Keys of the device that say until when it is read, and by which clock."""
+    """Keys of the device for the end of reading, and its clock."""
     end = _last_contact(found.picks["force"].series, found.signs["force"].value)
     if end is not None:
         reasons.append(f"end: the result is the filter's last estimate, and after {end:.1f} s the load is gone")
@@ -74,7 +74,7 @@ def _times(
 
 
 def _guess_units(found: Found, units: dict[str, str], doubts: list[str]) -> None:
-    """Units of numbers whose type says nothing: SI is what ROS asks for, and is doubted where it is not likely."""
+    """Units of numbers whose type gives none: SI by the convention of ROS, doubted where unlikely."""
     if all(pick.series.unit for role, pick in found.picks.items() if role != "velocity"):
         return
     spans = {r: float(np.subtract(*np.nanpercentile(p.series.values, (99.8, 0.2)))) for r, p in found.picks.items()}

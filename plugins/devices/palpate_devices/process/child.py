@@ -56,7 +56,7 @@ class Child:
             self.ring.beat(time.monotonic_ns(), host=True)
 
     def messages(self, timeout: float = 0.0) -> list[dict[str, Any]]:
-        """What the child has said since the last call, waiting up to `timeout` [s] for something."""
+        """Messages of the child since the last call, waiting up to `timeout` [s] for something."""
         found = []
         with contextlib.suppress(ConnectionError):
             while select.select([self._socket], [], [], timeout)[0]:
@@ -125,7 +125,7 @@ class Child:
         self._process.wait()
 
     def close(self, timeout: float = 2.0) -> None:
-        """Let the process end by itself, and make it where it does not."""
+        """Let the process end on its own, and end it where it does not."""
         self.tell("close")
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_WR)
@@ -159,7 +159,7 @@ class Parent:
             self._socket.sendall(json.dumps({"say": word, **facts}).encode() + b"\n")
 
     def messages(self) -> list[dict[str, Any]]:
-        """What the parent has said since the last call; sets `gone` where it has closed its end or died."""
+        """Messages of the parent since the last call; sets `gone` where it has closed its end or died."""
         try:
             data, descriptors, _, _ = socket.recv_fds(self._socket, 65536, 4)
             self.descriptors += descriptors

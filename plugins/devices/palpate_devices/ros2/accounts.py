@@ -48,7 +48,7 @@ class Publisher:
         return True
 
     def left(self, writer: int) -> None:
-        """A writer has said that it goes."""
+        """A writer has announced that it leaves."""
         if writer == self.writer:
             self._last = 0
 
@@ -184,7 +184,7 @@ class TopicAccount:
     counts: Counter[str] = field(default_factory=Counter)
 
     def table(self) -> dict[str, float | int | None]:
-        """As a record says it."""
+        """As in a record."""
         return {
             "messages": self.counts["messages"],
             "missing": self.losses.missing,

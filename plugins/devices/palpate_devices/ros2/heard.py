@@ -12,7 +12,7 @@ from palpate_devices.ros2.frames import Arrived
 
 
 def block_of(messages: list[Arrived]) -> Messages:
-    """Messages of one topic as a block; log time is arrival, publish time is what the writer says."""
+    """Messages of one topic as a block; log time is arrival, publish time is the writer's."""
     arrivals = np.array([message.arrival for message in messages], np.int64) + epoch_offset()
     sources = np.array([message.source for message in messages], np.int64)
     return Messages.joined([message.payload for message in messages], arrivals, sources)

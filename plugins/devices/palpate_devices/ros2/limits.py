@@ -1,4 +1,4 @@
-"""Limits that are watched: nothing can be stopped, so a reading beyond one is said, and an alarm is given."""
+"""Limits that are watched: nothing can be stopped, so a reading beyond one is reported, and an alarm is given."""
 
 from __future__ import annotations
 

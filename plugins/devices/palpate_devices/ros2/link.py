@@ -151,18 +151,21 @@ class Ros2Link:
         """Flags on the readings, one of a kind."""
         accounts = sorted(self._accounts.items())
 
-        def told(what: Callable[[TopicAccount], int], words: str) -> str:
+        def summary(what: Callable[[TopicAccount], int], words: str) -> str:
             return "; ".join(words.format(what(a), topic=topic) for topic, a in accounts if what(a))
 
-        damaged = told(lambda a: a.counts["damaged"], "{} messages of {topic} were damaged")
+        damaged = summary(lambda a: a.counts["damaged"], "{} messages of {topic} were damaged")
         leaps = [clock.restarts for clock in self._clocks.values()]
         restarts = max([*leaps, self._common.restarts if self._common is not None else 0])
         others = "{} messages of another publisher of {topic} were left out"
         found = (
-            Flag("ros2-publishers", told(lambda a: a.publisher.ignored, others)),
-            Flag("ros2-restarted", told(lambda a: a.publisher.changes, "{topic} has changed its publisher {} times")),
+            Flag("ros2-publishers", summary(lambda a: a.publisher.ignored, others)),
             Flag(
-                "ros2-missing", told(lambda a: a.losses.missing, "{} messages of {topic} are missing by their stamps")
+                "ros2-restarted", summary(lambda a: a.publisher.changes, "{topic} has changed its publisher {} times")
+            ),
+            Flag(
+                "ros2-missing",
+                summary(lambda a: a.losses.missing, "{} messages of {topic} are missing by their stamps"),
             ),
             Flag("ros2-damaged", f"{damaged} ({self._trouble})" if damaged else ""),
             Flag("ros2-unread", self._unread()),

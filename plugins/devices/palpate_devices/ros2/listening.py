@@ -1,4 +1,4 @@
-"""Listening to a domain: the process that does it, and what it says."""
+"""Listening to a domain: the process that does it, and its reports."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class Address:
 
     @property
     def name(self) -> str:
-        """As messages say it."""
+        """As in messages."""
         return f"ROS 2 domain {self.network.domain}"
 
 

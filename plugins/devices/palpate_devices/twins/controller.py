@@ -142,7 +142,7 @@ class Controller:
         self.arm.advance()
 
     def state(self) -> dict[str, Any]:
-        """What the outputs say now: joints with their noise, and what follows from the joints."""
+        """The present outputs: joints with their noise, and what follows from the joints."""
         arm = self.arm
         pose, jacobian = tip(arm.q.tolist(), arm.tcp, arm.model)
         # Noise belongs to the joints, so that pose and joints agree; it is scaled to the noise of the height.

@@ -142,7 +142,7 @@ _NUMBERS = {"turn": "three numbers", "start": "six numbers"}  # that an action w
 
 
 def apply_fault(world: World, words: list[str]) -> str:
-    """Do what a line says; answer with the host's monotonic time, or with what is wrong with it."""
+    """Execute a line; answer with the host's monotonic time, or with its error."""
     name, given = words[0], words[1:]
     if name == "state":
         return _state(world)

@@ -150,7 +150,7 @@ class ClientSession:
         return bool(self._inputs)
 
     def answer(self, kind: str, payload: bytes) -> bytes:
-        """What the controller says to a packet."""
+        """The controller's answer to a packet."""
         if kind == "V":
             return packet("V", bytes([payload == b"\0\2"]))
         if kind == "v":

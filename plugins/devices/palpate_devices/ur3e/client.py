@@ -1,4 +1,4 @@
-"""Whether the robot's client library is here, and what to say where it is not."""
+"""Whether the robot's client library is installed, and the message where it is not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fence: every command is judged before it is sent, and what the robot says of itself while it moves."""
+"""The fence: every command is checked before it is sent, and the robot's state while it moves."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _LINKS = ("elbow", "wrist 1", "wrist 2", "wrist 3", "flange")
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is wrong, and whether the arm can be trusted to leave the material by itself."""
+    """What is wrong, and whether the arm can be trusted to leave the material on its own."""
 
     text: str
     trusted: bool = True
@@ -38,7 +38,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class ArmState:
-    """What the robot said last, in the work frame; its joints in their own."""
+    """The robot's last state, in the work frame; its joints in their own."""
 
     position: Floats  # (3,)
     velocity: Floats  # (3,)
@@ -110,7 +110,7 @@ class Fence:
         self._commands.pop()
 
     def in_motion(self, command: Floats, seen: ArmState) -> Verdict | None:
-        """What the robot says of itself, on the way or in the motion."""
+        """The robot's own state, on the approach or in the motion."""
         if (text := self._following.complaint(command, seen.position, seen.fresh)) is not None:
             return Verdict(text, False)
         if self.limits is None:

@@ -52,15 +52,15 @@ class Following:
         while len(past) > 1 and self._cycles - past[1][0] >= self._window:
             past.popleft()
         began, first_command, first_place = past[0]
-        told = length(command - first_command)
-        if self._cycles - began < self._window or told <= _STUCK_WAY:
+        commanded = length(command - first_command)
+        if self._cycles - began < self._window or commanded <= _STUCK_WAY:
             return None
         done = length(position - first_place)
-        if done < _STUCK_PART * told:
+        if done < _STUCK_PART * commanded:
             # A swing that has turned round meanwhile is back where it was, and has moved all the same.
             done = max(length(place - first_place) for _, _, place in past)
-        if done < _STUCK_PART * told:
-            return f"the arm was commanded to move by {mm(told)} and has moved by {mm(done)}"
+        if done < _STUCK_PART * commanded:
+            return f"the arm was commanded to move by {mm(commanded)} and has moved by {mm(done)}"
         return None
 
 

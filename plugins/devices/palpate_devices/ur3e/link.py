@@ -1,4 +1,4 @@
-"""A connected arm, as the host sees it: a process that servoes, and what it said."""
+"""A connected arm, as the host sees it: a process that servoes, and its reports."""
 
 from __future__ import annotations
 
@@ -181,7 +181,7 @@ class URLink:
             raise DeviceError(f"{self._child.name}: {self._stopped['reason']}")
 
     def _has_stopped(self, message: Mapping[str, Any]) -> None:
-        """The servo process has stopped the motion by itself, and says why."""
+        """The servo process has stopped the motion on its own, with the reason."""
         if not self._stopped:
             self._stopped = {"reason": message["text"], "monotonic": message["at"] / 1e9}
         if self._trip is not None:

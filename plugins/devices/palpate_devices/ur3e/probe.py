@@ -25,7 +25,7 @@ def model_said(facts: Mapping[str, str]) -> str:
 
 
 def probe(host: str) -> dict[str, str]:
-    """What the controller says of itself; raises DeviceError where one of its ports does not answer as it should."""
+    """The controller's facts; raises DeviceError where one of its ports does not answer as it should."""
     _asked(host, RTDE, "RTDE", lambda link: _rtde(link, host))
     facts = _asked(host, DASHBOARD, "dashboard", _dashboard)
     _refuse(facts, host)

@@ -110,7 +110,7 @@ class _Loop:
         self._command(commander, now)
 
     def _command(self, commander: Commander, now: int) -> None:
-        """The next command, if it keeps the limits; else the way out."""
+        """The next command, if it keeps the limits; else the retraction."""
         robot, seen = self._robot, self._robot.look()
         # A law that reads a frozen position would drive on and on, a force that is not read rises, and commands that
         # lie on a lost link come all at once: without news the arm waits where it is.
@@ -305,7 +305,7 @@ class _Loop:
 
 
 def _slower(law: Law, limits: dict[str, Any]) -> dict[str, float]:
-    """What the arm does by itself, and what the law makes of setpoints, keeps the limits of the motion."""
+    """The arm's own motions, and the law's commands, keep the limits of the motion."""
     return {
         "approach_speed": min(law.approach_speed, _OWN * limits["speed"]),
         "retract_speed": min(law.retract_speed, _OWN * limits["speed"]),

@@ -76,8 +76,8 @@ def _track(pipeline: Pipeline, name: str) -> Track:
     for track in pipeline.tracks:
         if track.name == name:
             return track
-    told = suggest(name, [str(track.name) for track in pipeline.tracks])
-    raise ConfigurationError(f"{pipeline.path}: has no track {name!r}{told}")
+    hint = suggest(name, [str(track.name) for track in pipeline.tracks])
+    raise ConfigurationError(f"{pipeline.path}: has no track {name!r}{hint}")
 
 
 def _problem(pipeline: Pipeline, track: Track) -> Problem:

@@ -56,10 +56,10 @@ def _read(file: Path) -> bytes | None:
             found = os.fstat(opened.fileno())
             if not stat.S_ISREG(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o077:
                 return None
-            told, code = opened.read(_SUM), opened.read()
+            stated, code = opened.read(_SUM), opened.read()
     except OSError:
         return None
-    return code if sha256(code).digest() == told else None
+    return code if sha256(code).digest() == stated else None
 
 
 def _write(file: Path, code: bytes) -> None:

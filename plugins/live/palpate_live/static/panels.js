@@ -113,7 +113,7 @@ function flat(value, name = "") {
 }
 
 export function showDevices(parent, health, delay) {
-  if (!health) { parent.replaceChildren(element("p", "Nothing was said of them yet.", "note")); return; }
+  if (!health) { parent.replaceChildren(element("p", "No reports yet.", "note")); return; }
   const streams = Object.entries(health.streams ?? {}), made = [];
   const heads = ["samples", "invalid", "duplicates", "backwards", "gaps", "saturated"];
   made.push(table("Streams", ["stream", "rate Hz", ...heads],

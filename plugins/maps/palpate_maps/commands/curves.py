@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TrackCurve:
-    """What one track says along a sweep."""
+    """One track's estimates along a sweep."""
 
     parameter: str
     unit: str
@@ -86,7 +86,7 @@ def curves(
     if len(labels) != len(runs):
         raise ConfigurationError(f"--label: {len(labels)} labels for {len(runs)} runs")
     found: dict[str, TrackCurve] = {}
-    kept = tell_rejected(runs)
+    kept = without_rejected(runs)
     for name, run in zip(labels, runs, strict=True):
         tracks = curves_of(run) if run in kept else {}
         for track, curve in tracks.items():
@@ -156,8 +156,8 @@ def _distance(curve: TrackCurve, points: tuple[Any, Sites]) -> float:
     return float(np.sqrt(np.mean(apart**2)))
 
 
-def tell_rejected(runs: list[Path]) -> list[Path]:
-    """Say what a review has rejected of some runs, continuations included; the runs that are left."""
+def without_rejected(runs: list[Path]) -> list[Path]:
+    """The runs that no review has rejected, continuations included; the rejected ones are printed."""
     from palpate_maps import analysis as maps
 
     out: dict[Path, str] = {}

@@ -11,7 +11,7 @@ import typer
 from palpate import ConfigurationError, Floats, LogError
 from palpate.host import RunFolder, TrackOption, progress
 
-from palpate_maps.commands.curves import tell_rejected, unit_of
+from palpate_maps.commands.curves import unit_of, without_rejected
 from palpate_maps.commands.map import Parameter, Run, length
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def lumps(
     if method not in get_args(maps.SweepMethod):
         raise ConfigurationError(f'--method: {method!r} is none of "prominence" and "cusum"')
     settings = maps.LumpSettings(rate, contrast, spread, length(width, "--width"), method)  # type: ignore[arg-type]
-    tell_rejected([run])
+    without_rejected([run])
     with progress(f"lumps of {run.resolve().name}"):
         path = maps.read_path(run, track, parameter)
         findings = maps.find_lumps(maps.sites_along(path), settings)
@@ -85,10 +85,10 @@ def compare(
     if test not in ("prediction", "welch"):
         raise ConfigurationError(f'--test: {test!r} is none of "prediction" and "welch"')
     _refuse_both(baseline, suspect)
-    told = [sites_of(tell_rejected(runs), track, parameter) for runs in (baseline, suspect)]
-    groups = [np.array([value for _, value in sites]) for sites in told]
+    chosen = [sites_of(without_rejected(runs), track, parameter) for runs in (baseline, suspect)]
+    groups = [np.array([value for _, value in sites]) for sites in chosen]
     if test == "prediction":
-        groups = [by_place(sites) for sites in told]
+        groups = [by_place(sites) for sites in chosen]
     least = 2 if test == "welch" else 4
     if len(groups[0]) < least or len(groups[1]) < (2 if test == "welch" else 1):
         raise ConfigurationError(f"--baseline: {len(groups[0])} sites are too few for {test}; {least} are needed")

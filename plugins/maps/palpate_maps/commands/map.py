@@ -21,7 +21,7 @@ from palpate.host import (
     save_figure,
 )
 
-from palpate_maps.commands.curves import curves_of, points_of, tell_rejected, unit_of
+from palpate_maps.commands.curves import curves_of, points_of, unit_of, without_rejected
 
 if TYPE_CHECKING:
     from palpate_maps.analysis import Findings, Path2D, Sites, StiffnessMap
@@ -60,7 +60,7 @@ def map_run(
     if method not in ("gaussian-process", "average"):
         raise ConfigurationError(f'--method: {method!r} is none of "gaussian-process" and "average"')
     run = _run_first(run)
-    tell_rejected([run])
+    without_rejected([run])
     with progress(f"map of {run.resolve().name}"):
         path = maps.read_path(run, track, parameter)
         sites = maps.sites_along(path)

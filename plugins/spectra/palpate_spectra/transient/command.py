@@ -110,12 +110,12 @@ def decade_table(found: Curve) -> Table:
 def sentence(found: Curve) -> str:
     """First and last point in words."""
     factor, unit, letter = _unit(found)
-    told = [
+    ends = [
         f"{measured(factor * float(found.value[i]), factor * float(found.std[i]))} {unit} at {found.time[i]:.3g} s"
         for i in (0, -1)
     ]
     skin = measured(1e3 * found.rig.surface, 1e3 * found.surface_std)
-    return f"{letter}(t) goes from {told[0]} to {told[1]}; the skin is at {skin} mm."
+    return f"{letter}(t) goes from {ends[0]} to {ends[1]}; the skin is at {skin} mm."
 
 
 def _curve_rows(found: Curve) -> tuple[list[str], list[list[float]]]:

@@ -69,7 +69,7 @@ class Curve:
 def curve(pressed: Pressed, surface: float | None = None) -> Curve:
     """E(t) or J(t), of the longest hold, by the tip's whole way and not by a step that it was not.
 
-    A point is what the record says at an instant T over what the fitted law has there, times the fitted law at
+    A point is the record's value at an instant T over that of the fitted law there, times the fitted law at
     t = T - s, s the centre of the changes until then: a ratio in which the law is only the small correction for the
     ramp's duration, since the time from the centre is right to first order (Zapas and Phillips 1971).
     """

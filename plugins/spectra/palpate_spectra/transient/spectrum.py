@@ -1,4 +1,4 @@
-"""What a spectrum of times says, and to what degree: H over tau, and the strength of each decade."""
+"""What a spectrum of times determines, and how well: H over tau, and the strength of each decade."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ def decades(curve: Curve) -> list[Decade]:
     """Strengths of the decades of time, which are better known than H itself."""
     free, times, found = curve.solved.free, curve.solved.times, curve.solved.weighing
     per = round(math.log(10) / math.log(times[1] / times[0]))
-    told = []
+    found_decades = []
     for first in range(0, len(times), per):
         here = np.arange(first, min(first + per, len(times)))
         row = np.zeros(len(found.values))
         row[free + here] = 1.0
         std = math.sqrt(max(float(row @ found.covariance @ row), 0.0))
-        told.append(Decade(float(times[here[0]]), float(times[here[-1]]), float(row @ found.values), std))
-    return told
+        found_decades.append(Decade(float(times[here[0]]), float(times[here[-1]]), float(row @ found.values), std))
+    return found_decades
 
 
 def p_value(curve: Curve) -> float:

@@ -121,7 +121,7 @@ def _lines(pipeline: Pipeline, found: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _expected(pipeline: Pipeline, model: Any, expect: list[str]) -> list[float] | None:
-    """The model's parameters as expected, or as a simulated rig knows them; None where some are not known."""
+    """The model's parameters as expected, or the truth of a simulated rig; None where some are not known."""
     known = truth_of(pipeline.devices)
     units = {parameter.name: parameter.unit for parameter in model.parameters}
     for assignment in expect:

@@ -58,7 +58,7 @@ def info(
 
 
 def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path | None, as_json: bool) -> None:
-    """Print or write the pipeline, and say on standard error what in it is a guess or must be filled in."""
+    """Print or write the pipeline, and list on standard error what in it is a guess or must be filled in."""
     address = address_of(str(log))
     carried = carried_by(log) if address is None else None
     if carried is not None and not choices and picture is None:

@@ -1,4 +1,4 @@
-"""What ``palpate info`` says without a log: what this installation runs on."""
+"""``palpate info`` without a log: what this installation runs on."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _LIBRARIES = ("casadi", "numpy", "scipy", "llvmlite", "filterpy")
 
 
 def show_installation(as_json: bool = False) -> None:
-    """Say which libraries and plugins there are, and what plugins have to say of the installation."""
+    """List libraries and plugins, and the plugins' facts on the installation."""
     registry = registries.load()
     found: dict[str, Any] = {
         "palpate": importlib.metadata.version("palpate"),

@@ -1,4 +1,4 @@
-"""``palpate recover``: what is whole of a damaged log."""
+"""``palpate recover``: the undamaged part of a damaged log."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def recover(
     log: Annotated[Path, typer.Argument(help="The log that is cut or damaged.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="The new log; must not exist.")],
 ) -> None:
-    """Write what is whole of a log that is cut or damaged into a new one, and say what is missing."""
+    """Write the undamaged part of a log that is cut or damaged into a new one, and report what is missing."""
     with progress(f"recover {log.name}", "messages"):
         said = recording_of(log).recover(log, out)
     typer.echo(said)
