@@ -1,5 +1,6 @@
 """Files that nobody expects: pipes, bombs, endless views, long names; and numbers that are none."""
 
+import fcntl
 import gzip
 import os
 import signal
@@ -15,6 +16,7 @@ import pytest
 from palpate import LogError
 from palpate.host import recording_of
 from palpate_devices.csv_replay import CsvReplay
+from palpate_devices.logs import scratch as scratch_folders
 from palpate_devices.logs.bag_folder import Bag, bag_files
 from palpate_devices.logs.csv_sheet import Sheet
 from palpate_devices.logs.files import regular
@@ -117,6 +119,24 @@ def test_folders_that_a_kill_left_are_removed_by_the_next_and_no_others(tmp_path
     with scratch() as folder:
         assert sorted(tmp_path.iterdir()) == sorted([folder, tmp_path / "palpate-of-somebody"])
     assert list(tmp_path.iterdir()) == [tmp_path / "palpate-of-somebody"]
+
+
+def test_a_folder_that_another_process_removed_before_it_was_locked_is_made_again(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    lock, left = fcntl.flock, ["once"]
+
+    def late(file, how):
+        if how == fcntl.LOCK_EX and left:
+            left.clear()
+            scratch_folders._remove_left(tmp_path, "palpate-")  # as another process would, in between
+            assert list(tmp_path.iterdir()) == []
+        lock(file, how)
+
+    monkeypatch.setattr("fcntl.flock", late)
+    with scratch() as folder:
+        (folder / "bag.db3").write_bytes(b"x")
+        assert list(tmp_path.iterdir()) == [folder]
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_metadata_of_blank_lines_and_of_names_that_none_can_have(tmp_path):

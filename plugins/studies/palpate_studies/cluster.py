@@ -108,6 +108,7 @@ def spread(client: Any, function: Callable[[Task], Any], tasks: Iterable[Task]) 
             for task in islice(left, max(_AHEAD * max(len(watch.workers), 1) - len(running), 0)):
                 completed.add(submitted(task))
             if not running:
+                watch.look(at_once=True)  # whoever came last may have worked before the next look
                 return
             while not completed.has_ready():
                 watch.look()

@@ -39,10 +39,10 @@ class Watch:
         except (OSError, TimeoutError, RuntimeError):  # RuntimeError: it is looking for its scheduler
             return None
 
-    def look(self) -> None:
-        """Look again where it is time to; raises UserError as `spread` does."""
+    def look(self, at_once: bool = False) -> None:
+        """Look again where it is time to, or `at_once`; raises UserError as `spread` does."""
         now = time.monotonic()
-        if now < self._next:
+        if now < self._next and not at_once:
             return
         self._next = now + _AGAIN
         workers = self._asked()

@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import IO
 
 _PREFIX = "palpate-"
 _LOCK = "in-use"
@@ -23,13 +24,23 @@ def scratch(beside: Path | None = None) -> Iterator[Path]:
     root = Path(tempfile.gettempdir()) if beside is None else beside
     prefix = _PREFIX if beside is None else f".{_PREFIX}"
     _remove_left(root, prefix)
-    folder = Path(tempfile.mkdtemp(prefix=prefix, dir=root))
+    folder, lock = _locked(root, prefix)
     try:
-        with (folder / _LOCK).open("wb") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
+        with lock:
             yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _locked(root: Path, prefix: str) -> tuple[Path, IO[bytes]]:
+    """A new folder with its lock held: another process may remove it as long as it is not."""
+    while True:
+        folder = Path(tempfile.mkdtemp(prefix=prefix, dir=root))
+        lock = (folder / _LOCK).open("wb")
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if os.fstat(lock.fileno()).st_nlink:
+            return folder, lock
+        lock.close()
 
 
 def _remove_left(root: Path, prefix: str) -> None:
