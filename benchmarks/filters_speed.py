@@ -49,7 +49,7 @@ def interleaved(runs: dict[str, tuple[int, Callable[[], object]]]) -> dict[str, 
 def prepared(estimator: Any, samples: Any) -> tuple[Any, Any, np.ndarray, np.ndarray, np.ndarray]:
     """Both kernels of an estimator, and its state, samples and settings as arrays."""
     tracker = estimator.start(PROBLEM)
-    recursion = tracker._recursion
+    recursion = tracker.recursion
     step = recursion.step
     outputs = [casadi.densify(step.next_state), casadi.densify(step.output)]
     function = casadi.Function("step", [step.state, step.sample, step.settings], outputs, {"cse": True})

@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from palpate import Floats
 from palpate_devices.logs import mcap_records as records
 from palpate_devices.messages import POSE, WRENCH, pack
-from soak import memory_of
+from soak import Look
 
 PALPATE = [sys.executable, "-c", "from palpate.cli import main; main()"]
 PIPELINES = Path(__file__).parents[1] / "pipelines"
@@ -73,12 +73,12 @@ class Watched:
     code: int = 0
     wall: float = 0.0  # [s]
     cpu: float = 0.0  # [s] of it and its children
-    memory: list[tuple[float, int, int]] = field(default_factory=list)  # [s], processes, [kB]
+    memory: list[Look] = field(default_factory=list)
     lines: list[tuple[float, str]] = field(default_factory=list)  # [s] of standard error
 
     def row(self) -> str:
         """One line of the table: memory at most, and in the second and last quarter of the time."""
-        held = np.array([kilobytes / 1024 for _, _, kilobytes in self.memory] or [0.0])
+        held = np.array([look.share / 1024 for look in self.memory] or [0.0])
         quarters = [float(np.median(part)) if len(part) else float("nan") for part in np.array_split(held, 4)]
         times = [0.0, *(at for at, _ in self.lines), self.wall]
         silent = max(b - a for a, b in itertools.pairwise(times))
@@ -115,7 +115,7 @@ def watched(name: str, *words: object, code: int = 0) -> Watched:
     listener = threading.Thread(target=listen)
     listener.start()
     while job.poll() is None:
-        found.memory.append((time.monotonic() - began, *memory_of(job.pid)))
+        found.memory.append(Look.at(job.pid, time.monotonic() - began))
         with contextlib.suppress(subprocess.TimeoutExpired):
             job.wait(1.0)
     found.wall = time.monotonic() - began

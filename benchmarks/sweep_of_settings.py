@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 from filters_speed import MODEL, python_ekf
-from palpate.host import Job, run_job
 from palpate_filters.kernel.llvm import CompiledStep
+from palpate_studies.jobs import Job, Written, run_or_find
 from palpate_testing import synthetic_samples
 
 ROOT = Path(__file__).parent.parent
@@ -48,16 +48,16 @@ def inside(text: str, folder: Path, values: list[float]) -> tuple[float, float, 
 
     CompiledStep.run = timed
     jobs = [
-        Job(i, text, str(folder / "log.toml"), (f'estimator.ekf.force_std="{value} N"',), {}, str(folder))
+        Job(str(i), Written(text, folder / "log.toml", (f'estimator.ekf.force_std="{value} N"',)), folder / f"{i:05d}")
         for i, value in enumerate(values, start=1)
     ]
-    run_job(jobs[0])  # compiles
+    run_or_find(jobs[0])  # compiles
     spent.clear()
     before = time.process_time()
-    found = [run_job(job) for job in jobs[1:]]
+    found = [run_or_find(job).result for job in jobs[1:]]
     whole = time.process_time() - before
     CompiledStep.run = run
-    return whole / len(found), sum(spent) / len(found), int(found[0]["run"]["samples"])
+    return whole / len(found), sum(spent) / len(found), int(found[0].run["samples"])
 
 
 def main() -> None:
