@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from palpate_filters.bounded_minimum import bounded_minimum
-from palpate_filters.opening_fit import BiasPrior, _misfit
+from palpate_filters.starting_fit import BiasPrior, _misfit
 from scipy.optimize import minimize_scalar, nnls
 
 

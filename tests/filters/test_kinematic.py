@@ -7,9 +7,9 @@ import pytest
 from palpate import ContactModel, Problem, Samples, contact_force
 from palpate_filters import CasadiFit, filtered_rows, smoother, tracking
 from palpate_filters.kinematic_filter import KinematicFilter
-from palpate_filters.opening_fit import fit_start
 from palpate_filters.process import KinematicProcess
 from palpate_filters.smoother import KinematicSmoother
+from palpate_filters.starting_fit import fit_start
 from palpate_models import DimensionalityReduction, Sphere
 from palpate_testing import synthetic_samples
 

@@ -121,7 +121,7 @@ def test_a_smoother_that_is_relinearised_has_another_bias_which_is_predicted_too
     assert abs(np.mean(left)) < 1.0
 
 
-def test_the_opening_fit_is_not_bent_by_the_noise_of_the_motion():
+def test_the_starting_fit_is_not_bent_by_the_noise_of_the_motion():
     """With raw heights and rates it found 16 % of the viscosity, and E was 5 standard deviations off for good."""
     truth = np.array([1.09e6, 4870.0])
     found = np.array(

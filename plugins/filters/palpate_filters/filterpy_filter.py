@@ -11,9 +11,9 @@ from pydantic import Field
 
 from palpate_filters.filterpy_kinds import Filter, ScaledProcess, ensemble, extended, sampled
 from palpate_filters.inertial_filter import PaperStart, first_state, moved_mass
-from palpate_filters.opening_fit import PAUSE
 from palpate_filters.predictions import Points
 from palpate_filters.process import InertialProcess
+from palpate_filters.starting_fit import PAUSE
 
 _RESUME_STD = 1e-4  # [m]
 

@@ -26,9 +26,9 @@ from pydantic import Field
 from palpate_filters.fading import Fading
 from palpate_filters.first_guess import first_guess
 from palpate_filters.inertial_step import Prediction, carried, inertial_step
-from palpate_filters.opening_fit import fit_start, fittable
 from palpate_filters.process import InertialProcess
 from palpate_filters.recursion import Carry, Opening, Recursion
+from palpate_filters.starting_fit import fit_start, fittable
 from palpate_filters.tracking import RecursiveTracker
 
 _RESUME_STD = 1e-4  # [m], what a carry-over by the measured position adds to the uncertainty of the depth

@@ -11,9 +11,9 @@ from palpate import ConfigurationError, Floats, Problem, Samples
 from palpate_filters.first_guess import first_guess
 from palpate_filters.kinematic_settings import KinematicSettings, drift_of, fits
 from palpate_filters.kinematic_step import carried
-from palpate_filters.opening_fit import BiasPrior, StartFit, fit_start, fittable
 from palpate_filters.process import KinematicProcess
 from palpate_filters.recursion import Carry
+from palpate_filters.starting_fit import BiasPrior, StartFit, fit_start, fittable
 
 FIT_SPREAD = 10.0  # the filter sees the fitted samples again, so it takes only a hundredth of their weight from the fit
 ACCELERATION_STD = 1.0  # [m/s^2]

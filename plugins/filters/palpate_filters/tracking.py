@@ -12,8 +12,8 @@ import numpy as np
 from palpate import Estimates, Floats, Samples, Status
 
 from palpate_filters.kernel import compile_step
-from palpate_filters.opening_fit import PAUSE
 from palpate_filters.recursion import MARKS, Carry, Opening, Recursion, Stretch, output_layout, surprises
+from palpate_filters.starting_fit import PAUSE
 
 PIECE = 2000  # samples that a listener hears of at once
 _ELSEWHERE = 1e-3  # [m] along the surface: a touch there says nothing of the height here

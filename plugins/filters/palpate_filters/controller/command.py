@@ -29,7 +29,7 @@ from palpate_filters.controller.source import header, part, source
 from palpate_filters.controller.vectors import Vectors, added, made
 from palpate_filters.kernel.c_source import c_number
 from palpate_filters.kernel.translation import Untranslatable
-from palpate_filters.opening_fit import PAUSE
+from palpate_filters.starting_fit import PAUSE
 
 
 def export_filter(

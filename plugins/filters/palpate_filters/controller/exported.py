@@ -182,7 +182,7 @@ def _inertial(
         tracker.opening.measure_noise,
         fitted,
         tuple(_setting(each, text, numbers, rows) for each, text in about.items()),
-        (Setting("guess", "parameters that the opening fit does not find keep these", guess, True),),
+        (Setting("guess", "parameters that the starting fit does not find keep these", guess, True),),
         inertial_filter.FIT_SPREAD,
         0.0,
     )

@@ -13,7 +13,7 @@ from palpate import Layout
 from palpate_filters.controller.exported import Exported, Setting
 from palpate_filters.kernel import step_function
 from palpate_filters.kernel.c_source import c_function, c_number
-from palpate_filters.opening_fit import PAUSE
+from palpate_filters.starting_fit import PAUSE
 
 _RISE_BLOCKS = 160
 _AIR = 2000  # samples of free air that the noise is measured in
