@@ -225,6 +225,11 @@ class Refusing(Protocol):
         ...
 
 
+def is_live(devices: Mapping[str, Device]) -> bool:
+    """Whether any of the devices sends as time goes by."""
+    return any(device.live for device in devices.values())
+
+
 def truth_of(devices: Mapping[str, Device]) -> dict[str, float]:
     """What the simulated ones among devices know, by parameter name [SI]."""
     simulated = [device for device in devices.values() if isinstance(device, Simulated)]

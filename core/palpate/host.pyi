@@ -129,6 +129,7 @@ from palpate.contact import force_slopes as force_slopes
 from palpate.device import (
     address as address,
     ask_devices as ask_devices,
+    is_live as is_live,
     own_motions as own_motions,
     truth_of as truth_of,
 )

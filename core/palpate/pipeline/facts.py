@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from palpate.config import Pipeline
+from palpate.device import is_live
 from palpate.sink import Extent
 
 _LIBRARIES = ("casadi", "numpy", "scipy", "pydantic", "pint", "pluggy", "mcap")
@@ -72,7 +73,7 @@ def planned_duration(pipeline: Pipeline) -> float | None:
     if logs or len(pipeline.trajectories) != 1:
         return max(logs, default=None)
     (trajectory,) = pipeline.trajectories.values()
-    live = any(device.live for device in pipeline.devices.values())
+    live = is_live(pipeline.devices)
     return trajectory.total_duration + (pipeline.safety.standstill if live and pipeline.safety else 0.0)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate.device import Arm, Batch, Link, Watched, ask_devices
+from palpate.device import Arm, Batch, Link, Watched, ask_devices, is_live
 from palpate.errors import ConfigurationError, DeviceError
 from palpate.pipeline.guard import Guard
 from palpate.pipeline.interrupt import Interrupt
@@ -59,7 +59,7 @@ class Flow:
 
     def run(self) -> None:
         """Connect, set in motion, and pass every batch on until there are no more."""
-        if any(device.live for device in self._pipeline.devices.values()):
+        if is_live(self._pipeline.devices):
             self._run_live()
         else:
             self._run_read()

@@ -14,6 +14,7 @@ from threading import Event
 from typing import Any
 
 from palpate.config import Pipeline, resolved_text
+from palpate.device import is_live
 from palpate.errors import DeviceError, UserError
 from palpate.pipeline.concluding import Result, concluded
 from palpate.pipeline.facts import facts_beside, flat_facts, planned_duration, planned_extent
@@ -34,7 +35,7 @@ def run_pipeline(
 
     Raises UserError for what the user can mend; what was recorded until then stays.
     """
-    live = any(device.live for device in pipeline.devices.values())
+    live = is_live(pipeline.devices)
     known, beside = facts_beside(pipeline), ThreadPoolExecutor(os.cpu_count() or 1, "tracks")
     tracks = Tracks(start_tracks(pipeline), None if live else beside)
     started = datetime.now(UTC).astimezone()
@@ -45,8 +46,8 @@ def run_pipeline(
         run = _described(pipeline, folder, facts, tracks, interrupt)
         stack.enter_context(beside)
         outputs = Outputs(stack, pipeline, run, tracks.online, observer)
-        session = Session(pipeline, tracks, outputs, interrupt, progress)
-        failure = session.run(begun)
+        session = Session(pipeline, tracks, outputs, interrupt, progress, begun)
+        failure = session.run()
         if live_facts := session.facts:
             facts["live"] = live_facts
         facts |= {"started": started.isoformat(timespec="seconds"), "duration": time.monotonic() - began}

@@ -8,6 +8,7 @@ from typing import Any
 
 from palpate.alignment import Aligner, AlignmentReport
 from palpate.config import Pipeline
+from palpate.device import is_live
 from palpate.errors import DeviceError
 from palpate.pipeline.data_path import DataPath
 from palpate.pipeline.flow import Arrivals, Flow, Progress, Taken
@@ -20,26 +21,31 @@ from palpate.pipeline.tracks import Tracks
 
 
 class Session:
-    """Passes what the devices send along the data path, and reports progress, health and flags meanwhile."""
+    """Passes what the devices send along the data path, and reports progress, health and flags meanwhile.
+
+    Sets `begun` at the first batch.
+    """
 
     def __init__(
-        self, pipeline: Pipeline, tracks: Tracks, outputs: Outputs, interrupt: Interrupt, progress: Progress | None
+        self,
+        pipeline: Pipeline,
+        tracks: Tracks,
+        outputs: Outputs,
+        interrupt: Interrupt,
+        progress: Progress | None,
+        begun: Event,
     ) -> None:
-        live = any(device.live for device in pipeline.devices.values())
+        live = is_live(pipeline.devices)
         self._aligner = Aligner(pipeline.alignment, pipeline.ports)
         self._latency = Latency(pipeline.ports["position"]) if live and pipeline.tracks else None
         self._path = DataPath(self._aligner, tracks, outputs, self._latency)
         self._flow = Flow(pipeline, self._take, interrupt, declared_noise(pipeline))
         self._telling = Telling(outputs.writers, self._flow, self._aligner, tracks, pipeline)
-        self._interrupt, self._progress = interrupt, progress
-        self._begun = Event()
+        self._interrupt, self._progress, self._begun = interrupt, progress, begun
 
-    def run(self, begun: Event) -> DeviceError | None:
-        """Until there are no more batches and no backlog; the failure of a device, where that ended it.
-
-        Sets `begun` at the first batch.
-        """
-        self._begun, failure = begun, None
+    def run(self) -> DeviceError | None:
+        """Until there are no more batches and no backlog; the failure of a device, where that ended it."""
+        failure = None
         try:
             self._flow.run()
         except DeviceError as error:

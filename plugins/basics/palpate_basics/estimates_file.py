@@ -12,7 +12,7 @@ from time import monotonic
 from typing import IO
 
 from palpate import Estimates, EstimatesWriter, Floats, OutputError, Parameter, Samples
-from palpate.host import Pipeline
+from palpate.host import Pipeline, is_live
 
 from palpate_basics.estimates_columns import DueRows, columns_of, numbers_of
 from palpate_basics.text import csv_rows
@@ -43,7 +43,7 @@ def estimates_file(
 def _estimates_csv(
     path: Path, tracks: Mapping[str, Sequence[Parameter]], pipeline: Pipeline
 ) -> Iterator[EstimatesWriter]:
-    live = any(device.live for device in pipeline.devices.values())
+    live = is_live(pipeline.devices)
     try:
         file = path.open("x", newline="", encoding="utf-8")
     except OSError as error:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import ConfigurationError, Floats, Resumable, Trajectory
-from palpate.host import Pipeline, RunFolder
+from palpate.host import Pipeline, RunFolder, is_live
 
 from palpate_basics.continuation import continued, recorded_pipeline
 
@@ -61,7 +61,7 @@ def _elapsed(part: RunFolder, pipeline: Pipeline, trajectory: Trajectory) -> flo
     """
     time, place = part.places
     end = float(time[-1]) if len(time) else 0.0
-    if not any(device.live for device in pipeline.devices.values()):
+    if not is_live(pipeline.devices):
         return end
     standstill = pipeline.safety.standstill if pipeline.safety else 0.0
     known = np.isfinite(place).all(axis=1)

@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any
 
 from palpate import ConfigurationError, LogError
-from palpate.host import Reach, plain_settings
+from palpate.host import Reach, is_live, plain_settings
 
 from palpate_calibration.applying import identity_of
 from palpate_calibration.file import Calibration
@@ -105,7 +105,7 @@ def _reach(plan: CalibrationPlan, name: str, step: StepSettings | Orientations) 
     of_step = with_step(plan, step)
     if not moves(of_step):
         return None
-    if isinstance(step, Orientations) and any(device.live for device in of_step.devices.values()):
+    if isinstance(step, Orientations) and is_live(of_step.devices):
         return None  # a person turns the tool, and the arm is not even connected
     if step.trajectory is None:
         raise ConfigurationError(
@@ -122,7 +122,7 @@ def _records(
     if not moves(of_step):
         guide.say("  reading the log")
         return [record(of_step)]
-    if any(device.live for device in of_step.devices.values()):
+    if is_live(of_step.devices):
         where = "lay a stiff plate under the tip" if name in ON_A_PLATE else "see that the tip hangs free"
         guide.ask(f"  {where}, keep clear of the robot")
     return _repeated(of_step, name, step.repeats or plan.settings.repeats, 1000 * number, guide, seen)
@@ -133,7 +133,7 @@ def _repeated(
 ) -> list[CalibrationRecord]:
     """So many records that can be used; a live rig, where things happen, gets some more attempts than repeats."""
     done: list[CalibrationRecord] = []
-    live = any(device.live for device in plan.devices.values())
+    live = is_live(plan.devices)
     length = sum(trajectory.total_duration for trajectory in plan.trajectories.values())
     refused = 0
     while len(done) < repeats:
@@ -154,7 +154,7 @@ def _repeated(
 def _oriented(plan: CalibrationPlan, step: Orientations, guide: Guide) -> StepFindings:
     """The step in which the tool is turned: by a simulated rig, by a person, or in a log."""
     of_step = with_step(plan, step)
-    if not moves(of_step) and not any(device.live for device in of_step.devices.values()):
+    if not moves(of_step) and not is_live(of_step.devices):
         guide.say("  reading the log")
         repeats = [poses_of_a_log(of_step, len(step.down))]
     else:

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 from palpate import Arm, Batch, ConfigurationError, LogError, Turnable
-from palpate.host import Flow, Reach, ask_devices, demand_safe, each, interruptible, the_trajectory
+from palpate.host import Flow, Reach, ask_devices, demand_safe, each, interruptible, is_live, the_trajectory
 
 from palpate_calibration.applying import identity_in
 from palpate_calibration.orientations import Pose, WrenchRecorder
@@ -61,7 +61,7 @@ def reach_of(plan: CalibrationPlan, contact: bool, where: str = "[calibration] "
         raise ConfigurationError(
             f"{where}{key}: the motion reaches {excess.value:.3g} {unit}, {excess.limit:.3g} is the limit"
         )
-    if any(device.live for device in plan.devices.values()) and plan.safety is not None:
+    if is_live(plan.devices) and plan.safety is not None:
         demand_safe(trajectory, plan.safety, f"{plan.path}: {where}".strip())
     ask_devices(plan.devices, setpoint)
     return reach

@@ -16,6 +16,7 @@ from palpate.host import (
     build_parts,
     build_pipeline,
     carried_by,
+    is_live,
     progress,
     progressed,
     replay_source,
@@ -48,7 +49,7 @@ def whole_record(place: Path, overrides: Sequence[str], model: str | None) -> Wh
         wanted = "choose a model with --model" if model is None else f"no [model.{model}]{suggest(model, models)}"
         raise ConfigurationError(f"{place}: {wanted} (there are: {', '.join(models) or 'none'})")
     pipeline = build_pipeline(source, estimates=False)
-    if any(device.live for device in pipeline.devices.values()):
+    if is_live(pipeline.devices):
         raise ConfigurationError(f"{place}: its devices are live; run it with a log, and give the run folder here")
     kept = KeptSamples()
     folder = Path(tempfile.mkdtemp(prefix="palpate-"))

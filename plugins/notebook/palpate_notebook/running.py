@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Batch, Estimates, Parameter, Samples
-from palpate.host import Pipeline, TrackTable, run_pipeline
+from palpate.host import Pipeline, TrackTable, is_live, run_pipeline
 
 from palpate_notebook.finished import FinishedRun
 
@@ -77,7 +77,7 @@ def execute(pipeline: Pipeline, folder: Path | None, holds: object = None) -> Fi
     """
     for notice in pipeline.registry.notices:
         warnings.warn(notice, stacklevel=3)
-    live = any(device.live for device in pipeline.devices.values())
+    live = is_live(pipeline.devices)
     temporary = folder is None and not live
     kept = Kept({track.name: track.model.parameters for track in pipeline.tracks})
     with _place(folder, temporary) as place, quietly():

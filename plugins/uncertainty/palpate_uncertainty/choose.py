@@ -24,6 +24,7 @@ from palpate.host import (
     carried_by,
     console,
     display_unit,
+    is_live,
     measured,
     print_json,
     progress,
@@ -103,7 +104,7 @@ def candidates(path: Path, wanted: Sequence[str]) -> list[Candidate]:
     from palpate.host import run_pipeline
 
     pipeline = build_pipeline(_source(path, wanted))
-    if any(device.live for device in pipeline.devices.values()):
+    if is_live(pipeline.devices):
         raise ConfigurationError(f"{path}: has a live device; record first: palpate run {path}")
     kept = KeptSamples()
     with tempfile.TemporaryDirectory() as folder, progress(str(path), "s"):

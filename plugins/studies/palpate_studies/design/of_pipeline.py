@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import ConfigurationError, ContactModel, to_si
-from palpate.host import Pipeline, truth_of
+from palpate.host import Pipeline, is_live, truth_of
 
 from palpate_studies.design.palpation import Palpation, best, palpations
 from palpate_studies.design.sensing import Sensing, Stream
@@ -114,6 +114,6 @@ def sensing_of(settings: DesignSettings, pipeline: Pipeline) -> Sensing:
     velocity = None
     if "velocity" in pipeline.ports.roles:
         velocity = Stream(rate("velocity", None), std("velocity_std"))
-    live = any(device.live for device in pipeline.devices.values())
+    live = is_live(pipeline.devices)
     in_step = not live and math.isclose(force / position, round(force / position), rel_tol=1e-9)
     return Sensing(Stream(force, std("force_std")), Stream(position, std("position_std")), velocity, in_step)
