@@ -13,6 +13,7 @@ from palpate_notebook import (
 )
 
 from palpate.alignment.change_point import ChangePoint as ChangePoint, change_point as change_point
+from palpate.clocks import Clock as Clock, Thread as Thread, clock as clock, use_clock as use_clock
 from palpate.contact import (
     ContactModel as ContactModel,
     Indenter as Indenter,

@@ -1,7 +1,6 @@
 """Estimates that do not keep up: recording never waits, the same bits in larger blocks, and it is said."""
 
 import threading
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -70,7 +69,7 @@ def test_latency_is_from_arrival_to_estimate(monkeypatch):
     latency.arrived([("r", Batch("tip", stamps, stamps + 500, np.zeros((1000, 1))))])
     latency.arrived([("r", Batch("other", stamps, stamps, np.zeros((1000, 1))))])
     assert latency.table() is None
-    monkeypatch.setattr(time, "time_ns", lambda: int(stamps[989]) + 500 + 5_000_000)
+    monkeypatch.setattr(WallClock, "epoch_ns", lambda self: int(stamps[989]) + 500 + 5_000_000)
     latency.served(stamps[980:990])
     table = latency.table()
     assert table["max"] == pytest.approx(989 * 0.002 + 0.005)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections import deque
 
 import numpy as np
 
+from palpate.clocks import clock
 from palpate.estimation import Samples
 from palpate.pipeline.latency import Latency
 
@@ -43,7 +43,7 @@ class Backlog:
         if self.behind > _LONGEST and self._latency:
             self.give_up()
         due = self._due(samples[:0])
-        self._began = time.monotonic()
+        self._began = clock().now()
         return due
 
     def _due(self, none: Samples) -> Samples:
@@ -67,7 +67,7 @@ class Backlog:
             return
         self.estimated = float(samples.time[-1])
         if self._latency is not None and self.given_up is None:
-            now = (time.monotonic() - self._began) / len(samples)
+            now = (clock().now() - self._began) / len(samples)
             self._seconds += (_NEWEST if self._seconds else 1.0) * (now - self._seconds)
             self._latency.served(samples.stamp)
 

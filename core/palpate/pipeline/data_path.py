@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 
 from palpate.alignment import Aligner
+from palpate.clocks import clock
 from palpate.device import Batch
 from palpate.pipeline.backlog import Backlog
 from palpate.pipeline.latency import Latency
@@ -45,8 +45,8 @@ class DataPath:
         deadline: float | None = None
         while self.backlog.behind:
             if stopped():
-                deadline = deadline or time.monotonic() + _PATIENCE
-                if time.monotonic() > deadline:
+                deadline = deadline or clock().now() + _PATIENCE
+                if clock().now() > deadline:
                     self.backlog.give_up()
             self.step([])
             yield

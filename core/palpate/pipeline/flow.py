@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from palpate.clocks import clock
 from palpate.device import Arm, Batch, Link, Watched, ask_devices, is_live
 from palpate.errors import ConfigurationError, DeviceError
 from palpate.pipeline.guard import Guard
@@ -105,7 +104,7 @@ class Flow:
             demand_safe(trajectory, limits, str(pipeline.path))
             refuse_own_motion(pipeline, limits)
             _demand_willing(pipeline, trajectory)
-        began, before = time.monotonic(), os.times()
+        began, before = clock().now(), clock().processor_time()
         guard = Guard(limits, pipeline.ports)
         with ExitStack() as stack:
             self.facts["scheduling"] = stack.enter_context(undisturbed())
@@ -127,8 +126,8 @@ class Flow:
                 self._pass_on(arrivals)
             self._live_links = None
         # Children that have ended count as well; what the devices did is all in here.
-        used = sum(os.times()[:4]) - sum(before[:4])
-        self.facts["cpu_cores"] = used / (time.monotonic() - began)
+        used = clock().processor_time() - before
+        self.facts["cpu_cores"] = used / max(clock().now() - began, 1e-9)
         if guard.reason is not None and self._interrupt.reason is None:
             raise DeviceError(guard.reason)
 
@@ -195,13 +194,13 @@ class Flow:
 
         So the standstill is the same stretch of the record in a replay, where there is no host's clock.
         """
-        began = time.monotonic()
+        began = clock().now()
         # A device may be slow to begin; one that has failed trips the guard.
         while (
             not (guard.has_stood_still and self._has_sampled(standstill))
-            and time.monotonic() - began < standstill + _PATIENCE
+            and clock().now() - began < standstill + _PATIENCE
         ):
-            for arrivals in live.until(max(began + standstill, time.monotonic() + 0.02)):
+            for arrivals in live.until(max(began + standstill, clock().now() + 0.02)):
                 self._pass_on(arrivals)
             if guard.reason is not None or self._interrupt.reason is not None:
                 return
@@ -238,18 +237,27 @@ def _demand_willing(pipeline: Rig, trajectory: Trajectory) -> None:
 def connected(pipeline: Rig, stack: ExitStack) -> dict[str, Link]:
     """Links of all devices, connected side by side; those that came about are left with the stack if one fails."""
     contexts = {name: device.connect(pipeline.run.seed) for name, device in pipeline.devices.items()}
-    links, failures = {}, []
-    with ThreadPoolExecutor(len(contexts)) as pool:
-        entering = {name: pool.submit(context.__enter__) for name, context in contexts.items()}
-    for name, future in entering.items():
-        if (error := future.exception()) is None:
+    links: dict[str, Link] = {}
+    failures: dict[str, BaseException] = {}
+
+    def enter(name: str) -> None:
+        try:
+            links[name] = contexts[name].__enter__()
+        except BaseException as error:  # it is raised where the run can handle it
+            failures[name] = error
+
+    threads = [clock().thread(partial(enter, name), f"connect {name}") for name in contexts]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for name in contexts:
+        if name in links:
             stack.push(contexts[name])
-            links[name] = future.result()
-        else:
-            failures.append(error)
-    if failures:
-        raise failures[0]
-    return links
+    for name in contexts:
+        if name in failures:
+            raise failures[name]
+    return {name: links[name] for name in contexts}
 
 
 def the_trajectory(pipeline: Rig) -> Trajectory:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import threading
-import time
 from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
 
 from palpate.alignment import Port, Ports
+from palpate.clocks import clock
 from palpate.device import Arm, Batch, Retractable
 from palpate.errors import DeviceError
 from palpate.pipeline.standstill import Standstill, refuse_unsteady
@@ -86,12 +86,12 @@ class Guard:
         self._moving: set[str] = set()  # devices whose motion goes on
         self._looked: dict[str, float] = {}  # by device: when its batches were last asked for, monotonic [s]
         self._lock = threading.Lock()
-        self._over = threading.Event()
+        self._over = clock().event()
         self.reason: str | None = None
         self.tripped: float | None = None  # monotonic [s]
         self.peak = 0.0  # [N] largest tared reading of any component
         self.peak_untared = 0.0  # [N] largest reading, with all that the tare takes off
-        self._watch = threading.Thread(target=self._look, daemon=True, name="guard")
+        self._watch = clock().thread(self._look, "guard")
 
     @property
     def state(self) -> GuardState:
@@ -122,7 +122,7 @@ class Guard:
         self._arms, self._moving = list(arms.values()), set(arms)
         for watch in (self._force, self._position):
             watch.begin()
-        now = time.monotonic()
+        now = clock().now()
         self._looked = {watch.port.device: now for watch in (self._force, self._position)}
         if self.reason is not None:
             self._stop_arms()
@@ -148,7 +148,7 @@ class Guard:
         with self._lock:
             if self.reason is not None:
                 return
-            self.reason, self.tripped = reason, time.monotonic()
+            self.reason, self.tripped = reason, clock().now()
         self._stop_arms()
 
     def _add(self, hint: str) -> None:
@@ -169,7 +169,7 @@ class Guard:
         if self._over.is_set():
             return
         if device in self._looked:
-            self._looked[device] = time.monotonic()
+            self._looked[device] = clock().now()
             self._check_silence(device, batch, attended)
         if not len(batch.time):
             return
@@ -187,7 +187,7 @@ class Guard:
     def _check_silence(self, device: str, batch: Batch, attended: int | None) -> None:
         news = len(batch.time) > 0
         here = attended is None  # this process receives by itself
-        looked = time.monotonic_ns() if here else int(batch.received[-1]) if news else attended or 0
+        looked = clock().now_ns() if here else int(batch.received[-1]) if news else attended or 0
         for watch in (self._force, self._position):
             if watch.port.device == device:
                 silent = watch.silence(batch.stream, looked, news)
@@ -255,7 +255,7 @@ class Guard:
             if self._limits is None or self.reason is not None:
                 continue
             for device, looked in list(self._looked.items()):
-                if (late := time.monotonic() - looked) > self._limits.held_up:
+                if (late := clock().now() - looked) > self._limits.held_up:
                     self.trip(
                         f"this program was held up: it has not come to look at {device} for {1e3 * late:.0f} ms, more "
                         f"than [safety] held_up = {1e3 * self._limits.held_up:.0f} ms; is the computer too busy?"

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import queue
-import threading
-import time
 from collections.abc import Iterator, Mapping
+from functools import partial
 
 import numpy as np
 
+from palpate.clocks import clock
 from palpate.device import Arm, Attending, Batch, Link
 from palpate.errors import DeviceError
 from palpate.pipeline.guard import Guard
@@ -25,15 +25,14 @@ class LiveLinks:
 
     def __init__(self, links: Mapping[str, Link], guard: Guard) -> None:
         self._links, self._guard = links, guard
-        self._queue: queue.SimpleQueue[tuple[str, Batch | None]] = queue.SimpleQueue()
-        self._ending = threading.Event()
+        self._queue = clock().queue()  # of pairs: name, batch or None
+        self._ending = clock().event()
         self._moving = {name for name, link in links.items() if isinstance(link, Arm)}
         self._running = set(links)
         self.largest_backlog = 0
         self.behind = False  # whether the consumer of the batches is busy rather than waiting for them
         self._threads = [
-            threading.Thread(target=self._pump, args=item, daemon=True, name=f"{item[0]} batches")
-            for item in links.items()
+            clock().thread(partial(self._pump, name, link), f"{name} batches") for name, link in links.items()
         ]
 
     @property
@@ -49,19 +48,19 @@ class LiveLinks:
     def stop(self) -> None:
         """Let the threads end; live links give them an opportunity every 0.1 s."""
         self._ending.set()
-        deadline = time.monotonic() + _JOIN
+        deadline = clock().now() + _JOIN
         for thread in self._threads:
             if thread.ident is not None:
-                thread.join(max(deadline - time.monotonic(), 0.0))
+                thread.join(max(deadline - clock().now(), 0.0))
 
     def _pump(self, name: str, link: Link) -> None:
         gathered: dict[str, list[Batch]] = {}
-        sent = time.monotonic()
+        sent = clock().now()
         try:
             for batch in link.batches():
                 self._guard.check(name, batch, link.attended if isinstance(link, Attending) else None)
                 gathered.setdefault(batch.stream, []).append(batch)
-                if (now := time.monotonic()) - sent > (_GATHER_BEHIND if self.behind else _GATHER):
+                if (now := clock().now()) - sent > (_GATHER_BEHIND if self.behind else _GATHER):
                     self._hand_on(name, gathered)
                     gathered, sent = {}, now
                 if self._ending.is_set():
@@ -85,7 +84,7 @@ class LiveLinks:
 
     def until(self, deadline: float) -> Iterator[list[tuple[str, Batch]]]:
         """What comes up to a monotonic time [s], or until a link ends."""
-        while (left := deadline - time.monotonic()) > 0 and len(self._running) == len(self._links):
+        while (left := deadline - clock().now()) > 0 and len(self._running) == len(self._links):
             yield self._next(min(left, _LOOK))
 
     def to_the_end(self, patience: float) -> Iterator[list[tuple[str, Batch]]]:
@@ -95,7 +94,7 @@ class LiveLinks:
         """
         while self._running & (self._moving or self._running):
             tripped = self._guard.tripped
-            if tripped is not None and (not self._moving or time.monotonic() - tripped > patience):
+            if tripped is not None and (not self._moving or clock().now() - tripped > patience):
                 return
             yield self._next(_LOOK)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from palpate.alignment import Port
+from palpate.clocks import clock
 from palpate.config import Pipeline
 from palpate.device import Arm, Batch, Leadable, Link
 from palpate.errors import ConfigurationError, DeviceError
@@ -119,16 +119,16 @@ def feel(arms: list[Arm], live: LiveLinks, guard: Guard, pass_on: Pass, stopped:
         return None
     port, name_of_it = guard.force, guard.force.signal.channel
     took = max(arm.retreat(_RETREAT, _SPEED) for arm in able)
-    begin = time.time_ns() + round(1e9 * (took + _SETTLE))
-    end, heard = begin + round(1e9 * _LISTEN), time.monotonic()
+    begin = clock().epoch_ns() + round(1e9 * (took + _SETTLE))
+    end, heard = begin + round(1e9 * _LISTEN), clock().now()
     after: list[Floats] = []
     latest = 0
-    while latest < end and time.monotonic() < heard + _LATE and not stopped():
-        for arrivals in live.until(time.monotonic() + 0.02):
+    while latest < end and clock().now() < heard + _LATE and not stopped():
+        for arrivals in live.until(clock().now() + 0.02):
             pass_on(arrivals)
             for batch in (batch for name, batch in arrivals if (name, batch.stream) == port.key):
                 after.append(batch.values[batch.received >= begin, port.column])
-                latest, heard = int(batch.received[-1]), time.monotonic()
+                latest, heard = int(batch.received[-1]), clock().now()
     if stopped():
         return None
     felt = compared(guard.standstill_force, np.concatenate(after) if after else np.zeros(0), port.signal.sign)

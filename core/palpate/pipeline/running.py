@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
@@ -13,6 +12,7 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
+from palpate.clocks import clock
 from palpate.config import Pipeline, resolved_text
 from palpate.device import is_live
 from palpate.errors import DeviceError, UserError
@@ -38,10 +38,10 @@ def run_pipeline(
     live = is_live(pipeline.devices)
     known, beside = facts_beside(pipeline), ThreadPoolExecutor(os.cpu_count() or 1, "tracks")
     tracks = Tracks(start_tracks(pipeline), None if live else beside)
-    started = datetime.now(UTC).astimezone()
+    started = datetime.fromtimestamp(clock().epoch_ns() / 1e9, UTC).astimezone()
     folder = make_folder(pipeline.run.name, out, started)
     facts = known.result()
-    began = time.monotonic()
+    began = clock().now()
     with refused_leaves_nothing(folder) as begun, interruptible() as interrupt, ExitStack() as stack:
         run = _described(pipeline, folder, facts, tracks, interrupt)
         stack.enter_context(beside)
@@ -50,7 +50,7 @@ def run_pipeline(
         failure = session.run()
         if live_facts := session.facts:
             facts["live"] = live_facts
-        facts |= {"started": started.isoformat(timespec="seconds"), "duration": time.monotonic() - began}
+        facts |= {"started": started.isoformat(timespec="seconds"), "duration": clock().now() - began}
         report = session.report
         result = concluded(pipeline, folder, facts, report, tracks.results(pipeline, report), interrupt)
         outputs.finish(result.table())

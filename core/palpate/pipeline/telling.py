@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from palpate.alignment import Aligner
+from palpate.clocks import clock
 from palpate.config import Pipeline
 from palpate.device import Watched
 from palpate.flags import Flag
@@ -32,15 +32,15 @@ class Telling:
         self._state: GuardState | None = None
         self._known: dict[str | None, set[str]] = {}
         self._by_record = any(getattr(writer, "by_record", False) for writer in every)
-        self._next = 0.0 if self._by_record else time.monotonic()
+        self._next = 0.0 if self._by_record else clock().now()
 
     def look(self, now: Mapping[str, Any]) -> None:
         """Between two steps of the run; `now` is what the data path says of itself."""
         if self._guard and self._flow.guard is not None:
             self._tell_guard(self._flow.guard.state)
-        clock = now["time"] if self._by_record else time.monotonic()
-        if (self._health or self._flags) and clock >= self._next:
-            self._next = clock + _EVERY
+        present = now["time"] if self._by_record else clock().now()
+        if (self._health or self._flags) and present >= self._next:
+            self._next = present + _EVERY
             self._tell(now)
 
     def last(self, now: Mapping[str, Any]) -> None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 
 from palpate.alignment import AlignmentReport, AlignmentSettings
+from palpate.clocks import clock
 from palpate.config import Pipeline, Track
 from palpate.errors import ConfigurationError, PalpateError, PluginError
 from palpate.estimation import Estimates, Problem, Samples, Tracker
@@ -34,10 +34,10 @@ class RunningTrack:
         parameters = len(self.track.model.parameters)
         if self.record.failure is not None:
             return Estimates.idle(samples, parameters)
-        before = time.perf_counter()
+        before = clock().now()
         try:
             estimates = judged(self.tracker.run(samples), samples, parameters)
-            self.record.add(samples, estimates, time.perf_counter() - before)
+            self.record.add(samples, estimates, clock().now() - before)
         except PalpateError:
             raise  # on purpose: the user can mend it
         except Exception as error:  # whatever third-party code raises: the other tracks continue

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
-from palpate import Arm, Batch, ConfigurationError, LogError, Turnable
+from palpate import Arm, Batch, ConfigurationError, LogError, Turnable, clock
 from palpate.host import Flow, Reach, ask_devices, demand_safe, each, interruptible, is_live, the_trajectory
 
 from palpate_calibration.applying import identity_in
@@ -105,11 +104,11 @@ def _listen(plan: CalibrationPlan, recorder: WrenchRecorder, seconds: float) -> 
     """Only the sensor is connected: the robot is left to the user, who turns the tool."""
     with ExitStack() as stack:
         link = stack.enter_context(plan.devices[recorder.device].connect(plan.run.seed))
-        began = time.monotonic()
+        began = clock().now()
         for batch in link.batches():
             if len(batch.time):
                 recorder.feed(recorder.device, batch)
-            if time.monotonic() - began > seconds + 0.3:  # the ends are left out
+            if clock().now() - began > seconds + 0.3:  # the ends are left out
                 return
 
 

@@ -6,15 +6,13 @@ import json
 import os
 import queue
 import tempfile
-import threading
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Batch, Estimates, Floats, OutputError, Run, Samples, Sink, Stream, Writer
+from palpate import Batch, Estimates, Floats, OutputError, Run, Samples, Sink, Stream, Thread, Writer, clock
 from pydantic import Field
 
 from palpate_devices.mcap_blocks import add_messages
@@ -66,9 +64,9 @@ class _LogWriter:
         self._log = log
         self._stamps: NDArray[np.int64] = np.zeros(0, np.int64)
         self._lateral: Floats = np.zeros((0, 2))
-        self._waiting: queue.Queue[Callable[[], None] | None] = queue.Queue(_WAITING)
+        self._waiting = clock().queue(_WAITING)  # of calls; None is the last
         self._failure: Exception | None = None
-        self._thread = threading.Thread(target=self._work, name="mcap sink", daemon=True)
+        self._thread = clock().thread(self._work, "mcap sink")
         self._thread.start()
 
     def batch(self, device: str, batch: Batch) -> None:
@@ -152,8 +150,8 @@ class _Log:
         self._log.add_metadata("palpate", {"schema": str(LOG_SCHEMA), **run.facts})
         for name, text in run.documents.items():
             self._log.add_attachment(0, 0, name, "application/toml", text.encode())
-        self._flushed = self._synced = time.monotonic()
-        self._syncing = threading.Thread()
+        self._flushed = self._synced = clock().now()
+        self._syncing: Thread | None = None
         self._unsynced: OSError | None = None
 
     def _channel(self, topic: str, kind: MessageType, facts: dict[str, str] | None = None) -> int:
@@ -206,7 +204,7 @@ class _Log:
 
     def save(self) -> None:
         """Flush, and sync, where it is time to."""
-        now = time.monotonic()
+        now = clock().now()
         if now - self._flushed < _FLUSH_EVERY:
             return
         self._log.flush()  # type: ignore[no-untyped-call]
@@ -214,8 +212,8 @@ class _Log:
         self._flushed = now
         if self._unsynced is not None:
             raise self._unsynced
-        if now - self._synced >= _SYNC_EVERY and not self._syncing.is_alive():
-            self._syncing = threading.Thread(target=self._sync, name="mcap sync", daemon=True)
+        if now - self._synced >= _SYNC_EVERY and not (self._syncing is not None and self._syncing.is_alive()):
+            self._syncing = clock().thread(self._sync, "mcap sync")
             self._syncing.start()
             self._synced = now
 
@@ -227,7 +225,7 @@ class _Log:
             self._unsynced = error
 
     def finish(self) -> None:
-        if self._syncing.is_alive():
+        if self._syncing is not None:
             self._syncing.join()
         self._log.finish()  # type: ignore[no-untyped-call]
         self._file.flush()

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
-import time
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from typing import Literal
@@ -31,6 +29,7 @@ from palpate import (
     Time,
     TipMass,
     Trajectory,
+    clock,
 )
 from pydantic import Field
 
@@ -160,7 +159,7 @@ class _Rig:
         self._settings = settings
         streams = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(4))
         self._force_noise, self._position_noise, self._velocity_noise, self._led_noise = streams
-        self._stopped = threading.Event()
+        self._stopped = clock().event()
         self._trajectory: Trajectory | None = None
 
     def refuse_law(self, law: ForceLaw) -> None:
@@ -201,13 +200,13 @@ class _Rig:
             motion = loop.track(setpoint.position, setpoint.velocity)
         readings = np.arange(int(np.floor(ticks[-1] * settings.sensor_rate)) + 1) / settings.sensor_rate
         contact = self._contact(readings, motion)
-        origin = time.time_ns() if settings.pace == "real-time" else 0
-        began = time.monotonic()
+        origin = clock().epoch_ns() if settings.pace == "real-time" else 0
+        began = clock().now()
         done_ticks = done_readings = 0
         length = _ROUND[settings.pace]
         for edge in np.arange(1, int(end / length) + 2) * length:
             if settings.pace == "real-time":
-                self._stopped.wait(max(edge - (time.monotonic() - began), 0.0))
+                self._stopped.wait(max(edge - (clock().now() - began), 0.0))
             if self._stopped.is_set():
                 return
             felt = slice(done_readings, done_readings := int(np.searchsorted(readings, edge)))

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from palpate import Batch, Device, DeviceError, Floats, Limited, Link, Observable, Stream, Watched
+from palpate import Batch, Device, DeviceError, Floats, Limited, Link, Observable, Stream, Watched, clock
 from palpate.host import (
     Guard,
     LiveLinks,
@@ -104,7 +103,7 @@ def _listened(pipeline: Pipeline, links: Mapping[str, Link], duration: float) ->
     heard: dict[tuple[str, str], list[Batch]] = {(name, s.name): [] for name in links for s in streams[name]}
     live.start()
     try:
-        for arrivals in live.until(time.monotonic() + duration):
+        for arrivals in live.until(clock().now() + duration):
             for name, batch in arrivals:
                 heard[name, batch.stream].append(batch)
     finally:

@@ -5,13 +5,11 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-import select
-import time
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from palpate import DeviceError
+from palpate import DeviceError, clock
 
 _ACKNOWLEDGE = 2.0  # [s]; a firmware that waits for silence after a command takes its time
 _ATTEMPTS = 2
@@ -52,7 +50,7 @@ def powered_since(path: str, usb: Path = Path("/sys/class/tty")) -> str | None:
     for folder in (device, *device.parents):
         with contextlib.suppress(OSError, ValueError):
             connected = int((folder / "power" / "connected_duration").read_text()) / 1e3
-            return datetime.fromtimestamp(time.time() - connected, UTC).isoformat(timespec="seconds")
+            return datetime.fromtimestamp(clock().epoch_ns() / 1e9 - connected, UTC).isoformat(timespec="seconds")
     return None
 
 
@@ -99,9 +97,9 @@ def _command(port: Any, text: str, letter: str, baud: int) -> None:
 
 def _read_until(port: Any, pattern: bytes, timeout: float) -> bytes:
     """What comes until a pattern has come, or for as long as the time-out [s]."""
-    data, deadline = b"", time.monotonic() + timeout
-    while not re.search(pattern, data) and (rest := deadline - time.monotonic()) > 0:
-        if select.select([port.fileno()], [], [], rest)[0]:
+    data, deadline = b"", clock().now() + timeout
+    while not re.search(pattern, data) and (rest := deadline - clock().now()) > 0:
+        if clock().wait([port.fileno()], rest):
             chunk = os.read(port.fileno(), 65536)
             if not chunk:
                 raise DeviceError("the port was closed from the other side")

@@ -6,13 +6,11 @@ import gc
 import json
 import math
 import os
-import select
 import sys
 import termios
-import time
 from typing import Any
 
-from palpate import DeviceError
+from palpate import DeviceError, clock
 
 from palpate_devices.bota.commands import configure, latency_timer, open_port, powered_since, stop_stream
 from palpate_devices.bota.frames import UNUSABLE, Frame, FrameDecoder, Unwrapped
@@ -54,20 +52,20 @@ def main() -> None:
 
 def _settle(port: Any, duration: float) -> None:
     """Drop what the sensor sends while its filters fill."""
-    deadline = time.monotonic() + duration
-    while (rest := deadline - time.monotonic()) > 0 or select.select([port.fileno()], [], [], 0.0)[0]:
+    deadline = clock().now() + duration
+    while (rest := deadline - clock().now()) > 0 or clock().wait([port.fileno()], 0.0):
         rest = max(rest, 0.0)
-        if select.select([port.fileno()], [], [], rest)[0] and not os.read(port.fileno(), 65536):
+        if clock().wait([port.fileno()], rest) and not os.read(port.fileno(), 65536):
             raise DeviceError("the sensor is disconnected")
 
 
 def _read(port: Any, ring: Ring, parent: Parent, silence: float) -> None:
-    decoder, clock = FrameDecoder(), Unwrapped()
-    heard = time.monotonic_ns()
+    decoder, stamps = FrameDecoder(), Unwrapped()
+    heard = clock().now_ns()
     while not parent.gone:
         # Straight from the descriptor: `in_waiting` never says more than 4095, and needs a call more.
-        ready = select.select([port.fileno(), parent._socket], [], [], _IDLE)[0]
-        now = time.monotonic_ns()
+        ready = clock().wait([port.fileno(), parent._socket], _IDLE)
+        now = clock().now_ns()
         ring.beat(now)
         if port.fileno() in ready:
             data = os.read(port.fileno(), _MOST)
@@ -79,7 +77,7 @@ def _read(port: Any, ring: Ring, parent: Parent, silence: float) -> None:
             if not frames and any(text in data for text in _REBOOT_TEXTS):
                 raise DeviceError("the sensor rebooted: its settings and its zero are no longer those of the start")
             for frame in frames:
-                _keep(ring, clock, frame, now)
+                _keep(ring, stamps, frame, now)
         if (now - heard) / 1e9 > silence:
             raise DeviceError(f"the sensor is silent: no valid frame for {(now - heard) / 1e6:.0f} ms")
         for message in parent.messages():
@@ -87,8 +85,8 @@ def _read(port: Any, ring: Ring, parent: Parent, silence: float) -> None:
                 return
 
 
-def _keep(ring: Ring, clock: Unwrapped, frame: Frame, now: int) -> None:
-    stamp = clock.add(frame.stamp)
+def _keep(ring: Ring, stamps: Unwrapped, frame: Frame, now: int) -> None:
+    stamp = stamps.add(frame.stamp)
     if stamp is None:
         raise DeviceError("the sensor rebooted: its clock restarted, and its settings and zero were reset")
     wrench = (math.nan,) * 6 if frame.status & UNUSABLE else frame.wrench  # a reader of the ring is to see it

@@ -5,16 +5,13 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import select
 import signal
 import socket
 import subprocess
 import sys
-import threading
-import time
 from typing import Any
 
-from palpate import DeviceError
+from palpate import DeviceError, clock
 
 from palpate_devices.process.ring import Ring, ring_size, shared_memory
 
@@ -46,20 +43,20 @@ class Child:
             os.close(memory)
         self._socket = ours
         self._text = b""
-        self._closing = threading.Event()
+        self._closing = clock().event()
         self.fault: str | None = None
-        self._beating = threading.Thread(target=self._beat, daemon=True, name=f"{name} heartbeat")
+        self._beating = clock().thread(self._beat, f"{name} heartbeat")
         self._beating.start()
 
     def _beat(self) -> None:
         while not self._closing.wait(_BEAT_EVERY):
-            self.ring.beat(time.monotonic_ns(), host=True)
+            self.ring.beat(clock().now_ns(), host=True)
 
     def messages(self, timeout: float = 0.0) -> list[dict[str, Any]]:
         """Messages of the child since the last call, waiting up to `timeout` [s] for something."""
         found = []
         with contextlib.suppress(ConnectionError):
-            while select.select([self._socket], [], [], timeout)[0]:
+            while clock().wait([self._socket], timeout):
                 timeout = 0.0
                 data = self._socket.recv(65536)
                 if not data:
@@ -75,8 +72,8 @@ class Child:
 
     def wait_for(self, word: str, timeout: float) -> dict[str, Any]:
         """The first message of a kind; raises DeviceError on a fault, on death and after `timeout` [s]."""
-        deadline = time.monotonic() + timeout
-        while time.monotonic() < deadline:
+        deadline = clock().now() + timeout
+        while clock().now() < deadline:
             for message in self.messages(0.02):
                 if message["say"] == word:
                     return message
@@ -93,7 +90,7 @@ class Child:
         if self._process.poll() is not None:
             raise DeviceError(f"{self.name}: its process ended ({_ending(self._process.returncode)}){self._hint}")
         beat = self.ring.last_beat()
-        if beat_limit is not None and beat and (age := (time.monotonic_ns() - beat) / 1e9) > beat_limit:
+        if beat_limit is not None and beat and (age := (clock().now_ns() - beat) / 1e9) > beat_limit:
             self.kill()
             raise DeviceError(f"{self.name}: its process gave no sign of life for {1e3 * age:.0f} ms and was killed")
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 
-from palpate import DeviceError, Floats, Layout, SharedReadings
+from palpate import DeviceError, Floats, Layout, SharedReadings, clock
 
 from palpate_devices.process.child import Child
 from palpate_devices.process.clock import epoch_offset
@@ -28,16 +27,16 @@ class SensorReadings:
 
     def rows(self) -> Iterator[Floats]:
         """Rows (n, columns) as they come, n = 0 where none has for 10 ms; raises DeviceError when the sensor fails."""
-        quiet = time.monotonic()
+        quiet = clock().now()
         while True:
             rows = self._child.ring.read()
-            if len(rows) or time.monotonic() - quiet > _MOST_QUIET:
+            if len(rows) or clock().now() - quiet > _MOST_QUIET:
                 yield rows
-                quiet = time.monotonic()
+                quiet = clock().now()
             if not len(rows):
                 self._child.messages()
                 self._child.check(self._beat_limit)
-                time.sleep(_POLL)
+                clock().sleep(_POLL)
             if self._child.ring.lost:
                 lost = self._child.ring.lost
                 raise DeviceError(f"{self._child.name}: {lost} readings were lost: the host is too slow")

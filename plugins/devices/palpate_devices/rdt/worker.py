@@ -5,13 +5,11 @@ from __future__ import annotations
 import gc
 import json
 import math
-import select
 import socket
 import sys
-import time
 from typing import Any
 
-from palpate import DeviceError
+from palpate import DeviceError, clock
 
 from palpate_devices.process.child import Parent, real_time
 from palpate_devices.process.ring import Ring
@@ -44,12 +42,12 @@ def main() -> None:
 
 
 def _read(link: socket.socket, ring: Ring, parent: Parent, settings: dict[str, Any], scheduling: str) -> None:
-    heard, ready = time.monotonic_ns(), False
+    heard, ready = clock().now_ns(), False
     before: int | None = None
     scale = (*(settings["counts_per_force"],) * 3, *(settings["counts_per_torque"],) * 3)
     while not parent.gone:
-        found = select.select([link, parent._socket], [], [], _IDLE)[0]
-        now = time.monotonic_ns()
+        found = clock().wait([link, parent._socket], _IDLE)
+        now = clock().now_ns()
         ring.beat(now)
         if link in found and len(data := link.recv(256)) == REPLY.size:
             sequence, _, status, *counts = REPLY.unpack(data)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from typing import Any
 
 import numpy as np
+from palpate import clock
 
 from palpate_devices.twins.arm import TICK, SimulatedArm
 from palpate_devices.twins.program import Program
@@ -70,14 +70,14 @@ class Controller:
         """Take note of inputs; the first tick after they came reads them."""
         self._came.append(values)
         if self._program is not None and any(name.startswith("input_int_register") for name in values):
-            self._program.feed(time.monotonic())
+            self._program.feed(clock().now())
 
     def upload(self, text: str) -> None:
         """Start a program, in place of the running one."""
         self.uploads += 1
         if self._safety == _NORMAL and not self.deaf and "def " in text:
             self._program, self._runtime = Program(text, self.arm, self.protective_stop), _PLAYING
-            self._program.feed(time.monotonic())
+            self._program.feed(clock().now())
 
     def end_program(self) -> None:
         """End the program; the arm comes to rest."""
@@ -137,7 +137,7 @@ class Controller:
             self.read += 1
         # The watchdog goes by the host's time: ticks that are caught up in one go leave no room for commands between.
         program = self._program if self._runtime == _PLAYING else None
-        if program is not None and not program.step(self.inputs, time.monotonic()):
+        if program is not None and not program.step(self.inputs, clock().now()):
             self.end_program()
         self.arm.advance()
 

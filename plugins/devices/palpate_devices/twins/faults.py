@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
+
+from palpate import clock
 
 from palpate_devices.twins.scene import begun_at, softened
 
@@ -74,7 +75,7 @@ def _sensor_fault(fault: str) -> Action:
 
 
 def _stalled(world: World, words: Words) -> None:
-    world.stalled_until = time.monotonic() + float(words[0])
+    world.stalled_until = clock().now() + float(words[0])
 
 
 def _sound(world: World, _: Words) -> None:
@@ -152,7 +153,7 @@ def apply_fault(world: World, words: list[str]) -> str:
         _ACTIONS[name](world, given or [""])
     except ValueError:
         return f"{name} needs {_NUMBERS.get(name, 'a number')}, not {' '.join(given)!r}"
-    return f"done {time.monotonic():.6f} {name}"
+    return f"done {clock().now():.6f} {name}"
 
 
 def _state(world: World) -> str:
@@ -162,7 +163,7 @@ def _state(world: World) -> str:
 
     controller, sensor = world.controller, world.sensor
     facts = {
-        "time": time.monotonic(),
+        "time": clock().now(),
         "now": controller.now,
         "pose": controller.arm.pose,
         "joint_speed": float(np.abs(controller.arm.qd).max()),

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import select
 import signal
-import time
 from collections import deque
 from typing import Any
 
 import numpy as np
-from palpate import DeviceError
+from palpate import DeviceError, clock
 
 from palpate_devices.sensing import sensed_wrench
 from palpate_devices.twins.arm import TICK, SimulatedArm
@@ -84,19 +82,19 @@ class World:
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._end)
         ports, controller = self.ports, self.controller
-        ports.began = time.monotonic() - controller.now
+        ports.began = clock().now() - controller.now
         while not (self._done or console.ended):
-            wait = max(ports.began + controller.now + TICK - time.monotonic(), 0.0)
-            ready: list[Any] = select.select([*console.inputs, *ports.sockets], [], [], wait)[0]
+            wait = max(ports.began + controller.now + TICK - clock().now(), 0.0)
+            ready: list[Any] = clock().wait([*console.inputs, *ports.sockets], wait)
             console.read(ready)
-            if time.monotonic() < self.stalled_until:
-                time.sleep(self.stalled_until - time.monotonic())
-                ports.began = time.monotonic() - controller.now
+            if clock().now() < self.stalled_until:
+                clock().sleep(self.stalled_until - clock().now())
+                ports.began = clock().now() - controller.now
                 continue
-            if time.monotonic() - ports.began - controller.now > _MOST_BEHIND:
-                ports.began = time.monotonic() - controller.now
+            if clock().now() - ports.began - controller.now > _MOST_BEHIND:
+                ports.began = clock().now() - controller.now
             ports.serve(ready)
-            behind = time.monotonic() - ports.began - controller.now
+            behind = clock().now() - ports.began - controller.now
             for _ in range(int(behind / TICK)):
                 self._tick()
             if behind >= TICK:
@@ -134,7 +132,7 @@ class World:
         if len(instants):
             self.sensor.send(instants, self._feel(instants))
         joint = float(np.abs(self.controller.arm.qd).max())
-        self.truth.add(time.monotonic(), *self._before, self._turning, joint, self._force, self.controller.read)
+        self.truth.add(clock().now(), *self._before, self._turning, joint, self._force, self.controller.read)
 
     def _feel(self, instants: Any) -> Any:
         """The wrench (n, 6) that the sensor reports at times (n,): what it felt `force_delay` before."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import tempfile
-import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
@@ -21,6 +20,7 @@ from palpate import (
     ForceWatch,
     Setpoint,
     Trajectory,
+    clock,
 )
 
 from palpate_devices.leading import refusal
@@ -176,7 +176,7 @@ class URLink:
             yield from self._batches(rows)
             if not len(rows):
                 self._child.check(self._settings.stale + _BEAT_SLACK)
-            time.sleep(_POLL)
+            clock().sleep(_POLL)
         if self._stopped and self._trip is None:
             raise DeviceError(f"{self._child.name}: {self._stopped['reason']}")
 

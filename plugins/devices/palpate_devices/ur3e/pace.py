@@ -10,9 +10,10 @@ cycle.
 from __future__ import annotations
 
 import random
-import time
 from collections.abc import Callable
 from typing import NoReturn
+
+from palpate import clock
 
 from palpate_devices.process.lateness import Lateness
 from palpate_devices.process.ring import Ring
@@ -65,20 +66,20 @@ class Pace:
 
     def run(self, cycle: Callable[[int, int], None], look: Callable[[], None]) -> NoReturn:
         """A cycle at each deadline, given the time [ns] and how many were left out; a look between two of them."""
-        deadline, left_out = time.monotonic_ns() + _TICK, 0
+        deadline, left_out = clock().now_ns() + _TICK, 0
         while True:
-            now = self._sleep(max(deadline - time.monotonic_ns(), 0))
+            now = self._sleep(max(deadline - clock().now_ns(), 0))
             self._ring.beat(now)
             self._lateness.add(now, now - deadline, self._counted())
             cycle(now, left_out)
-            sent = time.monotonic_ns()
+            sent = clock().now_ns()
             # A look at a random instant between two deadlines: else a controller that ticks in step with this loop
             # would always be seen equally late, and its clock mapped wrongly by up to a period.
-            rest = deadline + _TICK - time.monotonic_ns()
+            rest = deadline + _TICK - clock().now_ns()
             if rest > _TICK // 4:
                 self._sleep(round(rest * random.uniform(0.0, 0.95)))
                 look()
-            deadline, left_out = next_deadline(deadline, sent, time.monotonic_ns())
+            deadline, left_out = next_deadline(deadline, sent, clock().now_ns())
             deadline += self._beat.correction(deadline)
             if left_out and self._counted():
                 self._lateness.skipped(left_out * _TICK)
@@ -86,10 +87,10 @@ class Pace:
     def _sleep(self, duration: int) -> int:
         """Sleep [ns]; the time then. What it takes longer is counted as the host's."""
         if duration <= 0:
-            return time.monotonic_ns()
-        until = time.monotonic_ns() + duration
-        time.sleep(duration / 1e9)
-        now = time.monotonic_ns()
+            return clock().now_ns()
+        until = clock().now_ns() + duration
+        clock().sleep(duration / 1e9)
+        now = clock().now_ns()
         if self._counted():
             self._lateness.overslept(now - until)
         return now

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 import os
 import socket
-import time
 from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
-from palpate import Floats
+from palpate import Floats, clock
 
 from palpate_devices.ur3e.fence import ArmState, tool_turn
 from palpate_devices.ur3e.frame import WorkFrame
@@ -60,7 +59,7 @@ class Robot:
         self._out, self._origin = self._work.matrix[:3, :3], self._work.matrix[:3, 3]
         self._turned: tuple[Floats, list[float]] | None = None
         self._servo = PERIOD, settings["lookahead"], settings["servo_gain"]
-        self.stamp, self.seen, self.fresh = -1.0, time.monotonic_ns(), False
+        self.stamp, self.seen, self.fresh = -1.0, clock().now_ns(), False
         self.state: list[float] = []
         self.modes = (7, 1, PLAYING)
         self.facts: dict[str, Any] = {}
@@ -107,12 +106,12 @@ class Robot:
         self._read_load()
 
     def _wait_for_state(self, settle: float) -> None:
-        deadline, began = time.monotonic() + 2.0, time.monotonic()
-        while not self.poll() or time.monotonic() - began < settle:
-            if time.monotonic() > deadline:
+        deadline, began = clock().now() + 2.0, clock().now()
+        while not self.poll() or clock().now() - began < settle:
+            if clock().now() > deadline:
                 raise RuntimeError("the controller sends no states")
-            time.sleep(PERIOD)
-        since = datetime.fromtimestamp(time.time() - self.stamp, UTC)
+            clock().sleep(PERIOD)
+        since = datetime.fromtimestamp(clock().epoch_ns() / 1e9 - self.stamp, UTC)
         self.facts["powered_since"] = since.isoformat(timespec="seconds")
 
     def _tell_model(self, settings: dict[str, Any]) -> None:
@@ -141,13 +140,13 @@ class Robot:
         stamp = receive.getTimestamp()
         if stamp == self.stamp:
             return False
-        now = time.monotonic_ns()
+        now = clock().now_ns()
         values, modes = self._read()
         for _ in range(2):
             again = receive.getTimestamp()
             if again == stamp:
                 break
-            stamp, now = again, time.monotonic_ns()  # a packet came in between: its values may be mixed
+            stamp, now = again, clock().now_ns()  # a packet came in between: its values may be mixed
             values, modes = self._read()
         if len(values) != STATE.size:
             return False

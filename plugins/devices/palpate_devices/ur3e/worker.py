@@ -6,14 +6,12 @@ import gc
 import json
 import os
 import sys
-import threading
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
 import numpy as np
-from palpate import Floats, ForceLaw
+from palpate import Floats, ForceLaw, clock
 
 from palpate_devices.leading import refusal
 from palpate_devices.process.child import Parent, real_time
@@ -120,8 +118,8 @@ class _Loop:
         if not robot.servo(commander.command, commander.turn):
             for _ in range(_EXPLAIN):  # the state that says why comes on another connection
                 self._take_state()
-                self._check(time.monotonic_ns())
-                time.sleep(PERIOD)
+                self._check(clock().now_ns())
+                clock().sleep(PERIOD)
             self._fail("the robot refuses commands: its program has ended (out of reach, or stopped)")
 
     def _advance(self, commander: Commander, seen: ArmState) -> None:
@@ -142,7 +140,7 @@ class _Loop:
         """Retract where the arm follows its commands, else stop it where it is."""
         if not verdict.trusted or commander.mode not in _MOVING:
             self._fail(verdict.text + self._halt_in_doubt())
-        self._parent.tell("limit", text=verdict.text, at=time.monotonic_ns())
+        self._parent.tell("limit", text=verdict.text, at=clock().now_ns())
         commander.retract()
 
     def _look_at_force(self, commander: Commander, now: int) -> None:
@@ -152,7 +150,7 @@ class _Loop:
         if commander.lead is not None:
             commander.lead.hear(self._eye.felt)
         if text is not None:
-            self._parent.tell("limit", text=text, at=time.monotonic_ns())
+            self._parent.tell("limit", text=text, at=clock().now_ns())
             commander.retract()
 
     def _take_state(self) -> None:
@@ -185,7 +183,7 @@ class _Loop:
         for _ in range(_MUTE):
             if not self._robot.control.isProgramRunning():
                 return ""
-            time.sleep(PERIOD)
+            clock().sleep(PERIOD)
         return " The control link still reports it as running: that link is mute, and commands did not arrive."
 
     def _listen(self, now: int) -> None:
@@ -263,7 +261,7 @@ class _Loop:
 
     def _refuse(self, text: str, commander: Commander) -> None:
         """Nothing of a motion is done."""
-        self._parent.tell("limit", text=text, at=time.monotonic_ns())
+        self._parent.tell("limit", text=text, at=clock().now_ns())
         commander.mode = "done"
 
     def _finish(self) -> NoReturn:
@@ -271,11 +269,11 @@ class _Loop:
         self._halt()
         self._parent.tell("done")
         while not self._parent.gone:
-            self._ring.beat(time.monotonic_ns())
+            self._ring.beat(clock().now_ns())
             self._take_state()
             if any(message["say"] == "close" for message in self._parent.messages()):
                 break
-            time.sleep(PERIOD)
+            clock().sleep(PERIOD)
         os._exit(0)
 
     def _halt(self) -> None:
@@ -286,12 +284,12 @@ class _Loop:
 
     def _halt_in_doubt(self) -> str:
         """Stop a robot that may not hear: the library would wait for its answer for minutes; the watchdog does not."""
-        halting = threading.Thread(target=self._halt, daemon=True)
+        halting = clock().thread(self._halt, "halt")
         halting.start()
-        deadline = time.monotonic() + _HEARD
-        while halting.is_alive() and time.monotonic() < deadline:
-            self._ring.beat(time.monotonic_ns())
-            time.sleep(PERIOD)
+        deadline = clock().now() + _HEARD
+        while halting.is_alive() and clock().now() < deadline:
+            self._ring.beat(clock().now_ns())
+            clock().sleep(PERIOD)
         return " The control link does not answer: commands do not arrive." if halting.is_alive() else ""
 
     def _leave(self) -> NoReturn:
