@@ -1,6 +1,7 @@
 """Estimates that do not keep up: recording never waits, the same bits in larger blocks, and it is said."""
 
 import threading
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from mcap.reader import make_reader
 from palpate import Batch, Channel, Stream
 from palpate.alignment import AlignmentSettings, Ports
+from palpate.clocks import WallClock
 from palpate.estimation import Estimates, Samples
 from palpate.pipeline import backlog as module, run_pipeline
 from palpate.pipeline.backlog import Backlog
