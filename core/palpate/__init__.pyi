@@ -105,6 +105,7 @@ from palpate.result.found import Bias as Bias
 from palpate.result.kept import Kept as Kept
 from palpate.result.tail import Tail as Tail
 from palpate.result.track_result import TrackSummary as TrackSummary
+from palpate.simulated_clock import HoldUp as HoldUp, SimulatedClock as SimulatedClock, ThreadEnded as ThreadEnded
 from palpate.sink import (
     EstimatesWriter as EstimatesWriter,
     GuardState as GuardState,

@@ -8,6 +8,7 @@ result, depends on nothing but the code and its seeds. The method is that of det
 from __future__ import annotations
 
 import heapq
+import math
 import queue
 import select
 import threading
@@ -33,7 +34,7 @@ class DeadlockError(RuntimeError):
 
 @dataclass(frozen=True)
 class HoldUp:
-    """A process kept waiting for a `duration` [s]: `first` at a time [s], then `every` so often [s], if at all."""
+    """A process ("robot" is "robot 2", too) kept waiting for a `duration` [s]: `first` at a time [s], then `every` [s]."""
 
     process: str
     duration: float
@@ -48,6 +49,11 @@ class HoldUp:
         if self.every is not None:
             begin += (now - begin) // round(self.every * 1e9) * round(self.every * 1e9)
         return max(now, begin + length) if now < begin + length else now
+
+
+def _nanoseconds(duration: float) -> int:
+    """A duration [s] in [ns], rounded up: a loop that waits for what is left must get there."""
+    return max(math.ceil(duration * 1e9), 0)
 
 
 class _Actor:
@@ -75,9 +81,7 @@ class SimulatedClock:
 
     def __init__(self, hold_ups: Sequence[HoldUp] = ()) -> None:
         self._now = _BEGIN
-        self._hold_ups: dict[str, list[HoldUp]] = {}
-        for hold_up in hold_ups:
-            self._hold_ups.setdefault(hold_up.process, []).append(hold_up)
+        self._hold_ups = tuple(hold_ups)
         self._agenda: list[tuple[int, int, _Actor, int]] = []  # time [ns], order, who, number of its wait
         self._order = 0
         self._actors: dict[int, _Actor] = {}  # by the number of the thread
@@ -108,7 +112,7 @@ class SimulatedClock:
 
     def sleep(self, duration: float) -> None:
         """Let others run until a duration [s] has passed."""
-        self.wait_until(self._now + max(round(duration * 1e9), 0))
+        self.wait_until(self._now + _nanoseconds(duration))
 
     def wait(self, readable: Sequence[Any], timeout: float | None) -> list[Any]:
         """Those of some open files that can be read; see `palpate.Clock`."""
@@ -120,7 +124,7 @@ class SimulatedClock:
             me.watched = poll
             self._watching.append(me)
             try:
-                self._block(me, None if timeout is None else self._now + round(timeout * 1e9))
+                self._block(me, None if timeout is None else self._now + _nanoseconds(timeout))
             finally:
                 me.watched = None
                 self._watching.remove(me)
@@ -237,8 +241,9 @@ class SimulatedClock:
 
     def _free(self, actor: _Actor, instant: int) -> int:
         """When [ns] the computer lets an actor run that is due at an instant [ns]."""
-        for hold_up in self._hold_ups.get(actor.process, ()):
-            instant = _BEGIN + hold_up.until(instant - _BEGIN)
+        for hold_up in self._hold_ups:
+            if actor.process.partition(" ")[0] == hold_up.process:
+                instant = _BEGIN + hold_up.until(instant - _BEGIN)
         return instant
 
 
@@ -264,7 +269,7 @@ class _SimulatedThread:
     def join(self, timeout: float | None = None) -> None:
         """Let others run until it has ended, for up to `timeout` [s]."""
         clock, actor = self._clock, self._actor
-        until = None if timeout is None else clock.now_ns() + round(max(timeout, 0.0) * 1e9)
+        until = None if timeout is None else clock.now_ns() + _nanoseconds(timeout)
         while not actor.ended and (until is None or clock.now_ns() < until):
             me = clock._me()
             actor.joiners.append(me)
@@ -324,7 +329,7 @@ class _SimulatedEvent:
     def wait(self, timeout: float | None = None) -> bool:
         """Let others run until it is raised, for up to `timeout` [s]; whether it is."""
         clock = self._clock
-        until = None if timeout is None else clock.now_ns() + round(max(timeout, 0.0) * 1e9)
+        until = None if timeout is None else clock.now_ns() + _nanoseconds(timeout)
         while not self._raised and (until is None or clock.now_ns() < until):
             me = clock._me()
             self._waiting.append(me)

@@ -16,24 +16,6 @@ _ATTEMPTS = 2
 BAUD_RATES = (9600, 57600, 115200, 230400, 460800)  # by their codes
 
 
-def open_port(path: str, baud: int) -> Any:
-    """The port, ours alone, with the least delay that its driver offers; raises DeviceError in words."""
-    try:
-        import serial
-    except ImportError as error:
-        raise DeviceError("pyserial is missing: pip install pyserial") from error
-    try:
-        port = serial.Serial(path, baud, timeout=0, exclusive=True)
-    except (OSError, ValueError) as error:
-        number = getattr(error, "errno", None)
-        reason = os.strerror(number) if number else str(error)
-        raise DeviceError(f"{path} cannot be opened: {reason}") from error
-    # A pseudo-terminal has no latency timer, a chip by another maker none that can be set.
-    with contextlib.suppress(OSError, ValueError, NotImplementedError, AttributeError):
-        port.set_low_latency_mode(True)
-    return port
-
-
 def latency_timer(path: str) -> str:
     """What the USB adapter waits before it passes bytes on; "1 ms" is what is wanted, 16 ms the usual default."""
     name = Path(path).resolve().name

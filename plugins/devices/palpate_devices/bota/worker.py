@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import gc
 import json
 import math
 import os
 import sys
 import termios
+from collections.abc import Sequence
 from typing import Any
 
 from palpate import DeviceError, clock
 
-from palpate_devices.bota.commands import configure, latency_timer, open_port, powered_since, stop_stream
+from palpate_devices.bota.commands import configure, latency_timer, powered_since, stop_stream
 from palpate_devices.bota.frames import UNUSABLE, Frame, FrameDecoder, Unwrapped
 from palpate_devices.bota.layout import DAMAGED, ROW, SKIPPED
-from palpate_devices.process.child import Parent, real_time
+from palpate_devices.process.child import Parent
+from palpate_devices.process.host import host
 from palpate_devices.process.ring import Ring
 
 _REBOOT_TEXTS = (b"App Init", b"FW version")
@@ -23,18 +24,20 @@ _IDLE = 0.02  # [s]
 _MOST = 4096  # bytes; a terminal hands out no more at a time, and room for more would leave holes in the heap
 
 
-def main() -> None:
+def main(arguments: Sequence[str]) -> None:
     """Read until the parent goes, the sensor goes, or it falls silent."""
-    parent, settings = Parent(int(sys.argv[1])), json.loads(sys.argv[3])
-    ring = Ring(int(sys.argv[2]), ROW.size)
-    scheduling = real_time(40)
+    settings, scheduling = json.loads(arguments[2]), host().enter(40)
+    with Parent(int(arguments[0])) as parent:
+        _serve(parent, Ring(int(arguments[1]), ROW.size), settings, scheduling)
+
+
+def _serve(parent: Parent, ring: Ring, settings: dict[str, Any], scheduling: str) -> None:
     port = None
     try:
-        port = open_port(settings["port"], settings["baud"])
+        port = host().serial_port(settings["port"], settings["baud"])
         identity = configure(port, settings["baud"], settings, settings["boot"])
         _settle(port, settings["settle"])
-        gc.freeze()
-        gc.disable()
+        host().run_without_collection()
         facts = {"latency_timer": latency_timer(settings["port"]), "supply": settings["supply"]}
         if settings["supply"] == "usb" and (since := powered_since(settings["port"])) is not None:
             facts["powered_since"] = since
@@ -64,7 +67,7 @@ def _read(port: Any, ring: Ring, parent: Parent, silence: float) -> None:
     heard = clock().now_ns()
     while not parent.gone:
         # Straight from the descriptor: `in_waiting` never says more than 4095, and needs a call more.
-        ready = clock().wait([port.fileno(), parent._socket], _IDLE)
+        ready = clock().wait([port.fileno(), parent], _IDLE)
         now = clock().now_ns()
         ring.beat(now)
         if port.fileno() in ready:
@@ -94,4 +97,4 @@ def _keep(ring: Ring, stamps: Unwrapped, frame: Frame, now: int) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

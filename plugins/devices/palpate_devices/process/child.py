@@ -8,11 +8,11 @@ import os
 import signal
 import socket
 import subprocess
-import sys
-from typing import Any
+from typing import Any, Self
 
 from palpate import DeviceError, clock
 
+from palpate_devices.process.host import host
 from palpate_devices.process.ring import Ring, ring_size, shared_memory
 
 _BEAT_EVERY = 0.025  # [s]
@@ -30,12 +30,8 @@ class Child:
         self._hint = hint  # what a sudden end means
         ours, theirs = socket.socketpair()
         memory = shared_memory(ring_size(columns))
-        command = [sys.executable, "-m", module, str(theirs.fileno()), str(memory), json.dumps(settings)]
         try:
-            self._process = subprocess.Popen(
-                command, pass_fds=(theirs.fileno(), memory), stdin=subprocess.DEVNULL, stdout=sys.stderr.fileno()
-                if _has_descriptor(sys.stderr) else subprocess.DEVNULL,
-            )  # fmt: skip
+            self._process = host().start(module, (theirs.fileno(), memory), json.dumps(settings))
             self.ring = Ring(memory, columns)
             self.memory = os.dup(memory)  # to hand on
         finally:
@@ -88,7 +84,7 @@ class Child:
         if self.fault is not None:
             raise DeviceError(f"{self.name}: {self.fault}")
         if self._process.poll() is not None:
-            raise DeviceError(f"{self.name}: its process ended ({_ending(self._process.returncode)}){self._hint}")
+            raise DeviceError(f"{self.name}: its process ended ({_ending(self._process.poll() or 0)}){self._hint}")
         beat = self.ring.last_beat()
         if beat_limit is not None and beat and (age := (clock().now_ns() - beat) / 1e9) > beat_limit:
             self.kill()
@@ -141,14 +137,24 @@ class Parent:
     """The parent, as the child sees it."""
 
     def __init__(self, descriptor: int) -> None:
-        # Ctrl-C and the end of a terminal go to all of its processes; the parent decides what they mean.
-        for number in (signal.SIGINT, signal.SIGHUP):
-            signal.signal(number, signal.SIG_IGN)
         self._socket = socket.socket(fileno=descriptor)
         self._socket.setblocking(False)
         self._text = b""
         self.gone = False
         self.descriptors: list[int] = []  # of the files that came with messages, in their order
+        self._received: list[int] = []  # all of them
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for descriptor in self._received:
+            os.close(descriptor)
+        self._socket.close()
+
+    def fileno(self) -> int:
+        """Of what to wait for messages at."""
+        return self._socket.fileno()
 
     def tell(self, word: str, **facts: Any) -> None:
         """Send the parent a message; one that is gone does not matter."""
@@ -160,6 +166,7 @@ class Parent:
         try:
             data, descriptors, _, _ = socket.recv_fds(self._socket, 65536, 4)
             self.descriptors += descriptors
+            self._received += descriptors
             self.gone = self.gone or not data
         except BlockingIOError:
             return []
@@ -171,22 +178,5 @@ class Parent:
         return [json.loads(line) for line in lines]
 
 
-def _has_descriptor(stream: Any) -> bool:
-    try:
-        stream.fileno()
-    except (AttributeError, OSError, ValueError):
-        return False
-    return True
-
-
 def _ending(code: int) -> str:
     return f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
-
-
-def real_time(priority: int) -> str:
-    """Ask for real-time scheduling of this process; a sentence on what came of it."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-    except (AttributeError, OSError) as error:
-        return f"no real-time scheduling ({error.__class__.__name__}: not permitted)"
-    return f"real-time scheduling, SCHED_FIFO {priority}"

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import gc
 import json
 import math
 import socket
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 from palpate import DeviceError, clock
 
-from palpate_devices.process.child import Parent, real_time
+from palpate_devices.process.child import Parent
+from palpate_devices.process.host import host
 from palpate_devices.process.ring import Ring
 from palpate_devices.rdt.layout import LOST, OUT_OF_ORDER, ROW
 from palpate_devices.rdt.packets import PERIOD, REPLY, STOP, STREAM, missing, request
@@ -19,22 +20,19 @@ from palpate_devices.rdt.packets import PERIOD, REPLY, STOP, STREAM, missing, re
 _IDLE = 0.02  # [s]
 
 
-def main() -> None:
+def main(arguments: Sequence[str]) -> None:
     """Read until the parent goes or the box falls silent."""
-    parent, settings = Parent(int(sys.argv[1])), json.loads(sys.argv[3])
-    ring = Ring(int(sys.argv[2]), ROW.size)
-    scheduling = real_time(40)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+    settings, scheduling = json.loads(arguments[2]), host().enter(40)
+    with Parent(int(arguments[0])) as parent:
+        ring = Ring(int(arguments[1]), ROW.size)
         try:
-            link.connect((settings["host"], settings["port"]))
-            link.setblocking(False)
-            if settings["period"] is not None:
-                link.send(request(PERIOD, round(1e3 * settings["period"])))
-            link.send(request(STREAM))
-            gc.freeze()
-            gc.disable()
-            _read(link, ring, parent, settings, scheduling)
-            link.send(request(STOP))
+            with host().datagrams(settings["host"], settings["port"]) as link:
+                if settings["period"] is not None:
+                    link.send(request(PERIOD, round(1e3 * settings["period"])))
+                link.send(request(STREAM))
+                host().run_without_collection()
+                _read(link, ring, parent, settings, scheduling)
+                link.send(request(STOP))
         except DeviceError as error:
             parent.tell("fault", text=str(error))
         except OSError as error:  # the box has no such port, or is off the net
@@ -46,7 +44,7 @@ def _read(link: socket.socket, ring: Ring, parent: Parent, settings: dict[str, A
     before: int | None = None
     scale = (*(settings["counts_per_force"],) * 3, *(settings["counts_per_torque"],) * 3)
     while not parent.gone:
-        found = clock().wait([link, parent._socket], _IDLE)
+        found = clock().wait([link, parent], _IDLE)
         now = clock().now_ns()
         ring.beat(now)
         if link in found and len(data := link.recv(256)) == REPLY.size:
@@ -71,4 +69,4 @@ def _read(link: socket.socket, ring: Ring, parent: Parent, settings: dict[str, A
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -6,12 +6,14 @@ import gc
 import json
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
 from palpate import DeviceError, LogError
 
-from palpate_devices.process.child import Parent, real_time
+from palpate_devices.process.child import Parent
+from palpate_devices.process.host import host
 from palpate_devices.process.ring import WORDS, Ring
 from palpate_devices.ros2.frames import Outlet
 from palpate_devices.ros2.member import participant
@@ -23,13 +25,13 @@ _NEWS = 50_000_000  # [ns] between two looks at who is there
 LOST = WORDS  # word of the ring's head: messages not taken
 
 
-def main() -> None:
+def main(arguments: Sequence[str]) -> None:
     """Listen until the parent goes."""
-    parent, settings = Parent(int(sys.argv[1])), json.loads(sys.argv[3])
-    ring = Ring(int(sys.argv[2]), 1)
+    parent, settings = Parent(int(arguments[0])), json.loads(arguments[2])
+    ring = Ring(int(arguments[1]), 1)
     try:
         outlet = Outlet(_descriptor(parent))
-        scheduling = real_time(40)  # the middleware's threads inherit it
+        scheduling = host().enter(40)  # the middleware's threads inherit it
         member = participant(network_of(settings))
         parent.tell("ready", scheduling=scheduling)
         gc.freeze()
@@ -97,4 +99,4 @@ def _begin(member: Participant, found: Publication, heard: dict[str, str], defin
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

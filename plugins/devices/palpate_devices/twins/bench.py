@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Mapping
 
-from palpate_devices.process.child import real_time
+from palpate_devices.process.host import real_time
 from palpate_devices.twins.console import Console
 from palpate_devices.twins.faults import FAULTS, apply_fault
 from palpate_devices.twins.settings import BenchSettings
@@ -24,6 +25,8 @@ class VirtualBench(BenchSettings):
         world = World(self, seed)
         try:
             scheduling = real_time(50)
+            for number in (signal.SIGTERM, signal.SIGINT):
+                signal.signal(number, world.end)
             ready({"robot": self.host, "sensor": str(self.port), "scheduling": scheduling})
             world.run(Console(lambda words: apply_fault(world, words), FAULTS))
         finally:

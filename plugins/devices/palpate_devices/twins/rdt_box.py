@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import math
-import socket
 
 import numpy as np
-from palpate import DeviceError, Floats
+from palpate import Floats
 
-from palpate_devices.rdt.packets import PERIOD, PORT, REPLY, STOP, STREAM, asked
+from palpate_devices.rdt.packets import PERIOD, REPLY, STOP, STREAM, asked
+from palpate_devices.twins.lines import DatagramLine
 
 COUNTS = {"ati": (1e6, 1e6), "onrobot": (1e4, 1e5)}  # per newton and per newton metre
 _STATUS = {"throttled": 0, "overrange": 0x80010000, "saturated": 0x80000002, "raw": 0x80000001}
@@ -24,12 +24,11 @@ class VirtualBox:
     noise_factor = 1.0
     eeprom_writes = 0
 
-    def __init__(self, host: str, rate: float, scale: tuple[float, float], seed: int) -> None:
-        self._address, self.period = (host, PORT), 1.0 / rate
+    def __init__(self, line: DatagramLine, rate: float, scale: tuple[float, float], seed: int) -> None:
+        self._line, self.period = line, 1.0 / rate
         self._scale = np.repeat(scale, 3)
         self._rng = np.random.default_rng(seed)
-        self._socket: socket.socket | None = None
-        self._client: tuple[str, int] | None = None
+        self._streaming = False
         self._next, self._sequence = 0.0, 0
         self.sent = self.dropped = 0
         self.fault: str | None = None
@@ -38,18 +37,12 @@ class VirtualBox:
 
     def plug_in(self) -> None:
         """Be on the net."""
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-        try:
-            self._socket.bind(self._address)
-        except OSError as error:
-            raise DeviceError(f"{self._address[0]}:{PORT} cannot be used: {error.strerror}") from error
+        self._line.plug_in()
 
     def unplug(self) -> None:
         """Be off the net."""
-        if self._socket is not None:
-            self._socket.close()
-        self._socket, self._client = None, None
+        self._line.unplug()
+        self._streaming = False
 
     def reboot(self, now: float) -> None:
         """Count from the beginning; listeners continue to be served."""
@@ -58,29 +51,25 @@ class VirtualBox:
     def restore(self) -> None:
         """On the net, and without a fault."""
         self.fault, self.corruption, self.sign, self.lump_time = None, 0.0, 1.0, 0.0
-        if self._socket is None:
-            self.plug_in()
+        self.plug_in()
 
     def refuse(self, letter: str) -> None:
         """It has no commands to refuse."""
 
     def poll(self, now: float) -> None:
         """Requests; `now` [s] is the world's time."""
-        if self._socket is None:
-            return
         with contextlib.suppress(OSError):  # nothing there, or a client that has gone
-            data, client = self._socket.recvfrom(64)
-            command, count = asked(data) or (None, 0)
+            command, count = asked(self._line.receive()) or (None, 0)
             if command == STREAM:
-                self._client, self._next = client, now
+                self._streaming, self._next = True, now
             elif command == STOP:
-                self._client = None
+                self._streaming = False
             elif command == PERIOD and count > 0:
                 self.period = count / 1e3
 
     def instants(self, until: float) -> Floats:
         """The times [s] up to `until` at which it reads, since the last call."""
-        if self._client is None:
+        if not self._streaming:
             return np.zeros(0)
         count = max(math.floor((until - self._next) / self.period + 1e-9) + 1, 0)
         instants = np.asarray(self._next + self.period * np.arange(count), np.float64)
@@ -92,11 +81,11 @@ class VirtualBox:
         status = _STATUS.get(self.fault or "", 0)
         for counts in np.rint(self.sign * wrench * self._scale).astype(int).tolist():
             self._sequence = (self._sequence + 1) % (1 << 32)
-            if self.fault == "silent" or self._socket is None or self._client is None:
+            if self.fault == "silent" or not self._streaming:
                 continue
             if self.corruption and self._rng.random() < self.corruption:
                 self.dropped += 1  # UDP drops what is damaged
                 continue
             with contextlib.suppress(OSError):
-                self._socket.sendto(REPLY.pack(self._sequence, self._sequence, status, *counts), self._client)
+                self._line.send(REPLY.pack(self._sequence, self._sequence, status, *counts))
                 self.sent += 1

@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import contextlib
-import fcntl
 import math
-import os
-import pty
 import re
-import select
-import termios
-from pathlib import Path
 
 import numpy as np
 from palpate import Floats
 
 from palpate_devices.bota.frames import LENGTH, packed
 from palpate_devices.twins.corruption import KINDS, corrupted
+from palpate_devices.twins.lines import SerialLine
 
 _BOOT, _SLOW_BOOT = 0.3, 2.5  # [s]; a choice, the real sensor takes less than 3 s
 _REPLY = 0.01  # [s]; a choice
 _QUIET = 0.03  # [s] of silence end a command that has no line end; a choice
 _TEXT = b"App Init\r\nname: BFT-SENS-SER-M8 (software)\r\nS/N: 000000\r\nFW version: 2.3 software\r\n"
 _FACTORY_SINC = 512
-_BAUD = termios.B460800
 _MOST_UNSENT = 100_000  # bytes, some 3 s: a pseudo-terminal takes 0.5 s of frames, then nothing until it is read
 _STATUS = {"throttled": 1, "overrange": 2, "saturated": 4, "raw": 8}
 
@@ -31,13 +24,13 @@ _STATUS = {"throttled": 1, "overrange": 2, "saturated": 4, "raw": 8}
 class VirtualSensor:
     """State machine of a SensONE: boot, RUN, CONFIG; commands, acknowledgements, frames.
 
-    The port is a symbolic link to a pseudo-terminal. It resets when the port is opened, as the real one does by DTR,
-    comes up at its stored settings and streams by itself. Which wrench it reads is not its business: `instants` gives
+    It resets when its port is opened, as the real one does by DTR, comes up at its stored settings and streams by
+    itself. Which wrench it reads is not its business: `instants` gives
     its sampling times, `send` gets its readings.
     """
 
-    def __init__(self, port: Path, overhead: float, ppm: float, clock_start: int, seed: int) -> None:
-        self._port = port
+    def __init__(self, line: SerialLine, overhead: float, ppm: float, clock_start: int, seed: int) -> None:
+        self._line = line
         self._overhead = overhead
         self._rate = 1.0 + ppm * 1e-6
         self._clock_start = clock_start
@@ -58,33 +51,17 @@ class VirtualSensor:
         self._replies: list[tuple[float, bytes]] = []
         self._heard = self._boot_at = self._booted = self._next = 0.0
         self._refuse = ""
-        self._master = -1
         self.plug_in()
 
     def plug_in(self) -> None:
-        """Make the port; also after it was unplugged."""
-        self._master, slave = pty.openpty()
-        os.set_blocking(self._master, False)
-        link = self._port.with_name(self._port.name + ".new")
-        link.unlink(missing_ok=True)
-        link.symlink_to(os.ttyname(slave))
-        link.replace(self._port)
-        os.close(slave)  # from now on the terminal reports whether it is open
+        """Put the cable in."""
+        self._line.plug_in()
         self._mode = "closed"
 
     def unplug(self) -> None:
         """Take the cable out."""
-        if self._master >= 0:
-            os.close(self._master)
-            self._master = -1
-            with contextlib.suppress(OSError):
-                self._port.unlink()
+        self._line.unplug()
         self._mode = "unplugged"
-
-    @property
-    def descriptor(self) -> int | None:
-        """What to wait for, where the port is open."""
-        return self._master if self._mode not in ("closed", "unplugged") else None
 
     @property
     def period(self) -> float:
@@ -118,19 +95,15 @@ class VirtualSensor:
         """Opening and closing, commands and answers; `now` [s] is the world's time."""
         if self._mode == "unplugged":
             return
-        poller = select.poll()
-        poller.register(self._master, select.POLLIN)
-        events = dict(poller.poll(0)).get(self._master, 0)
-        if events & select.POLLHUP:
+        is_open, data = self._line.look()
+        if not is_open:
             self._mode = "closed"
-        elif self._mode == "closed" and not termios.tcgetattr(self._master)[3] & termios.ICANON:
-            self.reboot(now)  # an opened port that still echoes is not ready
-        if self._mode == "closed":
             return
-        self._misheard = termios.tcgetattr(self._master)[5] != _BAUD  # it may have been closed and opened unseen
-        if events & select.POLLIN:
-            with contextlib.suppress(OSError):
-                self._take(os.read(self._master, 64), now)
+        if self._mode == "closed":
+            self.reboot(now)
+        self._misheard = self._line.misheard
+        if data:
+            self._take(data, now)
         if self._command and now - self._heard > _QUIET:
             self._take(b"\n", now)
         if self._mode == "boot" and now >= self._boot_at:
@@ -209,7 +182,7 @@ class VirtualSensor:
             data = self._rng.bytes(len(data))
         self._unsent += data
         try:
-            self._unsent = self._unsent[os.write(self._master, self._unsent) :] if self._unsent else b""
+            self._unsent = self._unsent[self._line.write(self._unsent) :] if self._unsent else b""
         except BlockingIOError:  # the reader does not read, or the machine does not let it
             pass
         except OSError:
@@ -217,7 +190,3 @@ class VirtualSensor:
         if len(self._unsent) > _MOST_UNSENT:
             self.dropped += len(self._unsent) // LENGTH
             self._unsent = b""
-
-    def waiting(self) -> int:
-        """Bytes not read yet."""
-        return int.from_bytes(fcntl.ioctl(self._master, termios.TIOCOUTQ, bytes(4)), "little")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from collections import deque
 from typing import Any
 
@@ -16,32 +15,39 @@ from palpate_devices.twins.controller import Controller
 from palpate_devices.twins.rdt_box import COUNTS, VirtualBox
 from palpate_devices.twins.sensone import VirtualSensor
 from palpate_devices.twins.settings import BenchSettings
-from palpate_devices.twins.sockets import ListeningPorts
 from palpate_devices.twins.truth import Truth
+from palpate_devices.twins.wiring import NetworkWiring, Wiring
 from palpate_devices.ur3e.kinematics import MODELS, joints_at, matrix_of, rotation_matrix, tip
 
 _START = np.array([0.0, -1.3, -1.9, -1.5, 1.5708, 0.0])  # a posture with the tool downwards
 _UPRIGHT = (0.0, 0.0, -1.0)
 _OUT = np.diag([1.0, -1.0, -1.0])  # from a frame that looks at the skin to one that looks out of it
+_ROUNDING = 1e-6  # of a tick: a clock counts nanoseconds
 _MOST_BEHIND = 0.5  # [s]; a longer stall of this process is not made up for
 
 
 class World:
     """The twins at work, in one loop of 2 ms."""
 
-    def __init__(self, settings: BenchSettings, seed: int) -> None:
-        self.settings = settings
+    def __init__(self, settings: BenchSettings, seed: int, wiring: Wiring | None = None) -> None:
+        self.settings, wiring = settings, wiring or NetworkWiring()
         noise = np.random.SeedSequence(seed).spawn(3)
         # Where the tool is, and where the controller assumes it: a client may set it.
         self._tool = matrix_of([*settings.tcp, *settings.tcp_rotation])
         arm = SimulatedArm(self._start(), self._tool, model=MODELS[settings.robot])
         robot_seed, sensor_seed = (int(s.generate_state(1)[0]) for s in noise[:2])
         self.controller = Controller(arm, settings.position_std, settings.velocity_std, robot_seed)
-        self.ports = ListeningPorts(settings.host, self.controller)
+        self.ports = wiring.ports(settings.host, self.controller)
         self.sensor: VirtualSensor | VirtualBox = (
-            VirtualSensor(settings.port, settings.line_time, settings.sensor_ppm, settings.clock_start, sensor_seed)
+            VirtualSensor(
+                wiring.serial(settings.port),
+                settings.line_time,
+                settings.sensor_ppm,
+                settings.clock_start,
+                sensor_seed,
+            )
             if settings.sensor == "bota"
-            else VirtualBox(settings.host, settings.sensor_rate, COUNTS[settings.sensor], sensor_seed)
+            else VirtualBox(wiring.datagrams(settings.host), settings.sensor_rate, COUNTS[settings.sensor], sensor_seed)
         )
         self._rng = np.random.default_rng(noise[2])
         self._rotation = settings.work.matrix[:3, :3].T
@@ -77,16 +83,15 @@ class World:
         self.ports.close()
         self.sensor.unplug()
 
-    def run(self, console: Console) -> None:
+    def run(self, console: Console | None = None) -> None:
         """Tick by absolute time; what is late is caught up, and only the newest state is sent."""
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, self._end)
         ports, controller = self.ports, self.controller
         ports.began = clock().now() - controller.now
-        while not (self._done or console.ended):
+        while not (self._done or (console is not None and console.ended)):
             wait = max(ports.began + controller.now + TICK - clock().now(), 0.0)
-            ready: list[Any] = clock().wait([*console.inputs, *ports.sockets], wait)
-            console.read(ready)
+            ready = clock().wait([*(console.inputs if console else ()), *ports.sockets], wait)
+            if console is not None:
+                console.read(ready)
             if clock().now() < self.stalled_until:
                 clock().sleep(self.stalled_until - clock().now())
                 ports.began = clock().now() - controller.now
@@ -95,12 +100,13 @@ class World:
                 ports.began = clock().now() - controller.now
             ports.serve(ready)
             behind = clock().now() - ports.began - controller.now
-            for _ in range(int(behind / TICK)):
+            for _ in range(int(behind / TICK + _ROUNDING)):
                 self._tick()
-            if behind >= TICK:
+            if behind >= TICK * (1.0 - _ROUNDING):
                 ports.broadcast()
 
-    def _end(self, *_: Any) -> None:
+    def end(self, *_: Any) -> None:
+        """Let `run` return."""
         self._done = True
 
     @property

@@ -27,13 +27,14 @@ from palpate import (
 from pydantic import Field
 
 from palpate_devices.process.child import Child
+from palpate_devices.process.host import host
 from palpate_devices.ur3e import layout
 from palpate_devices.ur3e.frame import WorkFrame
 from palpate_devices.ur3e.kinematics import JOINTS
 from palpate_devices.ur3e.layout import ROW
 from palpate_devices.ur3e.link import URLink
 from palpate_devices.ur3e.plan import PERIOD
-from palpate_devices.ur3e.probe import load_known, model_said, probe
+from palpate_devices.ur3e.probe import load_known, model_said
 from palpate_devices.ur3e.servo import Law
 
 _HINT = ": the client library does that when it loses the link to the controller"
@@ -142,7 +143,7 @@ class UR(Device):
     def _connected(self, observe: bool) -> Iterator[Link]:
         name = f"ur at {self.host}"
         try:
-            identity = probe(self.host)
+            identity = host().controller_facts(self.host)
         except DeviceError as error:
             raise DeviceError(f"ur at {error}") from error
         child = Child(name, layout.MODULE, self._worker_settings(identity, observe), ROW.size, _HINT)

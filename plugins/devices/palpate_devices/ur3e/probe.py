@@ -28,7 +28,7 @@ def probe(host: str) -> dict[str, str]:
     """The controller's facts; raises DeviceError where one of its ports does not answer as it should."""
     _asked(host, RTDE, "RTDE", lambda link: _rtde(link, host))
     facts = _asked(host, DASHBOARD, "dashboard", _dashboard)
-    _refuse(facts, host)
+    refuse_unready(facts, host)
     _asked(host, SCRIPT, "script", lambda link: {})
     return facts
 
@@ -56,7 +56,17 @@ def _rtde(link: socket.socket, host: str) -> dict[str, str]:
 def _dashboard(link: socket.socket) -> dict[str, str]:
     lines = link.makefile("rw", encoding="utf-8", newline="\n")
     lines.readline()
-    facts = {}
+
+    def answer(question: str) -> str:
+        lines.write(question + "\n")
+        lines.flush()
+        return lines.readline()
+
+    return dashboard_facts(answer)
+
+
+def dashboard_facts(answer: Callable[[str], str]) -> dict[str, str]:
+    """The facts of a controller whose dashboard answers questions."""
     questions = {
         "software": "PolyscopeVersion",
         "robot": "get robot model",
@@ -65,14 +75,14 @@ def _dashboard(link: socket.socket) -> dict[str, str]:
         "robot_mode": "robotmode",
         "safety": "safetystatus",
     }
-    for fact, question in questions.items():
-        lines.write(question + "\n")
-        lines.flush()
-        facts[fact] = lines.readline().strip().partition(": ")[2 if fact in ("robot_mode", "safety") else 0]
-    return facts
+    answers = {fact: answer(question).strip() for fact, question in questions.items()}
+    return {
+        fact: text.partition(": ")[2] if fact in ("robot_mode", "safety") else text for fact, text in answers.items()
+    }
 
 
-def _refuse(facts: Mapping[str, str], host: str) -> None:
+def refuse_unready(facts: Mapping[str, str], host: str) -> None:
+    """Raise DeviceError where a robot with these facts cannot be moved."""
     if facts["remote"] == "false":
         raise DeviceError(f"{host}: the robot is not in remote control; switch it on the pendant")
     if facts["robot_mode"] and facts["robot_mode"] != "RUNNING":

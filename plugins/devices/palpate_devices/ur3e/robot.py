@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from palpate import Floats, clock
 
+from palpate_devices.process.host import host
 from palpate_devices.ur3e.fence import ArmState, tool_turn
 from palpate_devices.ur3e.frame import WorkFrame
 from palpate_devices.ur3e.kinematics import (
@@ -47,11 +48,9 @@ class Robot:
     """
 
     def __init__(self, settings: dict[str, Any]) -> None:
-        import rtde_receive
-
         self._load_known = settings["load_known"]
         variables = [*_VARIABLES, *(_LOAD if self._load_known else [])]
-        self.receive = rtde_receive.RTDEReceiveInterface(settings["host"], 500.0, variables)
+        self.receive = host().robot_states(settings["host"], variables)
         if not self.receive.isConnected():  # it says so by this alone, and only after 2.5 s
             raise RuntimeError("the controller refuses to start sending its state, or sends nothing")
         self.control: Any = None
@@ -72,9 +71,7 @@ class Robot:
 
     def _take_over(self, settings: dict[str, Any]) -> None:
         """The control program, watchdog, tool and payload; finds the model from the tool's pose."""
-        import rtde_control
-
-        self.control = rtde_control.RTDEControlInterface(settings["host"], 500.0)
+        self.control = host().robot_commands(settings["host"])
         send_at_once(RTDE_PORT)
         pendant = self.control.getTCPOffset()
         # The tool's own turn is the pendant's business, unless the pipeline states it.

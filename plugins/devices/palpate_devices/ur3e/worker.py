@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import gc
 import json
-import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
@@ -14,7 +12,8 @@ import numpy as np
 from palpate import Floats, ForceLaw, clock
 
 from palpate_devices.leading import refusal
-from palpate_devices.process.child import Parent, real_time
+from palpate_devices.process.child import Parent
+from palpate_devices.process.host import host
 from palpate_devices.process.ring import Ring
 from palpate_devices.ur3e.client import missing
 from palpate_devices.ur3e.fence import ArmState, Fence, Verdict
@@ -36,21 +35,23 @@ _LISTEN_EVERY = 5  # periods; stopping goes by shared memory and does not wait
 _MOVING = ("retreat", "stay", "approach", "follow")
 
 
-def main() -> None:
+def main(arguments: Sequence[str]) -> None:
     """Connect, report, servo until the parent goes or the robot fails."""
-    parent, settings = Parent(int(sys.argv[1])), json.loads(sys.argv[3])
-    ring = Ring(int(sys.argv[2]), ROW.size)
-    scheduling = real_time(45)
+    settings, scheduling = json.loads(arguments[2]), host().enter(45)
+    with Parent(int(arguments[0])) as parent:
+        _serve(parent, Ring(int(arguments[1]), ROW.size), settings, scheduling)
+
+
+def _serve(parent: Parent, ring: Ring, settings: dict[str, Any], scheduling: str) -> NoReturn:
     try:
         robot = Robot(settings)
     except ImportError as error:
         parent.tell("fault", text=f"{missing()} ({error})")
-        os._exit(1)
+        host().leave(1)
     except RuntimeError as error:
         parent.tell("fault", text=f"cannot connect: {' '.join(str(error).split())}")
-        os._exit(1)  # its destructors sleep, hang or crash
-    gc.freeze()
-    gc.disable()
+        host().leave(1)  # its destructors sleep, hang or crash
+    host().run_without_collection()
     parent.tell("ready", scheduling=scheduling, **robot.facts)
     _Loop(parent, ring, robot, settings).run()
 
@@ -274,7 +275,7 @@ class _Loop:
             if any(message["say"] == "close" for message in self._parent.messages()):
                 break
             clock().sleep(PERIOD)
-        os._exit(0)
+        host().leave(0)
 
     def _halt(self) -> None:
         """Stop servoing, then the program; both wait for the controller, who was heard of a moment ago."""
@@ -294,12 +295,12 @@ class _Loop:
 
     def _leave(self) -> NoReturn:
         self._halt()
-        os._exit(0)
+        host().leave(0)
 
     def _fail(self, text: str) -> NoReturn:
         """Say why and go at once: the library's destructors and reconnecting threads are what hangs and crashes."""
         self._parent.tell("fault", text=text)
-        os._exit(1)
+        host().leave(1)
 
 
 def _slower(law: Law, limits: dict[str, Any]) -> dict[str, float]:
@@ -313,4 +314,4 @@ def _slower(law: Law, limits: dict[str, Any]) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])
