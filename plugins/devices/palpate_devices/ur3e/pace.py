@@ -63,6 +63,7 @@ class Pace:
     def __init__(self, ring: Ring, beat: Beat, counted: Callable[[], bool]) -> None:
         self._ring, self._beat, self._counted = ring, beat, counted
         self._lateness = Lateness(ring.head, _TICK)
+        self._random = random.Random(0)
 
     def run(self, cycle: Callable[[int, int], None], look: Callable[[], None]) -> NoReturn:
         """A cycle at each deadline, given the time [ns] and how many were left out; a look between two of them."""
@@ -77,7 +78,7 @@ class Pace:
             # would always be seen equally late, and its clock mapped wrongly by up to a period.
             rest = deadline + _TICK - clock().now_ns()
             if rest > _TICK // 4:
-                self._sleep(round(rest * random.uniform(0.0, 0.95)))
+                self._sleep(round(rest * self._random.uniform(0.0, 0.95)))
                 look()
             deadline, left_out = next_deadline(deadline, sent, clock().now_ns())
             deadline += self._beat.correction(deadline)
