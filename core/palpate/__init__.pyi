@@ -126,7 +126,7 @@ from palpate.trajectory import (
     Setpoint as Setpoint,
     Trajectory as Trajectory,
 )
-from palpate.twin import Twin as Twin
+from palpate.twin import ArmTruth as ArmTruth, SimulatedTwin as SimulatedTwin, Twin as Twin
 from palpate.units import (
     Acceleration as Acceleration,
     Angle as Angle,

@@ -34,7 +34,10 @@ class DeadlockError(RuntimeError):
 
 @dataclass(frozen=True)
 class HoldUp:
-    """A process ("robot" is "robot 2", too) kept waiting for a `duration` [s]: `first` at a time [s], then `every` [s]."""
+    """A process that is kept waiting for a `duration` [s], `first` at a time [s], then `every` [s], if at all.
+
+    The name "robot" stands for "robot 1", "robot 2" and so on, too.
+    """
 
     process: str
     duration: float

@@ -1,12 +1,45 @@
-"""Twins: devices in software that speak the wire protocol of the real ones."""
+"""Twins: devices in software that stand in for the real ones."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
-from typing import ClassVar
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
 
+from palpate.errors import ConfigurationError
 from palpate.parts import Part
+from palpate.simulated_clock import HoldUp
+
+
+@dataclass(frozen=True)
+class ArmTruth:
+    """What a twin's arm truly did, and what was under it; none of it comes from what its sensors report."""
+
+    low: tuple[float, ...]  # (3,) [m] corner of the box, in the work frame, that the tip was in
+    high: tuple[float, ...]  # (3,) [m] the opposite corner
+    speed: float  # [m/s] fastest tip
+    acceleration: float  # [m/s^2] largest of the tip, mean over 20 ms
+    turning: float  # [rad/s] fastest turn of the tool
+    joint_speed: float  # [rad/s] fastest joint
+    force: float  # [N] largest on the skin
+    moving: bool  # whether a joint still moves
+
+
+class SimulatedTwin(Protocol):
+    """A twin at work in simulated time."""
+
+    @property
+    def faults(self) -> Mapping[str, str]:
+        """The faults that it can simulate, each with what happens; words in capitals stand for numbers."""
+
+    def fault(self, words: str) -> None:
+        """Make a fault now; raises ConfigurationError where there is no such fault, or its numbers are wrong."""
+
+    @property
+    def truth(self) -> ArmTruth:
+        """What its arm did so far."""
 
 
 class Twin(Part, ABC):
@@ -21,3 +54,10 @@ class Twin(Part, ABC):
         `ready` is called once the twin can be reached, with what a user should know: addresses, by name. Raises
         DeviceError where an address cannot be had.
         """
+
+    def simulated(self, seed: int, hold_ups: Sequence[HoldUp] = ()) -> AbstractContextManager[SimulatedTwin]:
+        """Simulated time in this process, in which the devices of the rig reach the twin without ports.
+
+        Raises ConfigurationError where the twin cannot be simulated.
+        """
+        raise ConfigurationError(f"{type(self).__name__}: this twin has no simulated time; `palpate twin` serves it")

@@ -24,8 +24,8 @@ from palpate.host import (
     run_pipeline,
 )
 
+from palpate_basics.dry_run import show_motion
 from palpate_basics.layout import layout
-from palpate_basics.rehearsal import rehearse
 from palpate_basics.view import result_view
 
 _LOGS = (".mcap", ".db3", ".csv", ".gz")
@@ -51,7 +51,7 @@ def run(
     with progress(f"look at {file}"):  # a log of gigabytes is passed once for what it holds
         pipeline = load_pipeline(file, assignments)
     if dry:
-        rehearse(pipeline)
+        show_motion(pipeline)
         return
     for name, table in pipeline.tables.items():
         if command := getattr(table, "many_runs_by", ""):

@@ -3,13 +3,34 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+
+from palpate import ArmTruth, HoldUp, SimulatedTwin
 
 from palpate_devices.process.host import real_time
 from palpate_devices.twins.console import Console
-from palpate_devices.twins.faults import FAULTS, apply_fault
+from palpate_devices.twins.faults import FAULTS, apply_fault, make_fault
 from palpate_devices.twins.settings import BenchSettings
 from palpate_devices.twins.world import World
+
+
+class SimulatedBench:
+    """A bench in simulated time (a SimulatedTwin)."""
+
+    faults = FAULTS
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+
+    def fault(self, words: str) -> None:
+        """Make a fault; raises ConfigurationError."""
+        make_fault(self._world, words.split())
+
+    @property
+    def truth(self) -> ArmTruth:
+        """What the arm did so far."""
+        return self._world.arm_truth
 
 
 class VirtualBench(BenchSettings):
@@ -19,6 +40,14 @@ class VirtualBench(BenchSettings):
     feels contact, weight and inertia of the tip at the exact motion of the arm. `palpate twin FILE` serves it and reads
     faults from its input, one to a line; `help` lists them. On a rig the table is ignored.
     """
+
+    @contextmanager
+    def simulated(self, seed: int, hold_ups: Sequence[HoldUp] = ()) -> Iterator[SimulatedTwin]:
+        """Robot and sensor in simulated time."""
+        from palpate_devices.twins.simulation import simulated
+
+        with simulated(self, seed, hold_ups) as world:
+            yield SimulatedBench(world)
 
     def serve(self, seed: int, ready: Callable[[Mapping[str, str]], None]) -> None:
         """Serve until SIGTERM, Ctrl-C or the end of the standard input, where that is open."""

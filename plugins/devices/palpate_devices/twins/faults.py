@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from palpate import clock
+from palpate import ConfigurationError, clock
+from palpate.host import suggest
 
 from palpate_devices.twins.scene import begun_at, softened
 
@@ -144,16 +145,24 @@ _NUMBERS = {"turn": "three numbers", "start": "six numbers"}  # that an action w
 
 def apply_fault(world: World, words: list[str]) -> str:
     """Execute a line; answer with the host's monotonic time, or with its error."""
-    name, given = words[0], words[1:]
-    if name == "state":
+    if words[0] == "state":
         return _state(world)
+    try:
+        make_fault(world, words)
+    except ConfigurationError as error:
+        return str(error)
+    return f"done {clock().now():.6f} {words[0]}"
+
+
+def make_fault(world: World, words: list[str]) -> None:
+    """Make a fault; raises ConfigurationError where there is no such fault, or its numbers are wrong."""
+    name, given = words[0], words[1:]
     if name not in _ACTIONS:
-        return f"unknown: {name}; help lists the commands"
+        raise ConfigurationError(f"unknown: {name}{suggest(name, _ACTIONS)}; help lists the commands")
     try:
         _ACTIONS[name](world, given or [""])
-    except ValueError:
-        return f"{name} needs {_NUMBERS.get(name, 'a number')}, not {' '.join(given)!r}"
-    return f"done {clock().now():.6f} {name}"
+    except ValueError as error:
+        raise ConfigurationError(f"{name} needs {_NUMBERS.get(name, 'a number')}, not {' '.join(given)!r}") from error
 
 
 def _state(world: World) -> str:

@@ -60,9 +60,7 @@ class _ProcessExitError(BaseException):
 class SimulatedProcess:
     """A device's process as a thread in simulated time (a Process)."""
 
-    def __init__(
-        self, clock: SimulatedClock, name: str, module: str, arguments: Sequence[str], pid: int
-    ) -> None:
+    def __init__(self, clock: SimulatedClock, name: str, module: str, arguments: Sequence[str], pid: int) -> None:
         self.returncode: int | None = None
         self.pid = pid
         self._clock, self._name, self._module, self._arguments = clock, name, module, arguments

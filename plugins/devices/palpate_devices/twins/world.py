@@ -6,7 +6,7 @@ from collections import deque
 from typing import Any
 
 import numpy as np
-from palpate import DeviceError, clock
+from palpate import ArmTruth, DeviceError, clock
 
 from palpate_devices.sensing import sensed_wrench
 from palpate_devices.twins.arm import TICK, SimulatedArm
@@ -118,6 +118,21 @@ class World:
     def velocity(self) -> Any:
         """Its velocity (3,) [m/s]."""
         return self._before[1]
+
+    @property
+    def arm_truth(self) -> ArmTruth:
+        """What the arm did since the extremes were forgotten."""
+        facts, truth = self.truth.facts(), self.truth
+        return ArmTruth(
+            tuple(facts["low"]),
+            tuple(facts["high"]),
+            facts["fastest_tip"],
+            truth.acceleration,
+            facts["fastest_turn"],
+            facts["fastest_joint"],
+            truth.force,
+            bool(np.abs(self.controller.arm.qd).max() > 1e-3),
+        )
 
     def _tip(self) -> tuple[Any, Any]:
         arm = self.controller.arm

@@ -12,7 +12,7 @@ from palpate.host import MotionReport, Pipeline, SafetySettings, check_motion, c
 _WIDTH, _HEIGHT = 72, 14  # characters of the drawing
 
 
-def rehearse(pipeline: Pipeline) -> None:
+def show_motion(pipeline: Pipeline) -> None:
     """Print every motion; raises ConfigurationError where one breaks the limits."""
     if not pipeline.trajectories:
         typer.echo(f"{pipeline.path}: nothing moves")
