@@ -8,11 +8,21 @@ from dataclasses import dataclass, field
 import numpy as np
 from palpate import Floats
 
-from palpate_devices.ur3e.kinematics import UR3E, Model, joints_at, matrix_of, pose_of, rotation_vector, tip
+from palpate_devices.ur3e.kinematics import (
+    UR3E,
+    Model,
+    flange,
+    joints_at,
+    matrix_of,
+    pose_of,
+    rotation_vector,
+    tip_of,
+)
 
 TICK = 0.002  # [s]
 _ACCELERATION = 80.0  # [rad/s^2]; what servoing may ask of a joint
 _STOPPING = 20.0  # [rad/s^2]
+_NEAR = 1e-8  # [m], [rad] of a pose to the one that was asked for
 
 
 @dataclass
@@ -34,6 +44,7 @@ class SimulatedArm:
     _speed: Floats = field(default_factory=lambda: np.zeros(6))
     _path: list[Floats] = field(default_factory=list)
     _deceleration: float = _STOPPING
+    _posture: tuple[Floats, Floats, Floats] | None = None  # joints, and what `flange` gives for them
 
     def servo(self, q: Floats, lookahead: float, gain: float) -> None:
         """Follow joint angles."""
@@ -51,7 +62,9 @@ class SimulatedArm:
         """Joint angles for a pose, those nearest to the present ones."""
         if not all(map(math.isfinite, pose)):
             return None
-        return joints_at(matrix_of(pose), self.tcp, self.q if near is None else near, steps=15, model=self.model)
+        return joints_at(
+            matrix_of(pose), self.tcp, self.q if near is None else near, steps=15, tolerance=_NEAR, model=self.model
+        )
 
     def move(self, q: Floats, speed: float, acceleration: float) -> None:
         """Go to joint angles on a straight line in joint space, with a trapezoid of speed."""
@@ -62,7 +75,7 @@ class SimulatedArm:
 
     def move_linear(self, pose: list[float], speed: float, acceleration: float) -> bool:
         """Go to a pose on a straight line; False where part of it is out of reach."""
-        goal, start = matrix_of(pose), tip(self.q.tolist(), self.tcp, self.model)[0]
+        goal, start = matrix_of(pose), self.tip(self.tcp)[0]
         way = goal[:3, 3] - start[:3, 3]
         turn = rotation_vector(goal[:3, :3] @ start[:3, :3].T)
         length = max(float(np.linalg.norm(way)), 1e-12)
@@ -87,9 +100,7 @@ class SimulatedArm:
     def run_tip_at(self, twist: list[float]) -> bool:
         """Hold a tip speed; False where the arm is singular."""
         try:
-            self.run_at(
-                np.asarray(np.linalg.solve(tip(self.q.tolist(), self.tcp, self.model)[1], np.array(twist)), np.float64)
-            )
+            self.run_at(np.asarray(np.linalg.solve(self.tip(self.tcp)[1], np.array(twist)), np.float64))
         except np.linalg.LinAlgError:
             return False
         return True
@@ -103,10 +114,16 @@ class SimulatedArm:
         """Whether a move is under way, or it has not come to rest."""
         return bool(self._path) or float(np.abs(self.qd).max()) > 1e-4
 
+    def tip(self, tool: Floats) -> tuple[Floats, Floats]:
+        """Pose (4, 4) and Jacobian (6, 6) of the end of a tool (4, 4); see `kinematics.tip`."""
+        if self._posture is None or self._posture[0] is not self.q:
+            self._posture = self.q, *flange(self.q.tolist(), self.model)
+        return tip_of(*self._posture[1:], tool)
+
     @property
     def pose(self) -> list[float]:
         """Where the tip is, as UR's six numbers."""
-        return pose_of(tip(self.q.tolist(), self.tcp, self.model)[0])
+        return pose_of(self.tip(self.tcp)[0])
 
     def advance(self) -> None:
         """One tick."""

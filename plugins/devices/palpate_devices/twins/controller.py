@@ -11,7 +11,7 @@ from palpate import clock
 from palpate_devices.twins.arm import TICK, SimulatedArm
 from palpate_devices.twins.program import Program
 from palpate_devices.twins.rtde import OUTPUTS, ClientSession
-from palpate_devices.ur3e.kinematics import pose_of, tip
+from palpate_devices.ur3e.kinematics import pose_of, rotation_matrix
 
 VERSION = (5, 12, 4, 1101661)
 GREETING = "Connected: Universal Robots Dashboard Server"
@@ -99,7 +99,7 @@ class Controller:
 
     def stick(self) -> None:
         """Keep reporting the present pose, and all else as it is."""
-        self.stuck = pose_of(tip(self.arm.q.tolist(), self.arm.tcp, self.arm.model)[0])
+        self.stuck = self.arm.pose
 
     def emergency_stop(self) -> None:
         """Stop as by the red button."""
@@ -144,12 +144,15 @@ class Controller:
     def state(self) -> dict[str, Any]:
         """The present outputs: joints with their noise, and what follows from the joints."""
         arm = self.arm
-        pose, jacobian = tip(arm.q.tolist(), arm.tcp, arm.model)
+        pose, jacobian = arm.tip(arm.tcp)
         # Noise belongs to the joints, so that pose and joints agree; it is scaled to the noise of the height.
         lever = float(np.linalg.norm(jacobian[2])) or 1.0
         noise = self._rng.standard_normal((2, 6))
-        q, qd = arm.q + noise[0] * (self._noise[0] / lever), arm.qd + noise[1] * (self._noise[1] / lever)
-        measured, jacobian = tip(q.tolist(), arm.tcp, arm.model)
+        error, error_rate = noise[0] * (self._noise[0] / lever), noise[1] * (self._noise[1] / lever)
+        q, qd, shift = arm.q + error, arm.qd + error_rate, jacobian @ error
+        measured = pose.copy()
+        measured[:3, 3] += shift[:3]
+        measured[:3, :3] = rotation_matrix(shift[3:].tolist()) @ pose[:3, :3]
         emergency = self._safety == _EMERGENCY
         self._state |= {
             "timestamp": self.now,

@@ -17,7 +17,7 @@ from palpate_devices.twins.sensone import VirtualSensor
 from palpate_devices.twins.settings import BenchSettings
 from palpate_devices.twins.truth import Truth
 from palpate_devices.twins.wiring import NetworkWiring, Wiring
-from palpate_devices.ur3e.kinematics import MODELS, joints_at, matrix_of, rotation_matrix, tip
+from palpate_devices.ur3e.kinematics import MODELS, joints_at, matrix_of, rotation_matrix
 
 _START = np.array([0.0, -1.3, -1.9, -1.5, 1.5708, 0.0])  # a posture with the tool downwards
 _UPRIGHT = (0.0, 0.0, -1.0)
@@ -136,7 +136,7 @@ class World:
 
     def _tip(self) -> tuple[Any, Any]:
         arm = self.controller.arm
-        pose, jacobian = tip(arm.q.tolist(), self._tool, arm.model)
+        pose, jacobian = arm.tip(self._tool)
         work = self.settings.work
         self._turning = float(np.linalg.norm(jacobian[3:] @ arm.qd))
         self._askew = _OUT @ work.tool.T @ pose[:3, :3] @ _OUT

@@ -81,6 +81,11 @@ def tip(q: Sequence[float], tcp: Floats, model: Model = UR3E) -> tuple[Floats, F
 def tip_and_links(q: Sequence[float], tcp: Floats, model: Model = UR3E) -> tuple[Floats, Floats, Floats]:
     """Like `tip`, and the places (5, 3) of elbow, wrists 1 to 3 and flange in the base."""
     end, axes = flange(q, model)
+    return *tip_of(end, axes, tcp), np.concatenate([axes[2:, 0], end[None, :3, 3]])
+
+
+def tip_of(end: Floats, axes: Floats, tcp: Floats) -> tuple[Floats, Floats]:
+    """Like `tip`, from what `flange` gives."""
     pose = end @ tcp
     arm, axis = pose[:3, 3] - axes[:, 0], axes[:, 1]
     jacobian = np.empty((6, 6))
@@ -88,7 +93,7 @@ def tip_and_links(q: Sequence[float], tcp: Floats, model: Model = UR3E) -> tuple
     jacobian[1] = axis[:, 2] * arm[:, 0] - axis[:, 0] * arm[:, 2]
     jacobian[2] = axis[:, 0] * arm[:, 1] - axis[:, 1] * arm[:, 0]
     jacobian[3:] = axis.T
-    return pose, jacobian, np.concatenate([axes[2:, 0], end[None, :3, 3]])
+    return pose, jacobian
 
 
 def told_apart(q: Sequence[float], tcp: Floats, position: Floats) -> tuple[Model, float]:
