@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
+from palpate.device import Device
 from palpate.errors import ConfigurationError
 from palpate.parts import Part
 from palpate.simulated_clock import HoldUp
@@ -54,6 +55,14 @@ class Twin(Part, ABC):
         `ready` is called once the twin can be reached, with what a user should know: addresses, by name. Raises
         DeviceError where an address cannot be had.
         """
+
+    @classmethod
+    def stand_in(cls, devices: Mapping[str, Device], tip_mass: float | None) -> Mapping[str, str] | None:
+        """Settings, in TOML, of a twin for the devices of a rig, all but its specimen; None where it is not theirs.
+
+        `tip_mass` [kg] is that of everything behind the sensor, where it is known.
+        """
+        return None
 
     def simulated(self, seed: int, hold_ups: Sequence[HoldUp] = ()) -> AbstractContextManager[SimulatedTwin]:
         """Simulated time in this process, in which the devices of the rig reach the twin without ports.

@@ -39,10 +39,11 @@ class Backlog:
         if len(samples):
             self._waiting.append(samples)
             self.sampled = float(samples.time[-1])
-        self.largest = max(self.largest, self.behind if self._latency else 0.0)
         if self.behind > _LONGEST and self._latency:
             self.give_up()
         due = self._due(samples[:0])
+        if self._latency and self._waiting and len(due):  # what is handed out at once is not behind
+            self.largest = max(self.largest, self.sampled - float(due.time[-1]))
         self._began = clock().now()
         return due
 

@@ -15,6 +15,9 @@ def palpate_commands() -> dict[str, Command]:
     """What is done with one pipeline, and what there is to build it of."""
     return {
         "run": Command("palpate_basics.run:run", "Run a pipeline; print what was found.", "run"),
+        "rehearse": Command(
+            "palpate_basics.rehearse:rehearse", "Run the pipeline of a robot in simulated time.", "run"
+        ),
         "replay": Command("palpate_basics.replay:replay", "Estimate again from the log of a run.", "run"),
         "resume": Command("palpate_basics.resume:resume", "Continue a run that was interrupted.", "run"),
         "check": Command(

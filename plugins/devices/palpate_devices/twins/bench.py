@@ -6,13 +6,16 @@ import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
-from palpate import ArmTruth, HoldUp, SimulatedTwin
+from palpate import ArmTruth, Device, HoldUp, SimulatedTwin
 
+from palpate_devices.bota.device import BotaSensor
 from palpate_devices.process.host import real_time
+from palpate_devices.rdt.device import RdtSensor
 from palpate_devices.twins.console import Console
 from palpate_devices.twins.faults import FAULTS, apply_fault, make_fault
 from palpate_devices.twins.settings import BenchSettings
 from palpate_devices.twins.world import World
+from palpate_devices.ur3e.device import UR
 
 
 class SimulatedBench:
@@ -40,6 +43,25 @@ class VirtualBench(BenchSettings):
     feels contact, weight and inertia of the tip at the exact motion of the arm. `palpate twin FILE` serves it and reads
     faults from its input, one to a line; `help` lists them. On a rig the table is ignored.
     """
+
+    @classmethod
+    def stand_in(cls, devices: Mapping[str, Device], tip_mass: float | None) -> Mapping[str, str] | None:
+        """For one robot of Universal Robots and one SensONE or RDT box."""
+        arms = [device for device in devices.values() if isinstance(device, UR)]
+        sensors = [device for device in devices.values() if isinstance(device, (BotaSensor, RdtSensor))]
+        if len(arms) != 1 or len(sensors) != 1:
+            return None
+        arm, sensor = arms[0], sensors[0]
+        robot = "ur3e" if arm.model == "auto" else arm.model
+        return {
+            "robot": f'"{robot}"',
+            "sensor": f'"{sensor.box if isinstance(sensor, RdtSensor) else "bota"}"',
+            "work.origin": str(list(arm.work.origin)),
+            "work.rotation": str(list(arm.work.rotation)),
+            "work.turn": str(arm.work.turn),
+            "tcp": str(list(arm.tcp)),
+            **({} if tip_mass is None else {"tip_mass": str(tip_mass)}),
+        }
 
     @contextmanager
     def simulated(self, seed: int, hold_ups: Sequence[HoldUp] = ()) -> Iterator[SimulatedTwin]:

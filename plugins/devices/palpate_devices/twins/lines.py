@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import pty
 import select
@@ -89,8 +90,7 @@ class PseudoTerminal:
 class SocketLine:
     """A pair of sockets: unlike a terminal's, what one end writes is at the other one at once."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self) -> None:
         self._plugged, self._baud = True, 0
         self._ours: socket.socket | None = None
 
@@ -105,10 +105,10 @@ class SocketLine:
             self._ours.close()
         self._ours = None
 
-    def opened(self, baud: int) -> SocketPort:
+    def opened(self, path: str, baud: int) -> SocketPort:
         """The other end; raises DeviceError."""
         if not self._plugged:
-            raise DeviceError(f"{self.path} cannot be opened: No such file or directory")
+            raise DeviceError(f"{path} cannot be opened: No such file or directory")
         self._ours, theirs = socket.socketpair()
         self._ours.setblocking(False)
         theirs.setblocking(False)
@@ -228,7 +228,7 @@ class SocketDatagrams:
     def opened(self) -> socket.socket:
         """The other end; raises OSError."""
         if not self._plugged:
-            raise ConnectionRefusedError("Connection refused")
+            raise ConnectionRefusedError(errno.ECONNREFUSED, "Connection refused")
         self._ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._ours.setblocking(False)
         theirs.setblocking(False)

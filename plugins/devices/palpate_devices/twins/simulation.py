@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import os
 import socket
@@ -32,24 +33,27 @@ PROCESSES = {
 
 
 class SimulatedWiring:
-    """Calls and pairs of sockets (a Wiring)."""
+    """Calls and pairs of sockets (a Wiring): whatever address a device has, the twin is what it reaches."""
 
     def __init__(self) -> None:
-        self.robot: dict[str, DirectPorts] = {}  # by address
-        self.sensors: dict[str, SocketLine] = {}  # by path
-        self.boxes: dict[str, SocketDatagrams] = {}  # by address
+        self.robot: DirectPorts | None = None
+        self.line: SocketLine | None = None
+        self.net: SocketDatagrams | None = None
 
     def ports(self, address: str, controller: Controller) -> RobotPorts:
         """The controller's."""
-        return self.robot.setdefault(address, DirectPorts(controller))
+        self.robot = DirectPorts(controller)
+        return self.robot
 
     def serial(self, path: Path) -> SocketLine:
         """A serial sensor's."""
-        return self.sensors.setdefault(str(path), SocketLine(path))
+        self.line = SocketLine()
+        return self.line
 
     def datagrams(self, address: str) -> SocketDatagrams:
         """A sensor's on the net."""
-        return self.boxes.setdefault(address, SocketDatagrams())
+        self.net = SocketDatagrams()
+        return self.net
 
 
 class _ProcessExitError(BaseException):
@@ -128,21 +132,19 @@ class SimulatedHost:
 
     def serial_port(self, path: str, baud: int) -> Any:
         """The twin's."""
-        line = self._wiring.sensors.get(path)
-        if line is None:
-            raise DeviceError(f"{path} cannot be opened: no twin has this port")
-        return line.opened(baud)
+        if self._wiring.line is None:
+            raise DeviceError(f"{path} cannot be opened: the twin has no serial sensor")
+        return self._wiring.line.opened(path, baud)
 
     def datagrams(self, address: str, port: int) -> socket.socket:
         """The twin's."""
-        line = self._wiring.boxes.get(address)
-        if line is None:
-            raise ConnectionRefusedError("no twin has this address")
-        return line.opened()
+        if self._wiring.net is None:
+            raise ConnectionRefusedError(errno.ECONNREFUSED, "the twin has no sensor on the net")
+        return self._wiring.net.opened()
 
     def controller_facts(self, address: str) -> dict[str, str]:
         """By the twin's dashboard."""
-        ports = self._ports(address)
+        ports = self._ports()
         for number, name in ((RTDE, "RTDE"), (DASHBOARD, "dashboard"), (SCRIPT, "script")):
             if number in ports.shut_ports or not ports.is_open:
                 raise DeviceError(f"{address}: the {name} port {number} cannot be reached (Connection refused)")
@@ -154,17 +156,15 @@ class SimulatedHost:
 
     def robot_states(self, address: str, variables: Sequence[str]) -> DirectStates:
         """The twin's."""
-        return DirectStates(self._ports(address))
+        return DirectStates(self._ports())
 
     def robot_commands(self, address: str) -> DirectCommands:
         """The twin's."""
-        return DirectCommands(self._ports(address))
+        return DirectCommands(self._ports())
 
-    def _ports(self, address: str) -> DirectPorts:
-        ports = self._wiring.robot.get(address)
-        if ports is None:
-            raise DeviceError(f"{address}: no twin has this address")
-        return ports
+    def _ports(self) -> DirectPorts:
+        assert self._wiring.robot is not None  # a world has one
+        return self._wiring.robot
 
 
 @contextmanager
