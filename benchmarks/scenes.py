@@ -1,0 +1,311 @@
+"""Random scenes in simulated time: does the arm keep its limits, and is what is told true, whatever happens?
+
+``python benchmarks/scenes.py 2000 [first seed] [-o scenes.jsonl]``: a line of the file for each scene as it ends, on
+all cores; started again it goes on with the seeds that the file lacks, and prints the table of all. ``--table`` only
+prints that; ``--seed N`` runs one scene and says what happened. A scene is drawn from its seed: material, place and tilt of
+the tool, motion, limits, a fault and its instant, and what the computer holds up for how long. What the arm did is
+taken from the twin at every tick, not from what the run says. The same seed is the same scene, to the bit.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import math
+import os
+import shutil
+import sys
+import tempfile
+import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+FAULTS = (
+    *("nothing", "protective-stop", "safeguard-stop", "emergency-stop", "stop-program", "pause-program"),
+    *("freeze", "half", "stall 0.2", "stall 0.6", "close", "gone", "message", "mute-control"),
+    *("half-open 0.4", "half-open 3", "slider 0.5", "reduced", "robot-mode 5"),
+    *("stuck-pose", "jam", "nan-pose", "unplug", "silent", "reboot", "overrange", "saturated", "raw"),
+    *("throttled", "corrupt 0.05", "lumps 0.016", "sign", "stuck-force", "clipped-force 6", "end-stream"),
+)
+_HARMLESS = ("nothing", "message", "throttled", "corrupt 0.05", "lumps 0.016")
+# Faults that a run may end well with, for the arm still does what it is told, and what it feels is still true enough.
+_MAY_PASS = (*_HARMLESS, "stall 0.2", "sign", "slider 0.5", "reduced", "clipped-force 6", "half-open 0.4")
+_HOLD_UPS = (0.0, 0.008, 0.05, 0.275)  # [s]
+_RADIUS, _SURFACE = 0.005, 0.0003  # [m]
+_SWING = 1.5e-3  # [m] by which an arm may swing over the box of its setpoints: 1 mm of margin, and braking
+_LATENCY, _DECELERATION = 0.06, 1.0  # [s], [m/s^2] of [safety]
+_LONGEST = 60.0  # [s] of a motion in simulated time
+_MOTIONS = {
+    "point": 'type = "point"\nbias = "{depth} mm"\namplitude = "{swing} mm"\nfrequency = "{frequency} Hz"\n'
+    'duration = "1 s"\nclearance = "3 mm"\nstandstill = "0 s"',
+    "raster": 'type = "raster"\nsize = ["6 mm", "1 mm"]\npitch = "1 mm"\nspeed = "6 mm/s"\nsettle = "0.2 s"\n'
+    'press = {{ bias = "{depth} mm", amplitude = "{swing} mm", frequency = "8 Hz", clearance = "3 mm" }}',
+    "ramp-hold": 'type = "ramp-hold"\ndepths = ["{depth} mm"]\nhold = "0.5 s"\nclearance = "3 mm"\nstandstill = "0 s"',
+    "force-hold": 'type = "force-hold"\nforce = "2 N"\ndepth = "{depth} mm"\nduration = "4 s"\n'
+    'stiffness = "3 N/mm"\nclearance = "3 mm"\nstandstill = "0 s"',
+}
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is drawn."""
+
+    seed: int
+    place: tuple[float, float, float]  # [m]
+    turn: tuple[float, float, float]  # [rad]
+    elasticity: float  # [Pa]
+    motion: str
+    depth: float  # [mm]
+    swing: float  # [mm]
+    frequency: float  # [Hz]
+    speed: float  # [m/s] limit
+    stop_force: float  # [N]
+    fault: str
+    instant: float  # [s] after the tip began to move
+    held: str  # which process the computer holds up
+    hold_up: float  # [s]
+    every: float | None  # [s]
+
+    @property
+    def preload(self) -> float:
+        """Force [N] on the skin at the start."""
+        depth = max(_SURFACE - self.place[2], 0.0)
+        return 16 / 9 * self.elasticity * math.sqrt(_RADIUS) * depth**1.5
+
+    def most_force(self, speed: float) -> float:
+        """The largest force [N] on the skin that the declared latency explains at a speed [m/s]; see ForceLimit.
+
+        F + (8/3) E sqrt(R d) x with x = v tau + v^2/2a: the limit, and the tangent stiffness at the deepest point times
+        the way allowed.
+        """
+        allowed = speed * _LATENCY + speed**2 / (2 * _DECELERATION)
+        depth = (9 * self.stop_force / (16 * self.elasticity * _RADIUS**0.5)) ** (2 / 3) + allowed
+        beyond = self.stop_force + 8 / 3 * self.elasticity * (_RADIUS * depth) ** 0.5 * allowed
+        return max(beyond, 1.02 * self.preload + 0.1)
+
+
+def drawn(seed: int) -> Scene:
+    """A scene: one in seven with the tip in the material, one in seven with a tool that looks elsewhere."""
+    rng = np.random.default_rng(seed)
+    touching = rng.random() < 1 / 7
+    height = -float(rng.uniform(0.0, 0.004)) if touching else float(rng.uniform(0.001, 0.008))
+    askew = np.radians(rng.uniform(5.0, 15.0) if rng.random() < 1 / 7 else rng.uniform(0.0, 4.0))
+    axis = rng.normal(size=3)
+    elasticity = float(np.exp(rng.uniform(np.log(1e3), np.log(0.3e6 if touching else 5e6))))
+    x, y = rng.uniform(-0.002, 0.002, 2)
+    depth = float(rng.uniform(0.5, 5.0))
+    return Scene(
+        seed,
+        (float(x), float(y), height),
+        tuple((askew * axis / np.linalg.norm(axis)).tolist()),
+        elasticity,
+        str(rng.choice(list(_MOTIONS))),
+        depth,
+        float(rng.uniform(0.1, min(1.0, 0.9 * depth))),
+        float(rng.choice([0.5, 1.0, 2.0, 5.0])),
+        float(rng.uniform(0.025, 0.06)),
+        float(rng.uniform(5.0, 15.0)),
+        FAULTS[int(rng.integers(len(FAULTS)))],
+        float(rng.uniform(0.0, 3.0)),
+        str(rng.choice(["robot", "sensor", "main"])),
+        float(rng.choice(_HOLD_UPS)),
+        None if rng.random() < 0.5 else float(rng.uniform(0.4, 2.0)),
+    )
+
+
+def pipeline_of(scene: Scene, folder: Path) -> Any:
+    """The example pipeline with this scene's motion, limits and specimen."""
+    from palpate.host import load_pipeline
+
+    text = (Path(__file__).parents[1] / "pipelines" / "point_ur3e.toml").read_text()
+    begin, end = text.index("[trajectory.press]"), text.index("[alignment]")
+    motion = _MOTIONS[scene.motion].format(
+        depth=f"{scene.depth:.3f}", swing=f"{scene.swing:.3f}", frequency=scene.frequency
+    )
+    file = folder / "scene.toml"
+    file.write_text(f"{text[:begin]}[trajectory.press]\n{motion}\n\n{text[end:]}")
+    x, y, z = (f"{1e3 * value} mm" for value in scene.place)
+    return load_pipeline(
+        file,
+        [
+            'run.tracks=["dr/ekf"]',
+            "device.sensor.settle=0.1 s",
+            "safety.standstill=0.2 s",
+            "alignment.tare_duration=0.15 s",
+            f"safety.speed={scene.speed}",
+            f"safety.stop_force={scene.stop_force}",
+            f"safety.force={scene.stop_force + 8.0}",
+            f'twin.bench.place=["{x}", "{y}"]',
+            f"twin.bench.height={z}",
+            f"twin.bench.tool_rotation={list(scene.turn)}",
+            f"twin.bench.specimen.elasticity={scene.elasticity}",
+            f"twin.bench.specimen.viscosity={scene.elasticity * 362.0 / 112.5e3}",
+        ],
+    )
+
+
+def run(scene: Scene, folder: Path) -> dict[str, Any]:
+    """One scene: how it ended, what the arm did, and the promises that were broken."""
+    from palpate import HoldUp, PalpateError, UserError, clock
+    from palpate.host import run_pipeline
+
+    hold_ups = [HoldUp(scene.held, scene.hold_up, 1.0 + scene.instant, scene.every)] if scene.hold_up else []
+    made: list[float] = []
+    over: list[bool] = []
+    try:
+        pipeline = pipeline_of(scene, folder)
+        bench = pipeline.twins["bench"]
+    except UserError as error:
+        return {"ended": f"refused: {' '.join(str(error).split())}", "problems": [], "simulated": 0.0}
+    with bench.simulated(scene.seed, hold_ups) as twin:
+        begin = clock().now()
+
+        def disturb() -> None:
+            while not over and twin.truth.speed < 1e-4:
+                clock().sleep(0.02)
+            clock().sleep(scene.instant)
+            if not over and scene.fault != "nothing":
+                made.append(clock().now() - begin)
+                twin.fault(scene.fault)
+
+        clock().thread(disturb, "fault").start()
+        try:
+            run_pipeline(pipeline, folder / "run")
+            ended = "done"
+        except PalpateError as error:
+            ended = " ".join(str(error).split())
+        except Exception as error:
+            ended = f"traceback: {type(error).__name__}: {error}"
+        over.append(True)
+        last = clock().now() - begin
+        clock().sleep(1.0)
+        truth = twin.truth
+    problems = [*broken(scene, truth, ended), *untrue(scene, ended, made, last), *unreadable(folder / "run")]
+    row = {"ended": ended, "problems": problems, "simulated": last, "made": made}
+    return row | {key: value for key, value in asdict(truth).items() if key != "moving"}
+
+
+def broken(scene: Scene, truth: Any, ended: str) -> list[str]:
+    """Limits that the arm did not keep."""
+    found = [ended] if ended.startswith("traceback") else []
+    for axis, low, high in ((0, -0.005, 0.005), (1, -0.005, 0.005), (2, -0.007, 0.02)):
+        least, most = min(low, scene.place[axis]) - _SWING, max(high, scene.place[axis]) + _SWING
+        if truth.low[axis] < least or truth.high[axis] > most:
+            found.append(f"{'xyz'[axis]} went from {1e3 * truth.low[axis]:.2f} to {1e3 * truth.high[axis]:.2f} mm")
+    if truth.speed > 1.2 * scene.speed + 2e-3:
+        found.append(f"the tip moved at {1e3 * truth.speed:.1f} mm/s of {1e3 * scene.speed:.1f}")
+    if truth.turning > 1.2 * math.radians(10.0):
+        found.append(f"the tool turned at {math.degrees(truth.turning):.1f} deg/s of 10")
+    if truth.joint_speed > math.radians(90.0):
+        found.append(f"a joint moved at {math.degrees(truth.joint_speed):.0f} deg/s")
+    if ended == "done" and truth.acceleration > 1.5:  # of what the arm does by itself: 1.0, and its lag
+        found.append(f"the tip accelerated at {truth.acceleration:.2f} m/s^2")
+    if truth.force > (most := scene.most_force(max(truth.speed, 0.02))):
+        found.append(f"the force was {truth.force:.1f} N, over {most:.1f} N")
+    if truth.moving:
+        found.append("the arm still moves a second after the end")
+    return found
+
+
+def untrue(scene: Scene, ended: str, made: list[float], last: float) -> list[str]:
+    """What was told of the run, and was not so."""
+    if made and ended == "done" and scene.fault not in _MAY_PASS and made[0] < last - 0.3:
+        return [f"{scene.fault} at {made[0]:.2f} s of {last:.2f} s is not told"]
+    if last > _LONGEST:
+        return [f"it took {last:.0f} s"]
+    return []
+
+
+def unreadable(folder: Path) -> list[str]:
+    """What is wrong with what was recorded, by the format's own reader; nothing where nothing was."""
+    from mcap.reader import make_reader
+
+    if not (folder / "log.mcap").exists():
+        return []
+    try:
+        with (folder / "log.mcap").open("rb") as file:
+            summary = make_reader(file).get_summary()
+            count = sum(1 for _ in make_reader(file).iter_messages())
+    except Exception as error:
+        return [f"log: {type(error).__name__}: {error}"]
+    if summary is None or summary.statistics is None or summary.statistics.message_count != count:
+        return ["the log has no whole summary"]
+    return [] if (folder / "result.json").exists() else ["there is no result.json"]
+
+
+def row_of(seed: int, keep: Path | None = None) -> dict[str, Any]:
+    """One scene as a line of the file."""
+    folder = Path(tempfile.mkdtemp(prefix="scene-"))
+    began = time.process_time()
+    try:
+        scene = drawn(seed)
+        row = {**asdict(scene), **run(scene, folder), "processor": time.process_time() - began}
+        if keep is not None:
+            shutil.copytree(folder, keep / str(seed), dirs_exist_ok=True)
+        return row
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def work(seeds: list[int], file: Path) -> None:
+    """The scenes that are left, each written as it ends."""
+    with ProcessPoolExecutor(os.cpu_count(), get_context("spawn"), max_tasks_per_child=100) as pool:
+        for job in as_completed([pool.submit(row_of, seed) for seed in seeds]):
+            row = job.result()
+            with file.open("a") as lines:
+                lines.write(json.dumps(row) + "\n")
+            if row["problems"]:
+                print(f"{row['seed']} {row['motion']}, {row['fault']}: {'; '.join(row['problems'])}", flush=True)
+
+
+def table(rows: list[dict[str, Any]]) -> None:
+    """By fault: scenes, those that came to their end, those that broke a promise, largest force, speeds."""
+    print("| fault | scenes | to their end | broke a promise | force N | tip mm/s | joint deg/s |")
+    print("|---|---|---|---|---|---|---|")
+    for fault in (*dict.fromkeys(row["fault"] for row in sorted(rows, key=lambda row: row["fault"])), ""):
+        those = [row for row in rows if fault in ("", row["fault"])]
+        done, bad = (sum(map(bool, column)) for column in zip(*((r["ended"] == "done", r["problems"]) for r in those)))
+        most = [max((row.get(key, 0.0) for row in those), default=0.0) for key in ("force", "speed", "joint_speed")]
+        figures = f"{most[0]:.1f} | {1e3 * most[1]:.1f} | {math.degrees(most[2]):.0f}"
+        print(f"| {fault or 'all'} | {len(those)} | {done} | {bad} | {figures} |")
+    simulated, processor = (sum(row[key] for row in rows) for key in ("simulated", "processor"))
+    print(f"{simulated:.0f} s simulated in {processor:.0f} s of processor time")
+
+
+def main() -> None:
+    """The scenes that are left, and the table of all."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("count", type=int, nargs="?", default=20)
+    parser.add_argument("first", type=int, nargs="?", default=0)
+    parser.add_argument("-o", "--output", type=Path, default=Path("scenes.jsonl"))
+    parser.add_argument("--table", action="store_true")
+    parser.add_argument("--seed", type=int)
+    given = parser.parse_args()
+    if given.seed is not None:
+        print(json.dumps(row_of(given.seed, Path("scenes")), indent=2))
+        return
+    known = {row["seed"] for row in read(given.output)}
+    if not given.table:
+        seeds = range(given.first, given.first + given.count)
+        work([seed for seed in seeds if seed not in known], given.output)
+    if rows := read(given.output):
+        table(rows)
+
+
+def read(file: Path) -> list[dict[str, Any]]:
+    """The scenes that a file has; a line that was cut is none."""
+    rows = []
+    for line in file.read_text().splitlines() if file.exists() else ():
+        with contextlib.suppress(json.JSONDecodeError):
+            rows.append(json.loads(line))
+    return rows
+
+
+if __name__ == "__main__":
+    sys.exit(main())
