@@ -67,9 +67,9 @@ class LiveLinks:
                 if self._ending.is_set():
                     break
         except DeviceError as error:
-            self._guard.trip(str(error))
-        except Exception as error:  # whatever a device's code raises: the arms must stop
-            self._guard.trip(f"{name}: {type(error).__name__}: {error}")
+            self._guard.failed(str(error))
+        except BaseException as error:  # whatever a device's code raises, SystemExit as well: the arms must stop
+            self._guard.failed(f"{name}: {type(error).__name__}: {error}")
         finally:
             self._guard.ended(name)
             self._hand_on(name, gathered)

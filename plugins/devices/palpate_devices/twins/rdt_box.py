@@ -51,6 +51,10 @@ class VirtualBox:
             self._socket.close()
         self._socket, self._client = None, None
 
+    def end(self) -> None:
+        """Serve the listener no longer; another one may ask."""
+        self._client = None
+
     def reboot(self, now: float) -> None:
         """Count from the beginning; listeners continue to be served."""
         self._sequence = 0

@@ -81,6 +81,11 @@ class VirtualSensor:
                 self._port.unlink()
         self._mode = "unplugged"
 
+    def end(self) -> None:
+        """Hang up; the port can be opened again."""
+        self.unplug()
+        self.plug_in()
+
     @property
     def descriptor(self) -> int | None:
         """What to wait for, where the port is open."""
