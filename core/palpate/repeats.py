@@ -39,7 +39,7 @@ class Repeats:
 
     def most(self, span: float) -> Floats:
         """So many readings in a row (groups,) are believed, where a run of a time [s] is of no account."""
-        return np.maximum(span * self.rate, _TIMES * np.array(self.longest))
+        return np.maximum(span * self.rate, _TIMES * np.array(self.longest, np.float64))
 
 
 class RepeatCount:
@@ -61,6 +61,9 @@ class RepeatCount:
         joined = np.concatenate([before, rows])
         changed = (joined[1:] != joined[:-1]) & ~(np.isnan(joined[1:]) & np.isnan(joined[:-1]))
         self._before = joined[-1:]
+        if changed.all():  # as a rule, and in each period of a servo loop
+            self.longest, self._runs = np.maximum(self._runs, 1), np.ones_like(self._runs)
+            return
         for i, columns in enumerate(self._groups):
             self._runs[i], self.longest[i] = _runs(changed[:, columns].any(axis=1), int(self._runs[i]))
 

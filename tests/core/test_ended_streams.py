@@ -52,11 +52,11 @@ def test_a_driver_that_raises_stops_the_arm_although_no_check_needs_it(run):
     assert live.LINKS[0].stops[0][1] == "retract"
 
 
-def test_a_stream_that_no_check_needs_is_flagged_where_it_ends(run):
-    result = run(needed=False)
+@pytest.mark.parametrize("lasts", [0.05, 1.0], ids=["at standstill", "in motion"])
+def test_a_stream_that_no_check_needs_is_flagged_where_it_ends(run, lasts):
+    result = run(needed=False, lasts=lasts)
     assert result.interrupted is None
     assert [flag.message for flag in result.flags if flag.code == "ended-early"] == [
         "sensor sent its last reading before the motion was over"
     ]
     assert [what for _, what in live.LINKS[0].stops] == ["stop"]  # at the end, as always
-

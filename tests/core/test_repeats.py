@@ -27,7 +27,7 @@ def ports(stream=None):
 
 
 def readings(duration, *, noise=0.05, step=0.0, push=0.0, rate=RATE, repeat=1, seed=0):
-    """Readings (n, 6) over a time [s] with a constant or given push (n,) [N], rounded to a step, each `repeat` times."""
+    """Readings (n, 6) over a time [s] with a push, constant or (n,) [N], rounded to a step, each `repeat` times."""
     count = round(duration * rate)
     rows = BIAS + noise * np.random.default_rng(seed).standard_normal((count, 6))
     rows[:, 2] += push

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.alignment import Port
 from palpate.device import Batch, address
@@ -23,7 +24,7 @@ class ContactForce:
         self.ranges = tuple(self._range(column) for column in self.components)
         self._low, self._high = np.array(self.ranges).T
         self._rows: list[Floats] = []  # (n, channels) at standstill
-        self._stamps: list[Floats] = []  # [ns]
+        self._stamps: list[NDArray[np.int64]] = []  # [ns]
         self.tare: Floats | None = None  # (components,) [N]
         self.repeats: Repeats | None = None
         self._count: RepeatCount | None = None
@@ -50,7 +51,7 @@ class ContactForce:
             if column in self.components or (channel.unit == _TORQUE and self.port.unit != "1")
         }
         span = float(stamps[-1] - stamps[0]) / 1e9
-        rate = (len(stamps) - 1) / span if span > 0 else self.port.stream.rate or 0.0
+        rate = (len(stamps) - 1) / span if span > 0 else self.port.stream.rate or 1.0
         stream = ".".join(part for part in self.port.key if part)
         repeats = Repeats.of(rows, rate, axes, self.components, stream)
         if repeats.longest[0] == len(rows):

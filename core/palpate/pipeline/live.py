@@ -84,8 +84,8 @@ class LiveLinks:
             self._guard.trip(f"recording cannot keep up: {_MOST} pieces wait; is the disk, or the computer, too slow?")
 
     def until(self, deadline: float) -> Iterator[list[tuple[str, Batch]]]:
-        """What comes up to a monotonic time [s], or until a link ends."""
-        while (left := deadline - time.monotonic()) > 0 and len(self._running) == len(self._links):
+        """What comes up to a monotonic time [s], or until every link has ended or the guard has tripped."""
+        while (left := deadline - time.monotonic()) > 0 and self._running and self._guard.reason is None:
             yield self._next(min(left, _LOOK))
 
     def to_the_end(self, patience: float) -> Iterator[list[tuple[str, Batch]]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from palpate import Floats, RepeatCount, Repeats
+from palpate import RepeatCount, Repeats
 
 from palpate_devices.process.ring import Ring
 
