@@ -30,7 +30,8 @@ _FAULTS = (
     *("protective-stop", "safeguard-stop", "emergency-stop", "stop-program", "pause-program"),
     *("freeze", "half", "stall 0.4", "close", "reset", "gone"),
     *("stuck-pose", "nan-pose", "jam", "mute-control"),
-    *("unplug", "silent", "reboot", "overrange", "saturated", "raw"),
+    *("unplug", "end-stream", "silent", "reboot", "overrange", "saturated", "raw"),
+    *("stuck-force", "clipped-force 3"),
 )
 
 

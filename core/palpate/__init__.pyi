@@ -95,6 +95,7 @@ from palpate.limiting import (
 from palpate.migration import Migration as Migration
 from palpate.parts import File as File, Part as Part, Settings as Settings
 from palpate.printed import printable as printable
+from palpate.repeats import RepeatCount as RepeatCount, Repeats as Repeats
 from palpate.result.evidence import (
     Diagnosed as Diagnosed,
     Ending as Ending,

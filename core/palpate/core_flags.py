@@ -109,6 +109,10 @@ _RECORD = {
         "Estimates of a live run came more than a second after their readings, or end before the record does.",
         "Use fewer or faster tracks, or a less busy computer; a replay of the log makes all estimates.",
     ),
+    "ended-early": _doubtful(
+        "A device that no safety check needs ended its stream while an arm still moved.",
+        "Look at the device and its driver; what it would have sent is missing.",
+    ),
     "interrupted": _note("The run was stopped before its end.", "`palpate resume` does what was left."),
     "renamed": _note(
         "The pipeline uses a name of an older version, which was read as the one of today.",

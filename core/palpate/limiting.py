@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+from palpate.repeats import Repeats
+
 
 @dataclass(frozen=True)
 class ArmLimits:
@@ -37,7 +39,7 @@ class SharedReadings:
 
 @dataclass(frozen=True)
 class ForceWatch:
-    """The force at which an arm stops on its own."""
+    """The force at which an arm stops on its own, and what its readings have to be like to be believed."""
 
     readings: SharedReadings
     channels: tuple[int, ...]  # of the stream
@@ -46,6 +48,8 @@ class ForceWatch:
     name: str
     normal: int = 0  # which of the channels is the force along the normal
     sign: float = 1.0  # of that channel, where the tip is pushed out
+    ranges: tuple[tuple[float, float], ...] = ()  # [N] of each channel: at its ends it is no reading; none declared
+    repeats: Repeats | None = None  # of a sound sensor; None: equal readings are of no account
 
 
 @runtime_checkable
@@ -57,7 +61,7 @@ class Limited(Protocol):
         ...
 
     def watch_force(self, watch: ForceWatch) -> None:
-        """Stop without the host where a channel differs by more than `stop` from its tare, or is NaN."""
+        """Stop without the host where a channel differs by more than `stop` from its tare, or is not to be believed."""
         ...
 
 

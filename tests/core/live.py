@@ -1,5 +1,6 @@
 """A live rig for tests, and a sink that keeps all that it is told; a pipeline names them as "live" and "kept"."""
 
+import builtins
 import threading
 import time
 from contextlib import contextmanager
@@ -123,6 +124,44 @@ class LiveLink:
                 return
 
 
+class EndingSensor(Device):
+    """A force in free air, whose stream ends after a while."""
+
+    lasts: float = 1.0  # [s]
+    ending: str = "returns"  # or the name of an exception
+
+    @property
+    def live(self):
+        return True
+
+    @property
+    def streams(self):
+        return (Stream("wrench", tuple(Channel(axis, "N", (-500.0, 500.0)) for axis in "xyz"), 500.0, clock="host"),)
+
+    @contextmanager
+    def connect(self, seed):
+        yield EndingLink(self, seed)
+
+
+class EndingLink:
+    """The sensor at work."""
+
+    def __init__(self, device, seed):
+        self.device, self.noise = device, np.random.default_rng(seed)
+
+    def batches(self):
+        began, epoch, done = time.monotonic(), time.time_ns(), 0
+        while time.monotonic() - began < self.device.lasts:
+            time.sleep(0.004)
+            count = int((time.monotonic() - began) * 500)
+            stamps = epoch + np.arange(done, count, dtype=np.int64) * 2_000_000
+            done = count
+            received = np.full(len(stamps), time.time_ns())
+            yield Batch("wrench", stamps, received, 0.02 * self.noise.standard_normal((len(stamps), 3)))
+        if self.device.ending != "returns":
+            raise getattr(builtins, self.device.ending)("by the driver")
+
+
 def _heard(name):
     """A method that keeps what it is told."""
     return lambda self, *values: self.heard.append((name, *values))
@@ -157,7 +196,7 @@ class Kept(Sink):
 
 @plugin
 def palpate_devices():
-    return {"live": LiveRig}
+    return {"live": LiveRig, "ending": EndingSensor}
 
 
 @plugin

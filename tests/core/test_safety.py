@@ -243,7 +243,7 @@ def test_the_guard_watches_every_force_that_a_stream_declares(units, column, tri
     alignment = ALIGNMENT.model_validate({"force": f"s.daq.c{last}", "position": "r.tip.z"})
     guard = Guard(limits(), Ports.of(alignment, {"s": (stream,), "r": (TIP,)}))
     stamps = np.arange(20, dtype=np.int64)
-    still = np.full((20, len(units)), 0.5)
+    still = 0.5 + 1e-3 * np.random.default_rng(0).standard_normal((20, len(units)))
     guard.check("s", Batch("daq", stamps, stamps, still))
     guard.check("r", height(0.01))
     guard.judge_standstill()
@@ -345,10 +345,48 @@ def test_a_motion_that_is_done_is_no_longer_watched(guard):
     assert guard.reason is None
 
 
-def test_a_sensor_that_ends_does_not_end_the_watch_of_the_arm(guard):
+def test_a_stream_of_force_that_ends_while_an_arm_moves_trips(guard):
     guard.ended("s")
-    guard.check("r", height(-0.1))
-    assert "below the limit" in guard.reason
+    assert guard.reason == "the stream of s has ended: s.wrench.z can no longer be watched"
+    assert len(guard.arm.retracted) == 1
+    assert guard.state.phase == "tripped"
+
+
+def test_a_position_that_another_device_measures_trips_where_it_ends(guard):
+    guard._moving = {"another arm"}
+    guard.ended("r")
+    assert guard.reason == "the stream of r has ended: r.tip.z can no longer be watched"
+
+
+@pytest.mark.parametrize("when", ["before the motion", "in motion"])
+def test_a_stream_that_no_check_needs_may_end(guard, when):
+    other = guard if when == "in motion" else Guard(limits(), PORTS)
+    other.ended("camera")
+    if other is not guard:
+        other.begin({"r": guard.arm})
+        other.close()
+    assert other.reason is None
+    assert other.ended_early == {"camera"}
+
+
+@pytest.mark.parametrize(("device", "words"), [("s", "s.wrench.z can no longer"), ("r", "r.tip.z can no longer")])
+def test_a_stream_that_ended_at_standstill_lets_no_arm_move(device, words):
+    early, arm = Guard(limits(), PORTS), _Arm()
+    early.ended(device)
+    assert early.reason is None  # nothing moves
+    early.begin({"r": arm})
+    early.close()
+    assert words in early.reason
+    assert arm.retracted
+
+
+def test_once_all_arms_are_done_nothing_is_a_fault(guard):
+    guard.ended("r")
+    guard.ended("s")
+    guard.ended("camera")
+    guard.failed("s: the sensor is disconnected")
+    assert guard.reason is None
+    assert guard.ended_early == set()
 
 
 @pytest.mark.parametrize(

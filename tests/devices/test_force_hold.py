@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from palpate import ConfigurationError, DeviceError, ForceLaw, ForceWatch
+from palpate import ConfigurationError, DeviceError, ForceLaw, ForceWatch, Repeats
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
 from palpate.safety import SafetySettings
@@ -184,8 +184,8 @@ def test_the_rig_says_where_the_envelope_ends(creeping, tmp_path):
 QUICK = {"duration": 4.0, "speed": 0.008, "standstill": 0.0, "clearance": 0.003}
 
 
-def held(twin, trajectory, *, watched=True, stop=12.0):
-    """What the twin's arm did under a force-hold, and why it was stopped."""
+def held(twin, trajectory, *, watched=True, stop=12.0, fault=None):
+    """What the twin's arm did under a force-hold, and why it was stopped; `fault`: of the sensor, from 0.5 mm on."""
     why = []
     patient = {"stale": 5.0, "watchdog": 1.0, "host_limit": 10.0}
     arm = UR.model_validate({"host": twin.host, "work": {"origin": (-0.3, -0.13, 0.1)}, **patient})
@@ -201,9 +201,13 @@ def held(twin, trajectory, *, watched=True, stop=12.0):
         tare = tuple(rest[:, :3].mean(axis=0).tolist())
         if watched:
             shared = force.shared("wrench")
-            link.watch_force(ForceWatch(shared, (0, 1, 2), tare, stop, "sensor.wrench.z", 2, 1.0))
+            usual = Repeats.of(rest, 800.0, {k: f"sensor.wrench.{k}" for k in range(6)}, (0, 1, 2), "sensor.wrench")
+            link.watch_force(ForceWatch(shared, (0, 1, 2), tare, stop, "sensor.wrench.z", 2, 1.0, (), usual))
         twin.fault("mark")
         link.follow(trajectory)
+        if fault is not None:
+            twin.wait(lambda state: state["height"] < -0.0005)
+            twin.fault(fault)
         for _ in batches:
             pass
     return " ".join(why), twin.state()
@@ -227,6 +231,17 @@ def test_the_twins_arm_leaves_where_the_force_is_not_found(bench, short):
     why, truth = held(twin, hold)
     assert "at the end of its envelope" in why
     assert truth["low"][2] > -0.0013
+    assert truth["height"] > 0.002
+
+
+@pytest.mark.parametrize("fault", ["stuck-force", "clipped-force 0.8"])
+def test_a_force_that_is_not_true_leads_the_twins_arm_no_deeper(bench, short, fault):
+    """Toward 2 N, which a reading that stands still never reaches: nowhere near the envelope's end at 5 mm."""
+    twin = bench(*short)
+    hold = ForceHold(force=2.0, depth=0.005, stiffness=2000.0, **QUICK)
+    why, truth = held(twin, hold, fault=fault)
+    assert "repeats its reading in every digit" in why
+    assert truth["low"][2] > -0.0025
     assert truth["height"] > 0.002
 
 

@@ -111,6 +111,28 @@ def test_faults_in_contact(restored, alert, patient, fault):
         assert twin.wait_at_rest()["height"] > 0.002
 
 
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("stuck-force", "repeats its reading in every digit"),
+        ("clipped-force 3", "sensor.wrench.z repeats its reading in every digit"),
+        ("end-stream", "disconnected|Input/output"),
+    ],
+)
+def test_a_force_that_is_not_true_presses_nothing(bench, short, patient, tmp_path, fault, words):
+    """On a specimen that the motion would press with 27 N: the arm's own process waits, then leaves."""
+    twin = bench(*short, "twin.bench.specimen.elasticity=600 kPa", "twin.bench.specimen.viscosity=1930 Pa*s")
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    job, _ = twin.start_job(lambda state, _: state["height"] < 0.0015, (*short, *patient), tmp_path / "out", **pipes)
+    twin.fault(fault)
+    text, _ = job.communicate(timeout=120)
+    state = twin.wait_at_rest()
+    assert state["peak_force"] < 12, text
+    assert job.returncode == 1, text
+    assert re.search(words, " ".join(text.split())), text
+    assert state["height"] > 0.002
+
+
 def test_what_is_no_fault(bench, short):
     """A text between two states, a stall of 50 ms, frames in lumps, left out measurements, a clock that wraps."""
     twin = bench(*short, f"twin.bench.clock_start={(1 << 32) - 1_500_000}")

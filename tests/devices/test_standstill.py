@@ -32,6 +32,14 @@ def test_noise_that_the_filter_was_not_told(bench, short, tmp_path):
     assert (result.folder / "estimates.csv").read_bytes() == (again.folder / "estimates.csv").read_bytes()
 
 
+def test_a_sensor_that_is_stuck_moves_nothing(restored):
+    restored.fault("stuck-force")
+    before = restored.state()["height"]
+    with pytest.raises(DeviceError, match=r"every axis of sensor.wrench repeats its reading .* through the standstill"):
+        restored.run()
+    assert restored.state()["height"] == pytest.approx(before, abs=1e-6)
+
+
 def test_an_offset_that_no_tip_explains(bench, short):
     twin = bench(*short, "twin.bench.bias=25 N")
     before = twin.state()["height"]

@@ -100,6 +100,8 @@ def _run_flags(
     if pipeline.calibration is not None:
         yield from pipeline.calibration.flags(pipeline, health or {})
     yield from _backlog(live.get("estimates"))
+    for name in live.get("ended_early", ()):
+        yield Flag("ended-early", f"{name} sent its last reading before the motion was over")
     yield from device_flags(pipeline.alignment, pipeline.ports, health)
     yield from record_flags(report, pipeline.alignment, interrupted)
 

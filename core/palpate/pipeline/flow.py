@@ -215,6 +215,8 @@ class Flow:
         self.facts["largest_backlog"] = live.largest_backlog
         self.facts["peak_force"] = guard.peak
         self.facts["peak_force_untared"] = guard.peak_untared
+        if guard.ended_early:
+            self.facts["ended_early"] = sorted(guard.ended_early)
         if guard.reason is not None and guard.tripped is not None:
             self.facts["stop"] = {"reason": guard.reason, "monotonic": guard.tripped}
 

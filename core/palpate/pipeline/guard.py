@@ -13,6 +13,7 @@ from palpate.alignment import Port, Ports
 from palpate.clocks import clock
 from palpate.device import Arm, Batch, Retractable
 from palpate.errors import DeviceError
+from palpate.pipeline.contact_force import ContactForce
 from palpate.pipeline.standstill import Standstill, refuse_unsteady
 from palpate.safety import SafetySettings
 from palpate.sink import GuardState
@@ -67,23 +68,23 @@ class Guard:
     """Sees every batch first, in the thread that received it.
 
     It trips on a force beyond `stop_force` in any component that the force's stream declares, a tip below the depth
-    limit, a reading that is over range or invalid, a sensor or robot that is silent, a device that fails, this program
-    being held up, and on being asked. Tripping makes the arms retract where they can, else stop; the first reason
-    counts. Silence is judged by the process that receives: that this one comes late is no silence. A device whose
-    stream has ended is no longer watched, and nothing is once all arms are done.
+    limit, a reading that is at the end of its range, over it or invalid, a sensor that repeats itself or is silent, a
+    silent robot, a stream of force or position that ends, a device that fails, this program being held up, and on being
+    asked. Tripping makes the arms retract where they can, else stop; the first reason counts. Silence is judged by the
+    process that receives: that this one comes late is no silence. Nothing is watched once all arms are done.
     """
 
     def __init__(self, limits: SafetySettings | None, ports: Ports) -> None:
         self._limits = limits
         self._force, self._position = _Watch(ports["force"]), _Watch(ports["position"])
         self._velocity = _Watch(ports["velocity"]) if "velocity" in ports.roles else None
-        self._components = list(ports["force"].components)
-        self._named = self._components.index(ports["force"].column)
+        self.contact = ContactForce(ports["force"])
+        self._named = self.contact.components.index(ports["force"].column)
         self._height, self._deeper = math.inf, False  # [m] of the tip; whether it went down lately
-        self._tare: Floats | None = None
-        self._resting: list[Floats] = []  # (n, components) of the force
         self._arms: list[Arm] = []
         self._moving: set[str] = set()  # devices whose motion goes on
+        self._ended: set[str] = set()  # devices that have sent their last batch
+        self.ended_early: set[str] = set()  # those of them that no safety check needs
         self._looked: dict[str, float] = {}  # by device: when its batches were last asked for, monotonic [s]
         self._lock = threading.Lock()
         self._over = clock().event()
@@ -100,12 +101,6 @@ class Guard:
             return GuardState("tripped", self.reason, self.peak)
         phase: Literal["standstill", "motion", "over"] = "motion" if self._watch.ident is not None else "standstill"
         return GuardState("over" if self._over.is_set() else phase, None, self.peak)
-
-    @property
-    def watched(self) -> tuple[tuple[int, ...], tuple[float, ...]]:
-        """Columns of the forces that are watched, and the tare [N] of each; after the standstill."""
-        assert self._tare is not None
-        return tuple(self._components), tuple(self._tare.tolist())
 
     @property
     def force(self) -> Port:
@@ -126,15 +121,33 @@ class Guard:
         self._looked = {watch.port.device: now for watch in (self._force, self._position)}
         if self.reason is not None:
             self._stop_arms()
+        for device in [*self._ended] if arms else ():
+            self._ended_early(device)
         self._watch.start()
 
     def ended(self, device: str) -> None:
-        """A device has sent its last batch: the end of a motion is no fault."""
+        """A device has sent its last batch: an arm because its motion is done, others too early while an arm moves."""
+        self._ended.add(device)
         self._looked.pop(device, None)
-        if self._moving:
+        if device in self._moving:
             self._moving.discard(device)
             if not self._moving:
                 self._over.set()
+        elif self._moving:
+            self._ended_early(device)
+
+    def failed(self, text: str) -> None:
+        """A device has failed: no fault once all arms are done."""
+        if not self._over.is_set():
+            self.trip(text)
+
+    def _ended_early(self, device: str) -> None:
+        needed = [watch.name for watch in (self._force, self._position) if watch.port.device == device]
+        if needed or device in self._moving:
+            what = f"{' and '.join(needed)} can no longer be watched" if needed else "its motion has not begun"
+            self.trip(f"the stream of {device} has ended: {what}")
+        else:
+            self.ended_early.add(device)
 
     def close(self) -> None:
         """The motion is over."""
@@ -175,13 +188,13 @@ class Guard:
             return
         key = (device, batch.stream)
         for watch in (self._force, self._position, self._velocity):
-            if self._tare is None and watch is not None and watch.port.key == key:
+            if self.contact.tare is None and watch is not None and watch.port.key == key:
                 watch.standstill.append(watch.of(batch))
         if self._limits is None:
             return
         if self._force.port.key == key:
             self._check_force(batch, self._limits)
-        if self._position.port.key == key and self._tare is not None:
+        if self._position.port.key == key and self.contact.tare is not None:
             self._check_height(batch, self._limits)
 
     def _check_silence(self, device: str, batch: Batch, attended: int | None) -> None:
@@ -204,24 +217,25 @@ class Guard:
             self.trip(f"the tip is at {1e3 * lowest:.2f} mm, below the limit of {1e3 * limits.low[2]:g} mm")
 
     def _check_force(self, batch: Batch, limits: SafetySettings) -> None:
-        values, named = batch.values[:, self._components], self._force.of(batch)
-        if self._tare is None:
-            self._resting.append(values)
+        if self.contact.tare is None:
+            self.contact.rest(batch)
             return
-        if not np.isfinite(values).all():
-            self.trip(f"a reading of {self._force.name} is over range or invalid")
-            return
-        if (ends := self._force.port.limits) is not None and not ends[0] < named[-1] < ends[1]:
-            self.trip(f"{self._force.name} is at the end of its range")
-        largest = float(np.abs(values - self._tare).max())
+        values = batch.values[:, self.contact.components]
+        if (fault := self.contact.fault_of(values)) is not None:
+            self.trip(fault)
+        if np.isfinite(values).all():
+            self._check_size(values, self.contact.tare, limits)
+        if (fault := self.contact.repeated(batch.values)) is not None:
+            self.trip(fault)
+
+    def _check_size(self, values: Floats, tare: Floats, limits: SafetySettings) -> None:
+        largest = float(np.abs(values - tare).max())
         self.peak = max(self.peak, largest)
         self.peak_untared = max(self.peak_untared, float(np.abs(values).max()))
         if largest > limits.stop_force:
-            pulled = (
-                self._force.port.signal.sign * float(named[-1] - self._tare[self._named]) < -_PULL * limits.stop_force
-            )
+            pushed = self._force.port.signal.sign * float(values[-1, self._named] - tare[self._named])
             self.trip(f"the force is {largest:.1f} N, over the limit of {limits.stop_force:g} N that stops the motion")
-            if pulled and self._deeper:
+            if pushed < -_PULL * limits.stop_force and self._deeper:
                 self._add(_REVERSED)
 
     @property
@@ -243,10 +257,9 @@ class Guard:
             )
         speed = float(velocity.std(ddof=1)) if len(velocity) > _ENOUGH else None
         found = Standstill(float(force.mean()), float(force.std(ddof=1)), speed)
-        if self._limits is not None and self._resting:
+        if self._limits is not None and self.contact.tare is None:
             refuse_unsteady(found, self._limits, self._force.name, declared or {})
-            self._tare = np.nanmean(np.concatenate(self._resting), axis=0)
-        self._resting = []
+            self.contact.settle()
         return found
 
     def _look(self) -> None:

@@ -66,9 +66,9 @@ class LiveLinks:
                 if self._ending.is_set():
                     break
         except DeviceError as error:
-            self._guard.trip(str(error))
-        except Exception as error:  # whatever a device's code raises: the arms must stop
-            self._guard.trip(f"{name}: {type(error).__name__}: {error}")
+            self._guard.failed(str(error))
+        except BaseException as error:  # whatever a device's code raises, SystemExit as well: the arms must stop
+            self._guard.failed(f"{name}: {type(error).__name__}: {error}")
         finally:
             self._guard.ended(name)
             self._hand_on(name, gathered)
@@ -83,8 +83,8 @@ class LiveLinks:
             self._guard.trip(f"recording cannot keep up: {_MOST} pieces wait; is the disk, or the computer, too slow?")
 
     def until(self, deadline: float) -> Iterator[list[tuple[str, Batch]]]:
-        """What comes up to a monotonic time [s], or until a link ends."""
-        while (left := deadline - clock().now()) > 0 and len(self._running) == len(self._links):
+        """What comes up to a monotonic time [s], or until every link has ended or the guard has tripped."""
+        while (left := deadline - clock().now()) > 0 and self._running and self._guard.reason is None:
             yield self._next(min(left, _LOOK))
 
     def to_the_end(self, patience: float) -> Iterator[list[tuple[str, Batch]]]:

@@ -34,7 +34,9 @@ Pass = Callable[[Sequence[tuple[str, Batch]]], None]
 
 def hand_limits(links: Mapping[str, Link], guard: Guard, limits: SafetySettings) -> None:
     """Give every arm that enforces limits itself these limits, and where it finds the force."""
-    port, (channels, tare) = guard.force, guard.watched
+    port, contact = guard.force, guard.contact
+    assert contact.tare is not None
+    channels, tare = contact.components, tuple(contact.tare.tolist())
     source = links.get(port.device)
     shared = source.shared(port.stream.name) if isinstance(source, Sharing) else None
     for arm in links.values():
@@ -42,7 +44,8 @@ def hand_limits(links: Mapping[str, Link], guard: Guard, limits: SafetySettings)
             arm.limit(limits.of_an_arm, guard.trip)
             if shared is not None:
                 normal = channels.index(port.column), float(port.signal.sign)
-                arm.watch_force(ForceWatch(shared, channels, tare, limits.stop_force, port.signal.channel, *normal))
+                force = channels, tare, limits.stop_force, port.signal.channel, *normal
+                arm.watch_force(ForceWatch(shared, *force, contact.ranges, contact.repeats))
 
 
 @dataclass(frozen=True)

@@ -45,6 +45,9 @@ FAULTS = {
     "plug-in": "and put back",
     "reboot": "the sensor restarts",
     "silent": "the sensor sends nothing more",
+    "end-stream": "the sensor ends its stream and closes its connection; it can be connected to again",
+    "stuck-force": "the sensor repeats its latest reading in valid frames, whose time goes on",
+    "clipped-force LEVEL": "no axis of the sensor reads more than this force [N], either way",
     "slow SECONDS": "the sensor answers commands with this delay, and starts in 2.5 s",
     "lumps SECONDS": "frames arrive in lumps, as from a USB adapter with this latency timer",
     "raw": "the sensor sends counts of its gauges",
@@ -81,6 +84,7 @@ def _stalled(world: World, words: Words) -> None:
 
 def _sound(world: World, _: Words) -> None:
     world.sensor.fault, world.sensor.corruption = None, 0.0
+    world.electronics.restore()
 
 
 def _turned(world: World, words: Words) -> None:
@@ -130,6 +134,9 @@ _ACTIONS: dict[str, Action] = {
     "plug-in": lambda world, _: world.sensor.plug_in(),
     "reboot": lambda world, _: world.sensor.reboot(world.controller.now),
     **{name: _sensor_fault(name) for name in ("silent", "overrange", "saturated", "raw", "throttled")},
+    "end-stream": lambda world, _: world.sensor.end(),
+    "stuck-force": lambda world, _: world.electronics.stick(),
+    "clipped-force": lambda world, words: world.electronics.clip(float(words[0])),
     "sound": _sound,
     "corrupt": lambda world, words: setattr(world.sensor, "corruption", float(words[0])),
     "refuse": lambda world, words: world.sensor.refuse(words[0]),

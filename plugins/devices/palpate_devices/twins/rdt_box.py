@@ -44,6 +44,10 @@ class VirtualBox:
         self._line.unplug()
         self._streaming = False
 
+    def end(self) -> None:
+        """Serve the listener no longer; another one may ask."""
+        self._client = None
+
     def reboot(self, now: float) -> None:
         """Count from the beginning; listeners continue to be served."""
         self._sequence = 0

@@ -63,6 +63,11 @@ class VirtualSensor:
         self._line.unplug()
         self._mode = "unplugged"
 
+    def end(self) -> None:
+        """Hang up; the port can be opened again."""
+        self.unplug()
+        self.plug_in()
+
     @property
     def period(self) -> float:
         """Time between readings [s]: sinc length over 51200 Hz, and what the line takes."""

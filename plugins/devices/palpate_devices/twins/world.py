@@ -12,6 +12,7 @@ from palpate_devices.sensing import sensed_wrench
 from palpate_devices.twins.arm import TICK, SimulatedArm
 from palpate_devices.twins.console import Console
 from palpate_devices.twins.controller import Controller
+from palpate_devices.twins.electronics import Electronics
 from palpate_devices.twins.rdt_box import COUNTS, VirtualBox
 from palpate_devices.twins.sensone import VirtualSensor
 from palpate_devices.twins.settings import BenchSettings
@@ -49,6 +50,7 @@ class World:
             if settings.sensor == "bota"
             else VirtualBox(wiring.datagrams(settings.host), settings.sensor_rate, COUNTS[settings.sensor], sensor_seed)
         )
+        self.electronics = Electronics()
         self._rng = np.random.default_rng(noise[2])
         self._rotation = settings.work.matrix[:3, :3].T
         self._before = self._tip()
@@ -74,6 +76,7 @@ class World:
         self.controller.restore(self._start())
         self.ports.restore()
         self.sensor.restore()
+        self.electronics.restore()
         self._before, self.peak, self.down = self._tip(), 0.0, _UPRIGHT
         self._past.clear()
         self.truth.mark()
@@ -151,7 +154,7 @@ class World:
         self._past.append((began, position, velocity, (self._before[1] - velocity) / TICK))
         instants = self.sensor.instants(self.controller.now)
         if len(instants):
-            self.sensor.send(instants, self._feel(instants))
+            self.sensor.send(instants, self.electronics.read(self._feel(instants)))
         joint = float(np.abs(self.controller.arm.qd).max())
         self.truth.add(clock().now(), *self._before, self._turning, joint, self._force, self.controller.read)
 
