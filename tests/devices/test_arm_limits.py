@@ -1,5 +1,6 @@
 """Limits in the servo process, with the host's checks left out; judged by what the twin's arm truly did."""
 
+import threading
 import time
 from dataclasses import dataclass, replace
 
@@ -238,6 +239,44 @@ def test_what_the_robot_says_is_doubted(restored, fault, words):
     thread.join()
     assert re.search(words, why), why
     assert truth["low"][2] > places[0] - 0.002
+    assert truth["fastest_tip"] < 1.2 * LIMITS.speed
+
+
+SLOW = Point(bias=0.006, amplitude=0.0005, clearance=0.003, standstill=0.0, duration=2.0, speed=0.01)
+
+
+def moved_into(twin, fault, **changes):
+    """A motion at 10 mm/s into which a fault comes at 0.5 mm deep: why it ended, the truth, height at the fault."""
+    heights = []
+
+    def make():
+        heights.append(twin.wait(lambda state: state["height"] < -0.0005)["height"])
+        twin.fault(fault)
+
+    thread = threading.Thread(target=make)
+    thread.start()
+    why, truth, health = moved(twin, SLOW, **changes)
+    thread.join()
+    return why, truth, heights[0], health
+
+
+def test_what_a_lost_link_holds_back_is_never_carried_out(restored):
+    """Not even half a second later, when the network delivers again; the watchdog is far too slow to help."""
+    why, _, height, _ = moved_into(restored, "half-open 0.6")
+    time.sleep(0.7)
+    truth = restored.wait_at_rest()
+    print("TRUTH", why, height, truth["low"][2], truth["fastest_tip"])
+    assert "the control link is lost" in why
+    assert truth["low"][2] > height - 0.0007
+    assert truth["fastest_tip"] < 1.2 * LIMITS.speed
+
+
+def test_a_link_that_is_held_up_for_a_moment_is_none_that_is_lost(restored):
+    """What lands at once is the way of a few periods: the command waits where the controller does not take it."""
+    why, truth, _, _ = moved_into(restored, "half-open 0.06")
+    assert why == ""
+    print("TRUTH2", why, truth["low"][2], truth["fastest_tip"])
+    assert truth["low"][2] == pytest.approx(-0.0065, abs=3e-4)
     assert truth["fastest_tip"] < 1.2 * LIMITS.speed
 
 

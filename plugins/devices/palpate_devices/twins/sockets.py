@@ -29,6 +29,8 @@ class Client:
             connection.setsockopt(socket.SOL_SOCKET, _STAMPED, 1)
         self.socket, self.port = connection, port
         self.received = bytearray()
+        self.held: bytearray | None = None  # what the network holds back, where it does
+        self.over = False  # the peer has closed its end
         self.unsent = b""
         self.skipped = 0
         self.session = ClientSession(
@@ -70,6 +72,7 @@ class ListeningPorts:
         self._listening: dict[socket.socket, int] = {}
         self.clients: list[Client] = []
         self.frozen = self.mute = self.halved = self.greets_not = self.control_mute = False
+        self._held_until = 0.0  # monotonic time [s]
         self.began = time.monotonic()  # the controller's zero of time, as a monotonic time [s]
         self.open()
 
@@ -120,23 +123,46 @@ class ListeningPorts:
             client.socket.close()
         self.clients = []
 
+    def hold_back(self, duration: float) -> None:
+        """Hold back what comes on connections that command, for a time [s]; then all of it lands at once.
+
+        As after a reroute: what has not arrived lies in the sender's queue. A sender who resets the connection throws
+        his queue away; one who closes it politely, or lives on, delivers it.
+        """
+        self._held_until = time.monotonic() + duration
+        for client in self.clients:
+            if client.session.commands:
+                client.held = bytearray()
+
+    def _land(self) -> None:
+        """What was held back arrives."""
+        for client in [client for client in self.clients if client.held is not None]:
+            data, client.held = bytes(client.held or b""), None
+            sound = not data or self._take(client, data, time.monotonic())
+            if client.over or not sound:
+                self._drop(client)
+
     def restore(self) -> None:
         """Listen and answer again."""
+        self._held_until = 0.0
         self.frozen = self.mute = self.halved = self.greets_not = self.control_mute = False
         self.open()
 
     @property
     def sockets(self) -> list[socket.socket]:
         """What to wait for."""
-        heard = (client for client in self.clients if not self._is_mute(client))
+        deaf = self.control_mute
+        heard = (client for client in self.clients if not (client.over or (deaf and client.session.commands)))
         return [*self._listening, *(client.socket for client in heard)]
 
     def _is_mute(self, client: Client) -> bool:
-        """Neither heard nor spoken to: a connection that commands, where those are mute."""
-        return self.control_mute and client.session.commands
+        """Not spoken to: a connection that commands, where those are mute or held back."""
+        return client.held is not None or (self.control_mute and client.session.commands)
 
     def serve(self, ready: list[socket.socket]) -> None:
         """Take what has come."""
+        if time.monotonic() >= self._held_until:
+            self._land()
         for listener, port in self._listening.items():
             if listener in ready:
                 with contextlib.suppress(OSError):
@@ -172,6 +198,14 @@ class ListeningPorts:
             return True
         except OSError:
             return False
+        if client.held is not None:
+            client.held += data
+            client.over = not data
+            return True
+        return self._take(client, data, came)
+
+    def _take(self, client: Client, data: bytes, came: float) -> bool:
+        """Answer what has come at a monotonic time [s]; False where the connection is over."""
         client.received += data
         if self.mute or (self.greets_not and client.port == DASHBOARD):
             return bool(data)
