@@ -56,9 +56,17 @@ class ReadBack:
         self._buffer = bytearray()
         try:
             self._link = socket.create_connection((host, RTDE_PORT), _TIMEOUT)
-            self._begin()
         except OSError as error:
             raise RuntimeError(f"the controller does not read commands back: {error}") from error
+        try:
+            self._begin()
+        except (OSError, RuntimeError) as error:
+            self.close()
+            raise RuntimeError(str(error)) from error
+
+    def close(self) -> None:
+        """End the connection."""
+        self._link.close()
 
     def _begin(self) -> None:
         if self._ask("V", struct.pack(">H", 2)) != b"\1":

@@ -61,16 +61,17 @@ def complaint(modes: tuple[int, int, int], height: float | None) -> str | None:
     return None
 
 
-def slowdown(paces: tuple[float, float], safety: int, before: int) -> str | None:
+def slowdown(paces: tuple[float, float], safety: int, before: int | None) -> str | None:
     """Why the arm is slower than it is commanded, or about to be; None where it is not.
 
-    From the speed slider and the controller's own scaling (1 is full speed), its safety mode and the one `before`, at
-    the start of the motion.
+    From the speed slider and the controller's own scaling (1 is full speed), its safety mode, and the one `before`, at
+    the start of the motion, where there is one.
     """
     slider, scaling = paces
     if not slider >= _FULL:
-        return f"the speed slider is at {100 * slider:.0f} %; set it to 100 % on the pendant"
-    if safety == REDUCED != before:
+        verb = "is at" if before is None else "was moved to"
+        return f"the speed slider {verb} {100 * slider:.0f} %; set it to 100 % on the pendant"
+    if safety == REDUCED and before == NORMAL:
         return f"the robot has changed to {_REDUCED}"
     if not scaling >= _FULL:
         why = f"; it is in {_REDUCED}" if safety == REDUCED else ""

@@ -192,15 +192,16 @@ class _Loop:
     def _check_pace(self, commander: Commander | None) -> None:
         """A robot that is slower than its commands does not begin, and leaves the material in a motion."""
         robot = self._robot
-        waiting = commander is None or commander.mode == "hold"
-        if waiting:
-            self._safety = robot.modes[1]
-        if robot.control is None or (text := slowdown(robot.paces, robot.modes[1], self._safety)) is None:
+        if robot.control is None:
             return
-        if commander is None or waiting:
-            self._fail(text)
-        if commander.mode in _MOVING:
-            self._stop_for(Verdict(f"{text}. It changed during the motion"), commander)
+        if commander is None or commander.mode == "hold":
+            self._safety = robot.modes[1]
+            if (text := slowdown(robot.paces, self._safety, None)) is not None:
+                self._fail(text)
+        elif commander.mode in _MOVING:
+            text = slowdown(robot.paces, robot.modes[1], self._safety)
+            if text is not None:
+                self._stop_for(Verdict(text), commander)
 
     def _mute_control(self) -> str:
         """A program that the control link still reports as running, although the other link reports that it is not."""
