@@ -2,9 +2,9 @@
 
 ``python benchmarks/scenes.py 2000 [first seed] [-o scenes.jsonl]``: a line of the file for each scene as it ends, on
 all cores; started again it goes on with the seeds that the file lacks, and prints the table of all. ``--table`` only
-prints that; ``--seed N`` runs one scene and says what happened. A scene is drawn from its seed: material, place and tilt of
-the tool, motion, limits, a fault and its instant, and what the computer holds up for how long. What the arm did is
-taken from the twin at every tick, not from what the run says. The same seed is the same scene, to the bit.
+prints that; ``--seed N`` runs one scene and says what happened. A scene is drawn from its seed: material, place and
+tilt of the tool, motion, limits, a fault and its instant, and what the computer holds up for how long. What the arm did
+is taken from the twin at every tick, not from what the run says. The same seed is the same scene, to the bit.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from palpate_devices.ur3e.kinematics import (
 )
 from palpate_devices.ur3e.plan import PERIOD, Plan
 from palpate_devices.ur3e.servo import Commander, Law, way
-from palpate_devices.ur3e.states import complaint
+from palpate_devices.ur3e.states import complaint, slowdown
 
 WORK = WorkFrame.model_construct(origin=(-0.3, -0.13, 0.1), rotation=(0.0, 0.0, 0.0), turn=0.0)
 TOOL = matrix_of([0.0, 0.0, 0.12, 0.0, 0.0, 0.0])
@@ -176,6 +176,62 @@ def test_the_arm_is_where_its_command_is_and_its_links_in_their_box():
     low = fence(None, links_low=(-2.0, -2.0, 0.3)).command(STILL, STILL, (STILL, STILL), seen(STILL))
     assert "the elbow" in low.text
     assert "links_low" in low.text
+
+
+@pytest.mark.parametrize(
+    ("lag", "speed", "tracking", "lead"),
+    [
+        (0.0045, 0.04, 0.01, 1.98e-3),
+        (0.055, 0.04, 0.01, 4e-3),  # a soft servo
+        (0.0045, 0.25, 0.01, 10e-3),
+        (0.0045, 0.04, 0.001, 1e-3),
+        (0.0045, 0.001, 0.01, 0.2e-3),
+    ],
+)
+def test_a_command_leads_by_what_the_speed_makes_of_the_lag(lag, speed, tracking, lead):
+    """The law that integrates, on an arm that stands: no command goes further, and the arm is stopped there."""
+    guard = fence({**LIMITS, "speed": speed}, lag=lag, tracking=tracking)
+    assert guard.lead == pytest.approx(lead)
+    pose, place, sent = seen((0.0, 0.0, 0.003)), np.array([0.0, 0.0, 0.003]), []
+    law = Law("pd", 20.0, 0.5, 0.02, 0.04, 1.0, most=speed)
+    commander = Commander(law, place)
+    commander.follow(Plan.of(table(straight(speed, 2000))))
+    commander.mode = "follow"
+    for _ in range(2000):
+        before = commander.command, commander.turn
+        verdict = guard.command(commander.next(place, STILL), STILL, before, pose, leaving=True)
+        if verdict is not None:
+            break
+        sent.append(np.linalg.norm(commander.command - place))
+    assert "the arm does not follow" in verdict.text
+    assert not verdict.trusted
+    assert lead - 1.5 * speed * PERIOD < max(sent) <= lead
+
+
+@pytest.mark.parametrize(
+    ("paces", "safety", "before", "words"),
+    [
+        ((1.0, 1.0), 1, 1, None),
+        ((1.0, 1.0), 2, None, None),  # a rig may work in reduced mode
+        ((1.0, 1.0), 2, 2, None),
+        ((0.6, 1.0), 1, None, "the speed slider is at 60 %; set it to 100 % on the pendant"),
+        ((0.99, 1.0), 1, 1, "the speed slider was moved to 99 %"),
+        ((1.0, 0.8), 1, 1, "the controller slows the arm to 80 %"),
+        ((1.0, 0.8), 2, 2, "it is in reduced mode: a safety plane or a safety input"),
+        ((1.0, 1.0), 2, 1, "the robot has changed to reduced mode: a safety plane"),
+        ((float("nan"), 1.0), 1, 1, "the speed slider"),
+    ],
+)
+def test_a_slower_robot_is_named(paces, safety, before, words):
+    text = slowdown(paces, safety, before)
+    assert text is None if words is None else words in text
+
+
+@pytest.mark.parametrize(("mode", "name"), [(3, "POWER_OFF"), (5, "IDLE"), (6, "BACKDRIVE"), (-1, "NO_CONTROLLER")])
+def test_a_robot_that_is_not_running_is_named(mode, name):
+    """Before its program, which ends because of that; after the emergency stop, which switches the power off."""
+    assert complaint((mode, 1, 1), None).startswith(f"the robot is {name}, not RUNNING; ")
+    assert "emergency stop" in complaint((mode, 7, 1), None)
 
 
 def test_a_pose_that_stands_still_while_commands_go_on():

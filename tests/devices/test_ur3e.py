@@ -17,7 +17,7 @@ from palpate_devices.ur3e.kinematics import (
     tip,
 )
 from palpate_devices.ur3e.plan import PERIOD, Plan
-from palpate_devices.ur3e.robot import send_at_once
+from palpate_devices.ur3e.robot import drop_unsent, send_at_once
 from palpate_devices.ur3e.servo import Commander, Law, way
 from palpate_testing import check_trajectory
 from palpate_trajectories.point import Point
@@ -162,6 +162,8 @@ def test_it_follows_a_motion(restored, control, kinematics):
     check_trajectory(PRESS)
     found, health = states(device(restored, control=control, kinematics=kinematics), PRESS)
     assert health["kinematics_mismatch"] < 1e-6  # with "dh", of every state on the way
+    modes = found["status"][1][0, 1:]  # of robot, safety and program; speed slider, scaling
+    assert modes.tolist() == [7, 1, 2, 1, 1]
     position, wanted = found["tip"][1][:, 2], found["setpoint"][1][:, 2]
     measuring = found["setpoint"][1][:, 6] > 0.5
     assert 0.3 < measuring.sum() * PERIOD < 0.6
@@ -251,4 +253,17 @@ def test_the_library_keeps_its_connections():
         link.close()
         served.settimeout(5.0)
         assert served.recv(1) == b""  # closed for good
+        served.close()
+
+
+def test_a_connection_ends_by_a_reset():
+    """What its owner has sent and nobody has acknowledged is not delivered after him."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        link = socket.create_connection(server.getsockname())
+        served, _ = server.accept()
+        assert drop_unsent(server.getsockname()[1]) == 1
+        link.close()
+        served.settimeout(5.0)
+        with pytest.raises(ConnectionResetError):
+            served.recv(1)
         served.close()

@@ -68,6 +68,9 @@ class Host(Protocol):
     def robot_commands(self, address: str) -> Any:
         """A robot's commands, as `rtde_control.RTDEControlInterface`; raises ImportError, RuntimeError."""
 
+    def read_back(self, address: str) -> Any:
+        """What the controller has taken of them, as `ur3e.echo.ReadBack`; raises RuntimeError."""
+
 
 class Computer:
     """The real one."""
@@ -138,6 +141,12 @@ class Computer:
         import rtde_control
 
         return rtde_control.RTDEControlInterface(address, 500.0)
+
+    def read_back(self, address: str) -> Any:
+        """By a connection of our own, for the client library shows nothing of it."""
+        from palpate_devices.ur3e.echo import ReadBack
+
+        return ReadBack(address)
 
 
 _hosts: list[Host] = [Computer()]

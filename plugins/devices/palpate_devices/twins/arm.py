@@ -37,6 +37,7 @@ class SimulatedArm:
     tcp: Floats = field(default_factory=lambda: np.eye(4))
     qd: Floats = field(default_factory=lambda: np.zeros(6))
     model: Model = UR3E
+    pace: float = 1.0  # of what it does, as of the speed slider
     jammed: bool = False  # it stands still, whatever is commanded
     _mode: str = "hold"
     _target: Floats = field(default_factory=lambda: np.zeros(6))
@@ -45,6 +46,7 @@ class SimulatedArm:
     _path: list[Floats] = field(default_factory=list)
     _deceleration: float = _STOPPING
     _posture: tuple[Floats, Floats, Floats] | None = None  # joints, and what `flange` gives for them
+    _due: float = 0.0  # steps of a path
 
     def servo(self, q: Floats, lookahead: float, gain: float) -> None:
         """Follow joint angles."""
@@ -129,13 +131,13 @@ class SimulatedArm:
         """One tick."""
         wanted, limit = np.zeros(6), self._deceleration
         if self._mode == "servo":
-            wanted = (self._target - self.q) * ((1.0 - math.exp(-TICK / self._lag)) / TICK)
+            wanted = (self._target - self.q) * ((1.0 - math.exp(-self.pace * TICK / self._lag)) / TICK)
             limit = _ACCELERATION
         elif self._mode == "speed":
-            wanted, limit = self._speed, _ACCELERATION
+            wanted, limit = self._speed * self.pace, _ACCELERATION
         elif self._mode == "move" and self._path:
-            target = self._path.pop(0)
-            wanted, limit = (target - self.q) / (1.5 * TICK), 4 * _ACCELERATION
+            target = self._path.pop(0) if self._step_is_due() else self._path[0]
+            wanted, limit = (target - self.q) * (self.pace / (1.5 * TICK)), 4 * _ACCELERATION
         if self.jammed:
             wanted, limit = np.zeros(6), 4 * _ACCELERATION
         change = np.clip(wanted - self.qd, -limit * TICK, limit * TICK)
@@ -144,6 +146,13 @@ class SimulatedArm:
         self.q = self.q + 0.5 * TICK * (before + self.qd)
         if self._mode == "move" and not self._path:
             self.stop()
+
+    def _step_is_due(self) -> bool:
+        """Whether a path goes on in this tick: in each at full pace."""
+        self._due += self.pace
+        due = self._due >= 1.0
+        self._due -= due
+        return due
 
 
 def _trapezoid(length: float, speed: float, acceleration: float) -> list[float]:

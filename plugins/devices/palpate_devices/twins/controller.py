@@ -16,8 +16,11 @@ from palpate_devices.ur3e.kinematics import pose_of, rotation_matrix
 VERSION = (5, 12, 4, 1101661)
 GREETING = "Connected: Universal Robots Dashboard Server"
 _STOPPED, _PLAYING, _PAUSED = 1, 2, 4
-_NORMAL, _PROTECTIVE, _SAFEGUARD, _EMERGENCY = 1, 3, 5, 7
-_SAFETY_BITS = {_NORMAL: 0x1, _PROTECTIVE: 0x404, _SAFEGUARD: 0x410, _EMERGENCY: 0x4C0}
+_NORMAL, _REDUCED, _PROTECTIVE, _SAFEGUARD, _EMERGENCY = 1, 2, 3, 5, 7
+_SOUND = (_NORMAL, _REDUCED)
+_POWER_OFF, _RUNNING = 3, 7
+_ROBOT_MODES = {3: "POWER_OFF", 4: "POWER_ON", 5: "IDLE", 6: "BACKDRIVE", 7: "RUNNING"}
+_SAFETY_BITS = {_NORMAL: 0x1, _REDUCED: 0x2, _PROTECTIVE: 0x404, _SAFEGUARD: 0x410, _EMERGENCY: 0x4C0}
 _SIZES = {"VECTOR6D": 6, "VECTOR3D": 3, "VECTOR6INT32": 6, "VECTOR6UINT32": 6}
 
 
@@ -40,6 +43,7 @@ class Controller:
         self._owners: dict[str, ClientSession] = {}
         self._program: Program | None = None
         self._runtime, self._safety = _STOPPED, _NORMAL
+        self._robot_mode = _RUNNING
         self._stopped_at = 0.0
         self.now = 0.0
         self.force = np.zeros(6)
@@ -55,7 +59,7 @@ class Controller:
         self._state: dict[str, Any] = {
             name: (0.0,) * _SIZES[kind] if kind in _SIZES else 0 for name, kind in OUTPUTS.items()
         }
-        self._state |= {"joint_mode": (253,) * 6, "speed_scaling": 1.0, "target_speed_fraction": 1.0}
+        self._state |= {"joint_mode": (253,) * 6, "speed_scaling": 1.0}
         self._state |= {"actual_main_voltage": 48.0, "actual_robot_voltage": 48.0}
 
     def claim(self, session: ClientSession, name: str) -> bool:
@@ -75,7 +79,7 @@ class Controller:
     def upload(self, text: str) -> None:
         """Start a program, in place of the running one."""
         self.uploads += 1
-        if self._safety == _NORMAL and not self.deaf and "def " in text:
+        if self._safety in _SOUND and self._robot_mode == _RUNNING and not self.deaf and "def " in text:
             self._program, self._runtime = Program(text, self.arm, self.protective_stop), _PLAYING
             self._program.feed(clock().now())
 
@@ -97,6 +101,22 @@ class Controller:
         self.arm.stop(80.0)
         self._safety, self._stopped_at = _SAFEGUARD if safeguard else _PROTECTIVE, self.now
 
+    def reduce(self) -> None:
+        """Change to the reduced mode, as by a safety plane or a safety input; the program continues."""
+        self._safety = _REDUCED
+
+    def move_slider(self, fraction: float) -> None:
+        """Move the speed slider to a fraction (0 to 1); raises ValueError beyond."""
+        if not 0.0 <= fraction <= 1.0:
+            raise ValueError("a speed slider goes from 0 to 1")
+        self.arm.pace = fraction
+
+    def change_mode(self, number: int) -> None:
+        """Change the robot's mode; in any but RUNNING the program ends."""
+        self._robot_mode = number
+        if number != _RUNNING:
+            self.end_program()
+
     def stick(self) -> None:
         """Keep reporting the present pose, and all else as it is."""
         self.stuck = self.arm.pose
@@ -112,7 +132,7 @@ class Controller:
         self.end_program()
         self._came.clear()
         self._written.clear()
-        self._safety = _NORMAL
+        self._safety, self._robot_mode, self.arm.pace = _NORMAL, _RUNNING, 1.0
         self.unknown_output, self.refuses_start, self.remote, self.deaf = "", False, True, False
         self.stuck, self.no_number, self.arm.jammed = None, False, False
         self.arm.q, self.arm.qd, self.arm.tcp = q, np.zeros(6), self.pendant_tcp
@@ -165,13 +185,15 @@ class Controller:
             "target_TCP_pose": pose_of(pose),
             "actual_TCP_force": self.force.tolist(),
             "ft_raw_wrench": self.force.tolist(),
-            "robot_mode": 3 if emergency else 7,
+            "robot_mode": _POWER_OFF if emergency else self._robot_mode,
+            "target_speed_fraction": arm.pace,
             "safety_mode": self._safety,
             "safety_status": self._safety,
             "runtime_state": self._runtime,
             "robot_status_bits": 0 if emergency else 1 | (2 if self._program is not None else 0),
             "safety_status_bits": _SAFETY_BITS[self._safety],
         }
+        self._state |= self.inputs  # registers are read back
         if self.stuck is not None:
             self._state["actual_TCP_pose"] = self.stuck
         if self.no_number:
@@ -190,7 +212,7 @@ class Controller:
             "get serial number": "20233500001",
             "get robot model": self.arm.model.name.upper().rstrip("E"),
             "is in remote control": str(self.remote).lower(),
-            "robotmode": f"Robotmode: {'POWER_OFF' if self._safety == _EMERGENCY else 'RUNNING'}",
+            "robotmode": f"Robotmode: {self._mode_name()}",
             "safetymode": f"Safetymode: {self._safety_name()}",
             "safetystatus": f"Safetystatus: {self._safety_name()}",
             "running": f"Program running: {str(running).lower()}",
@@ -202,7 +224,7 @@ class Controller:
             self.end_program()
             return "Stopped"
         if line == "play":
-            self._runtime = _PLAYING if self._program is not None and self._safety == _NORMAL else self._runtime
+            self._runtime = _PLAYING if self._program is not None and self._safety in _SOUND else self._runtime
             return "Starting program" if self._runtime == _PLAYING else "Failed to execute: play"
         if line == "unlock protective stop":
             if self.now - self._stopped_at < 5.0:
@@ -214,6 +236,11 @@ class Controller:
             return "Protective stop releasing"
         return answers.get(line, f"could not understand: '{line}'")
 
+    def _mode_name(self) -> str:
+        mode = _POWER_OFF if self._safety == _EMERGENCY else self._robot_mode
+        return _ROBOT_MODES.get(mode, "NO_CONTROLLER")
+
     def _safety_name(self) -> str:
-        names = {_PROTECTIVE: "PROTECTIVE_STOP", _SAFEGUARD: "SAFEGUARD_STOP", _EMERGENCY: "ROBOT_EMERGENCY_STOP"}
+        names = {_REDUCED: "REDUCED", _PROTECTIVE: "PROTECTIVE_STOP", _SAFEGUARD: "SAFEGUARD_STOP"}
+        names[_EMERGENCY] = "ROBOT_EMERGENCY_STOP"
         return names.get(self._safety, "NORMAL")

@@ -32,6 +32,8 @@ class DirectPorts:
         self.shut_ports: set[int] = set()
         self.is_open = True
         self.connections = 0  # number of the present ones: every end of them counts one up
+        self._held_until = 0.0  # monotonic time [s]
+        self._held: list[dict[str, Any]] = []
         self.latest: dict[str, Any] | None = None  # as listeners have it
         self.latest_control: dict[str, Any] | None = None  # as the connection that commands has it
 
@@ -40,10 +42,14 @@ class DirectPorts:
 
     def broadcast(self) -> None:
         """Take this tick's state."""
+        if self._held and clock().now() >= self._held_until:
+            for values in self._held:
+                self._land(values)
+            self.drop_unsent()
         if self.frozen or self.halved or self.mute:
             return
         self.latest = dict(self.controller.state())
-        if not self.control_mute:
+        if not self.control_mute and clock().now() >= self._held_until:
             self.latest_control = self.latest
 
     def say(self, text: str) -> None:
@@ -57,6 +63,14 @@ class DirectPorts:
         """End every connection."""
         self.connections += 1
 
+    def hold_back(self, duration: float) -> None:
+        """Hold back what commands send, for a time [s]; then all of it lands at once."""
+        self._held_until = clock().now() + duration
+
+    def drop_unsent(self) -> None:
+        """What is held back never lands: the connection was reset."""
+        self._held = []
+
     def close(self, reset: bool = False) -> None:
         """Stop listening, and end every connection."""
         self.is_open = False
@@ -65,14 +79,37 @@ class DirectPorts:
     def restore(self) -> None:
         """Listen and answer again."""
         self.frozen = self.mute = self.halved = self.greets_not = self.control_mute = False
-        self.is_open = True
+        self.is_open, self._held_until = True, 0.0
+        self.drop_unsent()
         self.shut_ports.clear()
 
     def write(self, values: dict[str, Any]) -> None:
         """Inputs for the next tick, unless the connection is mute."""
-        if not (self.control_mute or self.mute):
-            self.controller.write(values)
-            self.controller.date(clock().now() - self.began)
+        if self.control_mute or self.mute:
+            return
+        if clock().now() < self._held_until:
+            self._held.append(values)
+        else:
+            self._land(values)
+
+    def _land(self, values: dict[str, Any]) -> None:
+        self.controller.write(values)
+        self.controller.date(clock().now() - self.began)
+
+
+class DirectReadBack:
+    """What a controller has taken of its commands, as `ur3e.echo.ReadBack` gives it."""
+
+    def __init__(self, ports: DirectPorts) -> None:
+        self._ports, self._connection, self._seen = ports, ports.connections, -1.0
+
+    def latest(self) -> tuple[float, float] | None:
+        """Controller's time [s] and register of the newest state; None where there is no new one."""
+        state = self._ports.latest
+        if state is None or self._ports.connections != self._connection or state["timestamp"] == self._seen:
+            return None
+        self._seen = float(state["timestamp"])
+        return self._seen, float(state["input_double_register_7"])
 
 
 class DirectStates:

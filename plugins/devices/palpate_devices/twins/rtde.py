@@ -9,6 +9,10 @@ from typing import Any
 _CODES = {"DOUBLE": "d", "UINT64": "Q", "UINT32": "I", "INT32": "i", "UINT8": "B", "BOOL": "?"}
 _CODES |= {"VECTOR3D": "3d", "VECTOR6D": "6d", "VECTOR6INT32": "6i", "VECTOR6UINT32": "6I"}
 
+_REGISTERS = {
+    **{f"input_int_register_{i}": "INT32" for i in range(48)},
+    **{f"input_double_register_{i}": "DOUBLE" for i in range(48)},
+}
 OUTPUTS: dict[str, str] = {
     "timestamp": "DOUBLE",
     **dict.fromkeys(
@@ -68,10 +72,10 @@ OUTPUTS: dict[str, str] = {
     "joint_mode": "VECTOR6INT32",
     **{f"output_int_register_{i}": "INT32" for i in range(48)},
     **{f"output_double_register_{i}": "DOUBLE" for i in range(48)},
+    **_REGISTERS,  # read back
 }
 INPUTS: dict[str, str] = {
-    **{f"input_int_register_{i}": "INT32" for i in range(48)},
-    **{f"input_double_register_{i}": "DOUBLE" for i in range(48)},
+    **_REGISTERS,
     "external_force_torque": "VECTOR6D",
     "speed_slider_mask": "UINT32",
     "speed_slider_fraction": "DOUBLE",

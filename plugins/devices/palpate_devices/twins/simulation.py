@@ -18,7 +18,7 @@ from palpate import DeviceError, HoldUp, SimulatedClock, ThreadEnded
 
 from palpate_devices.process.host import Process, use_host
 from palpate_devices.twins.controller import Controller
-from palpate_devices.twins.direct import DirectCommands, DirectPorts, DirectStates
+from palpate_devices.twins.direct import DirectCommands, DirectPorts, DirectReadBack, DirectStates
 from palpate_devices.twins.lines import SocketDatagrams, SocketLine
 from palpate_devices.twins.settings import BenchSettings
 from palpate_devices.twins.wiring import RobotPorts
@@ -64,10 +64,19 @@ class _ProcessExitError(BaseException):
 class SimulatedProcess:
     """A device's process as a thread in simulated time (a Process)."""
 
-    def __init__(self, clock: SimulatedClock, name: str, module: str, arguments: Sequence[str], pid: int) -> None:
+    def __init__(
+        self,
+        clock: SimulatedClock,
+        name: str,
+        module: str,
+        arguments: Sequence[str],
+        pid: int,
+        closed: Callable[[], None] | None = None,
+    ) -> None:
         self.returncode: int | None = None
         self.pid = pid
         self._clock, self._name, self._module, self._arguments = clock, name, module, arguments
+        self._closed = closed  # what becomes of its connections at its end
         self._thread = clock.process_thread(self._run, module, self._name)
         self._thread.start()
 
@@ -85,6 +94,8 @@ class SimulatedProcess:
             traceback.print_exc(file=sys.stderr)
         finally:
             self.returncode = code
+            if self._closed is not None:
+                self._closed()
             os.close(int(self._arguments[1]))
             self._clock.kill(self._name)
 
@@ -117,7 +128,8 @@ class SimulatedHost:
         self._started += 1
         arguments = [*(str(os.dup(descriptor)) for descriptor in descriptors), settings]
         name = f"{PROCESSES.get(module, module)} {self._started}"
-        return SimulatedProcess(self._clock, name, module, arguments, self._started)
+        closed = self._ports().drop_unsent if name.startswith("robot") else None
+        return SimulatedProcess(self._clock, name, module, arguments, self._started, closed)
 
     def enter(self, priority: int) -> str:
         """Nothing competes for a core."""
@@ -161,6 +173,10 @@ class SimulatedHost:
     def robot_commands(self, address: str) -> DirectCommands:
         """The twin's."""
         return DirectCommands(self._ports())
+
+    def read_back(self, address: str) -> DirectReadBack:
+        """The twin's."""
+        return DirectReadBack(self._ports())
 
     def _ports(self) -> DirectPorts:
         assert self._wiring.robot is not None  # a world has one

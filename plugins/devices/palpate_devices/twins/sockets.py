@@ -6,9 +6,8 @@ import contextlib
 import socket
 import struct
 import sys
-import time
 
-from palpate import DeviceError
+from palpate import DeviceError, clock
 
 from palpate_devices.twins.controller import GREETING, VERSION, Controller
 from palpate_devices.twins.rtde import ClientSession, packet, packets
@@ -29,6 +28,8 @@ class Client:
             connection.setsockopt(socket.SOL_SOCKET, _STAMPED, 1)
         self.socket, self.port = connection, port
         self.received = bytearray()
+        self.held: bytearray | None = None  # what the network holds back, where it does
+        self.over = False  # the peer has closed its end
         self.unsent = b""
         self.skipped = 0
         self.session = ClientSession(
@@ -38,12 +39,12 @@ class Client:
     def read(self) -> tuple[bytes, float]:
         """What has come, nothing where the peer has gone, and the monotonic time [s] at which the last of it came."""
         data, notes, _, _ = self.socket.recvmsg(65536, socket.CMSG_SPACE(_STAMP.size))
-        now = time.time_ns()
+        now = clock().epoch_ns()
         for _, kind, note in notes:
             if kind == _STAMPED:  # by the kernel, who was awake when it came
                 seconds, rest = _STAMP.unpack(note[: _STAMP.size])
-                return data, time.monotonic() - max(now - seconds * 10**9 - rest, 0) / 1e9
-        return data, time.monotonic()
+                return data, clock().now() - max(now - seconds * 10**9 - rest, 0) / 1e9
+        return data, clock().now()
 
     def send(self, data: bytes) -> bool:
         """Send, or keep what did not fit; a peer that does not read is skipped, not queued. False where it has gone."""
@@ -70,7 +71,8 @@ class ListeningPorts:
         self._listening: dict[socket.socket, int] = {}
         self.clients: list[Client] = []
         self.frozen = self.mute = self.halved = self.greets_not = self.control_mute = False
-        self.began = time.monotonic()  # the controller's zero of time, as a monotonic time [s]
+        self._held_until = 0.0  # monotonic time [s]
+        self.began = clock().now()  # the controller's zero of time, as a monotonic time [s]
         self.open()
 
     def open(self) -> None:
@@ -120,23 +122,46 @@ class ListeningPorts:
             client.socket.close()
         self.clients = []
 
+    def hold_back(self, duration: float) -> None:
+        """Hold back what comes on connections that command, for a time [s]; then all of it lands at once.
+
+        As after a reroute: what has not arrived lies in the sender's queue. A sender who resets the connection throws
+        his queue away; one who closes it politely, or lives on, delivers it.
+        """
+        self._held_until = clock().now() + duration
+        for client in self.clients:
+            if client.session.commands:
+                client.held = bytearray()
+
+    def _land(self) -> None:
+        """What was held back arrives."""
+        for client in [client for client in self.clients if client.held is not None]:
+            data, client.held = bytes(client.held or b""), None
+            sound = not data or self._take(client, data, clock().now())
+            if client.over or not sound:
+                self._drop(client)
+
     def restore(self) -> None:
         """Listen and answer again."""
+        self._held_until = 0.0
         self.frozen = self.mute = self.halved = self.greets_not = self.control_mute = False
         self.open()
 
     @property
     def sockets(self) -> list[socket.socket]:
         """What to wait for."""
-        heard = (client for client in self.clients if not self._is_mute(client))
+        deaf = self.control_mute
+        heard = (client for client in self.clients if not (client.over or (deaf and client.session.commands)))
         return [*self._listening, *(client.socket for client in heard)]
 
     def _is_mute(self, client: Client) -> bool:
-        """Neither heard nor spoken to: a connection that commands, where those are mute."""
-        return self.control_mute and client.session.commands
+        """Not spoken to: a connection that commands, where those are mute or held back."""
+        return client.held is not None or (self.control_mute and client.session.commands)
 
     def serve(self, ready: list[socket.socket]) -> None:
         """Take what has come."""
+        if clock().now() >= self._held_until:
+            self._land()
         for listener, port in self._listening.items():
             if listener in ready:
                 with contextlib.suppress(OSError):
@@ -172,6 +197,14 @@ class ListeningPorts:
             return True
         except OSError:
             return False
+        if client.held is not None:
+            client.held += data
+            client.over = not data
+            return True
+        return self._take(client, data, came)
+
+    def _take(self, client: Client, data: bytes, came: float) -> bool:
+        """Answer what has come at a monotonic time [s]; False where the connection is over."""
         client.received += data
         if self.mute or (self.greets_not and client.port == DASHBOARD):
             return bool(data)

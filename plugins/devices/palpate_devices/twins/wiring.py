@@ -40,6 +40,9 @@ class RobotPorts(Protocol):
     def disconnect(self, reset: bool = False) -> None:
         """End every connection, politely or by a reset; new ones are welcome."""
 
+    def hold_back(self, duration: float) -> None:
+        """Hold back what commands send, for a time [s]; then all of it lands at once."""
+
     def close(self, reset: bool = False) -> None:
         """Stop listening, and end every connection."""
 

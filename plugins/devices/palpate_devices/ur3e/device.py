@@ -116,7 +116,8 @@ class UR(Device):
         joints = [Channel(name, "rad") for name in JOINTS] + [Channel(f"{name}_speed", "rad/s") for name in JOINTS]
         setpoint = [Channel(axis, "m") for axis in "xyz"] + [Channel(f"v{axis}", "m/s") for axis in "xyz"]
         wrench = [Channel(axis, "N") for axis in "xyz"] + [Channel(f"t{axis}", "N*m") for axis in "xyz"]
-        status = [Channel("time", "s"), *(Channel(name, "1") for name in ("robot_mode", "safety_mode", "runtime"))]
+        modes = ("robot_mode", "safety_mode", "runtime", "speed_slider", "speed_scaling")
+        status = [Channel("time", "s"), *(Channel(name, "1") for name in modes)]
         return (
             Stream("tip", tuple(pose), rate, "pose", "host", "work"),
             Stream("twist", tuple(twist), rate, "twist", "host", "work"),

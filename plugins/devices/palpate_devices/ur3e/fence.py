@@ -21,6 +21,8 @@ _MORE = 1.2  # what a command may do for a moment, in limits
 _SLACK = 4e-3  # [m/s] of noise in one command
 _EXCESS = 2e-3  # [m/s] of noise in a measured speed
 _MARGIN = 1e-3  # [m] that a command may lead, or a measured tip may swing, over the box of the setpoints
+_DELAY = 0.045  # [s] of an arm beyond the lag of its servo: states, commands, and what its servo does not tell
+_STATIC = 0.2e-3  # [m] that an arm at rest may be off its command
 _SUDDEN = 1.5
 _FARTHEST = 0.15  # [rad] that a joint may have to go from where it is to where the command is
 _CANCELLED = 12.0  # times the tip's speed
@@ -58,7 +60,8 @@ class Fence:
         self.limits: dict[str, Any] | None = None
         self._commands: deque[Floats] = deque(maxlen=2 * _WINDOW + 1)
         self._speeds: deque[Floats] = deque(maxlen=_WINDOW)
-        self._following = Following(own.get("lag", 0.0))
+        self._lag = own.get("lag", 0.0)
+        self._following = Following(self._lag)
         self.begin(np.zeros(3))
 
     def begin(self, command: Floats) -> None:
@@ -66,6 +69,18 @@ class Fence:
         self._commands.extend([command.copy()] * (2 * _WINDOW + 1))
         self._speeds.clear()
         self._following.begin(command)
+
+    @property
+    def lead(self) -> float:
+        """How far [m] a command may be ahead of the tip: by what the allowed speed makes of the servo's lag.
+
+        So much at most the arm leaps where it has been held and comes free, and a law that integrates cannot wind up
+        further.
+        """
+        if self.limits is None:
+            return float(self._tracking)
+        way = self.limits["speed"] * (self._lag + _DELAY)
+        return float(min(self._tracking, max(way, _STATIC)))
 
     def table(self, rows: Floats) -> Verdict | None:
         """Setpoints (n, 7), before anything moves."""
@@ -168,11 +183,9 @@ class Fence:
         self, command: Floats, turn: Floats, before: tuple[Floats, Floats], seen: ArmState, leaving: bool
     ) -> Verdict | None:
         """Joint speeds of the command, its distance from the arm, and where elbow and wrist are."""
-        away = length(command - seen.position)
-        if away > self._tracking:
-            return Verdict(
-                f"the arm does not follow: it is {mm(away)} from its command, over {mm(self._tracking)}", False
-            )
+        away, lead = length(command - seen.position), self.lead
+        if away > lead:
+            return Verdict(f"the arm does not follow: it is {mm(away)} from its command, over {mm(lead)}", False)
         work = self._work.matrix[:3, :3]
         tool = self._work.tool
         askew = rotation_vector((tool @ rotation_matrix(turn.tolist()) if turn.any() else tool) @ seen.rotation.T)

@@ -8,6 +8,7 @@ STATE = Layout(**_PARTS)  # as the controller sends it, of the tip in the frame 
 POSE, TWIST = STATE.span("position", "rotation"), STATE.span("velocity", "turning")
 MOTION = STATE.span("joints", "turning")
 SETPOINT = Layout(position=3, velocity=3, measuring=1)
-# A row of the ring: controller's and host's time [ns], the state, the modes of robot, safety and program, the setpoint.
-ROW = Layout(controller=1, host=1, **_PARTS, modes=3, setpoint=SETPOINT.size)
+# A row of the ring: controller's and host's time [ns], the state, the modes of robot, safety and program, speed slider
+# and scaling, the setpoint.
+ROW = Layout(controller=1, host=1, **_PARTS, modes=3, paces=2, setpoint=SETPOINT.size)
 STOP, RETRACT = 8, 9  # words of the ring by which the parent, from any thread, commands

@@ -198,7 +198,7 @@ class URLink:
             self._rotation = matrix_of(rows[-1, _POSE].tolist())[:3, :3]
             self._first, self._last = self._first or int(controller[0]), int(controller[-1])
         self._states += len(rows)
-        status = np.column_stack([controller / 1e9, rows[:, ROW["modes"]]])
+        status = np.column_stack([controller / 1e9, rows[:, ROW.span("modes", "paces")]])
         joints = rows[:, ROW.span("joints", "joint_speeds")]
         columns = (pose, twist, joints, rows[:, ROW["setpoint"]], rows[:, ROW["force"]], status)
         for stream, values in zip(self._settings.streams, columns, strict=True):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import os
 import socket
+import struct
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import Any
 
@@ -12,6 +14,7 @@ import numpy as np
 from palpate import Floats, clock
 
 from palpate_devices.process.host import host
+from palpate_devices.ur3e.echo import RTDE_PORT, Echo
 from palpate_devices.ur3e.fence import ArmState, tool_turn
 from palpate_devices.ur3e.frame import WorkFrame
 from palpate_devices.ur3e.kinematics import (
@@ -32,10 +35,11 @@ from palpate_devices.ur3e.states import PLAYING
 _VARIABLES = [
     *("timestamp", "actual_q", "actual_qd", "actual_TCP_pose", "actual_TCP_speed", "actual_TCP_force"),
     *("robot_mode", "safety_mode", "runtime_state", "robot_status_bits", "safety_status_bits"),
+    *("target_speed_fraction", "speed_scaling"),
 ]
 _LOAD = ["payload", "payload_cog"]
 _NEAR = 5e-3  # [m] between the controller's pose and that of the nominal kinematics
-RTDE_PORT = 30004
+_NO_LINGER = struct.pack("ii", 1, 0)
 _TAKES = 0.2  # [s] until the controller's states show a new TCP or payload
 
 
@@ -61,6 +65,9 @@ class Robot:
         self.stamp, self.seen, self.fresh = -1.0, clock().now_ns(), False
         self.state: list[float] = []
         self.modes = (7, 1, PLAYING)
+        self.paces = (1.0, 1.0)  # speed slider, the controller's own scaling
+        self._echo = Echo()
+        self._read_back: Any = None  # a ReadBack
         self.facts: dict[str, Any] = {}
         self.tool = np.eye(4)
         self.model = MODELS["ur3e"]
@@ -73,6 +80,8 @@ class Robot:
         """The control program, watchdog, tool and payload; finds the model from the tool's pose."""
         self.control = host().robot_commands(settings["host"])
         send_at_once(RTDE_PORT)
+        drop_unsent(RTDE_PORT)
+        self._read_back = host().read_back(settings["host"])
         pendant = self.control.getTCPOffset()
         # The tool's own turn is the pendant's business, unless the pipeline states it.
         rotation = settings["tcp_rotation"]
@@ -138,19 +147,27 @@ class Robot:
         if stamp == self.stamp:
             return False
         now = clock().now_ns()
-        values, modes = self._read()
+        values, modes, paces = self._read()
         for _ in range(2):
             again = receive.getTimestamp()
             if again == stamp:
                 break
             stamp, now = again, clock().now_ns()  # a packet came in between: its values may be mixed
-            values, modes = self._read()
+            values, modes, paces = self._read()
         if len(values) != STATE.size:
             return False
-        self.stamp, self.seen, self.state, self.modes, self.fresh = stamp, now, values, modes, True
+        self.stamp, self.seen, self.state, self.fresh = stamp, now, values, True
+        self.modes, self.paces = modes, paces
+        if self._read_back is not None and (news := self._read_back.latest()) is not None:
+            self._echo.hear(*news)
         return True
 
-    def _read(self) -> tuple[list[float], tuple[int, int, int]]:
+    @property
+    def unheard(self) -> float:
+        """For how long [s] of its own time the controller has taken none of the commands on their way."""
+        return self._echo.silence(self.stamp)
+
+    def _read(self) -> tuple[list[float], tuple[int, int, int], tuple[float, float]]:
         receive = self.receive
         values = [
             *receive.getActualQ(),
@@ -159,7 +176,8 @@ class Robot:
             *receive.getActualTCPSpeed(),
             *receive.getActualTCPForce(),
         ]
-        return values, (receive.getRobotMode(), receive.getSafetyMode(), receive.getRuntimeState())
+        modes = receive.getRobotMode(), receive.getSafetyMode(), receive.getRuntimeState()
+        return values, modes, (receive.getTargetSpeedFraction(), receive.getSpeedScaling())
 
     @property
     def is_number(self) -> bool:
@@ -191,7 +209,8 @@ class Robot:
         if self._turned is None or not np.array_equal(self._turned[0], turn):
             rotation = rotation_vector(self._work.tool @ rotation_matrix(turn.tolist()))
             self._turned = turn.copy(), rotation.tolist()
-        return bool(self.control.servoL([*target, *self._turned[1]], 0.5, 0.5, *self._servo))
+        number = self._echo.number(self.stamp)
+        return bool(self.control.servoL([*target, *self._turned[1]], 0.5, number, *self._servo))
 
 
 def send_at_once(port: int) -> int:
@@ -200,7 +219,27 @@ def send_at_once(port: int) -> int:
     The client library leaves Nagle's algorithm on: a command waits for the acknowledgement of the one before, which
     comes with a state, or after 40 ms; then several come at once, and the arm leaps.
     """
-    found = 0
+    return _set(port, socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+
+def drop_unsent(port: int) -> int:
+    """Let the end of this process, whatever its cause, reset its connections to a port; how many there are.
+
+    Else the system would go on delivering what lies on a lost link, and the arm would carry it out.
+    """
+    return _set(port, socket.SOL_SOCKET, socket.SO_LINGER, _NO_LINGER)
+
+
+def _set(port: int, level: int, option: int, value: int | bytes) -> int:
+    count = 0
+    for link in _links(port):
+        link.setsockopt(level, option, value)
+        count += 1
+    return count
+
+
+def _links(port: int) -> Iterator[socket.socket]:
+    """This process's connections to a port of another host, which the client library holds."""
     for descriptor in map(int, os.listdir("/proc/self/fd")):
         try:
             link = socket.socket(fileno=descriptor)
@@ -208,13 +247,11 @@ def send_at_once(port: int) -> int:
             continue
         try:
             if (link.family, link.type) == (socket.AF_INET, socket.SOCK_STREAM) and link.getpeername()[1] == port:
-                link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                found += 1
+                yield link
         except OSError:  # without a peer
             continue
         finally:
             link.detach()  # borrowed: a copy would hold open what its owner closes
-    return found
 
 
 def by_joints(state: list[float], tool: Floats, model: Model) -> list[float]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 STOPPED, PLAYING = 1, 2  # runtime state
-NORMAL = 1  # safety mode
-_SAFE = (NORMAL, 2)  # and REDUCED
+NORMAL, REDUCED = 1, 2  # safety mode
+RUNNING = 7  # robot mode
+_SAFE = (NORMAL, REDUCED)
+_FULL = 0.995  # sliders move in steps of 1 %
 _SAFETY = {
     3: "a protective stop",
     5: "a safeguard stop",
@@ -19,7 +21,23 @@ _WAY_OUT = {
     6: "release the button, power the arm on, release its brakes, then lift the tip in freedrive",
     7: "release the button, power the arm on, release its brakes, then lift the tip in freedrive",
 }
+_POWER = "power the arm on and release its brakes on the pendant"
+_ROBOT = {
+    -1: ("NO_CONTROLLER", "restart the controller"),
+    0: ("DISCONNECTED", "look at the pendant for the cause"),
+    1: ("CONFIRM_SAFETY", "confirm the safety configuration on the pendant"),
+    2: ("BOOTING", "wait until it has started"),
+    3: ("POWER_OFF", _POWER),
+    4: ("POWER_ON", _POWER),
+    5: ("IDLE", _POWER),
+    6: ("BACKDRIVE", f"leave backdrive, then {_POWER}"),
+    8: ("UPDATING_FIRMWARE", "wait until it is done"),
+}
 _PAUSES = (3, 4)  # PAUSING, PAUSED
+_REDUCED = (
+    "reduced mode: a safety plane or a safety input has put the lower limits of its safety configuration in force; "
+    "leave the plane or release the input"
+)
 
 
 def complaint(modes: tuple[int, int, int], height: float | None) -> str | None:
@@ -27,14 +45,38 @@ def complaint(modes: tuple[int, int, int], height: float | None) -> str | None:
 
     `height` [m] of the tip over the nominal skin, where it was in motion.
     """
-    _, safety, runtime = modes
+    robot, safety, runtime = modes
     stands = "" if height is None else f" The tip stands at a height of {1e3 * height:.1f} mm."
     if safety not in _SAFE:
         what = _SAFETY.get(safety, f"safety mode {safety}")
         way_out = f"; {_WAY_OUT[safety]}." if safety in _WAY_OUT else "."
         return f"the robot is in {what}{way_out}{stands}"
+    if robot != RUNNING:
+        name, remedy = _ROBOT.get(robot, (f"mode {robot}", "look at the pendant for the cause"))
+        return f"the robot is {name}, not RUNNING; {remedy}.{stands}"
     if runtime in _PAUSES:
         return f"the robot's program was paused on the pendant.{stands}"
     if runtime != PLAYING:
         return f"the robot's program was stopped (pendant, dashboard, watchdog or a pose out of reach).{stands}"
+    return None
+
+
+def slowdown(paces: tuple[float, float], safety: int, before: int | None) -> str | None:
+    """Why the arm is slower than it is commanded, or about to be; None where it is not.
+
+    From the speed slider and the controller's own scaling (1 is full speed), its safety mode, and the one `before`, at
+    the start of the motion, where there is one.
+    """
+    slider, scaling = paces
+    if not slider >= _FULL:
+        verb = "is at" if before is None else "was moved to"
+        return f"the speed slider {verb} {100 * slider:.0f} %; set it to 100 % on the pendant"
+    if safety == REDUCED and before == NORMAL:
+        return f"the robot has changed to {_REDUCED}"
+    if not scaling >= _FULL:
+        why = f"; it is in {_REDUCED}" if safety == REDUCED else ""
+        return (
+            f"the controller slows the arm to {100 * scaling:.0f} % to keep its own limits of speed, force or power; "
+            f"use a slower motion, or look at its payload and safety configuration{why}"
+        )
     return None

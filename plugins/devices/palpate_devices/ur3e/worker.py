@@ -24,9 +24,11 @@ from palpate_devices.ur3e.pace import Beat, Pace
 from palpate_devices.ur3e.plan import PERIOD, Plan
 from palpate_devices.ur3e.robot import Robot, by_joints
 from palpate_devices.ur3e.servo import Commander, Law
-from palpate_devices.ur3e.states import NORMAL, STOPPED, complaint
+from palpate_devices.ur3e.states import NORMAL, RUNNING, STOPPED, complaint, slowdown
 
 _BLIND = 2_300_000  # [ns] without a new state: of more commands than two on their way only the last would count
+_UNHEARD = 0.005  # [s] without a command taken: a link that holds commands back delivers them at once
+_LOST = 0.1  # [s], likewise
 _OWN = 0.85  # of the speed limit, for what the arm does by itself: two steps in one tick are still below 1.2 of it
 _EXPLAIN = 10  # periods
 _MUTE = 25  # periods in which a stop has to reach the other connection, too
@@ -77,6 +79,7 @@ class _Loop:
         self._setpoint = np.zeros(SETPOINT.size)
         self._offered: _Offer | None = None
         self._cycles = 0
+        self._safety = NORMAL  # mode, at the start of the motion
         self._beat = Beat()
 
     def run(self) -> NoReturn:
@@ -114,7 +117,7 @@ class _Loop:
         # A law that reads a frozen position would drive on and on, a force that is not read rises, and commands that
         # lie on a lost link come all at once: without news the arm waits where it is.
         deaf = self._eye is not None and commander.mode in _MOVING and self._eye.deaf(now)
-        if not deaf and now - robot.seen <= _BLIND:
+        if not deaf and now - robot.seen <= _BLIND and robot.unheard <= _UNHEARD:
             self._advance(commander, seen)
         if not robot.servo(commander.command, commander.turn):
             for _ in range(_EXPLAIN):  # the state that says why comes on another connection
@@ -165,19 +168,39 @@ class _Loop:
             stamps = round(robot.stamp * 1e9), robot.seen
             self._beat.saw(*stamps)
             state = robot.state if robot.control is not None else by_joints(robot.state, robot.tool, robot.model)
-            self._ring.write(stamps, [*state, *robot.modes, *self._setpoint])
+            self._ring.write(stamps, [*state, *robot.modes, *robot.paces, *self._setpoint])
 
     def _check(self, now: int) -> None:
         robot, commander = self._robot, self._commander
         if robot.control is not None and complaint(robot.modes, None) is not None:
             moving = commander is not None and commander.mode != "hold"
             text = str(complaint(robot.modes, robot.height if moving else None))
-            self._fail(text + (self._mute_control() if robot.modes[1:] == (NORMAL, STOPPED) else ""))
+            self._fail(text + (self._mute_control() if robot.modes == (RUNNING, NORMAL, STOPPED) else ""))
+        self._check_pace(commander)
         age = (now - robot.seen) / 1e9
         if not robot.receive.isConnected():
             self._fail("the controller has closed the link")
+        if robot.control is not None and robot.unheard > _LOST:
+            self._fail(
+                f"the control link is lost: the controller has taken no command for {1e3 * robot.unheard:.0f} ms. What "
+                "was sent meanwhile is dropped, and the controller's watchdog stops the arm. Check cable and switch"
+            )
         if age > self._stale:
             self._fail(f"the controller is silent: its last state is {1e3 * age:.0f} ms old")
+
+    def _check_pace(self, commander: Commander | None) -> None:
+        """A robot that is slower than its commands does not begin, and leaves the material in a motion."""
+        robot = self._robot
+        if robot.control is None:
+            return
+        if commander is None or commander.mode == "hold":
+            self._safety = robot.modes[1]
+            if (text := slowdown(robot.paces, self._safety, None)) is not None:
+                self._fail(text)
+        elif commander.mode in _MOVING:
+            text = slowdown(robot.paces, robot.modes[1], self._safety)
+            if text is not None:
+                self._stop_for(Verdict(text), commander)
 
     def _mute_control(self) -> str:
         """A program that the control link still reports as running, although the other link reports that it is not."""
@@ -294,7 +317,7 @@ class _Loop:
         return " The control link does not answer: commands do not arrive." if halting.is_alive() else ""
 
     def _leave(self) -> NoReturn:
-        self._halt()
+        self._halt_in_doubt()
         host().leave(0)
 
     def _fail(self, text: str) -> NoReturn:

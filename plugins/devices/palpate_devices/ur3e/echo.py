@@ -1,0 +1,109 @@
+"""Whether commands arrive: each has a number, which the controller reads back."""
+
+from __future__ import annotations
+
+import socket
+import struct
+from collections.abc import Iterator
+
+RTDE_PORT = 30004
+# `servoL` sends an acceleration that neither the control program nor `servoj` uses: the command's number goes there.
+_REGISTER = "input_double_register_7"
+_NUMBERS = 1 << 16
+_UNIT = 1e-3  # [m/s^2] of one; the client library takes up to 150 m/s^2
+_TIMEOUT = 1.0  # [s]
+_RECIPE = struct.Struct(">Bdd")  # its number, time [s], register
+
+
+class Echo:
+    """Numbers of commands as they go out and as they come back, by the controller's own time [s].
+
+    That time, because a host that was held up has neither sent nor heard anything meanwhile.
+    """
+
+    def __init__(self) -> None:
+        self._sent = 0
+        self._heard: int | None = None
+        self._since = 0.0  # the latest news, or the first command after which there was none to come
+
+    def number(self, now: float) -> float:
+        """The number of the next command as an acceleration [m/s^2], sent at a time [s]."""
+        if self._heard == self._sent % _NUMBERS or not self._sent:
+            self._since = now
+        self._sent += 1
+        return self._sent % _NUMBERS * _UNIT
+
+    def hear(self, now: float, acceleration: float) -> None:
+        """What the controller read back at a time [s]."""
+        heard = round(acceleration / _UNIT)
+        if heard != self._heard:
+            self._heard, self._since = heard, now
+
+    def silence(self, now: float) -> float:
+        """For how long [s] commands are on their way and none has arrived."""
+        if not self._sent or self._heard == self._sent % _NUMBERS:
+            return 0.0
+        return max(now - self._since, 0.0)
+
+
+class ReadBack:
+    """A connection that reads the register back, of which the client library shows nothing.
+
+    Raises RuntimeError where the controller does not, or does not answer within 1 s.
+    """
+
+    def __init__(self, host: str) -> None:
+        self._buffer = bytearray()
+        try:
+            self._link = socket.create_connection((host, RTDE_PORT), _TIMEOUT)
+        except OSError as error:
+            raise RuntimeError(f"the controller does not read commands back: {error}") from error
+        try:
+            self._begin()
+        except (OSError, RuntimeError) as error:
+            self.close()
+            raise RuntimeError(str(error)) from error
+
+    def close(self) -> None:
+        """End the connection."""
+        self._link.close()
+
+    def _begin(self) -> None:
+        if self._ask("V", struct.pack(">H", 2)) != b"\1":
+            raise RuntimeError("the controller does not speak RTDE version 2")
+        types = self._ask("O", struct.pack(">d", 500.0) + f"timestamp,{_REGISTER}".encode())[1:]
+        if types != b"DOUBLE,DOUBLE":
+            raise RuntimeError(f"the controller does not read {_REGISTER} back, by which lost commands are noticed")
+        if self._ask("S") != b"\1":
+            raise RuntimeError("the controller refuses to start sending its state")
+        self._link.setblocking(False)
+
+    def _ask(self, kind: str, payload: bytes = b"") -> bytes:
+        """The answer to a packet; texts and data between the two are skipped."""
+        self._link.sendall(struct.pack(">HB", 3 + len(payload), ord(kind)) + payload)
+        while True:
+            for answer, content in self._packets():
+                if answer == kind:
+                    return content
+            if not (data := self._link.recv(4096)):
+                raise RuntimeError("the controller has closed a link while connecting")
+            self._buffer += data
+
+    def _packets(self) -> Iterator[tuple[str, bytes]]:
+        while len(self._buffer) >= 3:
+            size, kind = struct.unpack_from(">HB", self._buffer)
+            if len(self._buffer) < max(size, 3):
+                return
+            content = bytes(self._buffer[3:size])
+            del self._buffer[: max(size, 3)]
+            yield chr(kind), content
+
+    def latest(self) -> tuple[float, float] | None:
+        """Controller's time [s] and register of the newest state; None where there is no new one."""
+        try:
+            while data := self._link.recv(65536):
+                self._buffer += data
+        except OSError:  # nothing more now, or for good, which the silence shows
+            pass
+        values = [content for kind, content in self._packets() if kind == "U" and len(content) == _RECIPE.size]
+        return _RECIPE.unpack(values[-1])[1:] if values else None

@@ -1,0 +1,86 @@
+"""Commands have numbers that the controller reads back: what counts as a lost link."""
+
+import os
+import socket
+import threading
+
+import pytest
+from palpate_devices.twins.rtde import ClientSession, packets
+from palpate_devices.ur3e.echo import Echo, ReadBack
+from palpate_devices.ur3e.plan import PERIOD
+
+HOST = f"127.7.{os.getpid() % 250}.1"
+
+
+def driven(periods, delay, heard=lambda i: True, sent=lambda i: True):
+    """The silence [s] in each period, of commands that come back after so many periods, where they are heard."""
+    echo, register, silences = Echo(), [], []  # what the register is after each period
+    for i in range(periods):
+        now = i * PERIOD
+        if i >= delay and heard(i):
+            echo.hear(now, register[i - delay])
+        silences.append(echo.silence(now))
+        register.append(echo.number(now) if sent(i) else register[-1])
+    return silences
+
+
+@pytest.mark.parametrize(("delay", "longest"), [(1, 0), (2, 1), (10, 9)])
+def test_a_delay_is_no_silence(delay, longest):
+    """Nor are more commands than there are numbers; at the beginning it is one."""
+    silences = driven(66_000, delay)
+    assert max(silences[delay:]) <= longest * PERIOD + 1e-9
+    assert max(silences[2 * delay :]) <= PERIOD + 1e-9
+
+
+def test_commands_that_do_not_arrive_are_a_silence():
+    silences = driven(200, 2, heard=lambda i: i < 100)
+    assert silences[199] == pytest.approx(100 * PERIOD)
+
+
+def test_a_host_that_sends_nothing_waits_for_nothing():
+    silences = driven(300, 1, sent=lambda i: not 100 <= i < 200)
+    assert max(silences) <= PERIOD + 1e-9
+
+
+def served(unknown=""):
+    """A controller that reads registers back for one connection, once it has been asked to."""
+    server = socket.create_server((HOST, 30004))
+
+    def serve():
+        link, _ = server.accept()
+        session, buffer = ClientSession((5, 12, 4, 0), lambda s, n: True, lambda v: None, unknown), bytearray()
+        with link:
+            while data := link.recv(4096):
+                buffer += data
+                for kind, payload in packets(buffer):
+                    link.sendall(session.answer(kind, payload))
+                if session.started:
+                    for i in range(3):
+                        link.sendall(session.data({"timestamp": float(i), "input_double_register_7": 0.5 * i}))
+                    return
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    return server, thread
+
+
+def test_the_newest_state_is_read():
+    server, thread = served()
+    with server:
+        link = ReadBack(HOST)
+        thread.join()
+        assert link.latest() == (2.0, 1.0)
+        assert link.latest() is None
+        link.close()
+
+
+def test_a_controller_without_the_register_is_refused():
+    server, thread = served("input_double_register_7")
+    with server, pytest.raises(RuntimeError, match="does not read input_double_register_7 back"):
+        ReadBack(HOST)
+    thread.join()
+
+
+def test_a_controller_that_is_not_there_is_refused():
+    with pytest.raises(RuntimeError, match=r"does not read commands back: .*refused"):
+        ReadBack(HOST)
