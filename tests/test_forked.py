@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from tests.forked import DEVNULL, PALPATE, PIPE, STDOUT, usual_signals, run, start
+from tests.forked import DEVNULL, PALPATE, PIPE, STDOUT, run, start, usual_signals
 
 WHAT_IT_IS = """
 import json, os, resource, signal, sys, threading

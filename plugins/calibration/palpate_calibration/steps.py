@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
 from palpate import LogError
 
 from palpate_calibration.protocol import StepFindings, pressed, refuse_broken, shaken, tapped
