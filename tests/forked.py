@@ -34,7 +34,7 @@ def start(code, *arguments, stdin=None, stdout=None, stderr=None, text=False, cw
         return Forked(code, arguments, stdin, stdout, stderr, text, cwd or os.getcwd(), env, session)
     return subprocess.Popen(
         [sys.executable, "-c", code, *arguments], stdin=stdin, stdout=stdout, stderr=stderr, text=text, cwd=cwd,
-        env=env, start_new_session=session, preexec_fn=_usual_signals,
+        env=env, start_new_session=session, preexec_fn=usual_signals,
     )  # fmt: skip
 
 
@@ -57,7 +57,7 @@ def _at_start(env):
     return {key: value for key, value in env.items() if key.startswith(_AT_START) and key != "PYTHONPATH"}
 
 
-def _usual_signals():
+def usual_signals():
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)
 

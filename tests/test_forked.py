@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from tests.forked import DEVNULL, PALPATE, PIPE, STDOUT, run, start
+from tests.forked import DEVNULL, PALPATE, PIPE, STDOUT, run, start, usual_signals
 
 WHAT_IT_IS = """
 import json, os, resource, signal, sys, threading
@@ -33,7 +33,7 @@ def test_it_is_what_a_process_is(tmp_path, monkeypatch, session):
     monkeypatch.setenv("MINE", "ünd")
     given = {"stdin": DEVNULL, "stdout": PIPE, "stderr": DEVNULL, "text": True, "cwd": tmp_path}
     command = [sys.executable, "-c", WHAT_IT_IS, "one", "two words"]
-    executed = subprocess.Popen(command, start_new_session=session, **given)
+    executed = subprocess.Popen(command, start_new_session=session, preexec_fn=usual_signals, **given)
     forked = start(WHAT_IT_IS, "one", "two words", session=session, **given)
     assert forked.communicate(timeout=60)[0] == executed.communicate(timeout=60)[0]
     assert forked.returncode == executed.returncode == 0

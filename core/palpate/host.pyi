@@ -101,10 +101,12 @@ from palpate.alignment import (
     AlignmentReport as AlignmentReport,
     AlignmentSettings as AlignmentSettings,
     Health as Health,
+    Hesitations as Hesitations,
     Intake as Intake,
     Ports as Ports,
     Series as Series,
     Signal as Signal,
+    hesitations as hesitations,
 )
 from palpate.config import (
     CalibratedNumber as CalibratedNumber,

@@ -33,7 +33,7 @@ def rows(folder):
 def test_every_combination_gets_a_row_and_a_failure_its_reason(palpate, point_pipeline, tmp_path):
     file, out = with_sweep(point_pipeline, SWEEP), tmp_path / "out"
     done = palpate("sweep", file, "--out", out)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 1, done.stderr
     assert "4 combinations, 2 failed" in done.stdout
     found = rows(out)
     assert [(row["run.seed"], row["estimator.ekf.force_std"]) for row in found] == [

@@ -98,8 +98,9 @@ def test_spikes_are_counted_and_a_clean_record_has_none(evidence):
 def test_a_tap_is_no_spike():
     time = np.arange(4000) / 500.0
     contact = np.maximum(np.sin(2 * np.pi * 5 * time), 0.0) ** 1.5 * 20.0  # lifts off in every cycle
-    assert not len(spikes_of(contact + 0.01 * np.random.default_rng(0).standard_normal(len(time))))
-    assert not len(spikes_of(np.round(contact, 1)))
+    every = np.ones(len(time), bool)
+    assert not len(spikes_of(contact + 0.01 * np.random.default_rng(0).standard_normal(len(time)), every))
+    assert not len(spikes_of(np.round(contact, 1), every))
 
 
 def test_a_candidate_without_a_result_is_flagged(evidence):

@@ -4,6 +4,7 @@ The samples do not depend on how the streams were cut into batches, so a replaye
 """
 
 from palpate.alignment.aligner import Aligner, AlignmentReport
+from palpate.alignment.hesitation import Hesitations, hesitations
 from palpate.alignment.intake import Intake
 from palpate.alignment.ports import Port, Ports, channels, signals
 from palpate.alignment.series import Health, Series
@@ -17,11 +18,13 @@ __all__ = [
     "AlignmentReport",
     "AlignmentSettings",
     "Health",
+    "Hesitations",
     "Intake",
     "Port",
     "Ports",
     "Series",
     "Signal",
     "channels",
+    "hesitations",
     "signals",
 ]

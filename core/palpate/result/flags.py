@@ -14,6 +14,7 @@ _LATE = 1e-3  # [s] of the velocity against the position
 _DRIFT = 5e-4  # [s] between the clocks of two streams over a record
 _AIR = 0.2  # of the force that counts as touch: 0.05 N where the sensor has the paper's noise
 _STUCK = 0.1  # [s] of exactly equal readings
+_STIFF = 0.01  # of the samples; the few long steps of an arm that hesitates are no property of the contact
 
 
 def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Iterator[Flag]:
@@ -106,7 +107,7 @@ def _status_flags(record: TrackRecord) -> Iterator[Flag]:
         yield Flag("restarted", f"the filter restarted {marks[Status.RESTARTED]} times")
     if marks[Status.BLIND]:
         yield Flag("blind", f"{marks[Status.BLIND]} samples lacked a measurement and were predicted only")
-    if marks[Status.STIFF]:
+    if marks[Status.STIFF] > _STIFF * record.samples:
         yield Flag("too-stiff", f"the contact was too stiff for the time step in {marks[Status.STIFF]} samples")
     if marks[Status.REPAIRED]:
         yield Flag("covariance-repaired", f"the covariance lost its positivity in {marks[Status.REPAIRED]} samples")

@@ -12,7 +12,7 @@ from palpate.host import GRAVITY
 
 from palpate_calibration.quantity import Measured, scaled, summed
 from palpate_calibration.record import CalibrationRecord
-from palpate_calibration.segments import Segment, shaking, standing_still
+from palpate_calibration.segments import Segment, hesitated, shaking, standing_still
 from palpate_calibration.settings import CalibrationSettings
 from palpate_calibration.shake import ShakeFit, shake_fit
 from palpate_calibration.standstill import Spectrum, StandstillFit, standstill_fit, standstill_values
@@ -57,9 +57,11 @@ def shaken(records: Sequence[CalibrationRecord], settings: CalibrationSettings) 
         refuse_broken(record)
         moving, still = shaking(record, settings.settle), standing_still(record)
         if not moving:
+            count = record.hesitations.count(record.begin, record.end)
             raise LogError(
                 "calibration: the record contains no shake of 2 s or more: no steady oscillation; the tip moves by "
                 f"{1e3 * float(np.ptp(record.position.values)):.3g} mm in {record.end - record.begin:.3g} s"
+                + (f", and {hesitated(count)}" if count else "")
             )
         fits = [shake_fit(record, segment, settings.frequencies) for segment in moving]
         shakes += fits
@@ -177,9 +179,12 @@ def _refuse_shifted(
                 "contact, or something hangs on it"
             )
         if shake.residual > _UNEXPLAINED * noise + 0.1 * shake.swing:
+            why = "the tip is in contact, or the motion is no sine"
+            if shake.planned.breaks_up:
+                why = f"{hesitated(shake.planned.count)}; that is over half of the shake"
             raise LogError(
                 f"calibration: mass and delay leave {shake.residual:.3g} N of the force unexplained where the noise at "
-                f"standstill is {noise:.3g} N: the tip is in contact, or the motion is no sine"
+                f"standstill is {noise:.3g} N: {why}"
             )
 
 
@@ -213,6 +218,10 @@ def _notes(shakes: Sequence[ShakeFit], standstills: Sequence[StandstillFit]) -> 
         notes.append(
             f"coloured-noise: below a tenth of its rate the force noise is {colour:.1f} times that of white noise"
         )
+    count = sum(shake.planned.count for shake in shakes)
+    if count:
+        share = np.mean([0.0 if shake.planned.breaks_up else shake.planned.share for shake in shakes])
+        notes.append(f"hesitated: {hesitated(count)}; {share:.0%} of the shakes is left out for it")
     noise = max((item.force_std.value for fit in standstills for item in fit.stretches), default=math.inf)
     left = max(shake.residual for shake in shakes)
     if left > _NOTED * noise:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from palpate import Batch, Floats, LogError
-from palpate.host import AlignmentSettings, Health, Intake, Ports
+from palpate.host import AlignmentSettings, Health, Hesitations, Intake, Ports, hesitations
 
 _SECOND = 1_000_000_000  # [ns]
 _ROLES = ("force", "position", "velocity")
@@ -39,6 +40,11 @@ class CalibrationRecord:
     position: Trace
     velocity: Trace | None
     origin: int = 0  # [ns] the first time-stamp
+
+    @cached_property
+    def hesitations(self) -> Hesitations:
+        """Of the arm."""
+        return hesitations(self.position.time)
 
     @property
     def begin(self) -> float:

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
+from palpate.host import Hesitations
 
 from palpate_calibration.record import CalibrationRecord
 
@@ -17,6 +18,7 @@ _MOVING = 2e-4  # [m]; no position at standstill is as noisy as that
 _EVEN = 0.1  # change of the swing over a second that is still even
 _SHORTEST_STANDSTILL = 0.4  # [s]
 _SHORTEST_SHAKE = 2.0  # [s]
+_MOST_LEFT_OUT = 0.5  # of a motion, for hesitations
 _EDGE = 0.1  # [s] left out at both ends of every stretch: streams are not yet aligned
 
 
@@ -31,6 +33,37 @@ class Segment:
     def length(self) -> float:
         """How long it is [s]."""
         return self.end - self.begin
+
+
+@dataclass(frozen=True)
+class PlannedMotion:
+    """Where in a segment the arm moves as planned, and does not hesitate."""
+
+    hesitations: Hesitations
+    count: int
+    share: float  # of the segment that they take
+
+    @classmethod
+    def of(cls, record: CalibrationRecord, segment: Segment) -> PlannedMotion:
+        """That of one segment of a record."""
+        times = np.linspace(segment.begin, segment.end, 10_001)
+        share = float(np.mean(record.hesitations.hold(times)))
+        return cls(record.hesitations, record.hesitations.count(segment.begin, segment.end), share)
+
+    @property
+    def breaks_up(self) -> bool:
+        """Whether hesitations are over half of it: too much to be left out."""
+        return self.share > _MOST_LEFT_OUT
+
+    def hold(self, time: Floats) -> NDArray[np.bool_]:
+        """(n,) True at the times [s] that count: those without a hesitation; all where it breaks up."""
+        return np.ones(len(time), bool) if self.breaks_up else ~self.hesitations.hold(time)
+
+
+def hesitated(count: int) -> str:
+    """That the arm hesitated, in words."""
+    often = "once" if count == 1 else f"{count} times"
+    return f"the arm hesitated {often} (a busy computer holds it up)"
 
 
 def standing_still(record: CalibrationRecord) -> list[Segment]:

@@ -6,11 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import Floats, LogError
 
 from palpate_calibration.quantity import RepeatValue
 from palpate_calibration.record import CalibrationRecord
-from palpate_calibration.segments import Segment
+from palpate_calibration.segments import PlannedMotion, Segment
 from palpate_calibration.sines import SineFit, find_lines, harmonics_of, sine_fit
 
 _WEAK = 0.1  # a relative uncertainty of the mass above it says nothing
@@ -35,6 +36,7 @@ class ShakeFit:
     swing: float  # [N] RMS of the inertia
     residual: float  # [N] RMS of the force that mass and delay do not explain
     paper_velocity_std: RepeatValue | None  # [m/s] RMSE of the velocity against its 21-sample mean
+    planned: PlannedMotion
 
 
 def shake_fit(record: CalibrationRecord, segment: Segment, frequencies: tuple[float, ...] = ()) -> ShakeFit:
@@ -43,18 +45,26 @@ def shake_fit(record: CalibrationRecord, segment: Segment, frequencies: tuple[fl
     With the phasors Z of the height and U of the force (positive where it pushes the tip out) at each frequency,
     u = m d'' = -m z'' gives U/Z = m omega^2 exp(-i omega tau), hence mass from the modulus and the delay tau of the
     force from the phase, both with the uncertainty of the two sine fits; several frequencies are averaged by weight.
+    Where the arm hesitates its motion is no sine, and the readings are left out. They are not where that would be over
+    half of them: over the whole of any motion the ratio holds as well, with a larger residual.
     Raises LogError where the motion is no sine, where it is too small, or where the tip is not in free air.
     Source: paper, mass identification (F = m a); the delay is beyond the paper.
     """
     middle = (segment.begin + segment.end) / 2
     times, heights = record.position.between(segment.begin, segment.end)
-    lines = frequencies or find_lines(times, heights)
+    instants, readings = record.force.between(segment.begin, segment.end)
+    planned = PlannedMotion.of(record, segment)
+    lines = frequencies or find_lines(times, heights, planned.hold(times))
     if not lines:
         raise LogError("calibration: the motion holds no sine")
     # What touches now and then pushes in harmonics, which a mass has only where the motion has them.
     every = (*lines, *harmonics_of(lines, min(record.force.rate, record.position.rate) / 2.5, segment.length))
-    motion = sine_fit(times, heights, every, middle)
-    force = sine_fit(*record.force.between(segment.begin, segment.end), every, middle)
+    motion = sine_fit(times, heights, every, middle, planned.hold(times))
+    force = sine_fit(instants, readings, every, middle, planned.hold(instants))
+    if planned.count:  # a late force hesitates later
+        best = int(np.argmax(np.abs(force.phasors[: len(lines)])))
+        late = -float(np.angle(force.phasors[best] / motion.phasors[best])) / (2 * math.pi * lines[best])
+        force = sine_fit(instants, readings, every, middle, planned.hold(instants - late))
     _refuse_noise(motion, force, lines)
     strong = [k for k in range(len(lines)) if force.variances[k] < (2 * _WEAK * abs(force.phasors[k])) ** 2]
     masses, delays = _by_line(motion, force, lines, strong)
@@ -66,11 +76,12 @@ def shake_fit(record: CalibrationRecord, segment: Segment, frequencies: tuple[fl
     velocity = velocity_std = None
     if record.velocity is not None:
         instants, speeds = record.velocity.between(segment.begin, segment.end)
-        velocity = _velocity_delay(motion, sine_fit(instants, speeds, lines, middle), lines)
-        velocity_std = against_average(speeds)
+        used = planned.hold(instants)
+        velocity = _velocity_delay(motion, sine_fit(instants, speeds, lines, middle, used), lines)
+        velocity_std = against_average(speeds, used)
     residual = math.sqrt(float(np.mean(force.residual**2)) + float((left**2).sum()) / 2)
     amplitudes = tuple(float(abs(z)) for z in motion.phasors[: len(lines)])
-    return ShakeFit(lines, amplitudes, mass, delay, velocity, force.offset, swing, residual, velocity_std)
+    return ShakeFit(lines, amplitudes, mass, delay, velocity, force.offset, swing, residual, velocity_std, planned)
 
 
 def _by_line(
@@ -164,11 +175,12 @@ def _velocity_delay(motion: SineFit, velocity: SineFit, lines: tuple[float, ...]
     return _average(found)
 
 
-def against_average(values: Floats) -> RepeatValue | None:
+def against_average(values: Floats, used: NDArray[np.bool_]) -> RepeatValue | None:
     """RMSE between a signal (n,) and its centred 21-sample mean, the paper's velocity noise, +- itself/sqrt(2 n)."""
     if len(values) < 3 * _AVERAGED:
         return None
     mean = np.convolve(values, np.ones(_AVERAGED) / _AVERAGED, "valid")
+    whole = np.convolve(used, np.ones(_AVERAGED), "valid") > _AVERAGED - 0.5
     half = _AVERAGED // 2
-    rmse, n = float(np.sqrt(np.mean((values[half:-half] - mean) ** 2))), len(mean)
+    rmse, n = float(np.sqrt(np.mean((values[half:-half] - mean)[whole] ** 2))), int(np.count_nonzero(whole))
     return RepeatValue(rmse, rmse / math.sqrt(2 * n), n)

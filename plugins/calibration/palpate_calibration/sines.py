@@ -26,23 +26,27 @@ class SineFit:
     freedom: Floats  # (k,) degrees of freedom of the variances
     offset: float
     slope: float  # [1/s]
-    residual: Floats  # (n,)
+    residual: Floats  # (n,); none where readings are left out
 
 
-def sine_fit(time: Floats, values: Floats, frequencies: Sequence[float], middle: float) -> SineFit:
-    """Least squares of sines of known frequencies [Hz], about a middle instant [s]."""
+def sine_fit(
+    time: Floats, values: Floats, frequencies: Sequence[float], middle: float, used: NDArray[np.bool_] | None = None
+) -> SineFit:
+    """Least squares of sines of known frequencies [Hz], about a middle instant [s], to the readings that are used."""
+    used = np.ones(len(time), bool) if used is None else used
     t = time - middle
     design = _columns(t, frequencies)
-    found = _solved(design, values)
-    residual = values - design @ found
-    noise = [_variance_at(t, residual, frequency, frequencies) for frequency in frequencies]
+    found = _solved(design[used], values[used])
+    residual = np.where(used, values - design @ found, 0.0)
+    share = float(np.mean(used))
+    noise = [_variance_at(t, residual, frequency, frequencies, share) for frequency in frequencies]
     return SineFit(
         found[2::2] - 1j * found[3::2],
         np.array([variance for variance, _ in noise]),
         np.array([freedom for _, freedom in noise]),
         float(found[0]),
         float(found[1]),
-        residual,
+        residual[used],
     )
 
 
@@ -80,11 +84,14 @@ def _power(values: Floats) -> Floats:
     return np.asarray(np.abs(np.fft.rfft(values) * 2.0 / len(values)) ** 2, np.float64)
 
 
-def _variance_at(time: Floats, residual: Floats, frequency: float, lines: Sequence[float]) -> tuple[float, float]:
+def _variance_at(
+    time: Floats, residual: Floats, frequency: float, lines: Sequence[float], share: float
+) -> tuple[float, float]:
     """Variance of each quadrature of a phasor at a frequency [Hz], and its degrees of freedom.
 
     The mean of the residual's spectrum over neighbouring frequencies, so that coloured noise is no trouble; lines that
-    were fitted are left out, since the fit took the noise there along.
+    were fitted are left out, since the fit took the noise there along. The residual is zero but for a share of the
+    readings: sums over them have so much less power, and neighbouring frequencies correlate.
     """
     power = _power(residual)
     span = float(time[-1] - time[0]) * len(time) / (len(time) - 1)
@@ -92,7 +99,7 @@ def _variance_at(time: Floats, residual: Floats, frequency: float, lines: Sequen
     apart = np.abs(bins[:, None] - np.array(lines)[None, :] * span).min(axis=1)
     beside = (apart > 1.5) & (bins > 1) & (bins < len(power) - 1)
     beside &= np.abs(bins - frequency * span) < _NEIGHBOURS + 2
-    return float(power[beside].mean() / 2), 2.0 * int(beside.sum())
+    return float(power[beside].mean() / 2 / share**2), 2.0 * int(beside.sum()) * share
 
 
 def mean_with_std(values: Floats) -> tuple[float, float, float]:
@@ -105,30 +112,33 @@ def mean_with_std(values: Floats) -> tuple[float, float, float]:
     return float(values.mean()), float(np.sqrt(power.mean() / 4)), 2.0 * len(power)
 
 
-def find_lines(time: Floats, values: Floats, most: int = 6, least: float = 0.08) -> tuple[float, ...]:
+def find_lines(
+    time: Floats, values: Floats, used: NDArray[np.bool_] | None = None, most: int = 6, least: float = 0.08
+) -> tuple[float, ...]:
     """Frequencies [Hz] of the sines that a motion consists of, the strongest first to be found, in rising order.
 
     One after the other: the highest peak of the spectrum of what the sines so far leave over, then all frequencies
     together by Gauss and Newton; ends where the next peak is below `least` of the first.
     """
+    used = np.ones(len(time), bool) if used is None else used
     middle = (time[0] + time[-1]) / 2
     t = time - middle
     span, count = float(t[-1] - t[0]), len(t)
     even = np.linspace(t[0], t[-1], count)
     lines: list[float] = []
-    scatter, first = values - np.polyval(np.polyfit(t, values, 1), t), None
+    scatter, first = values - np.polyval(np.polyfit(t[used], values[used], 1), t), None
     for _ in range(most):
         window = np.hanning(count)
-        spectrum = np.abs(np.fft.rfft(np.interp(even, t, scatter) * window, 8 * count)) * 2 / window.sum()
+        spectrum = np.abs(np.fft.rfft(np.interp(even, t, scatter * used) * window, 8 * count)) * 2 / window.sum()
         grid = np.fft.rfftfreq(8 * count, span / (count - 1))
         spectrum[grid * span < 2.0] = 0.0  # a line needs two periods
         peak = int(np.argmax(spectrum))
         first = spectrum[peak] if first is None else first
         if spectrum[peak] < least * first or spectrum[peak] == 0:
             break
-        lines = _refined(t, values, [*lines, float(grid[peak])])
+        lines = _refined(t[used], values[used], [*lines, float(grid[peak])])
         columns = _columns(t, lines)
-        scatter = values - columns @ _solved(columns, values)
+        scatter = values - columns @ _solved(columns[used], values[used])
     return tuple(sorted(lines))
 
 

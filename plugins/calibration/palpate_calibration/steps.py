@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
 from palpate import LogError
 
 from palpate_calibration.protocol import StepFindings, pressed, refuse_broken, shaken, tapped
 from palpate_calibration.quantity import Measured, RepeatValue
 from palpate_calibration.record import CalibrationRecord
-from palpate_calibration.segments import Segment, longest_standstill, shaking
+from palpate_calibration.segments import PlannedMotion, Segment, hesitated, longest_standstill, shaking
 from palpate_calibration.settings import CalibrationSettings
 from palpate_calibration.shake import against_average
 from palpate_calibration.sines import find_lines, harmonics_of, sine_fit
@@ -66,19 +65,28 @@ def noisy(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -
         if not segments:
             raise LogError("calibration: the record contains no steady oscillation of 2 s or more")
         for segment in segments:
+            planned = PlannedMotion.of(record, segment)
+            if planned.breaks_up:
+                raise LogError(
+                    f"calibration: {hesitated(planned.count)}; that is over half of the motion, and cannot be told "
+                    "from noise: keep other work from this computer"
+                )
             times, speeds = record.velocity.between(segment.begin, segment.end)
-            paper += [rmse for rmse in [against_average(speeds)] if rmse is not None]
-            moving.append(_scatter(record, segment, times, speeds))
+            paper += [rmse for rmse in [against_average(speeds, planned.hold(times))] if rmse is not None]
+            moving.append(_scatter(record, segment, planned))
     values = {"moving_velocity_std": Measured.of(moving, "m/s")}
     if paper:
         values["paper_velocity_std"] = Measured.of(paper, "m/s")
     return StepFindings(values)
 
 
-def _scatter(record: CalibrationRecord, segment: Segment, times: np.ndarray, speeds: np.ndarray) -> RepeatValue:
-    lines = find_lines(*record.position.between(segment.begin, segment.end))
+def _scatter(record: CalibrationRecord, segment: Segment, planned: PlannedMotion) -> RepeatValue:
+    assert record.velocity is not None
+    instants, heights = record.position.between(segment.begin, segment.end)
+    lines = find_lines(instants, heights, planned.hold(instants))
     every = (*lines, *harmonics_of(lines, record.position.rate / 2.5, segment.length))
-    residual = sine_fit(times, speeds, every, (segment.begin + segment.end) / 2).residual
+    times, speeds = record.velocity.between(segment.begin, segment.end)
+    residual = sine_fit(times, speeds, every, (segment.begin + segment.end) / 2, planned.hold(times)).residual
     freedom = len(residual) - 2.0 - 2 * len(every)
     std = math.sqrt(float((residual**2).sum()) / freedom)
     return RepeatValue(std, std / math.sqrt(2 * freedom), freedom)

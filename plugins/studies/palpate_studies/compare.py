@@ -98,6 +98,8 @@ def compare(
     with aside(as_json):
         typer.echo(f"picture: {_draw(result, reference)}\nwritten to {result.folder}, all tracks in compare.csv")
         _along(pipeline, result, points)
+    if any(flag.code == "failed" for track in result.tracks.values() for flag in track.flags):
+        raise typer.Exit(1)
 
 
 def _there(pipeline: Pipeline, out: Path | None, scheduler: str, stage: str | None) -> Result:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from palpate import ContactModel, Floats, TrackEvidence, contact_force, force_over_time
-from palpate.host import cubic_weights, local_cubic
+from palpate.host import cubic_weights, hesitations, local_cubic
 
 from palpate_uncertainty.whitening import Runs
 
@@ -89,6 +89,15 @@ def runs_of(track: TrackEvidence) -> Runs:
     return np.asarray(np.cumsum(jumps | (step > _GAP * usual)), dtype=np.int64)
 
 
+def hesitating(track: TrackEvidence) -> NDArray[np.bool_]:
+    """(n,) True for kept samples within a hesitation of the arm, whose jerk no slope over samples shows as it was."""
+    kept = track.kept
+    step = np.diff(kept.time)
+    usual = float(np.median(step)) if len(step) else 0.0
+    clock = np.cumsum(np.concatenate([[0.0], np.where(np.diff(kept.index) == 1, step, usual)]))[: len(kept.time)]
+    return hesitations(clock).hold(clock)
+
+
 def sweeps(track: TrackEvidence) -> bool:
     """Whether the tip went along the surface, so that one value is not valid for the whole record."""
     place = track.kept.lateral[track.kept.used]
@@ -103,7 +112,7 @@ def possible(track: TrackEvidence) -> bool:
 
 
 def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
-    """The course of a track's kept samples; those at the ends of runs are not fitted."""
+    """The course of a track's kept samples; those at the ends of runs and in hesitations are not fitted."""
     kept, runs = track.kept, runs_of(track)
     acceleration = np.full(len(kept.time), np.nan)
     k = _SLOPE_SAMPLES
@@ -115,6 +124,7 @@ def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
     force = kept.force - (track.tip_mass or 0.0) * np.nan_to_num(acceleration)
     (height, height_noise), (rate, rate_noise) = _quiet(kept.position, runs), _quiet(-kept.velocity, runs)
     known = np.isfinite(force) & np.isfinite(kept.position) & np.isfinite(kept.velocity) & np.isfinite(acceleration)
+    known &= ~hesitating(track)
     first, last = (float(kept.time[0]), float(kept.time[-1])) if len(kept.time) else (0.0, 0.0)
     return Course(
         track.model, kept.time, force, height, np.nan_to_num(rate), np.nan_to_num(acceleration), runs, used & known,

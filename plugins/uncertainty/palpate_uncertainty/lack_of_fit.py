@@ -10,7 +10,7 @@ import numpy as np
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
 from palpate_uncertainty.alternatives import Refit, alternatives, refit
-from palpate_uncertainty.course import Course, make_course, possible, runs_of, sweeps
+from palpate_uncertainty.course import Course, hesitating, make_course, possible, runs_of, sweeps
 from palpate_uncertainty.whiteness import Tested, examined, oscillation
 from palpate_uncertainty.whitening import ENOUGH, WHITE, Null, null_of
 
@@ -64,7 +64,7 @@ class _Base:
 
 
 def _judge(track: TrackEvidence, known: dict[Any, _Base]) -> Diagnosed | None:
-    if np.count_nonzero(track.kept.used) < _ENOUGH or not possible(track):
+    if np.count_nonzero(track.kept.used & ~hesitating(track)) < _ENOUGH or not possible(track):
         return None
     if track.report is not None and np.isfinite(track.kept.innovation).any():
         found = _by_innovations(track)
@@ -155,7 +155,7 @@ def _null(track: TrackEvidence, residual: Floats, phase: Floats | None) -> Null:
 def _by_innovations(track: TrackEvidence) -> Tested:
     """The tests of what the estimator itself left."""
     kept = track.kept
-    rows = kept.used & np.isfinite(kept.innovation) & np.isfinite(kept.position)
+    rows = kept.used & np.isfinite(kept.innovation) & np.isfinite(kept.position) & ~hesitating(track)
     time, height, values = kept.time[rows], kept.position[rows], kept.innovation[rows]
     rhythm = oscillation(time, height)
     phase = rhythm[1] if rhythm else None

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
+
+from palpate_uncertainty.course import hesitating
 
 _REACH = 5  # samples to either side, of the running median
 _SIGMAS = 8.0
@@ -17,8 +20,9 @@ def outliers(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """Findings on every track whose force contains spikes and whose estimator gives them full weight."""
     found: dict[str, Diagnosed] = {}
     for track in tracks:
-        force = track.kept.force[track.kept.used]
-        spikes = spikes_of(force)
+        used = track.kept.used
+        force = track.kept.force[used]
+        spikes = spikes_of(force, ~hesitating(track)[used])
         if not len(spikes):
             continue
         share, size = len(spikes) / len(force), float(np.max(np.abs(spikes)))
@@ -29,13 +33,14 @@ def outliers(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     return found
 
 
-def spikes_of(force: Floats) -> Floats:
-    """How far [N] readings are off that are more than 8 standard deviations from the median of their neighbours.
+def spikes_of(force: Floats, judged: NDArray[np.bool_]) -> Floats:
+    """How far [N] those of the readings that are judged are off where they are more than 8 standard deviations from the
+    median of their neighbours.
 
     Noise by the median size of second differences, 6 times its variance in white noise; not below the least step of the
     readings. Source: Hampel 1974.
     """
-    force = force[np.isfinite(force)]
+    judged, force = judged[np.isfinite(force)], force[np.isfinite(force)]
     if len(force) < _FEWEST:
         return np.zeros(0)
     off = force - _running_median(force)
@@ -44,7 +49,7 @@ def spikes_of(force: Floats) -> Floats:
     scale = max(1.4826 * float(np.median(np.abs(np.diff(force, 2)))) / np.sqrt(6.0), least)
     # A fast motion is no spike: what the readings beside it do as well.
     bend = _SIGMAS * scale + 2.0 * _running_median(np.abs(np.gradient(force))) * _REACH
-    return off[np.abs(off) > bend] if scale > 0 else np.zeros(0)
+    return off[judged & (np.abs(off) > bend)] if scale > 0 else np.zeros(0)
 
 
 def _running_median(values: Floats) -> Floats:

@@ -8,7 +8,7 @@ import numpy as np
 from palpate import ContactModel, Diagnosed, Ending, Flag, FlagMeaning, Tail, TrackEvidence, contact_force
 from palpate.host import AlignmentReport
 
-from palpate_uncertainty.telling import bounds_at_best, correlation, slope_by_chance, white_noise
+from palpate_uncertainty.telling import bounds_at_best, correlation, slope_by_chance, steady, white_noise
 
 _STILL_MOVING = 0.02  # of a value: slope times time tracked
 _BY_CHANCE = 3.5  # standard deviations of a slope; of two parameters one is beyond that once in a thousand tracks
@@ -112,8 +112,10 @@ def _convergence_flags(end: Ending, model: ContactModel) -> Iterator[Flag]:
 
 def _innovation_flags(seen: Tail, when: str) -> Iterator[Flag]:
     """Whether innovations are as large as the filter expects."""
-    nis = float(np.nanmean(seen.nis)) if np.isfinite(seen.nis).any() else float("nan")
-    if not np.isnan(nis) and not _NIS_RANGE[0] <= nis <= _NIS_RANGE[1]:
+    known = np.isfinite(seen.nis)
+    parts = (seen.nis[known], seen.nis[known & steady(seen)])  # a hesitation makes large ones, or a large scale of all
+    nis, *others = [float(np.mean(part)) for part in parts if len(part)] or [1.0]
+    if not any(_NIS_RANGE[0] <= one <= _NIS_RANGE[1] for one in (nis, *others)):
         yield Flag("inconsistent", f"NIS of {nis:.2g} {when} where 1 is expected: noise or model is wrong")
 
 

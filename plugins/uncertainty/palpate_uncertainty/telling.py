@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import ContactModel, Floats, Tail
-from palpate.host import force_slopes
+from palpate.host import force_slopes, hesitations
 
 _ENOUGH = 100  # innovations to estimate their autocorrelation
 _FORGETS = 0.96  # of the variance that an estimator stated half a tail ago
@@ -52,12 +53,17 @@ def white_noise(tail: Tail) -> float:
     return float(np.sqrt(np.mean(third**2) / 20.0)) if len(third) else 0.0
 
 
+def steady(tail: Tail) -> NDArray[np.bool_]:
+    """(n,) True for the samples of a tail that are in no hesitation of the arm."""
+    return ~hesitations(tail.time).hold(tail.time)
+
+
 def correlation(tail: Tail) -> tuple[int, float]:
     """Lag [samples] and value of the largest autocorrelation of the innovations to lag 10; (0, 0): too few.
 
     White innovations have none beyond 1/sqrt(n): what could not be predicted from the sample before (Mehra 1970).
     """
-    known = tail.innovation[np.isfinite(tail.innovation)]
+    known = tail.innovation[np.isfinite(tail.innovation) & steady(tail)]
     if len(known) < _ENOUGH:
         return 0, 0.0
     power = float((known**2).sum())

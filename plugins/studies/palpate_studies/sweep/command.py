@@ -84,12 +84,12 @@ def sweep(
         f"{len(planned)} combinations, {failed} failed{before}: {folder / 'sweep.csv'}",
         err=as_json or layout != "table",
     )
-    if failed == len(planned):
-        raise typer.Exit(1)
-    if picture or points is not None:
+    if (picture or points is not None) and failed < len(planned):
         runs = _runs(planned, found)
         with aside(as_json):
             analysis("curves")(list(runs.values()), list(runs), points, folder / "sweep.png")
+    if failed:
+        raise typer.Exit(1)
 
 
 def _carry_out(planned: Sequence[Combination], found: dict[int, Found], engine: Engine) -> None:
