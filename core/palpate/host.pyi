@@ -134,7 +134,7 @@ from palpate.device import (
     own_motions as own_motions,
     truth_of as truth_of,
 )
-from palpate.errors import StoppedError as StoppedError, suggest as suggest
+from palpate.errors import ConsentError as ConsentError, StoppedError as StoppedError, suggest as suggest
 from palpate.extensions import function_of as function_of
 from palpate.flags import SEVERITIES as SEVERITIES, verdict as verdict
 from palpate.hooks import KINDS as KINDS

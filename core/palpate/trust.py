@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from palpate.errors import OutputError, PluginError
+from palpate.errors import ConsentError, OutputError, PluginError
 from palpate.printed import printable
 
 SWITCH = "PALPATE_PLUGINS"  # environment variable: "off" refuses every plugin file of a pipeline
@@ -102,7 +102,7 @@ def approved(files: Iterable[Path], place: Path, named: bool) -> tuple[PluginFil
 
     Recorded content is approved, and that of a pipeline that a person has `named`; at a terminal they are asked about
     files outside of its folder or of another user. Where it is a recording that names a file they are asked, too. What
-    is approved is recorded. Raises PluginError for content that may not be executed.
+    is approved is recorded. Raises ConsentError for content that may not be executed.
     """
     distinct = {_resolved(path) or path: path for path in files}
     return tuple(_approved(path, place, named) for path in distinct.values())
@@ -110,12 +110,12 @@ def approved(files: Iterable[Path], place: Path, named: bool) -> tuple[PluginFil
 
 def _approved(path: Path, place: Path, named: bool) -> PluginFile:
     if os.environ.get(SWITCH, "").lower() == "off":
-        raise PluginError(f"plugin file {path} is not executed: --no-plugins or {SWITCH}=off forbids it")
+        raise ConsentError(f"plugin file {path} is not executed: --no-plugins or {SWITCH}=off forbids it")
     file, consent = PluginFile.read(path), _consent.get()
     if file.digest in consent.approved:
         return file
     if consent.inherited:
-        raise PluginError(
+        raise ConsentError(
             f"plugin file {path} (SHA-256 {file.digest[:12]}...) is not executed: its content is not what the command "
             "that started this process has approved; do not change it while the command is at work"
         )
@@ -128,15 +128,15 @@ def _approved(path: Path, place: Path, named: bool) -> PluginFile:
 
 
 def _demand_consent(file: PluginFile, place: Path, named: bool, consent: _Consent) -> None:
-    """Raise PluginError where nobody approves of a file whose content is not recorded."""
+    """Raise ConsentError where nobody approves of a file whose content is not recorded."""
     why = _strangeness(file.path, place.parent) if named else f"is named by the recording {place}"
     if file.digest in consent.refused:
-        raise PluginError(f"plugin file {file.path} is not executed: it was refused")
+        raise ConsentError(f"plugin file {file.path} is not executed: it was refused")
     if not why or (named and not _can_ask(consent)):
         return
     if not _can_ask(consent):
         in_python = " (in Python: palpate.host.trust_plugin)" if consent.arguments is None else ""
-        raise PluginError(
+        raise ConsentError(
             f"plugin file {file.path} (SHA-256 {file.digest[:12]}...) {why}, and its content has never been approved "
             f"here, so it is not executed; read it, then approve it: palpate trust {shlex.quote(str(file.path))}"
             f"{in_python}"
@@ -148,7 +148,7 @@ def _demand_consent(file: PluginFile, place: Path, named: bool, consent: _Consen
     )
     if sys.stdin.readline().strip().lower() not in ("y", "yes"):
         consent.refused.add(file.digest)
-        raise PluginError(f"plugin file {file.path} is not executed: it was refused")
+        raise ConsentError(f"plugin file {file.path} is not executed: it was refused")
 
 
 def _strangeness(path: Path, folder: Path) -> str:

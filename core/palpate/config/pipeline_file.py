@@ -111,7 +111,7 @@ def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None, tuple
 def plugin_files(source: Source) -> tuple[PluginFile, ...]:
     """The plugin files that a source names, with content that may be executed.
 
-    Raises ConfigurationError for what is no list of files, PluginError where one may not be executed.
+    Raises ConfigurationError for what is no list of files, ConsentError where one may not be executed.
     """
     run = source.tables.get("run")
     if not isinstance(run, dict) or "plugins" not in run:

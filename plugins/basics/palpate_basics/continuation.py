@@ -15,7 +15,7 @@ from palpate_basics.run_folder import RunFolder
 def recorded_pipeline(folder: Path, overrides: Iterable[str] = ()) -> Pipeline:
     """The pipeline of a run as it was resolved, with ``table.key=value`` overrides on top.
 
-    Raises LogError where the folder contains none, PluginError where it names a plugin file that nobody has approved.
+    Raises LogError where the folder contains none, ConsentError where it names a plugin file that nobody has approved.
     """
     return load_pipeline(RunFolder(folder).pipeline, overrides, named=False)
 
