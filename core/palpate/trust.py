@@ -138,14 +138,11 @@ def _demand_consent(file: PluginFile, place: Path, named: bool, consent: _Consen
         in_python = " (in Python: palpate.host.trust_plugin)" if consent.arguments is None else ""
         raise ConsentError(
             f"plugin file {file.path} (SHA-256 {file.digest[:12]}...) {why}, and its content has never been approved "
-            f"here, so it is not executed; read it, then approve it: palpate trust {shlex.quote(str(file.path))}"
+            f"here, so it is not executed; read it, then approve it: palpate trust {shlex.quote(printable(str(file.path)))}"
             f"{in_python}"
         )
-    print(
-        f"plugin file {file.path} (SHA-256 {file.digest[:12]}...) {why}; a plugin can do all that you can. "
-        "Execute it? [y/N] ",
-        file=sys.stderr,
-    )
+    question = f"plugin file {file.path} (SHA-256 {file.digest[:12]}...) {why}; a plugin can do all that you can."
+    print(f"{printable(question)} Execute it? [y/N] ", file=sys.stderr)
     if sys.stdin.readline().strip().lower() not in ("y", "yes"):
         consent.refused.add(file.digest)
         raise ConsentError(f"plugin file {file.path} is not executed: it was refused")
@@ -169,7 +166,7 @@ def announce(files: Iterable[PluginFile]) -> None:
         key = (file.path.resolve(), file.digest)
         if consent.arguments is not None and key not in consent.announced:
             consent.announced.add(key)
-            print(f"executing plugin file {file.path}", file=sys.stderr)
+            print(f"executing plugin file {printable(str(file.path))}", file=sys.stderr)
 
 
 def trust_plugin(path: Path) -> PluginFile:
