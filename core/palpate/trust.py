@@ -135,11 +135,11 @@ def _demand_consent(file: PluginFile, place: Path, named: bool, consent: _Consen
     if not why or (named and not _can_ask(consent)):
         return
     if not _can_ask(consent):
-        in_python = " (in Python: palpate.host.trust_plugin)" if consent.arguments is None else ""
+        remedy = f"palpate trust {shlex.quote(printable(str(file.path)))}"
+        remedy += " (in Python: palpate.host.trust_plugin)" if consent.arguments is None else ""
         raise ConsentError(
             f"plugin file {file.path} (SHA-256 {file.digest[:12]}...) {why}, and its content has never been approved "
-            f"here, so it is not executed; read it, then approve it: palpate trust {shlex.quote(printable(str(file.path)))}"
-            f"{in_python}"
+            f"here, so it is not executed; read it, then approve it: {remedy}"
         )
     question = f"plugin file {file.path} (SHA-256 {file.digest[:12]}...) {why}; a plugin can do all that you can."
     print(f"{printable(question)} Execute it? [y/N] ", file=sys.stderr)
