@@ -7,6 +7,8 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -30,7 +32,9 @@ _LONG = (
 
 
 def pytest_configure(config):
-    """Live tests that fail while the host stands still are done again."""
+    """Live tests that fail while the host stands still are done again; what a test approves is approved for tests."""
+    os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="palpate-state-")
+    config.add_cleanup(partial(shutil.rmtree, os.environ["XDG_STATE_HOME"], ignore_errors=True))
     spec = importlib.util.spec_from_file_location("held_up", Path(__file__).with_name("held_up.py"))
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

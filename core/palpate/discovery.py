@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.metadata
-import importlib.util
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ import pluggy
 from palpate import core_flags, hooks
 from palpate.errors import PluginError, suggest
 from palpate.migration import Migration
+from palpate.trust import PluginFile
 
 _DISTRIBUTION = "palpate"
 _PREFIX = "palpate_"
@@ -31,6 +31,7 @@ class Plugin:
     name: str  # "palpate-punch 1.0 (punch)" or the file's path
     place: str = ""  # file of its module
     own: bool = False  # of palpate's own distribution
+    digest: str = ""  # SHA-256 of what was executed, of a file
 
 
 _CORE = Plugin(_DISTRIBUTION)
@@ -48,7 +49,7 @@ class Discovery:
         """Every plugin but the core itself, by its module."""
         mine = f"{_DISTRIBUTION} {importlib.metadata.version(_DISTRIBUTION)} ("
         return {
-            module: Plugin(name, getattr(module, "__file__", None) or "", name.startswith(mine))
+            module: Plugin(name, getattr(module, "__file__", None) or "", name.startswith(mine), _digest(module))
             for name, module in self.manager.list_name_plugin()
             if module is not core_flags
         }
@@ -89,7 +90,7 @@ class Discovery:
         return tuple(migrations)
 
 
-def discover(files: Iterable[Path] = ()) -> Discovery:
+def discover(files: Iterable[Path | PluginFile] = ()) -> Discovery:
     """Load every installed plugin and the given files; raises PluginError where a file fails to import."""
     manager = pluggy.PluginManager(hooks.PROJECT)
     manager.add_hookspecs(hooks)
@@ -100,8 +101,9 @@ def discover(files: Iterable[Path] = ()) -> Discovery:
             manager.register(entry.load(), name)
         except Exception as error:  # whatever a third-party import raises
             failures[name] = f"{type(error).__name__}: {error}"
-    for path in files:
-        manager.register(_import_file(path), str(path))
+    for given in files:
+        file = given if isinstance(given, PluginFile) else PluginFile.read(given)
+        manager.register(_import_file(file), str(file.path))
     return Discovery(manager, failures)
 
 
@@ -124,24 +126,34 @@ def _installed(_: tuple[str, ...]) -> tuple[tuple[str, importlib.metadata.EntryP
     )
 
 
-def _import_file(path: Path) -> ModuleType:
-    """The module of a file: that of the last time where nobody has changed it, for its classes are to stay the same."""
-    if not path.is_file():
-        raise PluginError(f"plugin file {path} does not exist")
-    name, source = f"palpate_file_{path.stem}", path.read_bytes()
-    if (before := sys.modules.get(name)) is not None and before.__dict__.get(_SOURCE) == (path.resolve(), source):
+def _import_file(file: PluginFile) -> ModuleType:
+    """The module of a file: that of the last time where nobody has changed it, for its classes are to stay the same.
+
+    Its content is compiled as it was read: another file there by now, or compiled code beside it, is not executed.
+    """
+    name = f"palpate_file_{file.path.stem}"
+    before = sys.modules.get(name)
+    if before is not None and _is_of(before, file):
         return before
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise PluginError(f"plugin file {path} is not a Python file")
-    module = importlib.util.module_from_spec(spec)
+    module = ModuleType(name)
+    module.__file__ = str(file.path)
     sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        exec(compile(file.content, str(file.path), "exec", dont_inherit=True), module.__dict__)
     except Exception as error:
-        raise PluginError(f"plugin file {path} fails to import: {type(error).__name__}: {error}") from error
-    module.__dict__[_SOURCE] = path.resolve(), source
+        raise PluginError(f"plugin file {file.path} fails to import: {type(error).__name__}: {error}") from error
+    module.__dict__[_SOURCE] = file
     return module
+
+
+def _is_of(module: ModuleType, file: PluginFile) -> bool:
+    source = module.__dict__.get(_SOURCE)
+    return source is not None and (source.path.resolve(), source.content) == (file.path.resolve(), file.content)
+
+
+def _digest(module: Any) -> str:
+    source = getattr(module, _SOURCE, None)
+    return source.digest if isinstance(source, PluginFile) else ""
 
 
 def _oddities(module: Any, plugin: Plugin) -> Iterator[str]:

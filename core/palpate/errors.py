@@ -8,6 +8,7 @@
     └── UserError               exit code 2: something the user can mend
         ├── ConfigurationError  a pipeline file or a command line says something impossible
         ├── PluginError         a plugin cannot be loaded, clashes, or breaks its interface
+        │   └── ConsentError    a plugin file may not be executed without consent
         ├── LogError            a recorded log cannot be read, or does not hold what is asked of it
         └── OutputError         a result cannot be written where it is wanted
 """
@@ -53,6 +54,10 @@ class ConfigurationError(UserError):
 
 class PluginError(UserError):
     """A plugin cannot be loaded, clashes with another one, or breaks its interface."""
+
+
+class ConsentError(PluginError):
+    """A plugin file may not be executed without consent; a command ends with it, whatever else it could do."""
 
 
 class LogError(UserError):

@@ -119,6 +119,7 @@ from palpate.config import (
     build_pipeline as build_pipeline,
     load_pipeline as load_pipeline,
     plain_settings as plain_settings,
+    plugin_files as plugin_files,
     ports_of as ports_of,
     resolved_text as resolved_text,
     taken_values as taken_values,
@@ -135,7 +136,7 @@ from palpate.device import (
     own_motions as own_motions,
     truth_of as truth_of,
 )
-from palpate.errors import StoppedError as StoppedError, suggest as suggest
+from palpate.errors import ConsentError as ConsentError, StoppedError as StoppedError, suggest as suggest
 from palpate.extensions import function_of as function_of
 from palpate.flags import SEVERITIES as SEVERITIES, verdict as verdict
 from palpate.hooks import KINDS as KINDS
@@ -180,6 +181,15 @@ from palpate.safety import (
     check_motion as check_motion,
     check_own_motion as check_own_motion,
     demand_safe as demand_safe,
+)
+from palpate.trust import (
+    PluginFile as PluginFile,
+    announce as announce,
+    approved as approved,
+    approved_plugins as approved_plugins,
+    inherited_approval as inherited_approval,
+    trust_plugin as trust_plugin,
+    trusted_plugins as trusted_plugins,
 )
 from palpate.units import Quantity as Quantity, dimension as dimension, display_unit as display_unit
 from palpate.writing import whole_file as whole_file, write_new as write_new, write_whole as write_whole

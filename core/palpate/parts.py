@@ -5,6 +5,7 @@ A part's fields are the keys of its table, its documentation and its JSON schema
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, ClassVar, Self, Union, get_args, get_origin
@@ -90,7 +91,7 @@ def _beside_the_pipeline(value: Any, info: ValidationInfo) -> Any:
     if not isinstance(value, str | Path):
         return value
     base = (info.context or {}).get("base", Path())
-    return Path(base) / Path(value).expanduser()
+    return Path(base) / os.path.expanduser(value)  # which, other than that of pathlib, never raises
 
 
 File = Annotated[Path, BeforeValidator(_beside_the_pipeline)]

@@ -28,6 +28,7 @@ from palpate.extensions import (
 )
 from palpate.flags import Flag, FlagMeaning
 from palpate.migration import Migration
+from palpate.trust import PluginFile
 
 if TYPE_CHECKING:
     from palpate.parts import Part, Settings
@@ -131,8 +132,8 @@ class Registry:
         return next(name for name, entry in self.parts[part.kind].items() if entry.is_of(part))
 
 
-def load(files: Iterable[Path] = ()) -> Registry:
-    """Load every installed plugin and the given files.
+def load(files: Iterable[Path | PluginFile] = ()) -> Registry:
+    """Load every installed plugin and the given files, which are executed.
 
     A distribution whose plugin fails to import is noted in `failures` and does not stop the others. Raises PluginError
     where two plugins claim one name, where a plugin offers something that is no part, or where a file fails to import.

@@ -1,78 +1,225 @@
-"""Whether the plugin files that a pipeline names may be executed: said, refused, or asked about once."""
+"""Consent to plugin files: which content may be executed, who has approved it, and where that is recorded."""
 
 from __future__ import annotations
 
 import hashlib
 import os
+import re
+import shlex
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
-from palpate.errors import OutputError, PluginError
-from palpate.writing import write_whole
+from palpate.errors import ConsentError, OutputError, PluginError
+from palpate.printed import printable
 
 SWITCH = "PALPATE_PLUGINS"  # environment variable: "off" refuses every plugin file of a pipeline
 
-# What the command at work has said already; None where no command is at work, as in a notebook or a worker.
-_said: ContextVar[set[Path] | None] = ContextVar("_said", default=None)
+_LINE = re.compile(r"([0-9a-f]{64})(?:  (.*))?")  # of the record: as `sha256sum` writes it; older ones have no path
+
+
+@dataclass(frozen=True)
+class PluginFile:
+    """A plugin file, read once: the content that is hashed is the content that is executed."""
+
+    path: Path
+    content: bytes
+
+    @classmethod
+    def read(cls, path: Path) -> PluginFile:
+        """The file at a path; raises PluginError where there is none, or it is not Python source."""
+        try:
+            if not path.is_file():
+                raise PluginError(f"plugin file {path} does not exist")
+            if path.suffix != ".py":
+                raise PluginError(f"plugin file {path} is not a Python file (.py)")
+            return cls(path, path.read_bytes())
+        except OSError as error:
+            raise PluginError(f"plugin file {path} cannot be read: {error.strerror}") from error
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the content."""
+        return hashlib.sha256(self.content).hexdigest()
+
+
+@dataclass
+class _Consent:
+    """What has been decided so far, and who can decide."""
+
+    arguments: frozenset[Path] | None = None  # paths on the command line; None where no command is at work
+    inherited: bool = False  # in a worker, which decides nothing
+    approved: set[str] = field(default_factory=set)  # SHA-256
+    refused: set[str] = field(default_factory=set)
+    announced: set[tuple[Path, str]] = field(default_factory=set)
+
+
+_PROCESS = _Consent()
+_consent: ContextVar[_Consent] = ContextVar("_consent", default=_PROCESS)
 
 
 @contextmanager
-def at_the_command_line() -> Iterator[None]:
-    """Within the context, files are named before they are executed, and a person may be asked."""
-    token = _said.set(set())
+def at_the_command_line(arguments: Sequence[str] = ()) -> Iterator[None]:
+    """Within the context a person is at work, who can be asked, and who has named the pipelines in `arguments`."""
+    words = (part for word in arguments for part in (word, word.partition("=")[2]) if part)
+    with _deciding(_Consent(frozenset(path for word in words if (path := _resolved(Path(word)))))):
+        yield
+
+
+@contextmanager
+def inherited_approval(digests: Iterable[str]) -> Iterator[None]:
+    """Within the context, as in a worker, only content with one of these SHA-256 is executed, and nobody is asked."""
+    with _deciding(_Consent(inherited=True, approved=set(digests))):
+        yield
+
+
+@contextmanager
+def _deciding(consent: _Consent) -> Iterator[None]:
+    token = _consent.set(consent)
     try:
         yield
     finally:
-        _said.reset(token)
+        _consent.reset(token)
 
 
-def demand_trust(files: Iterable[Path], base: Path) -> None:
-    """Raise PluginError for the first plugin file of a pipeline in folder `base` that must not be executed.
+def approved_plugins() -> frozenset[str]:
+    """SHA-256 of the plugin files approved so far by the command at work, or in this process: what workers inherit."""
+    return frozenset(_consent.get().approved)
 
-    A file beside the pipeline that is the user's own never raises a question; another one does once for its contents,
-    and only on a terminal.
+
+def is_named(path: Path) -> bool:
+    """Whether a person has named a file: on the command line, or, where no command is at work, in Python."""
+    arguments = _consent.get().arguments
+    return arguments is None or _resolved(path) in arguments
+
+
+def approved(files: Iterable[Path], place: Path, named: bool) -> tuple[PluginFile, ...]:
+    """The plugin files of the pipeline at `place`, each read once, with content that may be executed.
+
+    Recorded content is approved, and that of a pipeline that a person has `named`; at a terminal they are asked about
+    files outside of its folder or of another user. Where it is a recording that names a file they are asked, too. What
+    is approved is recorded. Raises ConsentError for content that may not be executed.
     """
+    distinct = {_resolved(path) or path: path for path in files}
+    return tuple(_approved(path, place, named) for path in distinct.values())
+
+
+def _approved(path: Path, place: Path, named: bool) -> PluginFile:
+    if os.environ.get(SWITCH, "").lower() == "off":
+        raise ConsentError(f"plugin file {path} is not executed: --no-plugins or {SWITCH}=off forbids it")
+    file, consent = PluginFile.read(path), _consent.get()
+    if file.digest in consent.approved:
+        return file
+    if consent.inherited:
+        raise ConsentError(
+            f"plugin file {path} (SHA-256 {file.digest[:12]}...) is not executed: its content is not what the command "
+            "that started this process has approved; do not change it while the command is at work"
+        )
+    if file.digest not in trusted_plugins():
+        _demand_consent(file, place, named, consent)
+        with suppress(OutputError):  # then it is asked about again
+            _record(file)
+    consent.approved.add(file.digest)
+    return file
+
+
+def _demand_consent(file: PluginFile, place: Path, named: bool, consent: _Consent) -> None:
+    """Raise ConsentError where nobody approves of a file whose content is not recorded."""
+    why = _strangeness(file.path, place.parent) if named else f"is named by the recording {place}"
+    if file.digest in consent.refused:
+        raise ConsentError(f"plugin file {file.path} is not executed: it was refused")
+    if not why or (named and not _can_ask(consent)):
+        return
+    if not _can_ask(consent):
+        remedy = f"palpate trust {shlex.quote(printable(str(file.path)))}"
+        remedy += " (in Python: palpate.host.trust_plugin)" if consent.arguments is None else ""
+        raise ConsentError(
+            f"plugin file {file.path} (SHA-256 {file.digest[:12]}...) {why}, and its content has never been approved "
+            f"here, so it is not executed; read it, then approve it: {remedy}"
+        )
+    question = f"plugin file {file.path} (SHA-256 {file.digest[:12]}...) {why}; a plugin can do all that you can."
+    print(f"{printable(question)} Execute it? [y/N] ", file=sys.stderr)
+    if sys.stdin.readline().strip().lower() not in ("y", "yes"):
+        consent.refused.add(file.digest)
+        raise ConsentError(f"plugin file {file.path} is not executed: it was refused")
+
+
+def _strangeness(path: Path, folder: Path) -> str:
+    """Why a person is asked about a file that their own pipeline names; empty where they are not."""
+    if not path.resolve().is_relative_to(folder.resolve()):
+        return "lies outside of the pipeline's folder"
+    return "belongs to another user" if path.stat().st_uid != os.getuid() else ""
+
+
+def _can_ask(consent: _Consent) -> bool:
+    return consent.arguments is not None and sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
+
+
+def announce(files: Iterable[PluginFile]) -> None:
+    """Name, once in a command, the plugin files that are about to be executed."""
+    consent = _consent.get()
     for file in files:
-        if os.environ.get(SWITCH, "").lower() == "off":
-            raise PluginError(f"plugin file {file} is not executed: --no-plugins or {SWITCH}=off forbids it")
-        said = _said.get()
-        if said is None or not file.is_file() or file.resolve() in said:
-            continue
-        said.add(file.resolve())
-        _ask(file, base)
-        print(f"executing plugin file {file}", file=sys.stderr)
+        key = (file.path.resolve(), file.digest)
+        if consent.arguments is not None and key not in consent.announced:
+            consent.announced.add(key)
+            print(f"executing plugin file {printable(str(file.path))}", file=sys.stderr)
 
 
-def _ask(file: Path, base: Path) -> None:
-    if not (sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()):
-        return
-    digest = hashlib.sha256(file.read_bytes()).hexdigest()
-    known = _known()
-    if digest in known:
-        return
-    beside = file.resolve().is_relative_to(base.resolve())
-    own = file.stat().st_uid == os.getuid()
-    if not (beside and own):
-        why = "lies outside of the pipeline's folder" if not beside else "belongs to another user"
-        print(f"plugin file {file} {why}; a plugin can do all that you can. Execute it? [y/N] ", file=sys.stderr)
-        if sys.stdin.readline().strip().lower() not in ("y", "yes"):
-            raise PluginError(f"plugin file {file} is not executed: it was refused")
-    with suppress(OSError, OutputError):  # then it asks again
-        _record().parent.mkdir(parents=True, exist_ok=True)
-        write_whole(_record(), "".join(f"{line}\n" for line in sorted({*known, digest})))
+def trust_plugin(path: Path) -> PluginFile:
+    """Record the content of a plugin file as approved; raises PluginError for what is none, OutputError."""
+    file = PluginFile.read(path)
+    if file.digest not in trusted_plugins():
+        _record(file)
+    return file
 
 
-def _record() -> Path:
+def trusted_plugins() -> dict[str, str]:
+    """Path of every plugin file whose content is approved, by SHA-256.
+
+    A record that another user owns or can change counts for nothing.
+    """
+    try:
+        with _record_file().open("rb") as record:
+            if not _is_private(os.fstat(record.fileno())):
+                return {}
+            lines = record.read().decode("utf-8", "replace").splitlines()
+    except OSError:
+        return {}
+    return {match[1]: match[2] or "" for line in lines if (match := _LINE.fullmatch(line))}
+
+
+def _record(file: PluginFile) -> None:
+    """Append a line to the record, which commands that run at the same time share; raises OutputError."""
+    place = _record_file()
+    try:
+        place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if place.exists() and not _is_private(place.stat()):
+            place.unlink()
+        handle = os.open(place, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
+        try:
+            os.write(handle, f"{file.digest}  {printable(str(file.path.absolute()))}\n".encode())
+        finally:
+            os.close(handle)
+    except OSError as error:
+        raise OutputError(f"{place}: cannot write: {error.strerror}") from error
+
+
+def _is_private(status: os.stat_result) -> bool:
+    return status.st_uid == os.getuid() and not status.st_mode & 0o022
+
+
+def _record_file() -> Path:
     state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
     return Path(state) / "palpate" / "trusted-plugins"
 
 
-def _known() -> set[str]:
-    """Hashes of the files that were executed with consent."""
+def _resolved(path: Path) -> Path | None:
+    """The path without links; None where the file system refuses it, as a text that is no path."""
     try:
-        return set(_record().read_text(encoding="utf-8").split())
-    except (OSError, UnicodeDecodeError):
-        return set()
+        return path.resolve()
+    except (OSError, ValueError, RuntimeError):
+        return None

@@ -121,13 +121,13 @@ class Terminal:
         pass
 
 
-def asked(monkeypatch, files, base, *answers):
-    """What a terminal showed."""
+def asked(monkeypatch, files, base, *answers, named=True):
+    """What a terminal showed where a pipeline in folder `base` names files."""
     terminal = Terminal(*answers)
     with monkeypatch.context() as patch, trust.at_the_command_line():
         patch.setattr(sys, "stdin", terminal)
         patch.setattr(sys, "stderr", terminal)
-        trust.demand_trust(files, base)
+        trust.announce(trust.approved(files, base / "p.toml", named))
     assert terminal.answers == []
     return terminal.shown
 
@@ -151,12 +151,39 @@ def test_files_elsewhere_are_asked_about_once_for_their_contents(monkeypatch, tm
     assert "belongs to another user" in asked(monkeypatch, [own], own.parent, "y")
 
 
-def test_nobody_is_asked_without_a_terminal_or_a_command(tmp_path, capfd):
+def test_files_that_a_recording_names_are_asked_about_wherever_they_are(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    own = tmp_path / "own.py"
+    own.write_text("a = 1\n")
+    with pytest.raises(PluginError, match="was refused"):
+        asked(monkeypatch, [own], tmp_path, "", named=False)
+    assert not trust.trusted_plugins()
+    shown = asked(monkeypatch, [own], tmp_path, "y", named=False)
+    assert f"{own} (SHA-256 {trust.PluginFile.read(own).digest[:12]}...) is named by the recording" in shown
+    assert list(trust.trusted_plugins().values()) == [str(own)]
+    assert "Execute it?" not in asked(monkeypatch, [own], tmp_path, named=False)
+
+
+def test_who_has_refused_is_not_asked_again_by_the_same_command(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    (tmp_path / "own.py").write_text("a = 1\n")
+    terminal = Terminal("n")
+    with monkeypatch.context() as patch, trust.at_the_command_line():
+        patch.setattr(sys, "stdin", terminal)
+        patch.setattr(sys, "stderr", terminal)
+        for _ in range(2):
+            with pytest.raises(PluginError, match="was refused"):
+                trust.approved([tmp_path / "own.py"], tmp_path / "log.mcap", named=False)
+
+
+def test_nobody_is_asked_without_a_terminal_or_a_command(tmp_path, capfd, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     (tmp_path / "other.py").write_text("")
-    trust.demand_trust([tmp_path / "other.py"], tmp_path / "here")
+    place = tmp_path / "here" / "p.toml"
+    trust.announce(trust.approved([tmp_path / "other.py"], place, named=True))
     assert capfd.readouterr().err == ""
     with trust.at_the_command_line():
-        trust.demand_trust([tmp_path / "other.py"], tmp_path / "here")
+        trust.announce(trust.approved([tmp_path / "other.py"], place, named=True))
     assert capfd.readouterr().err == f"executing plugin file {tmp_path}/other.py\n"
 
 

@@ -387,7 +387,8 @@ import pickle, sys
 from palpate_studies.staging import run_staged
 staged = pickle.load(sys.stdin.buffer)
 answer = run_staged(staged)
-assert type(staged.parcel.unpacked().plan.estimators["fit"]).__name__ == "Mine"
+with staged.parcel.unpacked() as job:
+    assert type(job.plan.estimators["fit"]).__name__ == "Mine"
 print(answer.result.tracks["dr/fit"].parameters["elasticity"].value)
 """
 
@@ -403,7 +404,8 @@ def test_a_plugin_file_goes_along_with_what_its_parts_are_in(point_pipeline, tmp
     stage = staging.Stage(f"file://{tmp_path}/stage")
     inputs = stage.put_inputs(job.pipeline() for job in jobs)
     staged, other = (staging.Staged(Parcel.of(job), stage, inputs) for job in jobs)
-    assert type(other.parcel.unpacked().plan.estimators["fit"]) is type(jobs[0].plan.estimators["fit"])
+    with other.parcel.unpacked() as job:
+        assert type(job.plan.estimators["fit"]) is type(jobs[0].plan.estimators["fit"])
     own.unlink()
     done = subprocess.run([sys.executable, "-c", WORKER], input=pickle.dumps(staged), capture_output=True, check=False)
     assert done.returncode == 0, done.stderr.decode()

@@ -23,8 +23,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     130 for Ctrl-C, 143 for SIGTERM, 129 for a terminal that has gone.
     """
     try:
-        with harmless_output(), at_the_command_line():
-            _main(sys.argv[1:] if arguments is None else arguments)
+        given = sys.argv[1:] if arguments is None else arguments
+        with harmless_output(), at_the_command_line(given):
+            _main(given)
     except KeyboardInterrupt:  # while something is set up, or taken down
         sys.exit(130)
 

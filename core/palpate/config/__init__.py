@@ -2,7 +2,7 @@
 
 from palpate.config.assumed import taken_values
 from palpate.config.pipeline import CalibratedNumber, CalibrationUse, Pipeline, RunSettings, Track
-from palpate.config.pipeline_file import build_parts, build_pipeline, load_pipeline
+from palpate.config.pipeline_file import build_parts, build_pipeline, load_pipeline, plugin_files
 from palpate.config.resolved import plain_settings, resolved_text
 from palpate.config.source import Source
 from palpate.config.wiring import ports_of, wrong_channels
@@ -18,6 +18,7 @@ __all__ = [
     "build_pipeline",
     "load_pipeline",
     "plain_settings",
+    "plugin_files",
     "ports_of",
     "resolved_text",
     "taken_values",

@@ -28,18 +28,18 @@ from palpate.flags import Flag
 from palpate.registry import Registry
 from palpate.safety import SafetySettings
 from palpate.track_name import TrackName
-from palpate.trust import demand_trust
+from palpate.trust import PluginFile, announce, approved
 
 
-def load_pipeline(path: Path, overrides: Iterable[str] = (), estimates: bool = True) -> Pipeline:
+def load_pipeline(path: Path, overrides: Iterable[str] = (), estimates: bool = True, named: bool = True) -> Pipeline:
     """The pipeline in a file, with ``table.key=value`` overrides on top.
 
     Without `estimates` the file need not name models and estimators, and takes nothing from a calibration: enough to
-    move and to record.
+    move and to record. The plugin files of a file that a person has `named` may be executed; see `Source.read`.
 
     Raises ConfigurationError with every mistake at once, each with its line; PluginError where a plugin fails.
     """
-    source = Source.read(path)
+    source = Source.read(path, named)
     for assignment in overrides:
         source.override(assignment)
     return build_pipeline(source, estimates)
@@ -101,17 +101,31 @@ def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None, tuple
     renamed = migrate(source, MIGRATIONS)
     first = Builder(tables, Registry({}), base)
     run = first.settings(RunSettings, ("run",))
-    registry = _trusted(run, base)
+    registry = _registry(source) if run else registries.load()
     renamed += migrate(source, registry.migrations)
     builder = Builder(tables, registry, base)
     builder.mistakes += first.mistakes + unknown_tables(tables, registry)
     return builder, registry, run, renamed
 
 
-def _trusted(run: RunSettings | None, base: Path) -> Registry:
-    """The parts of the installed plugins and of those files that [run] names, once all of them are trusted."""
-    files = run.plugins if run else ()
-    demand_trust(files, base)
+def plugin_files(source: Source) -> tuple[PluginFile, ...]:
+    """The plugin files that a source names, with content that may be executed.
+
+    Raises ConfigurationError for what is no list of files, ConsentError where one may not be executed.
+    """
+    run = source.tables.get("run")
+    if not isinstance(run, dict) or "plugins" not in run:
+        return ()
+    builder = Builder({"run": {"plugins": run["plugins"]}}, Registry({}), source.path.parent)
+    settings = builder.settings(RunSettings, ("run",))
+    raise_mistakes(builder.mistakes, source)
+    return approved(settings.plugins, source.path, source.has_chosen_plugins)
+
+
+def _registry(source: Source) -> Registry:
+    """The parts of the installed plugins and of the files that [run] names, once all of them are approved."""
+    files = plugin_files(source)
+    announce(files)
     return registries.load(files)
 
 
@@ -137,14 +151,13 @@ def build_parts(source: Source, kind: str, registry: Registry | None = None) -> 
 
     Without a registry it is that of the installed plugins and of those that the source names.
     """
-    base = source.path.parent
     if registry is None:
-        first = Builder(source.tables, Registry({}), base)
-        run = first.settings(RunSettings, ("run",))
+        first = Builder(source.tables, Registry({}), source.path.parent)
+        first.settings(RunSettings, ("run",))
         raise_mistakes(first.mistakes, source)
-        registry = _trusted(run, base)
+        registry = _registry(source)
     migrate(source, (*MIGRATIONS, *registry.migrations))
-    builder = Builder(source.tables, registry, base)
+    builder = Builder(source.tables, registry, source.path.parent)
     found = builder.parts(kind)
     raise_mistakes(builder.mistakes, source)
     registry.demand_sound({kind: found})

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate.errors import ConfigurationError, suggest
+from palpate.trust import is_named
 
 _BARE_QUANTITY = re.compile(r"=\s*[-+.\d]+\s*[A-Za-z]+\s*(#.*)?$")
 _TABLE = re.compile(r"\s*\[\[?([^\[\]]+)\]\]?\s*(?:#.*)?$")
@@ -19,11 +20,15 @@ Location = tuple[str, ...]  # ("device", "log", "columns", "z")
 
 
 class Source:
-    """The text of a pipeline file, parsed, with the overrides of the command line on top."""
+    """The text of a pipeline file, parsed, with the overrides of the command line on top.
 
-    def __init__(self, text: str, path: Path) -> None:
+    That a person has `named` the file is their consent to the plugin files that it names.
+    """
+
+    def __init__(self, text: str, path: Path, named: bool = False) -> None:
         self.text = text
         self.path = path
+        self.named = named
         try:
             self.tables: dict[str, Any] = tomllib.loads(text)
         except (ValueError, RecursionError) as error:  # of a number of 5000 digits, of 5000 brackets, too
@@ -34,10 +39,14 @@ class Source:
         self._overridden: set[Location] = set()
 
     @classmethod
-    def read(cls, path: Path) -> Source:
-        """The pipeline file at a path; raises ConfigurationError where it cannot be read."""
+    def read(cls, path: Path, named: bool = True) -> Source:
+        """The pipeline file at a path, which a person has `named`, unless it was found in a run folder.
+
+        At the command line it counts as named only if it is among the arguments. Raises ConfigurationError where it
+        cannot be read.
+        """
         try:
-            return cls(path.read_text(encoding="utf-8"), path)
+            return cls(path.read_text(encoding="utf-8"), path, named and is_named(path))
         except (OSError, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
             if isinstance(error, FileNotFoundError) and (beside := [file.name for file in path.parent.glob("*.toml")]):
@@ -59,6 +68,11 @@ class Source:
                 raise ConfigurationError(f"--set {assignment}: {'.'.join(keys[: i + 1])} is no table")
         table[keys[-1]] = _toml_value(written.strip())
         self._overridden.add(keys)
+
+    @property
+    def has_chosen_plugins(self) -> bool:
+        """Whether a person has chosen its plugin files: by naming the file, or by setting them on the command line."""
+        return self.named or ("run", "plugins") in self._overridden
 
     @property
     def overridden(self) -> list[str]:

@@ -10,6 +10,7 @@ import sys
 import threading
 from concurrent.futures import Future
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,8 +28,9 @@ def run_facts(pipeline: Pipeline) -> dict[str, Any]:
     versions = {"palpate": _version("palpate"), "python": platform.python_version()}
     versions |= {name: _version(name) for name in _LIBRARIES}
     inputs = {f"{name}.{key}": text for name, d in pipeline.devices.items() for key, text in d.provenance.items()}
-    for own in pipeline.run.plugins:
-        inputs[f"plugin.{own.name}.sha256"] = hashlib.sha256(own.read_bytes()).hexdigest()
+    for plugin in pipeline.registry.plugins:
+        if plugin.digest:
+            inputs[f"plugin.{Path(plugin.name).name}.sha256"] = plugin.digest
     if pipeline.run.calibration is not None:
         with pipeline.run.calibration.open("rb") as file:
             inputs["calibration.sha256"] = hashlib.file_digest(file, "sha256").hexdigest()

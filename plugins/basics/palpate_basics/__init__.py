@@ -27,6 +27,9 @@ def palpate_commands() -> dict[str, Command]:
         "describe": Command(
             "palpate_basics.inspect:describe", "Describe a part: formula, source, every key.", "extend"
         ),
+        "trust": Command(
+            "palpate_basics.trust:trust", "Approve a plugin file of a recording, or list what is approved.", "extend"
+        ),
         "schema": Command(
             "palpate_basics.inspect:schema", "Print the JSON schema of pipeline files, or of result.json.", "extend"
         ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,9 +12,12 @@ from palpate.host import Pipeline, load_pipeline
 from palpate_basics.run_folder import RunFolder
 
 
-def recorded_pipeline(folder: Path) -> Pipeline:
-    """The pipeline of a run as it was resolved; raises LogError where the folder contains none."""
-    return load_pipeline(RunFolder(folder).pipeline)
+def recorded_pipeline(folder: Path, overrides: Iterable[str] = ()) -> Pipeline:
+    """The pipeline of a run as it was resolved, with ``table.key=value`` overrides on top.
+
+    Raises LogError where the folder contains none, ConsentError where it names a plugin file that nobody has approved.
+    """
+    return load_pipeline(RunFolder(folder).pipeline, overrides, named=False)
 
 
 def continued(pipeline: Pipeline, trajectory: Trajectory, number: int) -> Pipeline:

@@ -39,7 +39,8 @@ def replay(
 ) -> None:
     """Estimate again from the log of a run, by the pipeline in the log: the same numbers to the bit.
 
-    Devices are replaced by the log; sinks are left out. Nothing that a log carries is executed.
+    Devices are replaced by the log; sinks are left out. Nothing that a log carries is executed, and a plugin file that
+    it names only if its content was approved here (`palpate trust`).
     """
     with progress(f"look at {source}"):
         carried = carried_by(source)

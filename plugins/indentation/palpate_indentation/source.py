@@ -75,7 +75,7 @@ def source_of(place: Path) -> Source:
         except LogError:  # no log of its own: what it read may be one
             carried = None
         if carried is None:
-            return Source.read(RunFolder(place).pipeline)
+            return Source.read(RunFolder(place).pipeline, named=False)
         return replay_source(carried)
     carried = carried_by(place)
     if carried is None:

@@ -32,7 +32,7 @@ class Draft:
     @property
     def source(self) -> Source:
         """The text with the changes applied; raises ConfigurationError."""
-        source = Source(self.text, self.path)
+        source = Source(self.text, self.path, named=True)
         for change in self.changes:
             source.override(change)
         return source

@@ -67,7 +67,9 @@ def sweep(
     combinations = _combinations(values, combine)
     with _place(folder) as place:
         planned = [
-            Combination.of(number, one, Written(draft.text, draft.path, (*draft.changes, *_changes(one))), place)
+            Combination.of(
+                number, one, Written(draft.text, draft.path, (*draft.changes, *_changes(one)), named=True), place
+            )
             for number, one in enumerate(combinations, start=1)
         ]
         refuse_hopeless(planned)

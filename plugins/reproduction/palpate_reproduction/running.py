@@ -13,6 +13,7 @@ from typing import Literal
 
 from palpate import PalpateError, UserError, to_si
 from palpate.host import (
+    ConsentError,
     Found,
     Job,
     Pipeline,
@@ -82,6 +83,8 @@ class Maker:
             try:
                 jobs.append(Job(name, self._pipeline(published), self.folder / name))
                 keys[name] = key
+            except ConsentError:
+                raise
             except UserError as error:
                 self._runs[key] = error
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -94,7 +97,7 @@ class Maker:
                 progressed(done)
 
     def rows(self, item: Item) -> list[Row]:
-        """Every row of an item; a failure is a row with its reason."""
+        """Every row of an item; a failure is a row with its reason. Raises ConsentError."""
         return [self._row(published) for published in item.published]
 
     def _row(self, published: Published) -> Row:
@@ -102,6 +105,8 @@ class Maker:
             return Row(published, "skipped", said=f"{published.recording} is not here")
         try:
             value, std, flags = self._found(published)
+        except ConsentError:
+            raise
         except PalpateError as error:
             return Row(published, "failed", said=str(error))
         if value is None or not math.isfinite(value):

@@ -21,6 +21,7 @@ from palpate.host import (
     load_pipeline,
     progress,
     progressed,
+    recorded_pipeline,
     replay_source,
     suggest,
 )
@@ -120,8 +121,7 @@ def replay(path: Path, track: str | None) -> Replayed:
 def _pipeline(path: Path, track: str | None) -> Pipeline:
     """The pipeline of a recording, with the one track that is wanted."""
     if path.suffix == ".toml":
-        pipeline = load_pipeline(path)
-        name = _track(pipeline, track, path)
+        name = _track(load_pipeline(path), track, path)
         return load_pipeline(path, [f'run.tracks=["{name}"]'])
     carried = None
     try:
@@ -134,7 +134,8 @@ def _pipeline(path: Path, track: str | None) -> Pipeline:
         return build_pipeline(replay_source(carried, [name]))
     if not (path.is_dir() and RunFolder(path).began):
         raise LogError(f"{path}: is no run folder, and no log that carries the pipeline of its run")
-    return _pipeline(RunFolder(path).pipeline, track)
+    name = _track(recorded_pipeline(path), track, path)
+    return recorded_pipeline(path, [f'run.tracks=["{name}"]'])
 
 
 def _track(pipeline: Pipeline, wanted: str | None, path: Path) -> str:

@@ -4,13 +4,28 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 from typing import Any
 
-from palpate import ConfigurationError, OutputError, PalpateError
-from palpate.host import Pipeline, Result, RunFolder, Source, build_pipeline, registry, resolved_text, run_pipeline
+from palpate import ConfigurationError, OutputError, PalpateError, UserError
+from palpate.host import (
+    Pipeline,
+    Result,
+    RunFolder,
+    Source,
+    announce,
+    approved,
+    approved_plugins,
+    build_pipeline,
+    inherited_approval,
+    plugin_files,
+    registry,
+    resolved_text,
+    run_pipeline,
+)
 
 from palpate_studies.answers import keep, kept
 from palpate_studies.differing import differences
@@ -48,13 +63,19 @@ class Written:
     text: str  # of the pipeline file
     path: Path  # where the file stands: what is relative in it is relative to here
     overrides: tuple[str, ...] = ()  # "table.key=value"
+    named: bool = False  # by a person; see `Source`
+
+    @property
+    def source(self) -> Source:
+        """The text with the overrides; raises ConfigurationError."""
+        source = Source(self.text, self.path, self.named)
+        for assignment in self.overrides:
+            source.override(assignment)
+        return source
 
     def pipeline(self) -> Pipeline:
         """The pipeline; raises UserError where it has a mistake."""
-        source = Source(self.text, self.path)
-        for assignment in self.overrides:
-            source.override(assignment)
-        return build_pipeline(source)
+        return build_pipeline(self.source)
 
 
 @dataclass(frozen=True)
@@ -125,35 +146,46 @@ def demand_same(pipeline: Pipeline, run: RunFolder, name: str) -> None:
 
 @dataclass(frozen=True)
 class Parcel:
-    """A job on its way to another process, which imports the plugin files that its parts are of before it unpacks."""
+    """A job on its way to another process, which imports the plugin files that its parts are of before it unpacks.
+
+    The process decides nothing: it executes the content that was approved where the parcel was made, and no other.
+    """
 
     name: str
     plugins: tuple[Path, ...]
+    approved: frozenset[str]  # SHA-256
     content: bytes
 
     @classmethod
     def of(cls, job: Job) -> Parcel:
         """A job, packed; raises ConfigurationError where it cannot be."""
-        plugins = () if isinstance(job.plan, Written) else job.plan.run.plugins
+        plugins: tuple[Path, ...] = ()
+        if isinstance(job.plan, Written):
+            with suppress(UserError):  # of which the job, which cannot be done, tells
+                announce(plugin_files(job.plan.source))
+        else:
+            plugins = job.plan.run.plugins
         try:
-            return cls(job.name, plugins, pickle.dumps(job))
+            return cls(job.name, plugins, approved_plugins(), pickle.dumps(job))
         except (pickle.PicklingError, AttributeError, TypeError) as error:
             raise ConfigurationError(
                 f"{job.name}: cannot be sent to another process: {error}; install what is in a plugin file as a "
                 "distribution"
             ) from error
 
-    def unpacked(self) -> Job:
-        """The job; raises PluginError where a plugin file is not there."""
-        if self.plugins:
-            registry.load(self.plugins)
-        job: Job = pickle.loads(self.content)
-        return job
+    @contextmanager
+    def unpacked(self) -> Iterator[Job]:
+        """The job, to be done within the context; raises PluginError where a plugin file is missing or has changed."""
+        with inherited_approval(self.approved):
+            if self.plugins:
+                registry.load(approved(self.plugins, Path(), named=False))
+            yield pickle.loads(self.content)
 
 
 def run_parcel(parcel: Parcel) -> Outcome:
     """What the job in a parcel comes to; for any process on any machine."""
     try:
-        return run_job(parcel.unpacked())
+        with parcel.unpacked() as job:
+            return run_job(job)
     except PalpateError as error:
         return error

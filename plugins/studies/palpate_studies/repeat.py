@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from palpate import ConfigurationError, LogError, UserError, to_si
-from palpate.host import FormatOption, Overrides, console, finite_tree
+from palpate.host import ConsentError, FormatOption, Overrides, console, finite_tree
 
 from palpate_studies.engines import SchedulerOption, StageOption
 from palpate_studies.estimated import Estimated
@@ -37,9 +37,11 @@ class _Group:
     failures: dict[str, UserError] = field(default_factory=dict)  # by path
 
     def read(self, path: Path, estimated: Estimated, track: str | None, parameter: str) -> None:
-        """Take in the readings of a file; one that cannot be read is told and left out."""
+        """Take in the readings of a file; one that cannot be read is told and left out. Raises ConsentError."""
         try:
             of_file = list(readings(estimated.run_of(path), track, parameter))
+        except ConsentError:
+            raise
         except UserError as error:
             self.failures[str(path)] = error
             typer.echo(f"{path} is left out: {error}", err=True)

@@ -118,8 +118,7 @@ def run_staged(staged: Staged) -> Outcome:
     stage = staged.stage
     try:
         stage.get_inputs(staged.inputs)
-        job = staged.parcel.unpacked()
-        with tempfile.TemporaryDirectory(prefix="palpate-") as temporary:
+        with staged.parcel.unpacked() as job, tempfile.TemporaryDirectory(prefix="palpate-") as temporary:
             folder = Path(temporary, job.folder.name)
             whole = stage.holds(job.folder.name)
             if whole:

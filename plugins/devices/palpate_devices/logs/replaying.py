@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,18 +56,22 @@ def replay_source(
 ) -> Source:
     """The pipeline of a recorded run that reads the log in place of its devices, as a source to be built.
 
-    Nothing that a log carries is executed: plugin files are those of this machine, and only where their hash is that
-    of the recording. Raises ConfigurationError where one is missing or another one.
+    Nothing that a log carries is executed: plugin files are those of this machine, only where their hash is that of the
+    recording, and, when the source is built, only with consent. Relative paths are those beside the log. Raises
+    ConfigurationError where a plugin file is missing or another one, LogError for what is no pipeline.
     """
     where = carried.log.with_name(f"{carried.log.name}:{carried.name}")
     source = Source(carried.attached.documents[carried.name], where)
     tables = source.tables
-    _refuse_other_plugins(tables, carried)
+    run = tables.setdefault("run", {})
+    if not isinstance(run, dict) or not isinstance(tables.get("device"), dict):
+        raise LogError(f"{where}: is no pipeline: [run] and [device.*] must be tables")
+    _refuse_other_plugins(run, carried)
     tables["device"] = {name: carried.reader.playback(carried.log.absolute(), name) for name in tables["device"]}
     for name in ("sink", "twin"):
         tables.pop(name, None)
-    run = tables.setdefault("run", {})
-    if not Path(run.get("calibration", ".")).exists():
+    calibration = run.get("calibration")
+    if isinstance(calibration, str) and not _beside(carried.log, calibration).exists():
         run.pop("calibration")  # what it gave is in the resolved settings
     for kind, types in (("model", models), ("estimator", estimators)):
         for name in types:
@@ -104,9 +109,16 @@ def carried_text(source: Source, log: Path) -> str:
     return head + tomli_w.dumps(source.tables)
 
 
-def _refuse_other_plugins(tables: dict[str, Any], carried: Carried) -> None:
-    for text in tables.get("run", {}).get("plugins", ()):
-        path, known = Path(text), carried.attached.facts.get(f"plugin.{Path(text).name}.sha256")
+def _beside(log: Path, text: str) -> Path:
+    return log.parent / os.path.expanduser(text)  # which, other than that of pathlib, never raises
+
+
+def _refuse_other_plugins(run: dict[str, Any], carried: Carried) -> None:
+    listed = run.get("plugins")
+    for text in listed if isinstance(listed, list) else ():
+        if not isinstance(text, str):
+            continue  # which the builder says
+        path, known = _beside(carried.log, text), carried.attached.facts.get(f"plugin.{Path(text).name}.sha256")
         if not path.is_file():
             raise ConfigurationError(
                 f"{carried.log}: was recorded with the plugin file {text}, which is not on this machine; a log has "

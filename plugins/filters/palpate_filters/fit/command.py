@@ -15,6 +15,7 @@ from palpate.host import (
     Overrides,
     SchedulerOption,
     StageOption,
+    approved_plugins,
     console,
     demand_scheduler,
     finite_tree,
@@ -167,7 +168,7 @@ def _each(
     pipeline = offline(load_pipeline(reader, assignments))
     log = pipeline.devices[device]
     curves = curves_by([log.model_copy(update={"file": Path(one.file)}) for one in files], by) if by else files
-    told = Reader(pipeline.text, str(pipeline.path), tuple(assignments), device)
+    told = Reader(pipeline.text, str(pipeline.path), tuple(assignments), device, approved_plugins())
     folder = out or make_folder("fit", None, datetime.now(UTC).astimezone())
     with progress("fit", "curves", None if by else len(files)):
         table = fit_each(pipeline, told, curves, folder, workers)

@@ -42,6 +42,7 @@ from palpate.host import (
     Track,
     build_pipeline,
     differences,
+    inherited_approval,
     ports_of,
     progressed,
     resolved_text,
@@ -67,6 +68,7 @@ class Reader:
     path: str
     overrides: tuple[str, ...]
     device: str  # that has the file
+    approved: frozenset[str] = frozenset()  # SHA-256 of the plugin files that any process may execute
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,8 @@ def _fits(reader: Reader) -> _Fits:
     source = Source(reader.text, Path(reader.path))
     for assignment in reader.overrides:
         source.override(assignment)
-    return _Fits(build_pipeline(source), {}, {})
+    with inherited_approval(reader.approved):
+        return _Fits(build_pipeline(source), {}, {})
 
 
 def fitted(reader: Reader, curves: Sequence[Curve]) -> list[list[Row]]:

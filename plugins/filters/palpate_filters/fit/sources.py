@@ -11,6 +11,7 @@ import typer
 from palpate import ConfigurationError, PalpateError, UserError
 from palpate.host import (
     Carried,
+    ConsentError,
     Pipeline,
     Source,
     build_pipeline,
@@ -37,7 +38,7 @@ def named_pipelines(
         try:
             loaded = offline(_pipeline(source, reader, overrides))
         except UserError as error:
-            if len(sources) == 1:
+            if len(sources) == 1 or isinstance(error, ConsentError):
                 raise
             leave_out(str(source), error, failures)
             continue

@@ -123,9 +123,13 @@ def _planned(
     source: Source, combinations: Sequence[dict[str, Any]], overrides: list[str], folder: Path
 ) -> list[Combination]:
     return [
-        Combination.of(number, values, Written(source.text, source.path, (*overrides, *_assignments(values))), folder)
+        Combination.of(number, values, _written(source, (*overrides, *_assignments(values))), folder)
         for number, values in enumerate(combinations, start=1)
     ]
+
+
+def _written(source: Source, overrides: tuple[str, ...]) -> Written:
+    return Written(source.text, source.path, overrides, source.named)
 
 
 def _runs(planned: Sequence[Combination], found: Mapping[int, Found]) -> dict[str, Path]:

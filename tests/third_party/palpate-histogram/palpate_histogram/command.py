@@ -5,7 +5,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from palpate.host import Result, RunFolder, Table, console, load_pipeline
+from palpate.host import Result, RunFolder, Table, console, recorded_pipeline
 
 from palpate_histogram import HistogramSettings
 
@@ -16,7 +16,7 @@ def histogram(
     parameter: Annotated[str, typer.Option(help="Which parameter.")] = "elasticity",
 ) -> None:
     """Print how often an estimate of runs falls into each bin; `[histogram] bins` of the first run says how many."""
-    settings = load_pipeline(runs[0] / "pipeline.toml").tables.get("histogram", HistogramSettings())
+    settings = recorded_pipeline(runs[0]).tables.get("histogram", HistogramSettings())
     values = [RunFolder(run).result["tracks"][track]["parameters"][parameter]["value"] for run in runs]
     counts, edges = np.histogram(values, bins=settings.bins)
     rows = [(f"{low:.4g} to {high:.4g}", str(count)) for low, high, count in zip(edges, edges[1:], counts)]

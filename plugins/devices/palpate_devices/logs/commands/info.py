@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from palpate import OutputError, printable
-from palpate.host import JsonOption, console, print_json, progress
+from palpate.host import JsonOption, Source, console, plugin_files, print_json, progress
 
 from palpate_devices.logs.commands.installation import show_installation
 from palpate_devices.logs.draft import pipeline_of, recording_of, suggestion_of
@@ -63,7 +63,7 @@ def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path
     carried = carried_by(log) if address is None else None
     if carried is not None and not choices and picture is None:
         typer.echo(f"{log}: tip, models, estimators and alignment are those of its run", err=True)
-        _written(carried_text(replay_source(carried), log), out, as_json)
+        _written(_approved_text(replay_source(carried), log), out, as_json)
         return
     with progress(f"look at {log.name}", "messages"):
         suggestion = suggestion_of(log, choices) if address is None else suggestion_at(address, choices)
@@ -76,11 +76,17 @@ def _suggest(log: Path, choices: dict[str, str], out: Path | None, picture: Path
     if carried is not None:
         chosen = f"all but {', '.join(choices)}" if choices else "all"
         typer.echo(f"{log}: {chosen} is that of its run", err=True)
-        text = carried_text(with_other_channels(carried, suggestion, choices), log)
+        text = _approved_text(with_other_channels(carried, suggestion, choices), log)
     else:
         beside = out.parent if out is not None and address is None else None
         text = pipeline_of(suggestion, log if address is None else Path(address.name), beside)
     _written(text, out, as_json, suggestion)
+
+
+def _approved_text(source: Source, log: Path) -> str:
+    """The pipeline of a log as a text; whoever runs it consents to the plugin files in it, so they must be approved."""
+    plugin_files(source)
+    return carried_text(source, log)
 
 
 def _written(text: str, out: Path | None, as_json: bool, suggestion: Suggestion | None = None) -> None:
