@@ -23,6 +23,6 @@ def test_it_is_in_order(palpate, pipeline):
     "pipeline", [path for path in PIPELINES if 'type = "sim"' in path.read_text()], ids=lambda path: path.stem
 )
 def test_it_runs(palpate, pipeline, tmp_path):
-    done = palpate("run", pipeline, "--out", tmp_path / "out", timeout=300)
+    done = palpate("run", pipeline, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "result.json").exists()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.forked import PYTEST, run
+from tests.processes import PYTEST, run
 
 ROOT = Path(__file__).parent.parent
 READMES = sorted((ROOT / "plugins").glob("*/README.md"))

@@ -13,7 +13,7 @@ from palpate.config import load_pipeline
 from palpate.errors import ConfigurationError, PluginError
 from palpate.units import to_si
 
-from tests.forked import DEVNULL, PALPATE, PIPE, start
+from tests.processes import DEVNULL, PALPATE, PIPE, start
 
 SHORT = ("--set", "trajectory.press.duration=1 s", "--set", 'run.tracks=["dr/ekf"]')
 MARKER = "import pathlib\npathlib.Path({}).touch()\n"

@@ -6,7 +6,7 @@ import pytest
 from palpate import ConfigurationError
 from palpate.cli import call
 
-from tests.forked import PALPATE, PIPE, start
+from tests.processes import PALPATE, PIPE, start
 
 HOST = f"127.7.{os.getpid() % 250}.2"
 
@@ -82,5 +82,5 @@ def test_the_doctor(palpate, live, tmp_path):
         assert '"joint_speed": 0.0' in twin.stdout.readline()
     finally:
         twin.stdin.close()
-        assert twin.wait(10) == 0
+        assert twin.wait(60) == 0
         twin.stdout.close()

@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from tests.forked import DEVNULL, PALPATE, PIPE, run, start
+from tests.processes import DEVNULL, PALPATE, PIPE, run, start
 
 SHORT = ("--set", "trajectory.press.duration=2 s")
 

@@ -10,6 +10,8 @@ import pytest
 from palpate.host import console, measured
 from rich.table import Table
 
+from tests.processes import PIPE, start
+
 COMMAND = [sys.executable, "-c", "from palpate.cli import main; main()"]
 
 
@@ -55,16 +57,9 @@ def test_a_reader_that_goes_early_is_no_error(arguments):
 @pytest.mark.parametrize("wait", [0.0, 0.1, 0.3, 0.6, 0.9])
 def test_ctrl_c_within_the_first_second_ends_without_a_traceback(point_pipeline, tmp_path, wait):
     """Counted from where the interpreter has come to the command: before that it is the interpreter's own affair."""
-    script = "import sys\nfrom palpate.cli import main\nprint('ready', flush=True)\nmain(sys.argv[1:])"
-    command = [sys.executable, "-c", script, "run", str(point_pipeline), "--out", str(tmp_path / "out")]
-    command += ["--set", "device.rig.pace=real-time"]
-    process = subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # whoever runs the tests may ignore it
-    )
+    code = "import sys\nfrom palpate.cli import main\nprint('ready', flush=True)\nmain(sys.argv[1:])"
+    words = ["run", point_pipeline, "--out", tmp_path / "out", "--set", "device.rig.pace=real-time"]
+    process = start(code, *words, stdout=PIPE, stderr=PIPE, text=True)
     try:
         assert process.stdout.readline() == "ready\n"
         time.sleep(wait + 0.002)

@@ -14,7 +14,7 @@ from palpate.pipeline import run_pipeline
 from palpate_basics.remaining import remaining_pipeline
 from palpate_maps.analysis import find_lumps, make_map, read_path, sites_along
 
-from tests.forked import DEVNULL, PALPATE, PIPE, start
+from tests.processes import DEVNULL, PALPATE, PIPE, start
 
 SMALL = (
     'trajectory.raster.size=["20 mm", "10 mm"]',

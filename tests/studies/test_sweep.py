@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from tests.forked import PALPATE, PIPE, start
+from tests.processes import PALPATE, PIPE, start
 
 SWEEP = """
 [sweep]
