@@ -82,9 +82,10 @@ def _loggers():
 
 @contextlib.contextmanager
 def _modules(folders):
-    """Modules are looked for in these folders, too; theirs, and plugin files of pipelines, are imported anew each time."""
+    """Modules are looked for in these folders, too; theirs and those of plugin files are imported anew."""
     before, path = set(sys.modules), sys.path[:]
-    sys.path[1:1] = folders = [str(folder) for folder in folders if folder]
+    folders = [str(folder) for folder in folders if folder]
+    sys.path[1:1] = folders
     try:
         yield
     finally:

@@ -60,6 +60,7 @@ def test_a_pipeline_without_a_twin(root):
         called("twin", root / "pipelines" / "point.toml")
 
 
+@pytest.mark.slow
 def test_the_doctor(palpate, live, tmp_path):
     pytest.importorskip("rtde_control", reason="ur-rtde is not installed")
     pytest.importorskip("serial", reason="pyserial is not installed")

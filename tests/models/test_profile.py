@@ -28,7 +28,7 @@ def written(folder, radii, heights, name="tip.csv", heading="r,z"):
     return path
 
 
-@pytest.mark.parametrize("count", [50, 200, 500])
+@pytest.mark.parametrize("count", [50, *(pytest.param(count, marks=pytest.mark.slow) for count in (200, 500))])
 def test_sampled_sphere_is_the_exact_one(tmp_path, count):
     radii = np.linspace(0.0, 4.9e-3, count)
     tip, exact = Profile(points=written(tmp_path, radii, sphere(radii))), ExactSphere(radius=R)
@@ -37,6 +37,7 @@ def test_sampled_sphere_is_the_exact_one(tmp_path, count):
     np.testing.assert_allclose(tip.contact_radius(DEPTHS), exact.contact_radius(DEPTHS), rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_sampled_sphere_with_uneven_points_and_rounded_numbers(tmp_path):
     radii = np.concatenate([[0.0], np.sort(np.random.default_rng(3).uniform(0.0, 4.9e-3, 300))])
     tip = Profile(points=written(tmp_path, radii, np.round(sphere(radii), 9)))  # a scan to one micrometre in ten
@@ -52,11 +53,12 @@ def test_sampled_sphere_with_uneven_points_and_rounded_numbers(tmp_path):
         ("1e7 * r**4", {}, Quartic(), 1e-12),
         ("r * tan(t)", {"t": T}, Cone(angle=T), 1e-9),
         ("tan(t) * max(r - b, 0)", {"t": T, "b": CUT}, TruncatedCone(angle=T, face_radius=CUT), 1e-8),
-        (
+        pytest.param(
             "R - sqrt(R**2 - min(r, b)**2) + tan(t) * max(r - b, 0)",
             {"R": CUT, "t": T, "b": CUT * math.sin(T)},
             BluntCone(angle=T, tip_radius=CUT),
             2e-6,
+            marks=pytest.mark.slow,
         ),
     ],
 )

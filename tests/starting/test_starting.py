@@ -85,6 +85,7 @@ def installed(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_plugins_of_ones_own_pass_their_tests_when_installed(installed):
     site = os.pathsep.join([str(installed / "site"), os.environ.get("PYTHONPATH", "")])
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--import-mode=importlib"]

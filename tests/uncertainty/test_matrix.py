@@ -29,6 +29,7 @@ def result(tmp_path_factory):
     return benchmark.matrix(1, tmp_path_factory.mktemp("matrix") / "out", TRACKS, "5 s")
 
 
+@pytest.mark.slow
 def test_nothing_is_wrong_without_a_flag(result):
     assert len(result.tracks) == len(TRACKS)
     assert benchmark.nonsense(result) == []
