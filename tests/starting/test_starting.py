@@ -97,6 +97,7 @@ def test_plugins_of_ones_own_pass_their_tests_when_installed(installed):
     assert f"{len(KINDS) + 1} passed" in done.stdout  # the filter has two tests
 
 
+@pytest.mark.slow
 def test_their_parts_are_listed(installed, palpate):
     listed = palpate("list", PYTHONPATH=str(installed / "site")).stdout
     for part, kind in {"funnel": "tip", "foam": "model", "known-surface": "filter", "dip": "trajectory"}.items():

@@ -104,6 +104,7 @@ def test_results_are_those_of_this_machine_to_the_bit(scheduler, point_pipeline,
     assert not [path for path in (tmp_path / "there").iterdir() if path.name.startswith(".")]
 
 
+@pytest.mark.slow
 def test_nothing_is_computed_twice(scheduler, point_pipeline, tmp_path):
     engine = cluster.on_cluster(scheduler, tmp_path / "runs")
     jobs = _jobs(point_pipeline, tmp_path / "runs", 2)
@@ -134,6 +135,7 @@ def test_an_answer_that_dies_with_its_worker_is_made_again(scheduler, monkeypatc
     assert answer in ("first", "again")  # the first on a machine so slow that it was fetched before
 
 
+@pytest.mark.slow
 def test_workers_of_other_versions_are_refused(scheduler, monkeypatch):
     real = workers.machine()
     monkeypatch.setattr(workers, "machine", lambda: {**real, "casadi": "1.0"})
