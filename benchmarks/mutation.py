@@ -141,7 +141,7 @@ def _tests_of(area: str) -> dict[str, str]:
 def _command(tests: str) -> str:
     """The command that runs some tests; ends the program where they fail without any mutant."""
     paths = " ".join(f"tests/{test}" for test in tests.split())
-    command = f'{sys.executable} run_tests.py -q -x -p no:cacheprovider -m "not live" {paths}'
+    command = f'{sys.executable} run_tests.py -q -x -n 0 -p no:cacheprovider -m "not live" {paths}'
     if subprocess.run(shlex.split(command), stdout=subprocess.DEVNULL).returncode:
         sys.exit(f"these tests fail without any mutant: {command}")
     return command

@@ -1,23 +1,14 @@
 """What the tests share: the real command, the example pipelines, the authors' logs."""
 
-import contextlib
 import importlib.util
-import io
 import os
 import shutil
-import subprocess
 import sys
 import tempfile
 from functools import partial
 from pathlib import Path
 
 import pytest
-from palpate.cli import main
-from palpate.config import load_pipeline
-from palpate.pipeline import run_pipeline
-
-from tests import forked
-from tests.results import _results_are_what_the_schema_says  # noqa: F401
 
 ROOT = Path(__file__).parent.parent
 _LIVE = {"bench", "shared_bench", "main_job"}  # fixtures that run a twin in real time
@@ -43,9 +34,10 @@ def pytest_configure(config):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection(session):
-    """What is compiled on the way, all of palpate and the tests, is kept: hundreds of processes import it.
+    """What is compiled on the way, all of palpate and the tests, is kept: processes of the tests import it, too.
 
-    Only here, and also with PYTHONDONTWRITEBYTECODE: tests write plugin files anew that look like the last ones.
+    Only here, so nothing is imported before, and also with PYTHONDONTWRITEBYTECODE: tests write plugin files anew that
+    look like the last ones.
     """
     before, sys.dont_write_bytecode = sys.dont_write_bytecode, False
     try:
@@ -77,6 +69,14 @@ def pytest_xdist_make_scheduler(config, log):
 
     config.option.loadscopereorder = False  # the order is that of the collection
     return ByFile(config, log)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _results_are_what_the_schema_says():
+    from tests.results import checked
+
+    with checked():
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -131,6 +131,8 @@ def point_pipeline(tmp_path):
 @pytest.fixture
 def run_point(point_pipeline, tmp_path):
     """Run the example pipeline with overrides, the paper's filter only; a fresh folder each time."""
+    from palpate.config import load_pipeline
+    from palpate.pipeline import run_pipeline
 
     def run(*overrides, name="out"):
         return run_pipeline(load_pipeline(point_pipeline, ['run.tracks=["*/ekf"]', *overrides]), tmp_path / name)
@@ -139,38 +141,16 @@ def run_point(point_pipeline, tmp_path):
 
 
 @pytest.fixture
-def palpate_process(tmp_path):
-    """The real command line in a process and a folder of its own: for what only a process shows."""
+def palpate(tmp_path):
+    """The command line in a folder of its own, called as a function; environment variables are keywords."""
+    from tests import command
 
-    def call(*arguments, cwd=tmp_path, timeout=300, **environment):
-        env = {**os.environ, "COLUMNS": "140", **environment}
-        return forked.run(forked.PALPATE, *arguments, cwd=cwd, env=env, timeout=timeout)
-
-    return call
+    return partial(command.call, cwd=tmp_path)
 
 
 @pytest.fixture
-def palpate(tmp_path, monkeypatch, palpate_process):
-    """The command line in a folder of its own, called as a function: the same `main`, without a second of imports.
+def palpate_process(tmp_path):
+    """The command line in a process and a folder of its own: for what only a process shows."""
+    from tests import processes
 
-    With environment variables that are read at the start of a process (all but the terminal's width) it is a process.
-    """
-
-    def call(*arguments, cwd=tmp_path, timeout=300, COLUMNS="140", **environment):
-        if environment:
-            return palpate_process(*arguments, cwd=cwd, timeout=timeout, COLUMNS=COLUMNS, **environment)
-        arguments = ["palpate", *map(str, arguments)]
-        out, errors, code = io.StringIO(), io.StringIO(), 0
-        with monkeypatch.context() as patch, Path(os.devnull).open() as nothing:
-            patch.chdir(cwd)
-            patch.setenv("COLUMNS", COLUMNS)
-            patch.setattr(sys, "argv", arguments)
-            patch.setattr(sys, "stdin", nothing)
-            with contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
-                try:
-                    main()
-                except SystemExit as end:
-                    code = end.code or 0
-        return subprocess.CompletedProcess(arguments, code, out.getvalue(), errors.getvalue())
-
-    return call
+    return partial(processes.palpate, cwd=tmp_path)

@@ -1,6 +1,7 @@
 """Every result.json that a test writes, live or simulated, whole or cut, is held against its JSON schema."""
 
 import json
+from contextlib import contextmanager
 from functools import cache
 
 import jsonschema
@@ -29,8 +30,9 @@ def mistakes(document):
     return [f"{error.json_path}: {error.message[:200]}" for error in validator().iter_errors(document)]
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _results_are_what_the_schema_says():
+@contextmanager
+def checked():
+    """Within the context a result that is written and is not what the schema says is an error."""
     write = running.write_new
 
     def written(path, text):

@@ -1,6 +1,6 @@
 """Benchmarks find what they measure; the measuring itself is not for tests."""
 
-from tests import forked
+from tests import processes
 
 _IMPORTED = """
 import importlib.util, pathlib, sys
@@ -20,6 +20,6 @@ for file in sorted(pathlib.Path("benchmarks").glob("*.py")):
 
 def test_every_benchmark_imports_what_there_is(root):
     """Names that have moved; a package of others that is not installed is no fault of a benchmark."""
-    done = forked.run(_IMPORTED, cwd=root)
+    done = processes.run(_IMPORTED, cwd=root)
     assert done.returncode == 0, done.stderr
     assert len(done.stdout.splitlines()) == len(list((root / "benchmarks").glob("*.py")))

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 FOLDER = Path(__file__).parent.parent / "pipelines"
+LONG = ("raster", "relaxation")
 PIPELINES = sorted(FOLDER.glob("*.toml"))
 FIGURES = [path for path in sorted(FOLDER.glob("figures/*.toml")) if 'type = "sim"' in path.read_text()]
 
@@ -20,9 +21,14 @@ def test_it_is_in_order(palpate, pipeline):
 
 
 @pytest.mark.parametrize(
-    "pipeline", [path for path in PIPELINES if 'type = "sim"' in path.read_text()], ids=lambda path: path.stem
+    "pipeline",
+    [
+        pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in LONG else [])
+        for path in PIPELINES
+        if 'type = "sim"' in path.read_text()
+    ],
 )
 def test_it_runs(palpate, pipeline, tmp_path):
-    done = palpate("run", pipeline, "--out", tmp_path / "out", timeout=300)
+    done = palpate("run", pipeline, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "result.json").exists()

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.forked import PYTEST, run
+from tests.processes import PYTEST, run
 
 ROOT = Path(__file__).parent.parent
 READMES = sorted((ROOT / "plugins").glob("*/README.md"))
+LONG = ("basics", "filters", "indentation", "notebook", "reproduction", "spectra", "starting", "studies", "testing")
 BLOCK = re.compile(r"^```(\w+)\n# file: (\S+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
@@ -17,7 +18,13 @@ def test_every_family_has_one():
     assert families == {path.parent.name for path in READMES}
 
 
-@pytest.mark.parametrize("readme", READMES, ids=lambda path: path.parent.name)
+@pytest.mark.parametrize(
+    "readme",
+    [
+        pytest.param(path, id=path.parent.name, marks=[pytest.mark.slow] if path.parent.name in LONG else [])
+        for path in READMES
+    ],
+)
 def test_its_code_runs(readme, palpate, tmp_path):
     blocks = {name: text for _, name, text in BLOCK.findall(readme.read_text())}
     assert blocks

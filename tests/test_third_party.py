@@ -19,6 +19,7 @@ def installed(tmp_path_factory, root):
     return target
 
 
+@pytest.mark.slow
 def test_its_parts_are_listed_with_their_origin(palpate, installed):
     listed = palpate("list", PYTHONPATH=str(installed)).stdout
     assert "pencil" in listed
@@ -26,12 +27,14 @@ def test_its_parts_are_listed_with_their_origin(palpate, installed):
     assert "palpate-punch 1.0 (punch)" in listed
 
 
+@pytest.mark.slow
 def test_its_parts_are_described(palpate, installed):
     described = palpate("describe", "pencil", PYTHONPATH=str(installed)).stdout
     assert "A cone: a(d) = 2 d/(pi tan t)" in described
     assert "slope: angle, must be given" in described
 
 
+@pytest.mark.slow
 def test_its_tip_and_its_filter_run_beside_ours(palpate, installed, point_pipeline, tmp_path):
     done = palpate(
         "run",
@@ -50,6 +53,7 @@ def test_its_tip_and_its_filter_run_beside_ours(palpate, installed, point_pipeli
     assert tracks["dr/ekf"]["parameters"]["elasticity"]["value"] == pytest.approx(112.5e3, rel=0.06)
 
 
+@pytest.mark.slow
 def test_its_parts_pass_the_checks(installed):
     script = (
         "import math\n"
@@ -64,6 +68,7 @@ def test_its_parts_pass_the_checks(installed):
     subprocess.run([sys.executable, "-c", script], check=True, env=environment, timeout=60)
 
 
+@pytest.mark.slow
 def test_an_analysis_of_a_stranger_stands_beside_ours(palpate, installed, point_pipeline, tmp_path):
     environment = {"PYTHONPATH": str(installed)}
     assert "histogram" in palpate("--help", **environment).stdout
@@ -96,6 +101,7 @@ def test_a_stranger_cannot_take_a_command_of_ours(palpate, tmp_path):
     assert "command 'run' is claimed by two plugins" in done.stderr
 
 
+@pytest.mark.slow
 def test_two_distributions_that_claim_one_name(palpate, installed, tmp_path):
     rival = tmp_path / "rival"
     rival.mkdir()

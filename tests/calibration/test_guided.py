@@ -41,7 +41,7 @@ def guided(root, tmp_path):
 def test_every_step_finds_what_the_rig_hides(palpate, root, tmp_path):
     target = tmp_path / "found.toml"
     sets = [word for override in QUICK for word in ("--set", override)]
-    done = palpate("calibrate", root / "pipelines" / "guided.toml", "--out", target, *sets, timeout=240)
+    done = palpate("calibrate", root / "pipelines" / "guided.toml", "--out", target, *sets)
     assert done.returncode == 0, done.stderr
     values = tomllib.loads(target.read_text())["values"]
     mass, weight = 0.163, 0.163 * 9.80665

@@ -13,7 +13,7 @@ from palpate.config import load_pipeline
 from palpate.errors import ConfigurationError, PluginError
 from palpate.units import to_si
 
-from tests.forked import DEVNULL, PALPATE, PIPE, start
+from tests.processes import DEVNULL, PALPATE, PIPE, start
 
 SHORT = ("--set", "trajectory.press.duration=1 s", "--set", 'run.tracks=["dr/ekf"]')
 MARKER = "import pathlib\npathlib.Path({}).touch()\n"
@@ -64,6 +64,7 @@ def test_names_are_never_markup_and_never_steer_a_terminal(palpate, point_pipeli
     assert "\x1b" not in done.stderr
 
 
+@pytest.mark.slow
 def test_an_output_that_takes_no_utf_8_or_is_full(point_pipeline, tmp_path):
     command = [sys.executable, "-c", "from palpate.cli import main; main()", "describe", "dimensionality-reduction"]
     for encoding in ("ascii", "latin-1"):

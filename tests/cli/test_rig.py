@@ -6,7 +6,7 @@ import pytest
 from palpate import ConfigurationError
 from palpate.cli import call
 
-from tests.forked import PALPATE, PIPE, start
+from tests.processes import PALPATE, PIPE, start
 
 HOST = f"127.7.{os.getpid() % 250}.2"
 
@@ -60,6 +60,7 @@ def test_a_pipeline_without_a_twin(root):
         called("twin", root / "pipelines" / "point.toml")
 
 
+@pytest.mark.slow
 def test_the_doctor(palpate, live, tmp_path):
     pytest.importorskip("rtde_control", reason="ur-rtde is not installed")
     pytest.importorskip("serial", reason="pyserial is not installed")
@@ -82,5 +83,5 @@ def test_the_doctor(palpate, live, tmp_path):
         assert '"joint_speed": 0.0' in twin.stdout.readline()
     finally:
         twin.stdin.close()
-        assert twin.wait(10) == 0
+        assert twin.wait(60) == 0
         twin.stdout.close()

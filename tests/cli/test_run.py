@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from tests.forked import DEVNULL, PALPATE, PIPE, run, start
+from tests.processes import DEVNULL, PALPATE, PIPE, run, start
 
 SHORT = ("--set", "trajectory.press.duration=2 s")
 
@@ -92,7 +92,9 @@ def wait_until(condition):
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, *(pytest.param(n, marks=pytest.mark.slow) for n in (signal.SIGTERM, signal.SIGHUP))]
+)
 def test_ctrl_c_ends_cleanly_with_what_was_found_so_far(point_pipeline, tmp_path, number):
     words = ["--set", "device.rig.pace=real-time", "--out", tmp_path / "out"]
     process = start(PALPATE, "run", point_pipeline, *words, cwd=tmp_path, stdout=PIPE, stderr=PIPE, text=True)
@@ -120,6 +122,7 @@ def test_ctrl_c_ends_cleanly_with_what_was_found_so_far(point_pipeline, tmp_path
     assert first == 0
 
 
+@pytest.mark.slow
 def test_a_killed_run_leaves_a_log_that_opens(point_pipeline, tmp_path):
     words = ["--set", "device.rig.pace=real-time", "--out", tmp_path / "out"]
     process = start(PALPATE, "run", point_pipeline, *words, cwd=tmp_path, stdout=DEVNULL, stderr=DEVNULL)
@@ -157,6 +160,7 @@ def test_a_sink_stays_in_the_run_folder(palpate, point_pipeline):
     assert "[sink.log] file: '../log.mcap'" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_terminal_that_goes_ends_nothing_under_nohup(point_pipeline, tmp_path):
     command = [sys.executable, "-c", "from palpate.cli import main; main()", "run", str(point_pipeline), *SHORT]
     command += ["--set", "device.rig.pace=real-time", "--out", str(tmp_path / "out")]

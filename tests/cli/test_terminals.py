@@ -10,6 +10,8 @@ import pytest
 from palpate.host import console, measured
 from rich.table import Table
 
+from tests.processes import PIPE, start
+
 COMMAND = [sys.executable, "-c", "from palpate.cli import main; main()"]
 
 
@@ -22,10 +24,15 @@ def run(*arguments, **env):
     "env",
     [
         {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
-        {"LC_ALL": "POSIX", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
-        {"PYTHONIOENCODING": "ascii"},
-        {"TERM": "dumb", "NO_COLOR": "1", "COLUMNS": "20"},
-        {"TERM": "", "COLUMNS": "0"},
+        *(
+            pytest.param(env, marks=pytest.mark.slow)
+            for env in (
+                {"LC_ALL": "POSIX", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+                {"PYTHONIOENCODING": "ascii"},
+                {"TERM": "dumb", "NO_COLOR": "1", "COLUMNS": "20"},
+                {"TERM": "", "COLUMNS": "0"},
+            )
+        ),
     ],
     ids=["C", "POSIX", "ascii", "dumb", "no-terminal"],
 )
@@ -43,7 +50,13 @@ def test_every_terminal_gets_its_table(root, env):
         assert "\\" not in text
 
 
-@pytest.mark.parametrize("arguments", [("list",), ("describe", "casadi-fit"), ("--help",), ("schema",)])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--help",),
+        *(pytest.param(words, marks=pytest.mark.slow) for words in (["list"], ["describe", "ekf"], ["schema"])),
+    ],
+)
 def test_a_reader_that_goes_early_is_no_error(arguments):
     """As `| head -1` does: the pipe is closed before anything was written, or in the middle."""
     process = subprocess.Popen([*COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
@@ -52,19 +65,12 @@ def test_a_reader_that_goes_early_is_no_error(arguments):
     assert errors == b""
 
 
-@pytest.mark.parametrize("wait", [0.0, 0.1, 0.3, 0.6, 0.9])
+@pytest.mark.parametrize("wait", [0.0, *(pytest.param(wait, marks=pytest.mark.slow) for wait in (0.1, 0.3, 0.6, 0.9))])
 def test_ctrl_c_within_the_first_second_ends_without_a_traceback(point_pipeline, tmp_path, wait):
     """Counted from where the interpreter has come to the command: before that it is the interpreter's own affair."""
-    script = "import sys\nfrom palpate.cli import main\nprint('ready', flush=True)\nmain(sys.argv[1:])"
-    command = [sys.executable, "-c", script, "run", str(point_pipeline), "--out", str(tmp_path / "out")]
-    command += ["--set", "device.rig.pace=real-time"]
-    process = subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # whoever runs the tests may ignore it
-    )
+    code = "import sys\nfrom palpate.cli import main\nprint('ready', flush=True)\nmain(sys.argv[1:])"
+    words = ["run", point_pipeline, "--out", tmp_path / "out", "--set", "device.rig.pace=real-time"]
+    process = start(code, *words, stdout=PIPE, stderr=PIPE, text=True)
     try:
         assert process.stdout.readline() == "ready\n"
         time.sleep(wait + 0.002)

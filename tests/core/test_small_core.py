@@ -94,6 +94,7 @@ def without(root, tmp_path_factory):
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", ANALYSES)
 def test_a_run_without_a_family_of_analyses(family, without):
     """The family's package cannot be imported: what fails is told, and the run goes on."""

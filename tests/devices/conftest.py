@@ -16,7 +16,7 @@ from palpate.errors import DeviceError
 from palpate.pipeline import run_pipeline
 from palpate_devices.mcap_replay import McapReplay
 
-from tests import forked
+from tests import processes
 
 PIPELINE = Path(__file__).parents[2] / "pipelines" / "point_ur3e.toml"
 _ADDRESSES = itertools.count(2)
@@ -57,8 +57,8 @@ class Bench:
         self._overrides = [f"twin.bench.host={self.host}", f"twin.bench.port={self.port}", *overrides]
         words = [word for override in self._overrides for word in ("--set", override)]
         self._errors = (folder / "twin.log").open("w")
-        self.process = forked.start(
-            forked.PALPATE, "twin", PIPELINE, *words, stdin=PIPE, stdout=PIPE, stderr=self._errors, text=True
+        self.process = processes.start(
+            processes.PALPATE, "twin", PIPELINE, *words, stdin=PIPE, stdout=PIPE, stderr=self._errors, text=True
         )
         self._lock = threading.Lock()
         self.at_fault = {}  # the state in which the last fault found the twins
@@ -167,7 +167,7 @@ class Bench:
             sets = [f"device.arm.host={self.host}", f"device.sensor.port={self.port}", *overrides]
             words = [word for override in sets for word in ("--set", override)]
             words += ["--out", folder]
-            job = forked.start(forked.PALPATE, "run", PIPELINE, *words, stdin=subprocess.DEVNULL, **options)
+            job = processes.start(processes.PALPATE, "run", PIPELINE, *words, stdin=subprocess.DEVNULL, **options)
             while job.poll() is None:
                 if when(self.state(), folder):
                     return job, folder

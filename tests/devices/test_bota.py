@@ -155,12 +155,14 @@ def test_start_faults_are_told_in_words(restored, changes, words):
         gathered(device, 10)
 
 
+@pytest.mark.slow
 def test_a_wrong_baud_rate_is_suspected(restored):
     device = sensor(restored, baud=115200, boot=0.5)
     with pytest.raises(DeviceError, match=r"\d+ bytes that contain no answer came at 115200 baud; check .* baud rate"):
         gathered(device, 10)
 
 
+@pytest.mark.slow
 def test_a_slow_sensor_is_waited_for(restored):
     restored.fault("slow 1.0")
     stamps, wrench, _ = gathered(sensor(restored), 50)

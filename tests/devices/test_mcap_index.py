@@ -3,6 +3,7 @@
 import io
 import tracemalloc
 
+import pytest
 from mcap.writer import Writer
 from palpate_devices.mcap_index import Index, keep_index_in
 
@@ -34,6 +35,7 @@ def test_the_library_s_writer_keeps_its_index_where_we_look_for_it():
     assert isinstance(writer._Writer__chunk_indices, Index)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_chunks(tmp_path):
     def growth(index):
         tracemalloc.start()

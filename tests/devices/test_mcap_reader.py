@@ -247,6 +247,7 @@ def only_true_numbers(found, strict):
 FUZZ = settings(max_examples=120, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 
 
+@pytest.mark.slow
 @FUZZ
 @given(data=st.data())
 def test_flipped_bits_never_pass_as_data(logs, data):

@@ -145,6 +145,7 @@ def device(twin, **changes):
     return UR.model_validate({"host": twin.host, "work": WORK, **patient, **changes})
 
 
+@pytest.mark.slow
 @pytest.mark.talks
 def test_controller_and_own_kinematics_agree(restored):
     found, health = states(device(restored))
@@ -199,6 +200,7 @@ def test_it_asks_before_it_connects(restored, fault, words):
     assert restored.state()["uploads"] == uploads  # the client library has not been let near
 
 
+@pytest.mark.slow
 @pytest.mark.talks
 @pytest.mark.parametrize(
     ("fault", "words"),
@@ -219,6 +221,7 @@ def test_a_controller_that_falls_silent_while_connecting(restored):
         states(device(restored, start="2 s"))
 
 
+@pytest.mark.slow
 @pytest.mark.talks
 def test_a_second_master_is_refused(restored):
     with device(restored).connect(0), pytest.raises(DeviceError, match="already in use"):

@@ -9,10 +9,11 @@ from palpate_filters import palpate_estimators
 from palpate_testing import check_estimator
 
 MODELS = ("sphere", "quartic", "kelvin-voigt", "hunt-crossley", "relaxing")
+OTHERS = (pytest.param(model, marks=pytest.mark.slow) for model in MODELS[1:])
 LINEAR = {"ting-fit": ("sphere", "quartic")}  # estimators for materials with a relaxation modulus alone
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", [MODELS[0], *OTHERS])
 @pytest.mark.parametrize("estimator", palpate_estimators())
 def test_estimator_conforms(
     estimator: str, model: str, contact_models: dict[str, tuple[ContactModel, list[float]]]

@@ -55,9 +55,9 @@ def _exported(palpate, tmp_path, estimator, track="dr/filter"):
     [
         ('type = "kinematic-ekf"', "dr/filter"),
         ('type = "kinematic-ekf"\nbias_std = "20 mN"\nnoise = "measure"\nstudent = 4', "dr/filter"),
-        ('type = "kinematic-ekf"', "sls/filter"),
+        pytest.param('type = "kinematic-ekf"', "sls/filter", marks=pytest.mark.slow),
         ('type = "ekf"', "dr/filter"),
-        ('type = "afukf"\nstart_from = "fit"', "dr/filter"),
+        pytest.param('type = "afukf"\nstart_from = "fit"', "dr/filter", marks=pytest.mark.slow),
     ],
 )
 def test_c_gives_the_same_numbers_over_a_whole_run(palpate, tmp_path, estimator, track):
@@ -74,6 +74,7 @@ def test_c_gives_the_same_numbers_over_a_whole_run(palpate, tmp_path, estimator,
     assert "nan" in rows[0][7]  # from free air on
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_the_check_sees_a_number_that_is_off(palpate, tmp_path):
     assert _exported(palpate, tmp_path, 'type = "ekf"').returncode == 0

@@ -85,6 +85,7 @@ def budget_of(title, text):
             return
 
 
+@pytest.mark.slow
 def test_models_and_logs_are_compared_and_evaluated_on_each_other(palpate, logs):
     done = palpate("fit", "v0.csv", "v1.csv", "v2.csv", "--pipeline", "fit.toml", "--out", "out", COLUMNS="200")
     assert done.returncode == 0, done.stderr

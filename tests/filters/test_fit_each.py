@@ -114,6 +114,7 @@ def test_a_row_is_what_fit_says_of_the_curve_alone(folder, palpate):
     assert float(row["surface"]) == pytest.approx(track["surface"]["value"], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_what_was_torn_is_gone_on_with_to_the_same_bytes(folder, palpate):
     palpate(*EACH, "--workers", "2")
     table = folder / "out" / "fits.csv"
@@ -153,6 +154,7 @@ def test_curves_of_one_file_begin_where_a_channel_changes(folder, palpate):
     assert "fz" in refused.stderr
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_costs_its_curve_only(folder, palpate):
     np.savetxt("curves/2.csv", curve(1e5, 2, speed=20e-3), delimiter=",")  # short
     text = PIPELINE.replace("PLUGINS", 'plugins = ["deadly.py"]').replace("MORE", "")

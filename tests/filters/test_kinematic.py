@@ -21,6 +21,7 @@ def record(seed: int = 0, duration: float = 5.0) -> Samples:
     return synthetic_samples(MODEL, TRUTH, duration=duration, seed=seed)
 
 
+@pytest.mark.slow
 def test_its_errors_are_as_large_as_it_says():
     """NEES of surface, E and eta over 50 runs: 3 on average, 95 % band 2.4 to 3.7."""
     found = []

@@ -137,11 +137,12 @@ def apart(found: Floats, expected: Floats) -> float:
 @pytest.mark.parametrize(
     ("name", "speed", "count"),
     [
-        ("sphere", 0.0, 20_000),
-        ("sphere", 4e-3, 3000),
-        ("quartic", 0.0, 3000),
-        ("kelvin-voigt", 0.0, 3000),
-        ("hunt-crossley", 0.0, 3000),
+        ("sphere", 0.0, 1000),
+        pytest.param("sphere", 0.0, 20_000, marks=pytest.mark.slow),
+        pytest.param("sphere", 4e-3, 3000, marks=pytest.mark.slow),
+        pytest.param("quartic", 0.0, 3000, marks=pytest.mark.slow),
+        pytest.param("kelvin-voigt", 0.0, 3000, marks=pytest.mark.slow),
+        pytest.param("hunt-crossley", 0.0, 3000, marks=pytest.mark.slow),
     ],
 )
 def test_the_kinematic_filter_is_filterpys(
@@ -157,7 +158,7 @@ def test_the_kinematic_filter_is_filterpys(
     assert apart(found.std[begun:], std) < 1e-9
 
 
-@pytest.mark.parametrize("speed", [0.0, 4e-3])
+@pytest.mark.parametrize("speed", [0.0, pytest.param(4e-3, marks=pytest.mark.slow)])
 def test_the_smoother_is_bryson_and_fraziers(speed: float) -> None:
     samples, settings = jittered(SPHERE, [1.1e5, 360.0], 3000), KinematicSmoother(sweep_speed=speed, passes=1)
     found = settings.start(Problem(SPHERE, MASS)).run(samples)

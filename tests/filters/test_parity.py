@@ -43,6 +43,7 @@ def agree(model: ContactModel, theta: list[float], ours: Any, theirs: Any, count
     assert np.array_equal(np.isnan(one.nis), np.isnan(other.nis))
 
 
+@pytest.mark.slow
 def test_the_ekf_is_filterpys() -> None:
     agree(SPHERE, [1.1e5, 360.0], ExtendedKalmanFilter(**START), FilterpyFilter(filter="ekf", **START))
 
@@ -57,6 +58,7 @@ def test_the_ekf_is_filterpys_on_other_models(
     agree(*chosen, ExtendedKalmanFilter(**options), FilterpyFilter(filter="ekf", **options), count=5_000)
 
 
+@pytest.mark.slow
 def test_the_ukf_is_filterpys() -> None:
     ours = UnscentedKalmanFilter(spread=0.5, **START)
     agree(SPHERE, [1.1e5, 360.0], ours, FilterpyFilter(filter="ukf", spread=0.5, **START))
@@ -128,10 +130,11 @@ def reference(settings: Any, model: ContactModel, samples: Samples) -> np.ndarra
 @pytest.mark.parametrize(
     ("settings", "count"),
     [
-        (AdaptiveFadingEkf(fading=StrongFading(theta=8e-4), **START), 20_000),
-        (AdaptiveFadingUkf(fading=Fading(theta=8e-4), spread=0.5, **START), 20_000),
+        (AdaptiveFadingEkf(fading=StrongFading(theta=8e-4), **START), 2000),
+        pytest.param(AdaptiveFadingEkf(fading=StrongFading(theta=8e-4), **START), 20_000, marks=pytest.mark.slow),
+        pytest.param(AdaptiveFadingUkf(fading=Fading(theta=8e-4), spread=0.5, **START), 20_000, marks=pytest.mark.slow),
     ],
-    ids=["afekf", "afukf"],
+    ids=["afekf-short", "afekf", "afukf"],
 )
 def test_adaptive_fading_is_what_the_paper_writes(settings: Any, count: int) -> None:
     samples = jittered(SPHERE, [1.1e5, 360.0], count)

@@ -72,6 +72,7 @@ def greeted(socket):
     return {channel["topic"]: channel["id"] for channel in offered}, schemas
 
 
+@pytest.mark.slow
 def test_a_viewer_gets_what_it_subscribes_to(child, a_run, samples, estimates):
     feed = Feed(a_run(), child.send, {})
     with viewer(child, origin="https://app.foxglove.dev") as socket:

@@ -103,6 +103,7 @@ def read_any(page):
     return unpack(said.encode() if isinstance(said, str) else said)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGSTOP, signal.SIGKILL])
 def test_a_run_ends_as_ever_though_its_page_stands_still_or_dies(how, run_live, addresses, monkeypatch):
     pids = []
@@ -208,6 +209,7 @@ def test_the_option_is_the_sink(palpate, point_pipeline):
     assert "65535" in wrong.stderr
 
 
+@pytest.mark.slow
 def test_writers_are_told_what_a_track_would_find(run_live, stage):
     """As the result has it in the end, flags judged; nothing of it changes the run."""
     result = run_live()

@@ -14,7 +14,7 @@ from palpate.pipeline import run_pipeline
 from palpate_basics.remaining import remaining_pipeline
 from palpate_maps.analysis import find_lumps, make_map, read_path, sites_along
 
-from tests.forked import DEVNULL, PALPATE, PIPE, start
+from tests.processes import DEVNULL, PALPATE, PIPE, start
 
 SMALL = (
     'trajectory.raster.size=["20 mm", "10 mm"]',
@@ -155,6 +155,7 @@ def test_an_interrupted_raster_resumes_at_the_last_whole_line(root, raster_run, 
     assert np.sqrt(np.mean(apart**2)) < 1.5
 
 
+@pytest.mark.slow
 def test_ctrl_c_leaves_a_raster_that_resumes(root, tmp_path):
     out = tmp_path / "out"
     words = ["--out", out, *options([*SMALL, "device.rig.pace=real-time"])]
@@ -170,6 +171,7 @@ def test_ctrl_c_leaves_a_raster_that_resumes(root, tmp_path):
     assert rest.lines == 3
 
 
+@pytest.mark.slow
 def test_a_killed_raster_resumes_and_gives_the_map_of_an_uninterrupted_one(palpate, root, tmp_path):
     """Killed without warning in its second line; the rest is done by `palpate resume`."""
     small = [
@@ -369,6 +371,7 @@ def searched(palpate, lines, folder, *more):
     return done.stdout
 
 
+@pytest.mark.slow
 def test_a_search_goes_on_beyond_the_border_of_the_sites(palpate, beside_a_sphere, tmp_path):
     """The sphere's middle lies 6 mm outside of the box that the lines cover."""
     pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")

@@ -153,6 +153,9 @@ def test_jacobian_is_finite_at_and_around_touch_under_every_tip(tip, thickness):
             assert np.isfinite(np.array(number)).all(), depth
 
 
-@pytest.mark.parametrize(("model", "theta"), MODELS.values(), ids=MODELS.keys())
+@pytest.mark.parametrize(
+    ("model", "theta"),
+    [pytest.param(*part, id=name, marks=[pytest.mark.slow] if part[0].memory else []) for name, part in MODELS.items()],
+)
 def test_the_papers_filter_keeps_its_promises_with_every_model(model, theta):
     check_estimator(ExtendedKalmanFilter(), model, theta)

@@ -68,11 +68,12 @@ def run(folder, model, truth, estimator=""):
             {"elasticity": '"112 kPa"', "viscosity": '"362 Pa*s"'},
             0.12,
         ),
-        (
+        pytest.param(
             'type = "dimensionality-reduction"\nindenter = { type = "profile", formula = "r**2/(2*R)", '
             'constants = { R = "5 mm" }, radius = "8 mm" }',
             {"elasticity": '"112 kPa"', "viscosity": '"362 Pa*s"'},
             0.12,
+            marks=pytest.mark.slow,
         ),
         ('type = "kelvin-voigt"', {"stiffness": '"0.9 N/mm"', "damping": '"3 N*s/m"'}, 0.4),
         ('type = "hunt-crossley"', {"reference_force": '"0.6 N"', "reference_damping": '"1.5 N*s/m"'}, 0.2),
@@ -86,6 +87,7 @@ def test_what_went_into_the_rig_comes_out_of_the_filter(tmp_path, model, truth, 
         assert track.parameters[name].std > 0
 
 
+@pytest.mark.slow
 def test_a_material_that_relaxes_is_found_when_its_time_is_known(tmp_path):
     truth = 'elasticity = "100 kPa"\nrelaxing_elasticity = "40 kPa"\nrelaxation_time = "80 ms"'
     known = 'first_guess = { relaxation_time = "80 ms" }\nfirst_guess_std = { relaxation_time = "0.001 ms" }'

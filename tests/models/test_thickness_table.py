@@ -118,6 +118,7 @@ def told(tmp_path, *options):
     return out
 
 
+@pytest.mark.slow
 def test_a_coarse_mesh_is_near_the_formula_and_a_model_takes_its_table(tmp_path):
     """The rows of eight elements are within 2.3 %; those of twenty within 0.6 %, down to 5 mm."""
     pytest.importorskip("skfem", reason="scikit-fem is not installed")
@@ -128,6 +129,7 @@ def test_a_coarse_mesh_is_near_the_formula_and_a_model_takes_its_table(tmp_path)
         assert model.force(depth, 0.0, [1.0, 0.0]) == pytest.approx(finite_cylinder(depth), rel=0.025)
 
 
+@pytest.mark.slow
 def test_a_flat_tip_on_a_wide_layer_is_garcias(tmp_path):
     """Radius over height 0.25: 1.372 at all depths; these twelve elements are within 2.5 %."""
     pytest.importorskip("skfem", reason="scikit-fem is not installed")

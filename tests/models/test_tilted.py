@@ -47,7 +47,13 @@ def pressed(share, cells):
 
 @pytest.mark.parametrize(
     ("share", "cells", "within"),
-    [(0.4, 60, 0.03), (1.0, 40, 0.02), (1.5, 36, 0.02), (2.0, 30, 0.02), (4.0, 24, 1e-6)],
+    [
+        (0.4, 60, 0.03),
+        pytest.param(1.0, 40, 0.02, marks=pytest.mark.slow),
+        pytest.param(1.5, 36, 0.02, marks=pytest.mark.slow),
+        pytest.param(2.0, 30, 0.02, marks=pytest.mark.slow),
+        (4.0, 24, 1e-6),
+    ],
 )
 def test_boundary_elements_give_the_same_force(share, cells, within):
     own = 2 * TIP.profile_area(share * R * TILT) / (R**2 * TILT)

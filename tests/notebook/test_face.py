@@ -142,6 +142,7 @@ def test_names_of_a_run_are_no_markup(short):
     assert "<script>" not in run._repr_html_()
 
 
+@pytest.mark.slow
 def test_pictures(kept, fitted, tmp_path):
     for number, picture in enumerate(
         [kept.plot(), kept.plot("elasticity"), kept.plot.force_depth(), kept.plot.force("dr/kinematic"), fitted.plot()]
@@ -392,6 +393,7 @@ def test_a_sweep_is_a_frame(short):
     assert not found.failures
 
 
+@pytest.mark.slow
 def test_a_sweep_of_a_script_does_not_run_the_script_again(short, tmp_path):
     import subprocess
     import sys

@@ -79,6 +79,7 @@ def test_nothing_is_loaded_and_nothing_is_executed(palpate, copied):
     assert not re.search(r"url\((?!#)|@import", text)
 
 
+@pytest.mark.slow
 def test_it_is_the_same_whenever_it_is_made(palpate, copied):
     pages = []
     for name in ("one.html", "two.html"):
@@ -87,6 +88,7 @@ def test_it_is_the_same_whenever_it_is_made(palpate, copied):
     assert pages[0] == pages[1]
 
 
+@pytest.mark.slow
 def test_texts_of_others_are_no_markup(palpate, copied):
     document = json.loads((copied / "result.json").read_text())
     document["run"]["name"] = HOSTILE
@@ -177,6 +179,7 @@ def test_no_contact_is_refused_in_words(palpate, runs, tmp_path):
     assert page.text.index("do not use it") < page.text.index("no-contact") < page.text.index("Press deeper")
 
 
+@pytest.mark.slow
 def test_anonymous_names_neither_host_nor_path(palpate, point, tmp_path):
     run = shutil.copytree(point, tmp_path / "jane doe" / "run")
     document = json.loads((run / "result.json").read_text())
@@ -237,6 +240,7 @@ def test_sites_are_on_a_map(palpate, point, tmp_path):
     assert "Where the runs were made" not in read(tmp_path / "comparison.html").text
 
 
+@pytest.mark.slow
 def test_a_run_writes_its_report_or_says_how(palpate, point_pipeline, tmp_path):
     short = ["--set", "trajectory.press.duration=1 s", "--set", 'run.tracks=["dr/ekf"]']
     plain = palpate("run", point_pipeline, "--out", "plain run", *short)
@@ -283,6 +287,7 @@ def test_a_mistake_is_one_message(palpate, point, arguments, words):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_pdf_says_what_it_needs_or_is_made(palpate, copied, monkeypatch):
     monkeypatch.setattr("shutil.which", lambda name: None)
     done = palpate("report", copied, "--pdf")

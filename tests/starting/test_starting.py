@@ -85,6 +85,7 @@ def installed(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_plugins_of_ones_own_pass_their_tests_when_installed(installed):
     site = os.pathsep.join([str(installed / "site"), os.environ.get("PYTHONPATH", "")])
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--import-mode=importlib"]
@@ -96,6 +97,7 @@ def test_plugins_of_ones_own_pass_their_tests_when_installed(installed):
     assert f"{len(KINDS) + 1} passed" in done.stdout  # the filter has two tests
 
 
+@pytest.mark.slow
 def test_their_parts_are_listed(installed, palpate):
     listed = palpate("list", PYTHONPATH=str(installed / "site")).stdout
     for part, kind in {"funnel": "tip", "foam": "model", "known-surface": "filter", "dip": "trajectory"}.items():

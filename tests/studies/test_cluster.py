@@ -88,6 +88,7 @@ def _numbers(found):
     return {key: {**track, "seconds_per_sample": None} for key, track in tracks.items()}
 
 
+@pytest.mark.slow
 def test_results_are_those_of_this_machine_to_the_bit(scheduler, point_pipeline, tmp_path):
     here = _found(lambda jobs: on_all_cores(jobs, 1), _jobs(point_pipeline, tmp_path / "here", 3))
     jobs = _jobs(point_pipeline, tmp_path / "there", 3)
@@ -103,6 +104,7 @@ def test_results_are_those_of_this_machine_to_the_bit(scheduler, point_pipeline,
     assert not [path for path in (tmp_path / "there").iterdir() if path.name.startswith(".")]
 
 
+@pytest.mark.slow
 def test_nothing_is_computed_twice(scheduler, point_pipeline, tmp_path):
     engine = cluster.on_cluster(scheduler, tmp_path / "runs")
     jobs = _jobs(point_pipeline, tmp_path / "runs", 2)
@@ -122,6 +124,7 @@ def _die_when_done(folder):
     return "first"
 
 
+@pytest.mark.slow
 def test_an_answer_that_dies_with_its_worker_is_made_again(scheduler, monkeypatch, tmp_path):
     monkeypatch.setattr(cluster, "_LOOK", 1.0)  # it has died when it is looked for
     go_on = threading.Timer(2.5, (tmp_path / "go on").touch)
@@ -132,6 +135,7 @@ def test_an_answer_that_dies_with_its_worker_is_made_again(scheduler, monkeypatc
     assert answer in ("first", "again")  # the first on a machine so slow that it was fetched before
 
 
+@pytest.mark.slow
 def test_workers_of_other_versions_are_refused(scheduler, monkeypatch):
     real = workers.machine()
     monkeypatch.setattr(workers, "machine", lambda: {**real, "casadi": "1.0"})
@@ -163,6 +167,7 @@ def _fits(folder):
     return tracks, {name: log["run"]["started"] for name, log in logs.items()}
 
 
+@pytest.mark.slow
 def test_fits_of_several_logs_are_those_of_this_machine(scheduler, place, palpate, point_pipeline, tmp_path):
     text = point_pipeline.read_text().replace('duration = "10 s"', 'duration = "1 s"')
     files = [tmp_path / "one.toml", tmp_path / "two.toml"]
@@ -261,6 +266,7 @@ def test_workers_that_come_later_go_on_and_are_looked_at(own_cluster, monkeypatc
     assert looked
 
 
+@pytest.mark.slow
 def test_repeats_compare_and_reproduction_are_those_of_this_machine(
     scheduler, place, palpate, point_pipeline, tmp_path
 ):
@@ -346,6 +352,7 @@ type = "ekf"
     return folder / "sweep.toml"
 
 
+@pytest.mark.slow
 def test_workers_that_share_no_folder_get_inputs_and_give_runs_by_way_of_s3(scheduler, store, palpate, tmp_path):
     if store is None:
         pytest.skip("no S3 server here: pip install 'moto[server]' s3fs")
@@ -393,6 +400,7 @@ print(answer.result.tracks["dr/fit"].parameters["elasticity"].value)
 """
 
 
+@pytest.mark.slow
 def test_a_plugin_file_goes_along_with_what_its_parts_are_in(point_pipeline, tmp_path):
     """In a process that has never heard of it, on a machine that does not have it."""
     own = tmp_path / "own.py"
@@ -463,6 +471,7 @@ def _die(task):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+@pytest.mark.slow
 def test_a_killed_worker_loses_nothing(scheduler, tmp_path):  # the last of this file: it leaves a worker less
     with distributed.Client(scheduler, set_as_default=False) as client:
         tasks = [(tmp_path, number) for number in range(8)]

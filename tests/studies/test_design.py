@@ -97,7 +97,7 @@ def test_the_robots_own_limits_count(palpate, file, tmp_path):
 def test_the_picture(palpate, file, tmp_path):
     pytest.importorskip("matplotlib")
     few = ("--set", "design.frequencies=[1.0, 2.0]", "--set", 'design.amplitudes=["1 mm"]')
-    done = palpate("design", file, *few, "--picture", tmp_path / "bounds.png", timeout=240)
+    done = palpate("design", file, *few, "--picture", tmp_path / "bounds.png")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "bounds.png").read_bytes().startswith(b"\x89PNG")
 
@@ -105,7 +105,7 @@ def test_the_picture(palpate, file, tmp_path):
 @pytest.mark.parametrize(("name", "words"), [(".", "ends in .png"), ("no/such/bounds.png", "cannot write")])
 def test_a_picture_that_cannot_be_written_is_one_message(palpate, file, name, words):
     few = ("--set", "design.frequencies=[1.0]", "--set", 'design.amplitudes=["1 mm"]')
-    done = palpate("design", file, *few, "--picture", name, timeout=240)
+    done = palpate("design", file, *few, "--picture", name)
     assert done.returncode == 2
     assert words in done.stderr
 

@@ -71,6 +71,7 @@ def test_the_error_of_one_run_is_no_band(tmp_path):
     assert force_error([(tmp_path, "dr/ekf")]) is None
 
 
+@pytest.mark.slow
 def test_what_goes_by_the_clock_waits_between_palpations(repeated, palpate, tmp_path):
     """A fast simulation does not, or the tests above would take their waits of 10 s."""
     quick = ["duration=0.3 s", "standstill=0.3 s", "clearance=1 mm", "speed=50 mm/s"]

@@ -139,6 +139,7 @@ def test_sites_are_counted_by_place_and_points_without_one_are_sites(palpate, ru
 KILLER = "import os, pathlib, signal\n{guard}os.kill(os.getpid(), signal.SIGKILL)\n"
 
 
+@pytest.mark.slow
 def test_a_killed_worker_loses_no_job_and_the_one_that_kills_three_is_named(tmp_path):
     once = "if not pathlib.Path('killed').exists():\n    pathlib.Path('killed').touch()\n    "
     (tmp_path / "once.py").write_text(KILLER.format(guard=once).replace("'killed'", repr(str(tmp_path / "killed"))))

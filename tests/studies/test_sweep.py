@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from tests.forked import PALPATE, PIPE, start
+from tests.processes import PALPATE, PIPE, start
 
 SWEEP = """
 [sweep]
@@ -109,6 +109,7 @@ def test_info_says_which_kernel_runs_and_why(palpate):
     assert "'quick' is none of" in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_ctrl_c_ends_a_sweep_and_leaves_no_half_result(palpate, point_pipeline, tmp_path, jobs):
     file, out = with_sweep(point_pipeline, '[sweep]\n"run.seed" = [1, 2, 3]\n'), tmp_path / "out"

@@ -45,7 +45,10 @@ DAMPED = 'elasticity = "100 kPa"\nviscosity = "400 Pa*s"'
 RELAXING = 'elasticity = "100 kPa"\nrelaxing_elasticity = "50 kPa"\nrelaxation_time = "80 ms"'
 
 
-@pytest.mark.parametrize(("truth", "values", "others"), [("dr", DAMPED, "dr,kv"), ("sls", RELAXING, "dr,sls")])
+@pytest.mark.parametrize(
+    ("truth", "values", "others"),
+    [("dr", DAMPED, "dr,kv"), pytest.param("sls", RELAXING, "dr,sls", marks=pytest.mark.slow)],
+)
 def test_the_truth_is_chosen(palpate, tmp_path, truth, values, others):
     (tmp_path / "p.toml").write_text(PIPELINE.format(truth=truth, values=values, seed=2))
     done = palpate("choose", tmp_path / "p.toml", "--models", others, "--json")

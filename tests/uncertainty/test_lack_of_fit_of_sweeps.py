@@ -12,7 +12,7 @@ E, ETA, RADIUS, MASS = 112.5e3, 362.0, 5e-3, 0.14
 MODEL = DimensionalityReduction(indenter=Sphere(radius=RADIUS))
 
 
-def sweep(seed, height=np.inf, estimator=None, softer=0.0):
+def sweep(seed, height=np.inf, estimator=None, softer=0.0, name="t"):
     """12 s at 4 mm/s, 1 mm at 2 Hz around 4 mm; on a bonded layer of a height Dimitriadis' factor; E with a lump."""
     random, time = np.random.default_rng(seed), np.arange(6000) / 500.0
     n, omega, always = len(time), 4 * np.pi, np.ones(len(time), bool)
@@ -37,7 +37,7 @@ def sweep(seed, height=np.inf, estimator=None, softer=0.0):
     _, last = record.ends(1.0)
     values, std, surface = last.values.mean(axis=0), last.std[-1], float(last.surface.mean())
     return TrackEvidence(
-        "t", MODEL, estimator, MASS, record.keeper.kept, *record.keeper.air, values, std, std, surface, None
+        name, MODEL, estimator, MASS, record.keeper.kept, *record.keeper.air, values, std, std, surface, None
     )
 
 
@@ -57,4 +57,8 @@ def test_a_layer_under_a_sweep_is_flagged_and_the_value_has_no_uncertainty():
 
 
 def test_a_fading_filter_is_not_judged_by_its_innovations():
-    assert "t" not in lack_of_fit([sweep(3, height=8e-3, estimator=AdaptiveFadingUkf())])
+    tracks = [
+        sweep(3, height=8e-3, estimator=estimator, name=name)
+        for name, estimator in (("fading", AdaptiveFadingUkf()), ("kinematic", None))
+    ]
+    assert lack_of_fit(tracks).keys() == {"kinematic"}

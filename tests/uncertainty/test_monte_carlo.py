@@ -24,6 +24,7 @@ def run(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_the_draws_agree_with_the_formula_and_with_the_budget(run):
     """E goes with R^-0.5: 5 % of the radius are 2.5 % of E; 48 draws know their std to 10 %."""
     (case,) = cases(run, ["dr/fit"])

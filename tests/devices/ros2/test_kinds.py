@@ -9,7 +9,7 @@ from palpate_devices.logs.mapping import MappedSignal
 from palpate_devices.ros2.device import Ros2Device
 
 PERIOD = 0.002  # [s]
-pytestmark = [pytest.mark.talks, pytest.mark.live]
+pytestmark = [pytest.mark.talks, pytest.mark.slow]
 
 
 def device(domain, **settings):

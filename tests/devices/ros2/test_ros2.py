@@ -85,7 +85,7 @@ def test_a_field_of_another_type_is_told_by_name(publish, domain):
         pass
 
 
-@pytest.mark.live
+@pytest.mark.slow
 def test_a_publisher_that_is_killed_and_comes_back_with_another_clock(publish, domain):
     first = publish(wrenches(1.0), times=3)
     with device(domain).connect(0) as link:
@@ -153,7 +153,7 @@ def test_an_own_type_without_its_definition_is_told(publish, domain):
         pass
 
 
-@pytest.mark.live
+@pytest.mark.slow
 def test_messages_that_are_damaged_are_left_out_and_counted(publish, domain):
     """Cut, empty, a megabyte of zeros, a text of 4 GB, numbers that are none; the good ones between them all count."""
     good = pack(np.arange(1000) * 1_000_000, "ft", np.arange(6000.0).reshape(1000, 6))
@@ -183,7 +183,7 @@ def test_messages_that_are_damaged_are_left_out_and_counted(publish, domain):
     assert "ros2-damaged" in health["flags"]
 
 
-@pytest.mark.live
+@pytest.mark.slow
 def test_a_limit_is_flagged_and_alarmed_and_stops_nothing(publish, domain):
     publish(wrenches(3.0))
     limits = {"force": WatchedRange(greatest="700 N")}
@@ -200,7 +200,7 @@ def test_a_limit_is_flagged_and_alarmed_and_stops_nothing(publish, domain):
     assert [messages.payload(0)[4] for _, messages in said.blocks({alarm})] == [1]  # true
 
 
-@pytest.mark.live
+@pytest.mark.slow
 def test_of_two_publishers_the_first_is_read(publish, domain):
     publish(wrenches(4.0))
     with device(domain).connect(0) as link:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from palpate.host import load_pipeline, run_pipeline
 
-pytestmark = [pytest.mark.talks, pytest.mark.live]
+pytestmark = [pytest.mark.talks, pytest.mark.slow]
 BASE = "/palpate/dr/kinematic"
 SWEEP = """
 [run]

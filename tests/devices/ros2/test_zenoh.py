@@ -156,7 +156,7 @@ def test_what_humble_writes_in_place_of_hashes_is_read_and_looked_at(publish, po
     assert topic.interval[1] == pytest.approx(PERIOD, rel=0.1)
 
 
-@pytest.mark.live
+@pytest.mark.slow
 def test_a_node_behind_a_router_is_found_by_it(publish, port):
     """As in a laboratory: a router, nodes that know nothing but it, and palpate told where it is."""
     config = zenoh.Config()
@@ -170,7 +170,7 @@ def test_a_node_behind_a_router_is_found_by_it(publish, port):
     assert (np.diff(values[:, 0]) == 1.0).all()
 
 
-@pytest.mark.live
+@pytest.mark.slow
 def test_an_alarm_is_latched(publish, port):
     """Who subscribes as rmw_zenoh does to what is latched gets the last of it, however late it comes."""
     publish(wrenches(6.0))
@@ -210,7 +210,7 @@ def test_a_peer_that_is_none_is_told_without_zenohs_own_source(port):
         pass
 
 
-@pytest.mark.live
+@pytest.mark.slow
 def test_a_publisher_that_is_killed_and_comes_back_with_another_type(publish, port):
     first = publish(wrenches(10.0))
     with device(port).connect(0) as link:
@@ -236,7 +236,7 @@ def test_a_publisher_that_is_killed_and_comes_back_with_another_type(publish, po
     assert "ros2-restarted" in flags
 
 
-@pytest.mark.live
+@pytest.mark.slow
 def test_hostile_messages_are_left_out_and_counted(publish, port):
     bad = ["", "00", packed(1)[:40], packed(1)[:16] + "ffffffff", "ff" * 200, packed(1) + "00" * (1 << 20)]
     topic = wrenches(3.0)
