@@ -1,5 +1,6 @@
 """Software twins for tests: each on a loopback address and a port of its own, gone when the test is over."""
 
+import contextlib
 import itertools
 import json
 import os
@@ -17,6 +18,7 @@ from palpate.pipeline import run_pipeline
 from palpate_devices.mcap_replay import McapReplay
 
 from tests import processes
+from tests.devices.simulated_bench import SimulatedBench
 
 PIPELINE = Path(__file__).parents[2] / "pipelines" / "point_ur3e.toml"
 _ADDRESSES = itertools.count(2)
@@ -316,3 +318,22 @@ def main_job(tmp_path_factory):
 @pytest.fixture
 def alert():
     return ALERT
+
+
+@pytest.fixture
+def simulated(tmp_path):
+    """Start twins in simulated time with overrides; they end with the test."""
+    with contextlib.ExitStack() as stack:
+
+        def start(*overrides, **options):
+            twin = SimulatedBench(tmp_path, overrides, **options)
+            stack.callback(twin.close)
+            return twin
+
+        yield start
+
+
+@pytest.fixture
+def rig(simulated):
+    """Twins in simulated time, for a short motion."""
+    return simulated(*SHORT)

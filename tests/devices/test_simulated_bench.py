@@ -1,0 +1,31 @@
+"""A whole live run in simulated time: the same every time, and what a busy computer makes of it."""
+
+import json
+
+import pytest
+from palpate.simulated_clock import HoldUp
+
+
+def test_two_runs_are_the_same_to_the_bit(simulated, tmp_path):
+    from tests.devices.simulated_bench import SHORT
+
+    for folder in "ab":
+        twin = simulated(*SHORT)
+        twin.run(out=folder)
+        twin.close()
+    for name in ("estimates.csv", "log.mcap", "pipeline.toml"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    one, other = (json.loads((tmp_path / folder / "result.json").read_text()) for folder in "ab")
+    assert one == json.loads(json.dumps(other).replace(f'"{tmp_path}/b"', f'"{tmp_path}/a"'))
+
+
+@pytest.mark.parametrize("process", ["robot", "sensor", "main"])
+@pytest.mark.parametrize("duration", [0.008, 0.05])
+def test_a_short_hold_up_ends_nothing(simulated, process, duration):
+    from tests.devices.simulated_bench import SHORT
+
+    twin = simulated(*SHORT, hold_ups=[HoldUp(process, duration, first=1.5, every=0.7)])
+    result = twin.run()
+    assert result.tracks["dr/kinematic"].parameters["elasticity"].value == pytest.approx(112.5e3, rel=0.03)
+    assert twin.truth.speed < 0.04
+    assert not twin.truth.moving
