@@ -58,6 +58,8 @@ class MessageLayout:
         """(n,) True for messages of this layout, and those; texts in `pinned` must be the same, too."""
         same = messages.lengths == self.size
         excerpt = Excerpt.of(messages if same.all() else messages[same], self.size)
+        if not same.any():
+            return same, excerpt
         good = excerpt.column(1, "u1") == self.kind
         for offset, value in self.lengths:
             good &= excerpt.column(offset, f"{self.order}u4") == value
@@ -146,6 +148,14 @@ def walk(definitions: Definitions, type_name: str, message: bytes) -> MessageLay
     return found[0]
 
 
+def walk_ros1(definitions: Definitions, type_name: str, message: bytes) -> None:
+    """Raise LogError where a ROS 1 message, which aligns nothing, is no message of its type or has too much in it."""
+    try:
+        _Walker(definitions, type_name, message, "<", aligned=False).message(short_name(type_name), "")
+    except (struct.error, _Beyond) as error:
+        raise LogError(f"a message of {type_name} is damaged: it ends before its fields do") from error
+
+
 def _walked(walker: _Walker, type_name: str, message: bytes) -> MessageLayout:
     try:
         walker.message(short_name(type_name), "")
@@ -168,11 +178,14 @@ class _Beyond(Exception):  # noqa: N818  (a signal, never seen outside)
 class _Walker:
     """Goes through a message field by field."""
 
-    def __init__(self, definitions: Definitions, type_name: str, data: bytes, order: str, wide: int) -> None:
+    def __init__(
+        self, definitions: Definitions, type_name: str, data: bytes, order: str, wide: int = 4, aligned: bool = True
+    ) -> None:
         self._definitions = definitions
         self._data = data
         self.order = order
-        self.position = 4
+        self._aligned = aligned
+        self.position = 4 if aligned else 0
         self.places: dict[str, FieldPlace] = {}
         self.texts: dict[str, bytes] = {}
         self.lengths: list[tuple[int, int]] = []
@@ -187,7 +200,7 @@ class _Walker:
 
     def message(self, type_name: str, prefix: str) -> None:
         fields = self._definitions[type_name]
-        if not fields:  # a type without fields takes one byte
+        if not fields and self._aligned:  # a type without fields takes one byte
             self.position += 1
         for field in fields:
             self._field(field, prefix + field.name)
@@ -211,7 +224,8 @@ class _Walker:
                 self.message(field.type, f"{name}.")
 
     def _align(self, size: int) -> None:
-        self.position += -(self.position - 4) % size
+        if self._aligned:
+            self.position += -(self.position - 4) % size
 
     def _length(self) -> int:
         self._align(4)

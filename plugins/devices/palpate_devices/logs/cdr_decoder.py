@@ -94,7 +94,9 @@ class CdrDecoder:
 def _latest(layouts: list[MessageLayout]) -> list[MessageLayout]:
     """The layouts that are kept: the first, and others as long as all of them are small."""
     sizes = itertools.accumulate(layout.cost for layout in layouts)
-    return [layout for k, (layout, size) in enumerate(zip(layouts, sizes, strict=True)) if not k or size <= FREE][:_LAYOUTS]
+    return [layout for k, (layout, size) in enumerate(zip(layouts, sizes, strict=True)) if not k or size <= FREE][
+        :_LAYOUTS
+    ]
 
 
 _NOWHERE = FieldPlace(0, "S")

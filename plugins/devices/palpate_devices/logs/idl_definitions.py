@@ -32,7 +32,7 @@ _NAMES = {
     "double": "float64",
     **{f"{sign}int{bits}": f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)},
 }
-_DEPTH = 16  # of modules
+_DEPTH = 16  # of modules, and of arrays
 _MOST = (1 << 32) - 1  # elements of an array
 _SHOWN = 200  # characters of a problem
 _TEXTS = ("string", "wstring")
@@ -124,6 +124,8 @@ class _Parser:
                 self._demand("[")
                 sizes.append(self._size(scope))
                 self._demand("]")
+                if prod(sizes) > _MOST or len(sizes) > _DEPTH:
+                    raise self._damage(f"{name} has more than {_MOST} elements, or {_DEPTH} dimensions")
             if sizes and kind.many and kind.count is None:
                 raise self._damage(f"{name} is an array of sequences")
             count = prod(sizes) * (kind.count or 1) if sizes else kind.count
