@@ -99,11 +99,11 @@ def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None, tuple
     """A source in the names of today, with the plugins that it asks for; its builder, and what was renamed."""
     tables, base = source.tables, source.path.parent
     renamed = migrate(source, MIGRATIONS)
-    first = Builder(tables, Registry({}), base)
+    first = Builder(source, Registry({}))
     run = first.settings(RunSettings, ("run",))
     registry = _trusted(run, base)
     renamed += migrate(source, registry.migrations)
-    builder = Builder(tables, registry, base)
+    builder = Builder(source, registry)
     builder.mistakes += first.mistakes + unknown_tables(tables, registry)
     return builder, registry, run, renamed
 
@@ -139,12 +139,12 @@ def build_parts(source: Source, kind: str, registry: Registry | None = None) -> 
     """
     base = source.path.parent
     if registry is None:
-        first = Builder(source.tables, Registry({}), base)
+        first = Builder(source, Registry({}))
         run = first.settings(RunSettings, ("run",))
         raise_mistakes(first.mistakes, source)
         registry = _trusted(run, base)
     migrate(source, (*MIGRATIONS, *registry.migrations))
-    builder = Builder(source.tables, registry, base)
+    builder = Builder(source, registry)
     found = builder.parts(kind)
     raise_mistakes(builder.mistakes, source)
     registry.demand_sound({kind: found})

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate.errors import ConfigurationError, suggest
+from palpate.input_file import Enclosure, check_input
 
 _BARE_QUANTITY = re.compile(r"=\s*[-+.\d]+\s*[A-Za-z]+\s*(#.*)?$")
 _TABLE = re.compile(r"\s*\[\[?([^\[\]]+)\]\]?\s*(?:#.*)?$")
@@ -21,7 +22,8 @@ Location = tuple[str, ...]  # ("device", "log", "columns", "z")
 class Source:
     """The text of a pipeline file, parsed, with the overrides of the command line on top."""
 
-    def __init__(self, text: str, path: Path) -> None:
+    def __init__(self, text: str, path: Path, enclosure: Enclosure | None = None) -> None:
+        self.enclosure = enclosure  # of the files that it may name, where a log carries it
         self.text = text
         self.path = path
         try:
@@ -37,12 +39,15 @@ class Source:
     def read(cls, path: Path) -> Source:
         """The pipeline file at a path; raises ConfigurationError where it cannot be read."""
         try:
+            check_input(path)
             return cls(path.read_text(encoding="utf-8"), path)
         except (OSError, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
             if isinstance(error, FileNotFoundError) and (beside := [file.name for file in path.parent.glob("*.toml")]):
                 reason = f"{reason}{suggest(path.name, beside)}"
             raise ConfigurationError(f"{path}: cannot read the pipeline file: {reason}") from error
+        except ValueError as error:
+            raise ConfigurationError(str(error)) from error
 
     def override(self, assignment: str) -> None:
         """Apply one ``table.key=value`` of the command line; the value is TOML, or a text where it is not."""

@@ -10,7 +10,7 @@ from typing import Any
 
 import tomli_w
 from palpate import ConfigurationError, LogError, Part, printable
-from palpate.host import RunFolder, Source, pipeline_among, registry as registries
+from palpate.host import Enclosure, RunFolder, Source, pipeline_among, registry as registries
 
 from palpate_devices.logs.draft import recording_of
 from palpate_devices.recording import Attached, Recording, Suggestion
@@ -59,14 +59,16 @@ def replay_source(
     of the recording. Raises ConfigurationError where one is missing or another one.
     """
     where = carried.log.with_name(f"{carried.log.name}:{carried.name}")
-    source = Source(carried.attached.documents[carried.name], where)
+    enclosure = Enclosure(carried.log, frozenset(carried.attached.facts.values()))
+    source = Source(carried.attached.documents[carried.name], where, enclosure)
     tables = source.tables
     _refuse_other_plugins(tables, carried)
     tables["device"] = {name: carried.reader.playback(carried.log.absolute(), name) for name in tables["device"]}
     for name in ("sink", "twin"):
         tables.pop(name, None)
     run = tables.setdefault("run", {})
-    if not Path(run.get("calibration", ".")).exists():
+    calibration = Path(run.get("calibration", "."))
+    if not calibration.exists() or (calibration.is_file() and not enclosure.admits(calibration)):
         run.pop("calibration")  # what it gave is in the resolved settings
     for kind, types in (("model", models), ("estimator", estimators)):
         for name in types:
