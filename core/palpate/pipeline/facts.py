@@ -35,8 +35,8 @@ def run_facts(pipeline: Pipeline) -> dict[str, Any]:
         with pipeline.run.calibration.open("rb") as file:
             inputs["calibration.sha256"] = hashlib.file_digest(file, "sha256").hexdigest()
         inputs["calibration.file"] = str(pipeline.run.calibration)
-    for file in _input_files(pipeline):
-        inputs[f"file.{file}.sha256"] = hashlib.sha256(file.read_bytes()).hexdigest()
+    for path in _input_files(pipeline):
+        inputs[f"file.{path}.sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
     return {
         "name": pipeline.run.name,
         "pipeline": str(pipeline.path),

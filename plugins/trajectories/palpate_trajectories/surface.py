@@ -60,6 +60,7 @@ class Surface(Settings):
     def _spline(self) -> Any:
         from scipy.interpolate import RectBivariateSpline
 
+        assert self.file is not None
         x, y, heights = read_heights(self.file)
         return RectBivariateSpline(y, x, heights, kx=min(3, len(y) - 1), ky=min(3, len(x) - 1))
 
