@@ -8,14 +8,18 @@ from palpate import LogError
 from palpate_devices.logs.decoders import decoder_of
 from palpate_devices.logs.topics import Topic
 
-MSG = 'A[] items\nstring<=9 name "x"\nfloat64[3] p\nuint8 K=3\nB b\n====\nMSG: a/A\nB[2] b\nwstring w\n====\nMSG: a/B\nint8 x'
+MSG = (
+    'A[] items\nstring<=9 name "x"\nfloat64[3] p\nuint8 K=3\nB b\n'
+    "====\nMSG: a/A\nB[2] b\nwstring w\n====\nMSG: a/B\nint8 x"
+)
 IDL = (
     "module a { module msg { const long N = 4; typedef double P[N]; enum E { X, Y };\n"
     '@verbatim (language="c", text="y") struct T { sequence<P2> s; P p; string<8> t; E e; octet o[2][3]; };\n'
     "struct P2 { @key float x, y; }; }; };"
 )
 JSON = json.dumps({"stamp": {"sec": 1, "nanosec": 2}, "name": ["a", 1, None], "x": [1.5, {"y": [[2], "z"]}], "t": "u"})
-PIECES = ["[", "]", "{", "}", "<", "=", ";", '"', "'", "/*", "\\", "\n", "9" * 30, "²", "\0", "A[] a\n", "struct ", "::", "-1", "1e999", "====\n"]  # fmt: skip
+PIECES = ["[", "]", "{", "}", "<", "=", ";", '"', "'", "/*", "\\", "\n", "9" * 30, "²", "\0"]
+PIECES += ["A[] a\n", "struct ", "::", "-1", "1e999", "====\n"]
 
 
 def damaged(text, dice):
@@ -23,11 +27,8 @@ def damaged(text, dice):
     for _ in range(dice.randint(1, 4)):
         begin = dice.randrange(len(text) + 1)
         end = min(begin + dice.choice([0, 1, 3, 20]), len(text))
-        text = (
-            text[:begin]
-            + dice.choice([dice.choice(PIECES) * dice.choice([1, 2, 500]), text[begin:end] * 2, ""])
-            + text[end:]
-        )
+        piece = dice.choice([dice.choice(PIECES) * dice.choice([1, 2, 500]), text[begin:end] * 2, ""])
+        text = text[:begin] + piece + text[end:]
     return text
 
 

@@ -17,18 +17,20 @@ class Budget:
 
     def __init__(self, what: str, size: int = 0, per_byte: int = 1) -> None:
         self._what, self._per_byte = what, per_byte
-        self._size, self.spent = size, 0
+        self._size = self.spent = 0
+        self._allowance = FREE
+        self.grow(size)
 
     def grow(self, size: int) -> None:
         """Take in more bytes of the same contents."""
         self._size += size
+        self._allowance += self._per_byte * size
 
     def charge(self, cost: int) -> None:
         """Spend memory [bytes]."""
         self.spent += cost
-        allowance = FREE + self._per_byte * self._size
-        if self.spent > allowance:
+        if self.spent > self._allowance:
             raise LogError(
                 f"{self._what} is damaged: it has {self._size} bytes, and its elements would take more than "
-                f"{allowance >> 20} MiB of memory"
+                f"{self._allowance >> 20} MiB of memory"
             )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
@@ -16,7 +15,7 @@ from palpate_devices.logs.readings import SECOND, Reading, TopicTable
 from palpate_devices.logs.topics import Messages, Stamps, Topic
 
 _LAYOUTS = 64  # layouts of one topic that are kept
-_WALKS = 128  # [bytes] of layouts for every byte of messages that have been walked, all in all
+_WALKS = 1024  # [bytes] of layouts for every byte of messages that have been walked, all in all
 _COMPARED = 64  # how many times the bytes of a block are compared with new layouts, before each message is walked
 _NAMES = re.compile(r"(?:^|\.)(?:name\[\d+\]|child_frame_id)$")
 
@@ -93,10 +92,10 @@ class CdrDecoder:
 
 def _latest(layouts: list[MessageLayout]) -> list[MessageLayout]:
     """The layouts that are kept: the first, and others as long as all of them are small."""
-    sizes = itertools.accumulate(layout.cost for layout in layouts)
-    return [layout for k, (layout, size) in enumerate(zip(layouts, sizes, strict=True)) if not k or size <= FREE][
-        :_LAYOUTS
-    ]
+    kept = layouts[:_LAYOUTS]
+    while len(kept) > 1 and sum(layout.cost for layout in kept) > FREE:
+        kept.pop()
+    return kept
 
 
 _NOWHERE = FieldPlace(0, "S")
