@@ -93,7 +93,7 @@ from palpate.limiting import (
     Sharing as Sharing,
 )
 from palpate.migration import Migration as Migration
-from palpate.parts import File as File, Part as Part, Settings as Settings
+from palpate.parts import File as File, InputFile as InputFile, Part as Part, Settings as Settings
 from palpate.printed import printable as printable
 from palpate.repeats import RepeatCount as RepeatCount, Repeats as Repeats
 from palpate.result.evidence import (

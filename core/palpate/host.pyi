@@ -140,6 +140,7 @@ from palpate.errors import ConsentError as ConsentError, StoppedError as Stopped
 from palpate.extensions import function_of as function_of
 from palpate.flags import SEVERITIES as SEVERITIES, verdict as verdict
 from palpate.hooks import KINDS as KINDS
+from palpate.input_file import Enclosure as Enclosure
 from palpate.parts import (
     nested_settings as nested_settings,
     numbers_of as numbers_of,

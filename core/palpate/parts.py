@@ -10,7 +10,9 @@ from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, ClassVar, Self, Union, get_args, get_origin
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationInfo, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, ValidationInfo, model_validator
+
+from palpate.input_file import check_input
 
 
 def _tuples(value: Any) -> Any:
@@ -96,6 +98,30 @@ def _beside_the_pipeline(value: Any, info: ValidationInfo) -> Any:
 
 File = Annotated[Path, BeforeValidator(_beside_the_pipeline)]
 """A path; where it is relative, relative to the pipeline file that names it."""
+
+
+def _checked(path: Path, info: ValidationInfo) -> Path:
+    check_input(path, (info.context or {}).get("enclosure"))
+    return path
+
+
+InputFile = Annotated[Path, BeforeValidator(_beside_the_pipeline), AfterValidator(_checked)]
+"""A `File` that data are read from: regular, of at most 32 MiB, and in a log's pipeline within the log's folder."""
+
+
+def input_files(value: Any) -> list[Path]:
+    """Every input file that settings, and what is nested in them, name."""
+    if isinstance(value, dict | tuple):
+        return [file for item in (value.values() if isinstance(value, dict) else value) for file in input_files(item)]
+    found: list[Path] = []
+    for name, described in type(value).model_fields.items() if isinstance(value, Settings) else ():
+        item = getattr(value, name)
+        one = Annotated[described.annotation, *described.metadata] if described.metadata else described.annotation
+        if isinstance(item, Path) and InputFile in _alternatives(one):
+            found.append(item)
+        else:
+            found += input_files(item)
+    return found
 
 
 def numbers_of(part: Settings, above: tuple[str, ...] = ()) -> list[tuple[tuple[str, ...], float, str]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
@@ -12,7 +11,7 @@ from palpate import hooks
 from palpate.config.doubts import UNCHECKED, doubts
 from palpate.config.migrations import KEY
 from palpate.config.mistakes import Mistake, mistakes_of
-from palpate.config.source import Location
+from palpate.config.source import Location, Source
 from palpate.errors import PalpateError, PluginError, suggest
 from palpate.parts import Part, Settings, nested_settings, part_kind, table_of_parts
 from palpate.registry import Registry
@@ -30,11 +29,11 @@ def _short(name: str) -> str:
 class Builder:
     """Builds the parts of one pipeline file and collects what is wrong with it."""
 
-    def __init__(self, tables: dict[str, Any], registry: Registry, base: Path) -> None:
+    def __init__(self, source: Source, registry: Registry) -> None:
         self.mistakes: list[Mistake] = []
-        self._tables = tables
+        self._tables = source.tables
         self._registry = registry
-        self._context = {"base": base}
+        self._context = {"base": source.path.parent, "enclosure": source.enclosure}
         self._built: dict[Location, Part | None] = {}
         self._begun: set[Location] = set()  # parts that are being built: one that needs such a part needs itself
 

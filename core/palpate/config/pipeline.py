@@ -16,7 +16,7 @@ from palpate.contact import ContactModel, Indenter
 from palpate.device import Device
 from palpate.estimation import Estimator
 from palpate.flags import Flag
-from palpate.parts import File, Settings
+from palpate.parts import File, InputFile, Settings
 from palpate.registry import Registry
 from palpate.safety import SafetySettings
 from palpate.sink import Sink
@@ -34,7 +34,7 @@ class RunSettings(Settings):
         default=("*",), description='which model/estimator pairs run, as patterns: "dr/*", "*/ekf"'
     )
     plugins: tuple[File, ...] = Field(default=(), description="Python files beside the pipeline with parts of your own")
-    calibration: File | None = Field(
+    calibration: InputFile | None = Field(
         default=None, description="calibration file: mass, tare, timing and noise that this file leaves open"
     )
     calibration_valid: Time = Field(default=30 * 86400.0, gt=0, description="an older calibration is flagged")

@@ -97,13 +97,13 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
 
 def _begun(source: Source) -> tuple[Builder, Registry, RunSettings | None, tuple[Flag, ...]]:
     """A source in the names of today, with the plugins that it asks for; its builder, and what was renamed."""
-    tables, base = source.tables, source.path.parent
+    tables = source.tables
     renamed = migrate(source, MIGRATIONS)
-    first = Builder(tables, Registry({}), base)
+    first = Builder(source, Registry({}))
     run = first.settings(RunSettings, ("run",))
     registry = _registry(source) if run else registries.load()
     renamed += migrate(source, registry.migrations)
-    builder = Builder(tables, registry, base)
+    builder = Builder(source, registry)
     builder.mistakes += first.mistakes + unknown_tables(tables, registry)
     return builder, registry, run, renamed
 
@@ -116,7 +116,9 @@ def plugin_files(source: Source) -> tuple[PluginFile, ...]:
     run = source.tables.get("run")
     if not isinstance(run, dict) or "plugins" not in run:
         return ()
-    builder = Builder({"run": {"plugins": run["plugins"]}}, Registry({}), source.path.parent)
+    alone = Source("", source.path)
+    alone.tables = {"run": {"plugins": run["plugins"]}}
+    builder = Builder(alone, Registry({}))
     settings = builder.settings(RunSettings, ("run",))
     raise_mistakes(builder.mistakes, source)
     return approved(settings.plugins, source.path, source.has_chosen_plugins)
@@ -152,12 +154,12 @@ def build_parts(source: Source, kind: str, registry: Registry | None = None) -> 
     Without a registry it is that of the installed plugins and of those that the source names.
     """
     if registry is None:
-        first = Builder(source.tables, Registry({}), source.path.parent)
+        first = Builder(source, Registry({}))
         first.settings(RunSettings, ("run",))
         raise_mistakes(first.mistakes, source)
         registry = _registry(source)
     migrate(source, (*MIGRATIONS, *registry.migrations))
-    builder = Builder(source.tables, registry, source.path.parent)
+    builder = Builder(source, registry)
     found = builder.parts(kind)
     raise_mistakes(builder.mistakes, source)
     registry.demand_sound({kind: found})

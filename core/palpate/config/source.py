@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from palpate.errors import ConfigurationError, suggest
+from palpate.input_file import Enclosure, check_input
 from palpate.trust import is_named
 
 _BARE_QUANTITY = re.compile(r"=\s*[-+.\d]+\s*[A-Za-z]+\s*(#.*)?$")
@@ -22,10 +23,12 @@ Location = tuple[str, ...]  # ("device", "log", "columns", "z")
 class Source:
     """The text of a pipeline file, parsed, with the overrides of the command line on top.
 
-    That a person has `named` the file is their consent to the plugin files that it names.
+    That a person has `named` the file is their consent to the plugin files that it names. Where a log carries it, an
+    `enclosure` holds the files that it may name.
     """
 
-    def __init__(self, text: str, path: Path, named: bool = False) -> None:
+    def __init__(self, text: str, path: Path, named: bool = False, enclosure: Enclosure | None = None) -> None:
+        self.enclosure = enclosure
         self.text = text
         self.path = path
         self.named = named
@@ -46,12 +49,15 @@ class Source:
         cannot be read.
         """
         try:
+            check_input(path)
             return cls(path.read_text(encoding="utf-8"), path, named and is_named(path))
         except (OSError, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
             if isinstance(error, FileNotFoundError) and (beside := [file.name for file in path.parent.glob("*.toml")]):
                 reason = f"{reason}{suggest(path.name, beside)}"
             raise ConfigurationError(f"{path}: cannot read the pipeline file: {reason}") from error
+        except ValueError as error:
+            raise ConfigurationError(str(error)) from error
 
     def override(self, assignment: str) -> None:
         """Apply one ``table.key=value`` of the command line; the value is TOML, or a text where it is not."""

@@ -17,6 +17,7 @@ import numpy as np
 
 from palpate.config import Pipeline
 from palpate.device import is_live
+from palpate.parts import input_files
 from palpate.sink import Extent
 
 _LIBRARIES = ("casadi", "numpy", "scipy", "pydantic", "pint", "pluggy", "mcap")
@@ -35,6 +36,8 @@ def run_facts(pipeline: Pipeline) -> dict[str, Any]:
         with pipeline.run.calibration.open("rb") as file:
             inputs["calibration.sha256"] = hashlib.file_digest(file, "sha256").hexdigest()
         inputs["calibration.file"] = str(pipeline.run.calibration)
+    for path in _input_files(pipeline):
+        inputs[f"file.{path}.sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
     return {
         "name": pipeline.run.name,
         "pipeline": str(pipeline.path),
@@ -45,6 +48,12 @@ def run_facts(pipeline: Pipeline) -> dict[str, Any]:
         "inputs": inputs,
         "host": socket.gethostname(),
     }
+
+
+def _input_files(pipeline: Pipeline) -> list[Path]:
+    """The files, other than logs, that parts and tables take data from."""
+    parts = (pipeline.devices, pipeline.indenters, pipeline.models, pipeline.trajectories, pipeline.tables)
+    return list(dict.fromkeys(file for named in parts for part in named.values() for file in input_files(part)))
 
 
 def facts_beside(pipeline: Pipeline) -> Future[dict[str, Any]]:

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any, Literal, Self
 
 import numpy as np
-from palpate import Angle, ConfigurationError, File, Floats, Length, Settings
+from palpate import Angle, ConfigurationError, Floats, InputFile, Length, Settings
 from pydantic import Field, model_validator
 
 # On-axis contrast of a sphere of radius r whose top is t below the skin, stiffness ratio 5.3, felt by a sphere of 5 mm
@@ -45,7 +45,7 @@ class Inclusion(Settings):
     peak: float | None = Field(
         default=None, gt=-1, allow_inf_nan=False, description="contrast above its middle; replaces the estimate"
     )
-    file: File | None = Field(default=None, description="image of contrasts: CSV, rows from low to high y")
+    file: InputFile | None = Field(default=None, description="image of contrasts: CSV, rows from low to high y")
     pixel: Length = Field(default=0.001, gt=0, description="size of an image's pixel")
 
     @model_validator(mode="after")
@@ -104,7 +104,7 @@ class Inclusion(Settings):
     def _pixels(self) -> Floats:
         assert self.file is not None
         try:
-            pixels = np.loadtxt(self.file, delimiter=",", ndmin=2)
+            pixels = np.loadtxt(self.file.read_text(encoding="utf-8-sig").splitlines(), delimiter=",", ndmin=2)
         except (OSError, ValueError) as error:
             raise ConfigurationError(f"{self.file}: cannot be read as an image of contrasts: {error}") from error
         if min(pixels.shape) < 2 or not np.isfinite(pixels).all() or pixels.min() <= -1:

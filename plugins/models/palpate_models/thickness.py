@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, Literal, Self
 
-from palpate import Depth, File, Indenter, Settings
+from palpate import Depth, Indenter, InputFile, Settings
 from pydantic import Field, model_validator
 
 from palpate_models.indenters import Cone, Ellipsoid, ExactSphere, Flat, NeoHookeanSphere, Paraboloid, Sphere
@@ -64,7 +64,7 @@ class Thickness(Settings):
     law: Literal["dimitriadis", "garcia", "finite-cylinder", "table"] = Field(
         default="table", description="which correction"
     )
-    table: File | None = Field(default=None, description="table: file of `palpate thickness`, depths and factors")
+    table: InputFile | None = Field(default=None, description="table: file of `palpate thickness`, depths and factors")
     height: Depth = Field(default=0.0, ge=0, description="height h of the layer; of a table it is in the file")
     bonded: bool = Field(default=True, description="whether the layer is glued to its base, or may slide")
     sticking: bool = Field(default=False, description="finite-cylinder: whether the tip sticks to the surface")

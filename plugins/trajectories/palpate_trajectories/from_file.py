@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from palpate import ConfigurationError, Depth, File, Floats, Setpoint, Speed, Trajectory
+from palpate import ConfigurationError, Depth, Floats, InputFile, Setpoint, Speed, Trajectory
 from pydantic import Field, model_validator
 
 
@@ -17,7 +17,7 @@ class FromFile(Trajectory):
     line is skipped. Measured where the column is 1; without the column, where the tip is below the nominal surface.
     """
 
-    file: File = Field(description="the waypoints, .csv, relative to the pipeline file")
+    file: InputFile = Field(description="the waypoints, .csv, relative to the pipeline file")
     deepest: Depth = Field(default=0.01, gt=0, description="depth below z = 0 that the motion may not exceed")
     top_speed: Speed = Field(default=0.25, gt=0, le=0.25, description="speed that the motion may not exceed")
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from palpate import Angle, ConfigurationError, File, Floats, Length, Settings
+from palpate import Angle, ConfigurationError, Floats, InputFile, Length, Settings
 from pydantic import Field, model_validator
 
 _STEEPEST = np.deg2rad(30.0)
@@ -25,7 +26,7 @@ class Surface(Settings):
     touches: tuple[tuple[Length, Length, Length], ...] = Field(
         default=(), description="three touched places [x, y, z]; they replace height and tilt"
     )
-    file: File | None = Field(
+    file: InputFile | None = Field(
         default=None, description="map of heights: CSV whose first row has the x, first column the y, in metres"
     )
 
@@ -59,6 +60,7 @@ class Surface(Settings):
     def _spline(self) -> Any:
         from scipy.interpolate import RectBivariateSpline
 
+        assert self.file is not None
         x, y, heights = read_heights(self.file)
         return RectBivariateSpline(y, x, heights, kx=min(3, len(y) - 1), ky=min(3, len(x) - 1))
 
@@ -71,10 +73,10 @@ class Surface(Settings):
         return height + along_x * x + along_y * y, np.full_like(x, along_x), np.full_like(y, along_y)
 
 
-def read_heights(file: Any) -> tuple[Floats, Floats, Floats]:
+def read_heights(file: Path) -> tuple[Floats, Floats, Floats]:
     """x (nx,), y (ny,) and heights (ny, nx), all [m], of a CSV map; raises ConfigurationError."""
     try:
-        table = np.genfromtxt(file, delimiter=",")
+        table = np.genfromtxt(file.read_text(encoding="utf-8-sig").splitlines(), delimiter=",")
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"{file}: cannot be read as a map of heights: {error}") from error
     if table.ndim != 2 or min(table.shape) < 3:

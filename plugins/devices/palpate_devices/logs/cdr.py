@@ -18,17 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats, LogError
 
+from palpate_devices.logs.budget import ELEMENT, Budget
 from palpate_devices.logs.definitions import PRIMITIVES, Definitions, Field, short_name
 from palpate_devices.logs.topics import Bytes, Messages, column, gather
 
-_FIELD_LIMIT = 100_000  # fields of one message
 _SMALL = 512  # [bytes]
 _PADDING = 8  # bytes that a writer may leave at the end of a message
 _PLAIN, _LISTS = (0, 1), (2, 3)  # kinds of encapsulation, each big-endian and little-endian
 _WIDE = (4, 2)  # bytes of a wide character, of one implementation and another; only one of them fills a message
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class FieldPlace:
     """Where a field lies in a message."""
 
@@ -47,11 +47,19 @@ class MessageLayout:
     lengths: tuple[tuple[int, int], ...]  # offset of a length, and its value
     kind: int  # of encapsulation
     order: str
+    cost: int  # [bytes] of memory that the walk was charged
+
+    @property
+    def width(self) -> int:
+        """How much of a message is compared [bytes]."""
+        return min(self.size, _SMALL) + 4 * len(self.lengths)
 
     def matches(self, messages: Messages, pinned: tuple[str, ...] = ()) -> tuple[NDArray[np.bool_], Excerpt]:
         """(n,) True for messages of this layout, and those; texts in `pinned` must be the same, too."""
         same = messages.lengths == self.size
         excerpt = Excerpt.of(messages if same.all() else messages[same], self.size)
+        if not same.any():
+            return same, excerpt
         good = excerpt.column(1, "u1") == self.kind
         for offset, value in self.lengths:
             good &= excerpt.column(offset, f"{self.order}u4") == value
@@ -126,7 +134,7 @@ def walk(definitions: Definitions, type_name: str, message: bytes) -> MessageLay
     found: list[MessageLayout] = []
     problem: LogError | None = None
     for wide in _WIDE:
-        walker = _Walker(definitions, message, "<" if message[1] % 2 else ">", wide)
+        walker = _Walker(definitions, type_name, message, "<" if message[1] % 2 else ">", wide)
         try:
             found.append(_walked(walker, type_name, message))
         except LogError as error:
@@ -140,9 +148,17 @@ def walk(definitions: Definitions, type_name: str, message: bytes) -> MessageLay
     return found[0]
 
 
+def walk_ros1(definitions: Definitions, type_name: str, message: bytes) -> None:
+    """Raise LogError where a ROS 1 message, which aligns nothing, is no message of its type or has too much in it."""
+    try:
+        _Walker(definitions, type_name, message, "<", aligned=False).message(short_name(type_name), "")
+    except (struct.error, _Beyond) as error:
+        raise LogError(f"a message of {type_name} is damaged: it ends before its fields do") from error
+
+
 def _walked(walker: _Walker, type_name: str, message: bytes) -> MessageLayout:
     try:
-        walker.message(short_name(type_name), "", 0)
+        walker.message(short_name(type_name), "")
     except (struct.error, _Beyond) as error:
         raise LogError(f"a message of {type_name} is damaged: it ends before its fields do") from error
     left = len(message) - walker.position
@@ -152,7 +168,7 @@ def _walked(walker: _Walker, type_name: str, message: bytes) -> MessageLayout:
     if left > 3 and (message[1] in _LISTS or walker.wide_characters):
         raise LogError(f"a message of {type_name} cannot be read: it is a parameter list, or damaged")
     lengths = tuple(walker.lengths)
-    return MessageLayout(len(message), walker.places, walker.texts, lengths, message[1], walker.order)
+    return MessageLayout(len(message), walker.places, walker.texts, lengths, message[1], walker.order, walker.cost)
 
 
 class _Beyond(Exception):  # noqa: N818  (a signal, never seen outside)
@@ -162,35 +178,42 @@ class _Beyond(Exception):  # noqa: N818  (a signal, never seen outside)
 class _Walker:
     """Goes through a message field by field."""
 
-    def __init__(self, definitions: Definitions, data: bytes, order: str, wide: int) -> None:
+    def __init__(
+        self, definitions: Definitions, type_name: str, data: bytes, order: str, wide: int = 4, aligned: bool = True
+    ) -> None:
         self._definitions = definitions
         self._data = data
         self.order = order
-        self.position = 4
+        self._aligned = aligned
+        self.position = 4 if aligned else 0
         self.places: dict[str, FieldPlace] = {}
         self.texts: dict[str, bytes] = {}
         self.lengths: list[tuple[int, int]] = []
         self.wide_characters = 0
         self._wide = wide  # bytes of a wide character
-        self._budget = _FIELD_LIMIT
+        self._budget = Budget(f"a message of {type_name}", len(data))
 
-    def message(self, type_name: str, prefix: str, depth: int) -> None:
+    @property
+    def cost(self) -> int:
+        """Memory that has been charged [bytes]."""
+        return self._budget.spent
+
+    def message(self, type_name: str, prefix: str) -> None:
         fields = self._definitions[type_name]
-        if not fields:  # a type without fields takes one byte
+        if not fields and self._aligned:  # a type without fields takes one byte
             self.position += 1
         for field in fields:
-            self._budget -= 1
-            if self._budget < 0:
-                raise LogError(f"a message has more than {_FIELD_LIMIT} fields")
-            self._field(field, prefix + field.name, depth)
+            self._field(field, prefix + field.name)
 
-    def _field(self, field: Field, path: str, depth: int) -> None:
+    def _field(self, field: Field, path: str) -> None:
         count = self._length() if field.count is None else field.count
         if field.type in PRIMITIVES:
+            self._budget.charge(ELEMENT + len(path))
             self._numbers(PRIMITIVES[field.type], path, count, field.many)
             return
-        if count > len(self._data):
+        if field.many and count > len(self._data) - self.position:  # each element takes a byte, or more
             raise _Beyond
+        self._budget.charge(count * (ELEMENT + len(path)))
         for i in range(count):
             name = f"{path}[{i}]" if field.many else path
             if field.type == "string":
@@ -198,10 +221,11 @@ class _Walker:
             elif field.type == "wstring":
                 self._wide_text()
             else:
-                self.message(field.type, f"{name}.", depth + 1)
+                self.message(field.type, f"{name}.")
 
     def _align(self, size: int) -> None:
-        self.position += -(self.position - 4) % size
+        if self._aligned:
+            self.position += -(self.position - 4) % size
 
     def _length(self) -> int:
         self._align(4)

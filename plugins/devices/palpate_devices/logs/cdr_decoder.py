@@ -8,12 +8,15 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 import numpy as np
 from palpate import LogError
 
+from palpate_devices.logs.budget import FREE, Budget
 from palpate_devices.logs.cdr import Excerpt, FieldPlace, MessageLayout, walk
 from palpate_devices.logs.definitions import parse_definitions
 from palpate_devices.logs.readings import SECOND, Reading, TopicTable
 from palpate_devices.logs.topics import Messages, Stamps, Topic
 
 _LAYOUTS = 64  # layouts of one topic that are kept
+_WALKS = 1024  # [bytes] of layouts for every byte of messages that have been walked, all in all
+_COMPARED = 64  # how many times the bytes of a block are compared with new layouts, before each message is walked
 _NAMES = re.compile(r"(?:^|\.)(?:name\[\d+\]|child_frame_id)$")
 
 
@@ -24,20 +27,27 @@ class CdrDecoder:
         self._topic = topic
         self._definitions = parse_definitions(topic.type, topic.schema.decode(errors="replace"))
         self._layouts: list[MessageLayout] = []
+        self._walks = Budget(f"topic {topic.name}", per_byte=_WALKS)
+
+    def _walked(self, payload: bytes) -> MessageLayout:
+        layout = walk(self._definitions, self._topic.type, payload)
+        self._walks.grow(len(payload))
+        self._walks.charge(layout.cost)
+        return layout
 
     def fields(self, payload: bytes) -> Mapping[str, int | None]:
         """See `Decoder`."""
-        layout = walk(self._definitions, self._topic.type, payload)
+        layout = self._walked(payload)
         return {path: place.count for path, place in layout.places.items() if place.code != "S"}
 
     def texts(self, payload: bytes) -> Mapping[str, str]:
         """See `Decoder`."""
-        texts = walk(self._definitions, self._topic.type, payload).texts
+        texts = self._walked(payload).texts
         return {path: _words(text) for path, text in texts.items() if not names_a_part(path)}
 
     def names(self, payload: bytes) -> Collection[str]:
         """See `Decoder`."""
-        texts = walk(self._definitions, self._topic.type, payload).texts
+        texts = self._walked(payload).texts
         found = [_words(text) for path, text in texts.items() if _NAMES.search(path)]
         return list(dict.fromkeys(found))
 
@@ -63,23 +73,29 @@ class CdrDecoder:
         """Layouts, the rows of the messages that have each, and those messages."""
         left = np.arange(len(messages))
         known = list(self._layouts)
+        patience = FREE + _COMPARED * int(messages.lengths.sum())  # [bytes]
         while len(left):
             fresh = not known
-            layout = (
-                walk(self._definitions, self._topic.type, messages.payload(int(left[0]))) if fresh else known.pop(0)
-            )
+            layout = self._walked(messages.payload(int(left[0]))) if fresh else known.pop(0)
             pinned = tuple(path for path in layout.texts if _NAMES.search(path)) if pin else ()
-            same, excerpt = layout.matches(messages if len(left) == len(messages) else messages[left], pinned)
+            rows = left if patience > 0 else left[:1]  # where hardly two are alike, comparing all is quadratic
+            patience -= fresh * len(rows) * layout.width
+            same, excerpt = layout.matches(messages if len(rows) == len(messages) else messages[rows], pinned)
             if fresh:
                 if not same[0]:  # it would be read for ever
                     raise LogError(f"topic {self._topic.name}: a message does not have the topic's layout")
-                self._layouts = [layout, *self._layouts][:_LAYOUTS]
-            if same.all():
-                yield layout, left, excerpt
-                return
+                self._layouts = _latest([layout, *self._layouts])
             if same.any():
-                yield layout, left[same], excerpt
-            left = left[~same]
+                yield layout, rows[same], excerpt
+            left = left[~same] if len(rows) == len(left) else left[1:]
+
+
+def _latest(layouts: list[MessageLayout]) -> list[MessageLayout]:
+    """The layouts that are kept: the first, and others as long as all of them are small."""
+    kept = layouts[:_LAYOUTS]
+    while len(kept) > 1 and sum(layout.cost for layout in kept) > FREE:
+        kept.pop()
+    return kept
 
 
 _NOWHERE = FieldPlace(0, "S")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,15 +9,15 @@ from typing import Any
 
 from palpate import LogError
 
+from palpate_devices.logs.budget import FREE, VALUE, Budget
 from palpate_devices.logs.cdr_decoder import CdrDecoder
-from palpate_devices.logs.definitions import short_name
+from palpate_devices.logs.definitions import TEXT_LIMIT, short_name
 from palpate_devices.logs.objects import ObjectDecoder
+from palpate_devices.logs.protobuf import bounded_parser
 from palpate_devices.logs.readings import MessageDecoder
+from palpate_devices.logs.ros1 import ros1_parser
 from palpate_devices.logs.standard_types import STANDARD_TYPES
 from palpate_devices.logs.topics import Topic
-
-# Libraries that decode messages one by one: slower, for what the columnar decoder does not know.
-_LIBRARIES = {"mcap_ros2": "mcap-ros2-support", "mcap_ros1": "mcap-ros1-support"}
 
 
 def decoder_of(topic: Topic) -> MessageDecoder:
@@ -32,14 +31,13 @@ def decoder_of(topic: Topic) -> MessageDecoder:
             case "cdr", "ros2idl":
                 return CdrDecoder(topic)
             case "json", _:
-                return ObjectDecoder(topic, json.loads)
+                return ObjectDecoder(topic, _json)
             case "protobuf", _:
                 return ObjectDecoder(topic, _protobuf(topic))
+            case "ros1", "ros1msg" if (load := ros1_parser(topic)) is not None:
+                return ObjectDecoder(topic, load)
     except LogError as error:
         raise LogError(f"topic {topic.name}: {error}") from error
-    load = _library(topic)
-    if load is not None:
-        return ObjectDecoder(topic, load)
     how = f"{topic.encoding}, described in {topic.schema_encoding or 'nothing'}"
     more = "; ros1 with pip install mcap-ros1-support" if topic.encoding == "ros1" else ""
     raise LogError(
@@ -48,20 +46,11 @@ def decoder_of(topic: Topic) -> MessageDecoder:
     )
 
 
-def _library(topic: Topic) -> Callable[[bytes], Any] | None:
-    """What an installed library decodes the topic's messages with; None where none does."""
-    from mcap.records import Schema
-
-    schema = Schema(1, topic.schema, topic.schema_encoding, topic.type)
-    for module in _LIBRARIES:
-        try:
-            factory = importlib.import_module(f"{module}.decoder").DecoderFactory()
-            load: Callable[[bytes], Any] | None = factory.decoder_for(topic.encoding, schema)
-        except Exception:  # not installed, or it says in one of many ways that it cannot read the definition
-            continue
-        if load is not None:
-            return load
-    return None
+def _json(message: bytes) -> Any:
+    if len(message) * VALUE > FREE:  # smaller ones cannot hold too much
+        budget = Budget("a message", len(message))
+        budget.charge(VALUE * sum(message.count(mark) for mark in b",[{:"))
+    return json.loads(message)
 
 
 def _protobuf(topic: Topic) -> Callable[[bytes], Any]:
@@ -74,6 +63,8 @@ def _protobuf(topic: Topic) -> Callable[[bytes], Any]:
         )
     except ImportError as error:
         raise LogError("its messages are protobuf: pip install protobuf") from error
+    if len(topic.schema) > TEXT_LIMIT:
+        raise LogError(f"its protobuf descriptors have {len(topic.schema)} bytes; more than {TEXT_LIMIT} is damage")
     try:
         files = descriptor_pb2.FileDescriptorSet.FromString(topic.schema)
         pool = descriptor_pool.DescriptorPool()
@@ -82,5 +73,4 @@ def _protobuf(topic: Topic) -> Callable[[bytes], Any]:
         message: Any = message_factory.GetMessageClass(pool.FindMessageTypeByName(topic.type))
     except Exception as error:  # protobuf raises a dozen kinds on descriptors that are damaged
         raise LogError(f"its protobuf descriptors are damaged: {error}") from error
-    parse: Callable[[bytes], Any] = message.FromString
-    return parse
+    return bounded_parser(message)

@@ -28,8 +28,9 @@ PRIMITIVES: Mapping[str, str] = {
     "float32": "f4",
     "float64": "f8",
 }
-_TEXT_LIMIT = 1 << 20  # characters of one definition; longer is damage
+TEXT_LIMIT = 1 << 20  # characters of one definition; longer is damage
 _DEPTH_LIMIT = 32
+_MOST = (1 << 32) - 1  # elements of an array
 _FIELD = re.compile(
     r"(?P<type>[A-Za-z][\w/]*)(?:<=\d+)?(?P<array>\[(?:<=\d+|\d*)\])?\s+(?P<name>[A-Za-z]\w*)\s*(?P<rest>.*)$"
 )
@@ -56,8 +57,8 @@ def parse_definitions(name: str, text: str) -> Definitions:
     Types that the text leaves out are taken from the standard ones. Raises LogError where the text is no definition,
     names a type that is nowhere, or is cyclic.
     """
-    if len(text) > _TEXT_LIMIT:
-        raise LogError(f"the definition of {name} has {len(text)} characters; more than {_TEXT_LIMIT} is damage")
+    if len(text) > TEXT_LIMIT:
+        raise LogError(f"the definition of {name} has {len(text)} characters; more than {TEXT_LIMIT} is damage")
     if not text.strip() and short_name(name) in STANDARD_TYPES:
         text = STANDARD_TYPES[short_name(name)]
     elif not text.strip() and short_name(name) != "std_msgs/Empty":
@@ -97,6 +98,7 @@ def _fields(text: str, owner: str) -> tuple[Field, ...]:
 
 
 def _field(kind: str, array: str | None, name: str, package: str) -> Field:
+    """A field; raises LogError where it is an array of nothing, whose elements would take no bytes of a message."""
     if kind not in PRIMITIVES and kind not in ("string", "wstring"):
         kind = short_name({"Header": "std_msgs/Header"}.get(kind, kind))
         kind = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}.get(kind, kind)
@@ -104,7 +106,13 @@ def _field(kind: str, array: str | None, name: str, package: str) -> Field:
     if array is None:
         return Field(name, kind)
     inside = array[1:-1]
-    return Field(name, kind, int(inside) if inside.isdigit() else None, many=True)
+    if not inside or inside.startswith("<="):
+        return Field(name, kind, None, many=True)
+    if len(inside) > len(str(_MOST)) or not 1 <= int(inside) <= _MOST:
+        raise LogError(
+            f"the definition of {package} is damaged: {name} has {inside[:20]} elements (1 to {_MOST} can be)"
+        )
+    return Field(name, kind, int(inside), many=True)
 
 
 def _without_comment(line: str) -> str:

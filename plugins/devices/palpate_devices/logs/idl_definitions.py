@@ -10,8 +10,12 @@ from palpate import LogError
 
 from palpate_devices.logs.fields import Field
 
-_TOKEN = re.compile(r'"(?:\\.|[^"\\])*"|\'(?:\\.|[^\'\\])*\'|(?:::)?[A-Za-z_]\w*(?:::[A-Za-z_]\w*)*|[\d.][\w.+-]*|\S')
-_COMMENT = re.compile(r'("(?:\\.|[^"\\])*")|//[^\n]*|/\*.*?\*/', re.DOTALL)
+# What is opened and never closed goes to the end: looking for its end anew from every place would take hours.
+_TOKEN = re.compile(
+    r'"(?:\\.|[^"\\])*(?:"|\\?\Z)|\'(?:\\.|[^\'\\])*(?:\'|\\?\Z)|(?:::)?[A-Za-z_]\w*(?:::[A-Za-z_]\w*)*|[\d.][\w.+-]*|\S',
+    re.DOTALL,
+)
+_COMMENT = re.compile(r'("(?:\\.|[^"\\])*(?:"|\\?\Z))|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
 _LINE = re.compile(r"^(?:#.*|=+\s*|IDL:.*)$", re.MULTILINE)  # of the preprocessor, and between types in a log
 _BEGIN = re.compile(r"(?:module|struct|typedef|enum|const)\s+\w|@\w")
 _NAMES = {
@@ -28,7 +32,9 @@ _NAMES = {
     "double": "float64",
     **{f"{sign}int{bits}": f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)},
 }
-_DEPTH = 16  # of modules
+_DEPTH = 16  # of modules, and of arrays
+_MOST = (1 << 32) - 1  # elements of an array
+_SHOWN = 200  # characters of a problem
 _TEXTS = ("string", "wstring")
 
 
@@ -118,9 +124,13 @@ class _Parser:
                 self._demand("[")
                 sizes.append(self._size(scope))
                 self._demand("]")
+                if prod(sizes) > _MOST or len(sizes) > _DEPTH:
+                    raise self._damage(f"{name} has more than {_MOST} elements, or {_DEPTH} dimensions")
             if sizes and kind.many and kind.count is None:
                 raise self._damage(f"{name} is an array of sequences")
             count = prod(sizes) * (kind.count or 1) if sizes else kind.count
+            if count is not None and count > _MOST:
+                raise self._damage(f"{name} has more than {_MOST} elements")
             found.append(Field(name, kind.type, count, kind.many or bool(sizes)))
             if self._peek() != ",":
                 return found
@@ -168,8 +178,8 @@ class _Parser:
         word = self._next()
         for inner in range(len(scope), -1, -1):
             word = self.constants.get(_joined(scope[:inner], word.removeprefix("::")), word)
-        if not word.isdigit() or int(word) < 1:
-            raise self._damage(f"{word!r} is no number of elements")
+        if not (word.isascii() and word.isdigit() and len(word) <= len(str(_MOST))) or not 1 <= int(word) <= _MOST:
+            raise self._damage(f"{word[:20]!r} is no number of elements (1 to {_MOST})")
         return int(word)
 
     def _annotations(self) -> None:
@@ -202,7 +212,7 @@ class _Parser:
             self._next()
 
     def _damage(self, problem: str) -> LogError:
-        return LogError(f"the definition of {self.owner} cannot be read as IDL: {problem}")
+        return LogError(f"the definition of {self.owner} cannot be read as IDL: {problem[:_SHOWN]}")
 
 
 def _joined(scope: list[str], name: str) -> str:

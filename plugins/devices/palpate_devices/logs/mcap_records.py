@@ -17,10 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate_devices.logs.topics import Bytes, Messages, Stamps, column, gather
+from palpate_devices.logs.unpack import largest
 
 MAGIC = b"\x89MCAP0\r\n"
 _REMAINS = 1 << 20  # [bytes] at the beginning of a damaged chunk in which definitions are looked for
 LIMIT = 1 << 28  # [bytes]; no chunk, and no single record, is larger
+_OTHERS = 1 << 18  # records of a chunk that are no messages, and one in addition for every kilobyte
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
 ATTACHMENT, STATISTICS, METADATA, DATA_END = 0x09, 0x0B, 0x0C, 0x0F
 EXTRAS = (ATTACHMENT, METADATA)
@@ -67,6 +69,8 @@ def open_chunk(content: bytes, unpacker: Unpacker) -> Chunk:
         raise Damage(f"a chunk claims {length} bytes and has {len(packed)}")
     if size > LIMIT:
         raise Damage(f"a chunk claims {size} bytes, more than {LIMIT}")
+    if size > largest(length):
+        raise Damage(f"a chunk of {length} bytes claims to become {size}, more than {largest(length)}")
     data = _decompressed(name, packed, size, unpacker)
     if len(data) != size:
         raise Damage(f"a chunk claims {size} bytes and contains {len(data)}")
@@ -135,6 +139,7 @@ def scan(data: bytes, begin: int = 0, end: int | None = None) -> tuple[list[int]
     end = len(data) if end is None else end
     messages: list[int] = []
     others: list[Other] = []
+    most = _OTHERS + len(data) // 1024
     unpack, position = RECORD.unpack_from, begin
     while position + 9 <= end:
         opcode, length = unpack(data, position)
@@ -143,6 +148,8 @@ def scan(data: bytes, begin: int = 0, end: int | None = None) -> tuple[list[int]
             break
         if opcode != MESSAGE:
             others.append((opcode, position + 9, length))
+            if len(others) > most:
+                raise Damage(f"a chunk of {len(data)} bytes has more than {most} records that are no messages")
         elif length >= HEAD - 9:
             messages.append(position)
         else:

@@ -12,11 +12,13 @@ from typing import Any
 import numpy as np
 from palpate import Floats, LogError
 
-from palpate_devices.logs.readings import SECOND, Reading, TopicTable
+from palpate_devices.logs.budget import ELEMENT, Budget
+from palpate_devices.logs.readings import LATEST, SECOND, Reading, TopicTable
 from palpate_devices.logs.topics import Messages, Stamps, Topic
 
 _ELEMENTS = 64  # of an array are listed
 _DEPTH = 16
+_LARGEST = 1.7e308
 _STAMPS = ("header.stamp", "timestamp", "stamp")
 
 
@@ -34,16 +36,19 @@ class ObjectDecoder:
             how = self.topic.encoding
             raise LogError(f"topic {self.topic.name}: a message is damaged: it is no {how}: {error}") from error
 
+    def _budget(self, payload: bytes) -> Budget:
+        return Budget(f"a message of topic {self.topic.name}", len(payload))
+
     def fields(self, payload: bytes) -> Mapping[str, int | None]:
         """See `Decoder`."""
         found: dict[str, int | None] = {}
-        _list_numbers(self._loaded(payload), "", found)
+        _list_numbers(self._loaded(payload), "", found, self._budget(payload))
         return found
 
     def texts(self, payload: bytes) -> Mapping[str, str]:
         """See `Decoder`."""
         found: dict[str, str] = {}
-        _list_texts(self._loaded(payload), "", found)
+        _list_texts(self._loaded(payload), "", found, self._budget(payload))
         return found
 
     def names(self, payload: bytes) -> Collection[str]:
@@ -122,7 +127,9 @@ def _steps(path: str) -> tuple[str, ...]:
 
 
 def _number(value: Any) -> float:
-    return float(value) if isinstance(value, int | float) and math.isfinite(value) else math.nan
+    if not isinstance(value, int | float) or abs(value) > _LARGEST:  # an int may have thousands of digits
+        return math.nan
+    return float(value) if math.isfinite(value) else math.nan
 
 
 def _stamp(item: Any, paths: Sequence[str]) -> int | None:
@@ -134,12 +141,13 @@ def _stamp(item: Any, paths: Sequence[str]) -> int | None:
             continue
         for seconds, rest in (("sec", "nanosec"), ("sec", "nsec"), ("seconds", "nanos"), ("secs", "nsecs")):
             whole, part = _inside(stamp, seconds), _inside(stamp, rest)
-            if isinstance(whole, int) and isinstance(part, int):
+            if isinstance(whole, int) and isinstance(part, int) and abs(whole) < LATEST and abs(part) < LATEST:
                 return whole * SECOND + part
     return None
 
 
-def _list_numbers(item: Any, prefix: str, found: dict[str, int | None], depth: int = 0) -> None:
+def _list_numbers(item: Any, prefix: str, found: dict[str, int | None], budget: Budget, depth: int = 0) -> None:
+    budget.charge(ELEMENT + len(prefix))
     if isinstance(item, int | float):
         found[prefix] = None
     elif isinstance(item, str) or depth > _DEPTH:
@@ -148,16 +156,16 @@ def _list_numbers(item: Any, prefix: str, found: dict[str, int | None], depth: i
         found[prefix] = len(item)
     elif isinstance(item, Mapping):
         for name, inner in item.items():
-            _list_numbers(inner, f"{prefix}.{name}" if prefix else str(name), found, depth + 1)
+            _list_numbers(inner, f"{prefix}.{name}" if prefix else str(name), found, budget, depth + 1)
     elif hasattr(item, "__len__") and hasattr(item, "__getitem__"):
         if len(item) and all(isinstance(inner, int | float) for inner in item):
             found[prefix] = len(item)
         else:
             for i, inner in enumerate(item[:_ELEMENTS]):
-                _list_numbers(inner, f"{prefix}[{i}]", found, depth + 1)
+                _list_numbers(inner, f"{prefix}[{i}]", found, budget, depth + 1)
     else:
         for name in _attributes(item):
-            _list_numbers(getattr(item, name), f"{prefix}.{name}" if prefix else name, found, depth + 1)
+            _list_numbers(getattr(item, name), f"{prefix}.{name}" if prefix else name, found, budget, depth + 1)
 
 
 def _attributes(item: Any) -> list[str]:
@@ -168,14 +176,15 @@ def _attributes(item: Any) -> list[str]:
     return [name for name in names if not name.startswith("_")]
 
 
-def _list_texts(item: Any, prefix: str, found: dict[str, str], depth: int = 0) -> None:
+def _list_texts(item: Any, prefix: str, found: dict[str, str], budget: Budget, depth: int = 0) -> None:
     """Texts of a message by their paths, but for those that only name a frame, joints or elements."""
+    budget.charge(ELEMENT + len(prefix))
     if isinstance(item, str):
         if not prefix.endswith("frame_id"):
             found[prefix] = item
     elif isinstance(item, Mapping) and depth <= _DEPTH:
         for name, inner in item.items():
-            _list_texts(inner, f"{prefix}.{name}" if prefix else str(name), found, depth + 1)
+            _list_texts(inner, f"{prefix}.{name}" if prefix else str(name), found, budget, depth + 1)
     elif depth <= _DEPTH and not isinstance(item, int | float | bytes | bytearray | memoryview | list | tuple):
         for name in _attributes(item) if item is not None else ():
-            _list_texts(getattr(item, name), f"{prefix}.{name}" if prefix else name, found, depth + 1)
+            _list_texts(getattr(item, name), f"{prefix}.{name}" if prefix else name, found, budget, depth + 1)

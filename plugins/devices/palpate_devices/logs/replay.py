@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 from palpate import Batch, Floats, LogError
 
 from palpate_devices.ahead import ahead
+from palpate_devices.logs.budget import Budget
 from palpate_devices.logs.decoders import decoder_of
 from palpate_devices.logs.feeds import Feed, mapped_feeds, said_of
 from palpate_devices.logs.files import readable, regular
@@ -21,6 +23,7 @@ from palpate_devices.logs.topics import Container, Messages, Stamps
 from palpate_devices.logs.turning import Turning
 
 HostTime = Callable[[Feed, Stamps, Stamps], Stamps]
+_COLUMNS = 100_000  # of the table of a topic
 _AHEAD = 4  # batches that are read before they are asked for
 
 
@@ -124,17 +127,25 @@ def tables_of(container: Container) -> Iterator[tuple[str, tuple[str, ...], Batc
             if topic not in decoders:
                 plans[topic] = None
                 decoders[topic] = decoder_of(container.topics[topic])
-                names = tuple(columns_of(decoders[topic].fields(messages.payload(0))))
+                names = tuple(islice(columns_of(decoders[topic].fields(messages.payload(0))), _COLUMNS + 1))
+                if len(names) > _COLUMNS:
+                    raise LogError(f"topic {topic} has more than {_COLUMNS} numbers in a message")
                 plans[topic] = names, [Reading.parse(name) for name in names]
             plan = plans[topic]
             if plan is None:
                 continue
+            _charge_table(topic, messages, len(plan[0]))
             table = decoders[topic].read(messages, plan[1])
         except LogError:
             plans[topic] = None
             continue
         logged = messages.logged[table.rows]
         yield topic, plan[0], Batch(topic, logged if table.stamps is None else table.stamps, logged, table.values)
+
+
+def _charge_table(topic: str, messages: Messages, columns: int) -> None:
+    """Raise LogError where a table has far more cells than its messages have bytes: one long message, many short."""
+    Budget(f"topic {topic}", int(messages.lengths.sum()), per_byte=8).charge(8 * len(messages) * columns)
 
 
 def texts_of(container: Container) -> Iterator[tuple[str, tuple[str, ...], Stamps, list[tuple[str, ...]]]]:
@@ -149,6 +160,7 @@ def texts_of(container: Container) -> Iterator[tuple[str, tuple[str, ...], Stamp
             plan = plans[topic]
             if plan is None or not plan[1]:
                 continue
+            _charge_table(topic, messages, len(plan[1]))
             stamps = plan[0].read(messages, ()).stamps
             found = [plan[0].texts(messages.payload(row)) for row in range(len(messages))]
         except LogError:

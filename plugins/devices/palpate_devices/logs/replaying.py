@@ -11,7 +11,7 @@ from typing import Any
 
 import tomli_w
 from palpate import ConfigurationError, LogError, Part, printable
-from palpate.host import RunFolder, Source, pipeline_among, registry as registries
+from palpate.host import Enclosure, RunFolder, Source, pipeline_among, registry as registries
 
 from palpate_devices.logs.draft import recording_of
 from palpate_devices.recording import Attached, Recording, Suggestion
@@ -61,7 +61,8 @@ def replay_source(
     ConfigurationError where a plugin file is missing or another one, LogError for what is no pipeline.
     """
     where = carried.log.with_name(f"{carried.log.name}:{carried.name}")
-    source = Source(carried.attached.documents[carried.name], where)
+    enclosure = Enclosure(carried.log, frozenset(carried.attached.facts.values()))
+    source = Source(carried.attached.documents[carried.name], where, enclosure=enclosure)
     tables = source.tables
     run = tables.setdefault("run", {})
     if not isinstance(run, dict) or not isinstance(tables.get("device"), dict):
@@ -71,7 +72,8 @@ def replay_source(
     for name in ("sink", "twin"):
         tables.pop(name, None)
     calibration = run.get("calibration")
-    if isinstance(calibration, str) and not _beside(carried.log, calibration).exists():
+    file = _beside(carried.log, calibration) if isinstance(calibration, str) else None
+    if file is not None and (not file.exists() or (file.is_file() and not enclosure.admits(file))):
         run.pop("calibration")  # what it gave is in the resolved settings
     for kind, types in (("model", models), ("estimator", estimators)):
         for name in types:

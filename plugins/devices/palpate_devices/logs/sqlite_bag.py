@@ -17,7 +17,7 @@ from palpate import LogError, printable
 from palpate_devices.logs.files import regular
 from palpate_devices.logs.scratch import scratch
 from palpate_devices.logs.topics import Messages, Topic
-from palpate_devices.logs.unpack import unpack
+from palpate_devices.logs.unpack import largest, unpack
 
 _BLOCK = 4000  # messages read at once
 _BYTES = 1 << 25  # [bytes] of one topic's messages held at once
@@ -98,9 +98,9 @@ class SqliteBag:
     def _grouped(self, block: list[tuple[int, int, bytes]], named: Mapping[int, str]) -> Iterator[tuple[str, Messages]]:
         for identity in dict.fromkeys(row[0] for row in block):
             rows = [row for row in block if row[0] == identity]
-            payloads = [_unpacked(row[2]) if self._packed else row[2] for row in rows]
-            stamps = np.array([row[1] for row in rows], np.int64)
-            yield named[identity], Messages.joined(payloads, stamps, stamps)
+            for some in _unpacked(rows) if self._packed else (rows,):
+                stamps = np.array([row[1] for row in some], np.int64)
+                yield named[identity], Messages.joined([row[2] for row in some], stamps, stamps)
 
     @contextmanager
     def _open(self) -> Iterator[sqlite3.Connection]:
@@ -192,10 +192,28 @@ def _some(rows: sqlite3.Cursor) -> list[tuple[int, int, bytes]]:
     return block
 
 
-def _unpacked(data: bytes) -> bytes:
+def _unpacked(rows: list[tuple[int, int, bytes]]) -> Iterator[list[tuple[int, int, bytes]]]:
+    """Messages that were compressed one by one, no more at once than are held of plain ones."""
+    some: list[tuple[int, int, bytes]] = []
+    size = 0
+    for identity, stamp, packed in rows:
+        some.append((identity, stamp, _message(packed)))
+        size += len(some[-1][2])
+        if size >= _BYTES:
+            yield some
+            some, size = [], 0
+    if some:
+        yield some
+
+
+def _message(packed: bytes) -> bytes:
     import zstandard
 
     try:
-        return zstandard.ZstdDecompressor().decompress(data, max_output_size=1 << 26)
+        size = zstandard.get_frame_parameters(packed).content_size
+        most = min(largest(len(packed)), _LONGEST)
+        if size != zstandard.CONTENTSIZE_UNKNOWN and size > most:  # else the library trusts it
+            raise sqlite3.DatabaseError(f"a compressed message of {len(packed)} bytes claims to become {size}")
+        return zstandard.ZstdDecompressor().decompress(packed, max_output_size=most)
     except zstandard.ZstdError as error:
         raise sqlite3.DatabaseError(f"a compressed message: {error}") from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -67,7 +68,7 @@ class _TopicCounts:
         try:
             if self._gathered is None:
                 self.fields = dict(self.decoder.fields(messages.payload(0)))
-                self._gathered = Gathered(list(columns_of(self.fields))[:_SHOWN])
+                self._gathered = Gathered(list(islice(columns_of(self.fields), _SHOWN)))
             table = self.decoder.read(messages, [Reading.parse(name) for name in self._gathered.names])
         except LogError as error:
             self.decoder, self.note = None, str(error)

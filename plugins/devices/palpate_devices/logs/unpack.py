@@ -17,13 +17,18 @@ _SPARE = 1 << 28  # [bytes] of a disk that are left to others
 DAMAGED = (EOFError, zlib.error, gzip.BadGzipFile)  # what a damaged .gz raises
 
 
+def largest(packed: int) -> int:
+    """What so many packed bytes may become at most [bytes]."""
+    return max(_RATIO * packed, _FREE)
+
+
 class TooLargeError(OSError):
     """What a compressed file unpacks to is more than is plausible, or than there is room for."""
 
 
 def unpack(path: Path, target: Path, kind: str, magic: bytes) -> None:
     """Unpack a file of a kind (gzip or zstd) whose content begins with `magic`; raises OSError, EOFError."""
-    limit = max(_RATIO * path.stat().st_size, _FREE)
+    limit = largest(path.stat().st_size)
     free = shutil.disk_usage(target.parent).free - _SPARE
     written = 0
     with path.open("rb") as packed, target.open("wb") as out:

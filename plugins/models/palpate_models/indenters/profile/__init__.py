@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any, Literal, Self
 
 import numpy as np
-from palpate import Depth, File, Floats, Indenter, Length
+from palpate import Depth, Floats, Indenter, InputFile, Length
 from pydantic import Field, model_validator
 
 from palpate_models.indenters.profile.formula import parse_formula
@@ -36,7 +36,7 @@ class Profile(Indenter):
     Source: Popov and Hess 2015, eq. of the reduced profile; paper, section on the method of dimensionality reduction.
     """
 
-    points: File | None = Field(
+    points: InputFile | None = Field(
         default=None, description="CSV file of two columns, radius r and height z over the apex, from the apex outwards"
     )
     unit: Literal["m", "mm", "um"] = Field(default="mm", description="unit of both columns of the file")
