@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -51,6 +52,8 @@ def _serve(parent: Parent, ring: Ring, settings: dict[str, Any], scheduling: str
     finally:
         if port is not None:
             stop_stream(port)
+            with contextlib.suppress(OSError):
+                port.close()
 
 
 def _settle(port: Any, duration: float) -> None:

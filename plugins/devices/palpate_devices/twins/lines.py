@@ -109,6 +109,8 @@ class SocketLine:
         """The other end; raises DeviceError."""
         if not self._plugged:
             raise DeviceError(f"{path} cannot be opened: No such file or directory")
+        if self._ours is not None:
+            self._ours.close()
         self._ours, theirs = socket.socketpair()
         self._ours.setblocking(False)
         theirs.setblocking(False)
@@ -229,6 +231,8 @@ class SocketDatagrams:
         """The other end; raises OSError."""
         if not self._plugged:
             raise ConnectionRefusedError(errno.ECONNREFUSED, "Connection refused")
+        if self._ours is not None:
+            self._ours.close()
         self._ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._ours.setblocking(False)
         theirs.setblocking(False)
@@ -241,6 +245,11 @@ class SocketDatagrams:
     def unplug(self) -> None:
         """Be off the net: who listens hears nothing."""
         self._plugged = False
+
+    def close(self) -> None:
+        """End for good."""
+        if self._ours is not None:
+            self._ours.close()
 
     def receive(self) -> bytes:
         """See `DatagramLine`."""

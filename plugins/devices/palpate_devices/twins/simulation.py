@@ -194,3 +194,5 @@ def simulated(settings: BenchSettings, seed: int, hold_ups: Sequence[HoldUp] = (
             yield world
         finally:
             world.close()
+            if wiring.net is not None:
+                wiring.net.close()
