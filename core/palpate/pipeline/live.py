@@ -56,9 +56,10 @@ class LiveLinks:
     def _pump(self, name: str, link: Link) -> None:
         gathered: dict[str, list[Batch]] = {}
         sent = clock().now()
+        attending = link if isinstance(link, Attending) else None  # a protocol's check takes longer than a batch's
         try:
             for batch in link.batches():
-                self._guard.check(name, batch, link.attended if isinstance(link, Attending) else None)
+                self._guard.check(name, batch, None if attending is None else attending.attended)
                 gathered.setdefault(batch.stream, []).append(batch)
                 if (now := clock().now()) - sent > (_GATHER_BEHIND if self.behind else _GATHER):
                     self._hand_on(name, gathered)

@@ -173,6 +173,8 @@ class Specimen(Settings):
         if self.unloading == "ting":
             return self._by_ting(instants, depth)
         if not self.model.memory:
+            if not self.model.adhesive and depth.max(initial=0.0) <= 0.0:
+                return np.zeros(len(depth))  # in air: what a live twin is most of the time
             theta = self.theta(position[:, 0], position[:, 1])
             if self.layers:
                 theta = self._stiffened(theta, np.interp(depth, *self._layered))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import Any
 
@@ -166,7 +167,7 @@ class Controller:
         arm = self.arm
         pose, jacobian = arm.tip(arm.tcp)
         # Noise belongs to the joints, so that pose and joints agree; it is scaled to the noise of the height.
-        lever = float(np.linalg.norm(jacobian[2])) or 1.0
+        lever = math.hypot(*jacobian[2].tolist()) or 1.0
         noise = self._rng.standard_normal((2, 6))
         error, error_rate = noise[0] * (self._noise[0] / lever), noise[1] * (self._noise[1] / lever)
         q, qd, shift = arm.q + error, arm.qd + error_rate, jacobian @ error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import Any
 
@@ -38,9 +39,9 @@ class Truth:
         self.force = max(self.force, force)
         self._recent.append(velocity)
         if len(self._recent) > _MEAN:
-            change = float(np.linalg.norm(velocity - self._recent[0]))
+            change = math.dist(velocity.tolist(), self._recent[0].tolist())
             self.acceleration = max(self.acceleration, change / (_MEAN * TICK))
-        found = float(np.linalg.norm(velocity)), turning, joint
+        found = math.hypot(*velocity.tolist()), turning, joint
         self._fastest = {key: max(value, new) for (key, value), new in zip(self._fastest.items(), found, strict=True)}
 
     def facts(self) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import Any
 
@@ -141,7 +142,7 @@ class World:
         arm = self.controller.arm
         pose, jacobian = arm.tip(self._tool)
         work = self.settings.work
-        self._turning = float(np.linalg.norm(jacobian[3:] @ arm.qd))
+        self._turning = math.hypot(*(jacobian[3:] @ arm.qd).tolist())
         self._askew = _OUT @ work.tool.T @ pose[:3, :3] @ _OUT
         return self._rotation @ (pose[:3, 3] - work.matrix[:3, 3]), self._rotation @ (jacobian[:3] @ arm.qd)
 

@@ -142,7 +142,7 @@ def rotation_vector(matrix: Floats) -> Floats:
     """Rotation vector (3,) [rad] of a rotation (3, 3), up to and including half turns."""
     (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
     axis = np.array([h - f, c - g, d - b])
-    sine, cosine = 0.5 * float(np.linalg.norm(axis)), 0.5 * (a + e + i - 1.0)
+    sine, cosine = 0.5 * math.hypot(h - f, c - g, d - b), 0.5 * (a + e + i - 1.0)
     angle = math.atan2(sine, cosine)
     if sine > 1e-6:
         return np.asarray(axis * (angle / (2.0 * sine)))
