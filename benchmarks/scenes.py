@@ -2,15 +2,17 @@
 
 ``python benchmarks/scenes.py 2000 [first seed] [-o scenes.jsonl]``: a line of the file for each scene as it ends, on
 all cores; started again it goes on with the seeds that the file lacks, and prints the table of all. ``--table`` only
-prints that; ``--seed N`` runs one scene and says what happened. A scene is drawn from its seed: material, place and
-tilt of the tool, motion, limits, a fault and its instant, and what the computer holds up for how long. What the arm did
-is taken from the twin at every tick, not from what the run says. The same seed is the same scene, to the bit.
+prints that; ``--seed N`` runs one scene and says what happened; ``--grid`` runs every fault with every hold-up of every
+process, under negative seeds. A scene is drawn from its seed: material, place and tilt of the tool, motion, limits, a
+fault and its instant, and what the computer holds up for how long. What the arm did is taken from the twin at every
+tick, not from what the run says. The same seed is the same scene, to the bit.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import json
 import math
 import os
@@ -36,6 +38,7 @@ FAULTS = (
 _HARMLESS = ("nothing", "message", "throttled", "corrupt 0.05", "lumps 0.016")
 # Faults that a run may end well with, for the arm still does what it is told, and what it feels is still true enough.
 _MAY_PASS = (*_HARMLESS, "stall 0.2", "sign", "slider 0.5", "reduced", "clipped-force 6", "half-open 0.4")
+_PROCESSES = ("robot", "sensor", "main")
 _HOLD_UPS = (0.0, 0.008, 0.05, 0.275)  # [s]
 _RADIUS, _SURFACE = 0.005, 0.0003  # [m]
 _SWING = 1.5e-3  # [m] by which an arm may swing over the box of its setpoints: 1 mm of margin, and braking
@@ -115,10 +118,20 @@ def drawn(seed: int) -> Scene:
         float(rng.uniform(5.0, 15.0)),
         FAULTS[int(rng.integers(len(FAULTS)))],
         float(rng.uniform(0.0, 3.0)),
-        str(rng.choice(["robot", "sensor", "main"])),
+        str(rng.choice(_PROCESSES)),
         float(rng.choice(_HOLD_UPS)),
         None if rng.random() < 0.5 else float(rng.uniform(0.4, 2.0)),
     )
+
+
+def grid() -> list[Scene]:
+    """Every fault in contact, with every hold-up of every process."""
+    held = [(process, hold_up) for process in _PROCESSES for hold_up in _HOLD_UPS if hold_up or process == "main"]
+    place, turn, nominal = (0.0, 0.0, 0.004), (0.0, 0.0, 0.0), (112.5e3, "point", 4.0, 1.0, 2.0, 0.04, 0.5, 12.0)
+    return [
+        Scene(-1 - number, place, turn, *nominal, fault, 2.0, process, hold_up, 0.5)
+        for number, (fault, (process, hold_up)) in enumerate(itertools.product(FAULTS, held))
+    ]
 
 
 def pipeline_of(scene: Scene, folder: Path) -> Any:
@@ -245,24 +258,23 @@ def unreadable(folder: Path) -> list[str]:
     return [] if (folder / "result.json").exists() else ["there is no result.json"]
 
 
-def row_of(seed: int, keep: Path | None = None) -> dict[str, Any]:
+def row_of(scene: Scene, keep: Path | None = None) -> dict[str, Any]:
     """One scene as a line of the file."""
     folder = Path(tempfile.mkdtemp(prefix="scene-"))
     began = time.process_time()
     try:
-        scene = drawn(seed)
         row = {**asdict(scene), **run(scene, folder), "processor": time.process_time() - began}
         if keep is not None:
-            shutil.copytree(folder, keep / str(seed), dirs_exist_ok=True)
+            shutil.copytree(folder, keep / str(scene.seed), dirs_exist_ok=True)
         return row
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def work(seeds: list[int], file: Path) -> None:
+def work(scenes: list[Scene], file: Path) -> None:
     """The scenes that are left, each written as it ends."""
     with ProcessPoolExecutor(os.cpu_count(), get_context("spawn"), max_tasks_per_child=100) as pool:
-        for job in as_completed([pool.submit(row_of, seed) for seed in seeds]):
+        for job in as_completed([pool.submit(row_of, scene) for scene in scenes]):
             row = job.result()
             with file.open("a") as lines:
                 lines.write(json.dumps(row) + "\n")
@@ -292,14 +304,15 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=Path("scenes.jsonl"))
     parser.add_argument("--table", action="store_true")
     parser.add_argument("--seed", type=int)
+    parser.add_argument("--grid", action="store_true")
     given = parser.parse_args()
     if given.seed is not None:
-        print(json.dumps(row_of(given.seed, Path("scenes")), indent=2))
+        print(json.dumps(row_of(drawn(given.seed), Path("scenes")), indent=2))
         return
     known = {row["seed"] for row in read(given.output)}
     if not given.table:
-        seeds = range(given.first, given.first + given.count)
-        work([seed for seed in seeds if seed not in known], given.output)
+        scenes = grid() if given.grid else [drawn(seed) for seed in range(given.first, given.first + given.count)]
+        work([scene for scene in scenes if scene.seed not in known], given.output)
     if rows := read(given.output):
         table(rows)
 
