@@ -177,6 +177,7 @@ def test_steps_read_logs(palpate, guided, tmp_path):
     assert set(table["logs"]) == {"standstill.rig", "shake.rig"}
 
 
+@pytest.mark.slow
 def test_a_log_of_a_palpation_is_refused(palpate, guided, tmp_path):
     press = 'type = "point"\nbias = "4 mm"\namplitude = "2 mm"\nfrequency = "2 Hz"\nduration = "4 s"'
     log = recorded(palpate, guided(""), press, tmp_path / "pressed")

@@ -96,6 +96,7 @@ def test_a_filter_that_fails_ends_its_track_alone(palpate, with_plugin, tmp_path
     assert len(rows) > 100
 
 
+@pytest.mark.slow
 def test_a_model_that_cannot_say_what_it_found_ends_its_own_tracks(palpate, with_plugin, tmp_path):
     more = "def material(self, theta):\n        return 1 / 0"
     own = '\n[model.own]\ntype = "own"\nindenter = "tip"\n'

@@ -268,6 +268,7 @@ def test_compare_takes_the_roles_as_info_does(palpate, tmp_path):
     assert (refused.returncode, "--force is for logs" in refused.stderr) == (2, True)
 
 
+@pytest.mark.slow
 def test_what_nobody_has_stated_is_flagged_until_somebody_does(palpate, tmp_path):
     time, height, _, force = press(4.0)
     written(tmp_path / "log.csv", [time, force, height], ["time_s", "force_N", "z_m"])

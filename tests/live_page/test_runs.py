@@ -52,6 +52,7 @@ def meanwhile(work):
     return wait
 
 
+@pytest.mark.slow
 def test_stop_on_the_page_retracts_the_arm(run_live, stage, addresses):
     def press():
         with opened(addresses.get(timeout=60)) as page:
@@ -77,6 +78,7 @@ def test_stop_on_the_page_retracts_the_arm(run_live, stage, addresses):
     assert addresses.empty()  # nothing was dropped
 
 
+@pytest.mark.slow
 def test_the_page_is_told_all_of_a_live_run(run_live, addresses):
     def look():
         kinds, tracks = set(), set()

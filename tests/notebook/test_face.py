@@ -90,6 +90,7 @@ def test_what_is_refused_leaves_no_folder(short, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_estimates_and_samples_have_dimensions_and_units(kept):
     estimates, samples = kept.estimates, kept.samples
     assert estimates["elasticity"].dims == ("track", "time")
@@ -169,6 +170,7 @@ def test_mistakes_are_told(kept, do, what):
         do(kept)
 
 
+@pytest.mark.slow
 def test_a_report(kept, tmp_path, capsys):
     page = kept.report(tmp_path / "point.html")
     assert kept.name in page.read_text()
