@@ -162,6 +162,7 @@ def recorded(palpate, file, trajectory, folder, *overrides):
 LOG = '[calibration.{step}.device.rig]\ntype = "mcap-replay"\nfile = "{file}"\n'
 
 
+@pytest.mark.slow
 def test_steps_read_logs(palpate, guided, tmp_path):
     """A standstill and a shake, each recorded before."""
     plain = guided("")

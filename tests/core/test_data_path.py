@@ -65,6 +65,7 @@ def test_a_writer_that_wants_nothing_more_is_asked_for_nothing_more(point_pipeli
     run_pipeline(load_pipeline(point_pipeline, SHORT), tmp_path / "out", observer=Plain())
 
 
+@pytest.mark.slow
 def test_a_sink_ends_a_live_run_through_the_guard(run_live):
     """The arm is told within the call, not when the next batch comes; the result says why."""
     told = []

@@ -79,6 +79,7 @@ def from_suggestion_to_elasticity(palpate, tmp_path, *arguments):
 TRUTH = 0.75 * 0.75 * 1.2e4 / np.sqrt(0.005)  # of the force that `press` answers with, on a tip of 5 mm
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("header", "scales", "delimiter"),
     [

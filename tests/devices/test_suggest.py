@@ -234,6 +234,7 @@ def test_what_is_kept_of_a_long_row_holds_nothing_else():
     assert held < 8 * _KEPT + 1_000_000
 
 
+@pytest.mark.slow
 def test_a_pipeline_file_elsewhere_and_a_picture(palpate, tmp_path):
     time, height, speed, force = press(4.0)
     (tmp_path / "logs").mkdir()

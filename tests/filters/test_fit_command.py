@@ -163,6 +163,7 @@ def test_cycles_are_fitted_by_themselves_and_repeat_reads_them(palpate, logs):
     assert "baseline sites" in shown.stdout
 
 
+@pytest.mark.slow
 def test_repeat_over_run_folders(palpate, logs):
     for k in range(3):
         write_log(logs / "v0.csv", 6e-3, seed=k)

@@ -86,12 +86,14 @@ def test_profiles_and_spread_hold_the_truth(seed):
     assert not found.flags
 
 
+@pytest.mark.slow
 def test_viscosity_that_is_known_is_taken_off():
     without, known = (look(HERTZ, [1e5, 800.0], noise=1e-3, parameters=p) for p in ({}, {"viscosity": "800 Pa*s"}))
     assert abs(known.fit.modulus / 1e5 - 1) < 5e-3
     assert abs(without.fit.modulus / 1e5 - 1) > abs(known.fit.modulus / 1e5 - 1)
 
 
+@pytest.mark.slow
 def test_a_robust_fit_bears_outliers():
     samples = record(HERTZ, [1e5, 0.0], noise=0.01, seed=3)
     hit = np.random.default_rng(5).choice(len(samples) // 2, 40, replace=False)

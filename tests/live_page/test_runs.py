@@ -136,6 +136,7 @@ def test_a_simulated_run_with_the_page_finds_the_same(run_point, addresses):
     assert (plain.folder / "estimates.csv").read_bytes() == (shown.folder / "estimates.csv").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("log", [True, False], ids=["by its log", "by its tables"])
 def test_a_recorded_run_is_watched(log, run_point, addresses, monkeypatch):
     offline = [] if log else ['run.tracks=["dr/ekf", "dr/smoother"]', 'estimator.smoother.type="kinematic-smoother"']

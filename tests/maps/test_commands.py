@@ -75,6 +75,7 @@ def test_a_sweep_gives_a_picture_and_its_lumps(palpate, sweep_run):
     assert "kPa" in text
 
 
+@pytest.mark.slow
 def test_the_papers_filter_finds_no_lump_in_the_same_sweep(sweep_run):
     assert find_lumps(sites_along(read_path(sweep_run, "dr/ekf"))).lumps == ()
 
@@ -471,6 +472,7 @@ def test_settings_are_compared_along_a_sweep(palpate, root, tmp_path):
     assert (tmp_path / "out" / "sweep.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_points_of_what_is_no_sweep_are_refused(palpate, root, raster_run, tmp_path):
     done = palpate("compare", root / "pipelines" / "point.toml", "--estimators", "ekf", "--points", raster_run)
     assert done.returncode == 2

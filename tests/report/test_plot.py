@@ -87,6 +87,7 @@ def test_quartiles_hold_half_of_the_points():
     assert quartiles(np.full(3, np.nan), np.ones(3))[0].shape == (0,)
 
 
+@pytest.mark.slow
 def test_names_are_no_formulas_and_pictures_no_accident(tmp_path):
     def draw(path):
         with style():

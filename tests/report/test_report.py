@@ -121,6 +121,7 @@ def test_texts_of_others_are_no_markup(palpate, copied):
     assert json.loads(page.result)["run"]["name"] == HOSTILE
 
 
+@pytest.mark.slow
 def test_a_run_that_was_killed_says_what_there_is(palpate, copied):
     (copied / "result.json").unlink()
     text = (copied / "estimates.csv").read_text()
@@ -151,6 +152,7 @@ def test_whatever_is_left_of_a_run_is_shown(palpate, copied, kept):
     assert read(copied / "report.html").text.startswith(("S2, sphere", "run"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "content"),
     [

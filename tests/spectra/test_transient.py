@@ -108,6 +108,7 @@ def test_the_spectrum_has_its_two_times_and_the_strength_of_its_decades():
         assert abs(one.strength - strength) < 3 * one.std < 0.5 * strength
 
 
+@pytest.mark.slow
 def test_a_material_that_relaxes_by_the_depth_is_flagged():
     """A poroelastic gel held at two depths is no linear material; a generalised Maxwell solid there is one."""
     time = np.arange(0.0, 14.0, 0.005)

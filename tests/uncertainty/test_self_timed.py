@@ -17,6 +17,7 @@ ETA, MULTI, SINE, branch, evidence = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late", [0.0, 3e-3])
 def test_a_multi_sine_tells_the_delay_and_the_viscosity_without_it(late):
     """The bound of Cramer and Rao for this motion, surface and both parameters unknown, is 0.535 ms."""
