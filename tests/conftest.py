@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 _LIVE = {"bench", "shared_bench", "main_job"}  # fixtures that run a twin in real time
-_BESIDE_A_RIG = ("tests/devices/ros2/", "tests/live_page/test_page.py")  # live, and no arm moves
+_BESIDE_A_RIG = ("tests/live_page/test_page.py",)  # live, and no arm moves
 _LONG = (
     *("filters/test_conformance.py", "filters/test_export_filter.py", "studies/test_cluster.py"),
     *("uncertainty/test_matrix.py", "maps/test_commands.py", "core/test_small_core.py", "test_plugin_readmes.py"),

@@ -1,5 +1,7 @@
 """Benchmarks find what they measure; the measuring itself is not for tests."""
 
+import pytest
+
 from tests import processes
 
 _IMPORTED = """
@@ -18,6 +20,7 @@ for file in sorted(pathlib.Path("benchmarks").glob("*.py")):
 """
 
 
+@pytest.mark.slow
 def test_every_benchmark_imports_what_there_is(root):
     """Names that have moved; a package of others that is not installed is no fault of a benchmark."""
     done = processes.run(_IMPORTED, cwd=root)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 FOLDER = Path(__file__).parent.parent / "pipelines"
-LONG = ("raster", "relaxation")
+LONG = ("points", "raster", "relaxation", "sweep")
 PIPELINES = sorted(FOLDER.glob("*.toml"))
 FIGURES = [path for path in sorted(FOLDER.glob("figures/*.toml")) if 'type = "sim"' in path.read_text()]
 

@@ -9,7 +9,7 @@ from tests.processes import PYTEST, run
 
 ROOT = Path(__file__).parent.parent
 READMES = sorted((ROOT / "plugins").glob("*/README.md"))
-LONG = ("basics", "filters", "indentation", "notebook", "reproduction", "spectra", "starting", "studies", "testing")
+QUICK = ("calibration",)  # most start a run and pytest
 BLOCK = re.compile(r"^```(\w+)\n# file: (\S+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
@@ -21,7 +21,7 @@ def test_every_family_has_one():
 @pytest.mark.parametrize(
     "readme",
     [
-        pytest.param(path, id=path.parent.name, marks=[pytest.mark.slow] if path.parent.name in LONG else [])
+        pytest.param(path, id=path.parent.name, marks=[] if path.parent.name in QUICK else [pytest.mark.slow])
         for path in READMES
     ],
 )

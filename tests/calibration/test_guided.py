@@ -162,6 +162,7 @@ def recorded(palpate, file, trajectory, folder, *overrides):
 LOG = '[calibration.{step}.device.rig]\ntype = "mcap-replay"\nfile = "{file}"\n'
 
 
+@pytest.mark.slow
 def test_steps_read_logs(palpate, guided, tmp_path):
     """A standstill and a shake, each recorded before."""
     plain = guided("")
@@ -177,6 +178,7 @@ def test_steps_read_logs(palpate, guided, tmp_path):
     assert set(table["logs"]) == {"standstill.rig", "shake.rig"}
 
 
+@pytest.mark.slow
 def test_a_log_of_a_palpation_is_refused(palpate, guided, tmp_path):
     press = 'type = "point"\nbias = "4 mm"\namplitude = "2 mm"\nfrequency = "2 Hz"\nduration = "4 s"'
     log = recorded(palpate, guided(""), press, tmp_path / "pressed")

@@ -32,6 +32,7 @@ def poses(downs, rng):
     return [Pose(wrench + STD * rng.standard_normal(6), STD) for wrench in wrenches]
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_ninety_to_ninety_nine_times_of_a_hundred():
     truth = {"mass_by_weight": MASS, "bias_z": BIAS[2], "torque_bias_x": TORQUE[0]}
     truth |= {f"centre_{axis}": value for axis, value in zip("xyz", CENTRE, strict=True)}

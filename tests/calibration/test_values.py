@@ -94,6 +94,7 @@ def test_the_uncertainty_is_the_cramer_rao_bound(frequency, amplitude, mass_std,
     assert np.mean([fit.delay.std for fit in fits]) == pytest.approx(delay_std, rel=0.06)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mass", "delay"), [(0.05, 0.0033), (0.14, 0.0), (0.4, 0.025)])
 def test_intervals_hold_the_truth_ninety_to_ninety_nine_times_of_a_hundred(mass, delay):
     inside = {"mass": 0, "delay": 0}
@@ -298,6 +299,7 @@ def test_a_tap_gives_the_delay_too(delay):
     assert np.mean(stds) == pytest.approx(np.std(errors), rel=0.8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.0083])
 def test_a_plate_under_the_simulated_rig(delay):
     """The contact is the only spring there: its slope is the compliance that must come out."""

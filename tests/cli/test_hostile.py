@@ -201,6 +201,7 @@ def test_only_an_address_is_loopback(root):
             load_pipeline(root / "pipelines" / "point_ur3e.toml", [f"twin.bench.host={bad}"])
 
 
+@pytest.mark.slow
 def test_a_twin_in_the_background_serves_until_it_is_signalled(root, tmp_path):
     address = f"127.{os.getpid() % 200 + 20}.77.{os.getpid() % 250 + 1}"
     sets = ["--set", f"twin.bench.host={address}", "--set", f"twin.bench.port={tmp_path}/port"]

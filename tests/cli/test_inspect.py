@@ -55,6 +55,7 @@ def test_check_and_the_resolved_pipeline(palpate, point_pipeline):
     assert palpate("check", "resolved.toml", "--resolved").stdout == resolved
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [["--help"], ["list"], ["--version"], ["run", "--help"]])
 def test_looking_around_imports_nothing_heavy(arguments):
     script = (

@@ -104,6 +104,7 @@ def test_a_comparison_with_a_track_that_fails_shows_the_others_and_ends_with_1(p
     assert "dr,ekf" in (tmp_path / "out" / "compare.csv").read_text()
 
 
+@pytest.mark.slow
 def test_a_model_that_cannot_say_what_it_found_ends_its_own_tracks(palpate, with_plugin, tmp_path):
     more = "def material(self, theta):\n        return 1 / 0"
     own = '\n[model.own]\ntype = "own"\nindenter = "tip"\n'

@@ -88,6 +88,7 @@ def test_one_more_estimator_and_other_settings(recorded, palpate, tmp_path):
     assert tracks(tmp_path / "other")["dr/ekf"] != tracks(recorded)["dr/ekf"]
 
 
+@pytest.mark.slow
 def test_compare_takes_the_tip_of_the_run(recorded, palpate, tmp_path):
     """Not the paper's defaults, which are another tip here."""
     done = palpate("compare", recorded / "log.mcap", "--estimators", "ekf", "--out", tmp_path / "compared")
@@ -106,6 +107,7 @@ def test_a_log_is_no_pipeline_file(recorded, palpate):
     assert "palpate replay" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_plugin_file_of_the_recording_is_needed_and_must_be_the_same(palpate, point_pipeline, tmp_path):
     own = tmp_path / "my_tip.py"
     own.write_text(

@@ -55,12 +55,14 @@ def test_the_run_folder(palpate, point_pipeline, tmp_path):
     assert times[1] - times[0] == pytest.approx(0.01)
 
 
+@pytest.mark.slow
 def test_a_second_run_in_the_same_second_gets_its_own_folder(palpate, point_pipeline, tmp_path):
     for _ in range(2):
         assert palpate("run", point_pipeline, *SHORT).returncode == 0
     assert len(list((tmp_path / "runs").iterdir())) == 2
 
 
+@pytest.mark.slow
 def test_the_same_input_gives_the_same_result_bit_for_bit(palpate, palpate_process, point_pipeline, tmp_path):
     for name, call in (("one", palpate), ("two", palpate_process)):
         assert call("run", point_pipeline, *SHORT, "--out", tmp_path / name).returncode == 0
@@ -137,6 +139,7 @@ def test_a_killed_run_leaves_a_log_that_opens(point_pipeline, tmp_path):
     assert stamps[-1] - stamps[0] > 0.5e9  # what a kill costs, `benchmarks/kill.py` measures
 
 
+@pytest.mark.slow
 def test_a_full_disk_ends_the_run_with_one_message_and_a_log_that_opens(point_pipeline, tmp_path):
     """A limit on the size of files stands for the disk: the write fails in the same place."""
     script = (

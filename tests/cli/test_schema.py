@@ -180,6 +180,7 @@ def test_other_ways_to_write_are_accepted(validator, point, location, value):
     assert [error.message for error in validator.iter_errors(other)] == []
 
 
+@pytest.mark.slow
 def test_it_is_written_to_a_file(palpate, tmp_path):
     assert palpate("schema", "-o", "palpate.schema.json").stdout == ""
     assert json.loads((tmp_path / "palpate.schema.json").read_text()) == json.loads(palpate("schema").stdout)

@@ -70,6 +70,7 @@ def test_run_shows_it_and_keeps_its_details(palpate, beside, tmp_path):
     assert tracks["dr/fit"]["fit"]["correlations"][0].keys() == {"first", "second", "value"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["fit", "compare"])
 def test_commands_go_on_beside_it(palpate, beside, tmp_path, command):
     done = palpate(command, beside, "--out", tmp_path / "out", *(["--cycles"] if command == "fit" else []))

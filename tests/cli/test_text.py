@@ -39,6 +39,7 @@ def test_the_text_is_that_of_python(table):
     assert csv_rows(many) == by_python(many)
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(), min_size=1, max_size=8))
 def test_any_number(numbers):
     """Those that nobody thought of."""

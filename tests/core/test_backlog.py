@@ -135,6 +135,7 @@ def test_estimates_that_lag_are_all_made_with_the_same_bits_and_flagged(run_live
         np.testing.assert_array_equal(np.concatenate([getattr(part, name) for part in found]), getattr(whole, name))
 
 
+@pytest.mark.slow
 def test_a_run_that_keeps_up_says_how_late_its_estimates_are(run_live):
     result = run_live("trajectory.press.duration=0.3 s")
     facts = result.run["live"]["estimates"]

@@ -45,6 +45,7 @@ def test_what_is_recorded_comes_before_its_samples_and_these_before_their_estima
     assert all(len(LISTENERS[0].heard[i][1]) == len(LISTENERS[0].heard[i + 1][2]) for i in blocks)
 
 
+@pytest.mark.slow
 def test_flags_are_told_as_they_rise_and_as_they_fall(point_pipeline, tmp_path, kept, monkeypatch):
     monkeypatch.setattr("palpate.pipeline.telling._EVERY", 0.0)
     pipeline = load_pipeline(point_pipeline, [*SHORT, *kept, "trajectory.press.duration=14 s"])
@@ -64,6 +65,7 @@ def test_a_writer_that_wants_nothing_more_is_asked_for_nothing_more(point_pipeli
     run_pipeline(load_pipeline(point_pipeline, SHORT), tmp_path / "out", observer=Plain())
 
 
+@pytest.mark.slow
 def test_a_sink_ends_a_live_run_through_the_guard(run_live):
     """The arm is told within the call, not when the next batch comes; the result says why."""
     told = []
@@ -88,6 +90,7 @@ def test_a_sink_ends_a_live_run_through_the_guard(run_live):
     assert health["tare"]["noise"] == pytest.approx(0.02, rel=0.5)
 
 
+@pytest.mark.slow
 def test_sinks_open_before_real_time_scheduling_and_can_start_processes_there(run_live, monkeypatch):
     usual = flow.undisturbed
 

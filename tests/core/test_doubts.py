@@ -96,6 +96,7 @@ def test_no_default_is_doubted(kind, name):
     assert doubts(part, defaults) == {}
 
 
+@pytest.mark.slow
 def test_the_schema_knows_the_key():
     jsonschema = pytest.importorskip("jsonschema")
     schema = {**pipeline_schema(REGISTRY)["$defs"]["trajectory:point"], "$defs": pipeline_schema(REGISTRY)["$defs"]}

@@ -57,6 +57,7 @@ def test_a_rest_that_is_cut_again_leaves_the_lines_that_nobody_has_made(simulate
     assert pipeline is None
 
 
+@pytest.mark.slow
 def test_what_a_raster_left_is_left_after_a_search_too(simulated, tmp_path):
     raster = motion_of(simulated)
     write(tmp_path / "run", simulated, 0.5 * raster.total_duration)

@@ -203,6 +203,7 @@ def test_settings_are_json(restored):
         BotaSensor(port="x", baud=1200)
 
 
+@pytest.mark.slow
 def test_the_points_of_a_clock_that_are_kept_do_not_grow_with_the_hours():
     """Four hours of a clock that is 20 ppm fast and strays by a millisecond: as far from an even one as by all."""
     device = np.arange(0, 4 * 3600 * 10**9, 200_000_000, np.int64)

@@ -34,7 +34,9 @@ def refused(ask):
     return None
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if "bomb" in name else []) for name in FILES]
+)
 def test_whatever_is_asked_of_it(tmp_path, name):
     path = Path(shutil.copy(CORPUS / name, tmp_path))
     before, began = peak(), time.process_time()

@@ -259,6 +259,7 @@ def test_an_arm_that_is_stuck_trembles_but_does_not_move():
     assert any(verdict is not None and "has moved by" in verdict.text for verdict in told)
 
 
+@pytest.mark.slow
 def test_a_swing_that_turns_round_has_moved():
     """At 5 Hz and 20 ms late, both ends of a window can be at one height."""
     guard, time = fence(), np.arange(1000) * 0.002

@@ -151,6 +151,7 @@ def creeping(tmp_path):
     return lambda *overrides: load_pipeline(tmp_path / "creep.toml", list(overrides))
 
 
+@pytest.mark.slow
 def test_the_rig_holds_a_force_on_a_material_that_creeps(creeping, tmp_path):
     """The force stays while the tip sinks; the fit and J(t) find the material."""
     from palpate_spectra.recorded import replay

@@ -79,6 +79,7 @@ def from_suggestion_to_elasticity(palpate, tmp_path, *arguments):
 TRUTH = 0.75 * 0.75 * 1.2e4 / np.sqrt(0.005)  # of the force that `press` answers with, on a tip of 5 mm
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("header", "scales", "delimiter"),
     [
@@ -103,6 +104,7 @@ def test_a_table_of_numbers_from_its_names_units_or_motion_to_the_elasticity(
     assert found == pytest.approx(TRUTH, rel=0.08)
 
 
+@pytest.mark.slow
 def test_a_table_without_time_needs_the_rate(palpate, tmp_path):
     _, height, _, force = press(8.0)
     table(tmp_path / "log.csv", ["force_N", "position_m"], [force, height])
@@ -120,6 +122,7 @@ def test_a_table_without_time_needs_the_rate(palpate, tmp_path):
     assert found == pytest.approx(TRUTH, rel=0.08)
 
 
+@pytest.mark.slow
 def test_columns_that_are_not_clear_are_named_and_can_be_chosen(palpate, tmp_path):
     time, height, _, force = press(8.0)
     columns = [np.arange(len(time)), time, np.sin(time), force, height]

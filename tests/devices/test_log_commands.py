@@ -231,6 +231,7 @@ def test_an_exported_recording_replays_from_csv(palpate, recording, tmp_path):
     np.testing.assert_array_equal(found, numbers(recording)["wrench"][:, 2])
 
 
+@pytest.mark.slow
 def test_compare_runs_every_pair_and_draws_them(palpate, point_pipeline, tmp_path):
     pytest.importorskip("matplotlib", reason="pictures need matplotlib")
     short = ("--set", "trajectory.press.duration=1 s", "--set", 'estimator.soft={type = "ekf", force_std = "0.1 N"}')

@@ -136,6 +136,7 @@ def test_a_message_may_have_any_number(tmp_path, number):
     assert rows_of(tmp_path / "good.db3") == rows_of(bag)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("far", [1, 2**30], ids=["in a row", "far apart"])
 def test_a_page_that_cannot_be_read_costs_what_stands_in_it(tmp_path, far):
     """A page in the middle, also where the numbers of its messages are so far apart that none is found by counting."""

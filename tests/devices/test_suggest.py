@@ -234,6 +234,7 @@ def test_what_is_kept_of_a_long_row_holds_nothing_else():
     assert held < 8 * _KEPT + 1_000_000
 
 
+@pytest.mark.slow
 def test_a_pipeline_file_elsewhere_and_a_picture(palpate, tmp_path):
     time, height, speed, force = press(4.0)
     (tmp_path / "logs").mkdir()
@@ -268,6 +269,7 @@ def test_compare_takes_the_roles_as_info_does(palpate, tmp_path):
     assert (refused.returncode, "--force is for logs" in refused.stderr) == (2, True)
 
 
+@pytest.mark.slow
 def test_what_nobody_has_stated_is_flagged_until_somebody_does(palpate, tmp_path):
     time, height, _, force = press(4.0)
     written(tmp_path / "log.csv", [time, force, height], ["time_s", "force_N", "z_m"])

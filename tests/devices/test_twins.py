@@ -104,6 +104,7 @@ def test_an_unknown_fault_is_told(restored):
     assert "needs a number" in restored.say("stall long")
 
 
+@pytest.mark.slow
 def test_a_second_twin_at_one_address_is_refused(palpate, restored, root):
     done = palpate(
         "twin",

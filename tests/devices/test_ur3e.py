@@ -213,6 +213,7 @@ def test_a_controller_that_does_not_begin(restored, fault, words):
         states(device(restored))
 
 
+@pytest.mark.slow
 @pytest.mark.talks
 def test_a_controller_that_falls_silent_while_connecting(restored):
     """The library's constructor then hangs for ever: its process is killed."""

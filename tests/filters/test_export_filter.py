@@ -53,8 +53,12 @@ def _exported(palpate, tmp_path, estimator, track="dr/filter"):
 @pytest.mark.parametrize(
     ("estimator", "track"),
     [
-        ('type = "kinematic-ekf"', "dr/filter"),
-        ('type = "kinematic-ekf"\nbias_std = "20 mN"\nnoise = "measure"\nstudent = 4', "dr/filter"),
+        pytest.param('type = "kinematic-ekf"', "dr/filter", marks=pytest.mark.slow),
+        pytest.param(
+            'type = "kinematic-ekf"\nbias_std = "20 mN"\nnoise = "measure"\nstudent = 4',
+            "dr/filter",
+            marks=pytest.mark.slow,
+        ),
         pytest.param('type = "kinematic-ekf"', "sls/filter", marks=pytest.mark.slow),
         ('type = "ekf"', "dr/filter"),
         pytest.param('type = "afukf"\nstart_from = "fit"', "dr/filter", marks=pytest.mark.slow),

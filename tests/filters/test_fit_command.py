@@ -112,6 +112,7 @@ def test_models_and_logs_are_compared_and_evaluated_on_each_other(palpate, logs)
         assert (logs / "out" / log / "pipeline.toml").exists()
 
 
+@pytest.mark.slow
 def test_no_order_of_logs_or_tracks_changes_a_result(palpate, logs):
     palpate("fit", "v0.csv", "v1.csv", "--pipeline", "fit.toml", "--out", "one", "--no-pictures")
     text = (logs / "fit.toml").read_text()
@@ -138,6 +139,7 @@ def test_a_run_with_several_fits_prints_one_comparison(palpate, logs):
     assert {"covariance", "budget", "identifiability", "aic", "bic", "rss", "unknowns"} <= set(details)
 
 
+@pytest.mark.slow
 def test_cycles_are_fitted_by_themselves_and_repeat_reads_them(palpate, logs):
     for name, elasticity in (("soft", E), ("hard", 1.2 * E)):
         write_log(logs / f"{name}.csv", 6e-3, elasticity, seed=3, cycles=4)
@@ -161,6 +163,7 @@ def test_cycles_are_fitted_by_themselves_and_repeat_reads_them(palpate, logs):
     assert "baseline sites" in shown.stdout
 
 
+@pytest.mark.slow
 def test_repeat_over_run_folders(palpate, logs):
     for k in range(3):
         write_log(logs / "v0.csv", 6e-3, seed=k)

@@ -44,6 +44,7 @@ def test_press_at_50_mm_a_minute_has_no_bias(tip):
     assert np.all((held >= 0.9) & (held <= 1.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("noise", "profile"), [("coloured", True), ("coloured and drifting", True)])
 def test_intervals_hold_the_truth_as_often_as_they_say(noise, profile):
     _, held = runs("sphere", noise, profile)

@@ -78,6 +78,7 @@ def test_the_instant_elasticity_stands_beside_the_lasting_one():
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "theta"),
     [(Poroelastic, (100e3, 0.2, 5e-6)), (FractionalKelvinVoigt, (60e3, 40e3, 0.4))],

@@ -100,6 +100,7 @@ print(len(count), state.tobytes().hex(), outputs.tobytes().hex())
 """
 
 
+@pytest.mark.slow
 def test_another_process_runs_the_kept_code_and_gets_the_same_bits(tmp_path: Path) -> None:
     surroundings = {**os.environ, "PALPATE_CACHE": str(tmp_path)}
     first, second = (

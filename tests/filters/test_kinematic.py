@@ -147,6 +147,7 @@ def faint(seed: int) -> Samples:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_relinearised_smoother_ends_where_least_squares_do_with_their_uncertainty():
     """A single pass stays where its first linearisations, in logarithms, have led it: too far, and too certain."""
     apart: dict[int, list[np.ndarray]] = {1: [], 3: []}

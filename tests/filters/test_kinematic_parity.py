@@ -158,6 +158,7 @@ def test_the_kinematic_filter_is_filterpys(
     assert apart(found.std[begun:], std) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [0.0, pytest.param(4e-3, marks=pytest.mark.slow)])
 def test_the_smoother_is_bryson_and_fraziers(speed: float) -> None:
     samples, settings = jittered(SPHERE, [1.1e5, 360.0], 3000), KinematicSmoother(sweep_speed=speed, passes=1)

@@ -29,6 +29,7 @@ from tests.simulated import pipeline, press_and_sines, samples
 
 TIP = Sphere(radius=5e-3)
 DOUBTS = {"misfit", "correlated-residuals", "at-bound", "hard-to-tell-apart", "undetermined", "not-identifiable"}
+LONG = (Burgers, FractionalKelvinVoigt, GeneralisedMaxwell3, Poroelastic)
 MODELS = [
     (DimensionalityReduction(indenter=TIP), (100e3, 400.0)),
     (StandardLinearSolid(indenter=TIP), (100e3, 50e3, 0.2)),
@@ -50,10 +51,15 @@ def record(model, theta):
     return samples(time, depth, force, 3, force_std=0.02)
 
 
+def slow_beside(*models):
+    """A mark where one of the models has many or nonlinear parameters."""
+    return [pytest.mark.slow] if any(isinstance(model, LONG) for model in models) else []
+
+
 @pytest.mark.parametrize(
     ("fitted", "true"),
     [
-        pytest.param(a, b, id=f"{type(a[0]).__name__}-{type(b[0]).__name__}")
+        pytest.param(a, b, id=f"{type(a[0]).__name__}-{type(b[0]).__name__}", marks=slow_beside(a[0], b[0]))
         for a, b in itertools.pairwise([*MODELS, MODELS[0]])
     ],
 )
@@ -127,6 +133,7 @@ duration = "3 s"
 """
 
 
+@pytest.mark.slow
 def test_the_run_tells_a_misfit_that_is_half_as_large_as_the_noise(tmp_path):
     """A solid with a dashpot taken for one without: residual 1.5 times the noise, E 4 % off, told and covered."""
     text = pipeline(SPECIMEN, MOTION, 'type = "casadi-fit"\nprofile = false', seed=2)

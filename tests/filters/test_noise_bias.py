@@ -108,6 +108,7 @@ def test_noise_of_the_rate_lowers_the_viscosity_of_a_kinematic_filter_by_what_is
         assert abs(track.values[1] - bias.shift - truth[1]) < 2.5 * np.hypot(track.std[1], bias.std)
 
 
+@pytest.mark.slow
 def test_a_smoother_that_is_relinearised_has_another_bias_which_is_predicted_too():
     """The tip has less jerk than is believed: +3 to +4 %, where a single pass is 12 % low."""
     truth, left, off = np.array([1.09e6, 4870.0]), [], []

@@ -118,6 +118,7 @@ print(step.run(np.zeros(1), np.ones((5, 1)), np.ones(1))[0][0], "llvmlite" in sy
 """
 
 
+@pytest.mark.slow
 def test_code_that_is_kept_needs_no_llvm(tmp_path):
     for imported in (True, False):
         done = subprocess.run(

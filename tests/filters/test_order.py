@@ -55,6 +55,7 @@ def test_places_do_not_change_the_force():
     assert forces[0] == pytest.approx(forces[1], rel=1e-10)
 
 
+@pytest.mark.slow
 def test_a_fit_tells_the_fast_arm_first(hold_record):
     model, samples = hold_record
     found = CasadiFit(profile=False, segment="contact").start(Problem(model, 0.0)).run(samples)

@@ -42,6 +42,7 @@ def test_the_authors_logs_give_the_published_numbers(authors_log, tmp_path, name
     assert result.streams["log"]["rate"] == pytest.approx(500.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("silicone", SILICONE)
 def test_its_faults_are_those_of_the_paper(run_point, silicone):
     """After 10 s, E is 1 to 3 % and eta 4 to 9 % high on average, whatever its std says; and it is flagged."""
@@ -67,6 +68,7 @@ def test_its_faults_are_those_of_the_paper(run_point, silicone):
     assert 4.0 < high[1] < 9.0
 
 
+@pytest.mark.slow
 def test_it_comes_to_rest_in_the_end(run_point):
     track = run_point("trajectory.press.duration=60 s").tracks["dr/ekf"]
     assert track.parameters["elasticity"].value == pytest.approx(112.5e3, rel=0.005)

@@ -64,6 +64,7 @@ def test_the_ukf_is_filterpys() -> None:
     agree(SPHERE, [1.1e5, 360.0], ours, FilterpyFilter(filter="ukf", spread=0.5, **START))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("points", ["merwe", "julier", "simplex"])
 def test_every_kind_of_sigma_points_is_filterpys(points: Any) -> None:
     options: dict[str, Any] = {"points": points, "spread": 0.3, **START}

@@ -31,9 +31,9 @@ def record(model, theta, seed):
 @pytest.mark.parametrize(
     ("model", "theta"),
     [
-        (StandardLinearSolid(indenter=TIP), (100e3, 60e3, 0.3)),
+        pytest.param(StandardLinearSolid(indenter=TIP), (100e3, 60e3, 0.3), marks=pytest.mark.slow),
         (DimensionalityReduction(indenter=TIP), (100e3, 800.0)),
-        (PowerLaw(indenter=TIP), (100e3, 0.15)),
+        pytest.param(PowerLaw(indenter=TIP), (100e3, 0.15), marks=pytest.mark.slow),
     ],
 )
 def test_the_truth_is_within_the_intervals(model, theta):
@@ -56,6 +56,7 @@ def test_what_the_rig_makes_is_found_again(tmp_path):
     assert "unloading" not in {flag.code for flag in found.flags}
 
 
+@pytest.mark.slow
 def test_a_fit_whose_contact_follows_the_way_out_is_flagged(tmp_path):
     track = run(tmp_path, "ting", estimator="casadi-fit").tracks["sls/fit"]
     assert "unloading" in {flag.code for flag in track.flags}

@@ -59,6 +59,7 @@ def test_without_noise_everything_is_found():
     assert not [flag for flag in found.flags if flag.code != "tilted-baseline"]
 
 
+@pytest.mark.slow
 def test_the_truth_is_within_the_uncertainty():
     """Over 60 records; a binomial of 0.95 stays within 50 to 60 in 99.9 % (scipy.stats.binom)."""
     inside = contact = 0
@@ -85,12 +86,14 @@ def test_profiles_and_spread_hold_the_truth(seed):
     assert not found.flags
 
 
+@pytest.mark.slow
 def test_viscosity_that_is_known_is_taken_off():
     without, known = (look(HERTZ, [1e5, 800.0], noise=1e-3, parameters=p) for p in ({}, {"viscosity": "800 Pa*s"}))
     assert abs(known.fit.modulus / 1e5 - 1) < 5e-3
     assert abs(without.fit.modulus / 1e5 - 1) > abs(known.fit.modulus / 1e5 - 1)
 
 
+@pytest.mark.slow
 def test_a_robust_fit_bears_outliers():
     samples = record(HERTZ, [1e5, 0.0], noise=0.01, seed=3)
     hit = np.random.default_rng(5).choice(len(samples) // 2, 40, replace=False)
@@ -149,6 +152,7 @@ def test_a_record_that_begins_in_contact_is_refused():
         looked_at(law_of(HERTZ, "dr", {}), press_of(samples[np.asarray(samples.position < -1e-4)]), Settings())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tilt", [0.0, 60.0])
 def test_a_tilt_that_no_air_tells_is_held_at_zero_and_counts(tilt):
     """0.1 mm of air for 2 mm of depth; 60 N/m over it are 0.12 N of 0.67."""

@@ -163,6 +163,7 @@ def test_strangers_are_refused(child):
         pass
 
 
+@pytest.mark.slow
 def test_a_run_with_it_finds_the_same(run_point, monkeypatch):
     said = []
     monkeypatch.setattr("palpate_live.sink.say", said.append)

@@ -52,6 +52,7 @@ def meanwhile(work):
     return wait
 
 
+@pytest.mark.slow
 def test_stop_on_the_page_retracts_the_arm(run_live, stage, addresses):
     def press():
         with opened(addresses.get(timeout=60)) as page:
@@ -77,6 +78,7 @@ def test_stop_on_the_page_retracts_the_arm(run_live, stage, addresses):
     assert addresses.empty()  # nothing was dropped
 
 
+@pytest.mark.slow
 def test_the_page_is_told_all_of_a_live_run(run_live, addresses):
     def look():
         kinds, tracks = set(), set()
@@ -134,6 +136,7 @@ def test_a_simulated_run_with_the_page_finds_the_same(run_point, addresses):
     assert (plain.folder / "estimates.csv").read_bytes() == (shown.folder / "estimates.csv").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("log", [True, False], ids=["by its log", "by its tables"])
 def test_a_recorded_run_is_watched(log, run_point, addresses, monkeypatch):
     offline = [] if log else ['run.tracks=["dr/ekf", "dr/smoother"]', 'estimator.smoother.type="kinematic-smoother"']

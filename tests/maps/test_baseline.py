@@ -15,6 +15,7 @@ def test_outliers_do_not_hide_one_another():
     assert baseline.spread == pytest.approx(0.01, rel=0.3)
 
 
+@pytest.mark.slow
 def test_false_alarms_are_as_rare_as_promised():
     dice = np.random.default_rng(2)
     alarms = 0

@@ -47,7 +47,11 @@ def raster_run(root, tmp_path_factory):
 
 @pytest.mark.parametrize(
     ("command", "said"),
-    [("map", "map of run, after"), ("lumps", "lumps of run, after"), ("report", "report of 1 run, ")],
+    [
+        ("lumps", "lumps of run, after"),
+        pytest.param("map", "map of run, after", marks=pytest.mark.slow),
+        pytest.param("report", "report of 1 run, ", marks=pytest.mark.slow),
+    ],
 )
 def test_ten_thousand_sites_take_their_time_and_it_is_said(palpate, raster_run, tmp_path, monkeypatch, command, said):
     monkeypatch.setattr("palpate_basics.progress._EVERY", 1e-3)
@@ -56,6 +60,7 @@ def test_ten_thousand_sites_take_their_time_and_it_is_said(palpate, raster_run, 
     assert said in done.stderr
 
 
+@pytest.mark.slow
 def test_a_sweep_gives_a_picture_and_its_lumps(palpate, sweep_run):
     done = palpate("map", sweep_run)
     assert done.returncode == 0, done.stderr
@@ -70,6 +75,7 @@ def test_a_sweep_gives_a_picture_and_its_lumps(palpate, sweep_run):
     assert "kPa" in text
 
 
+@pytest.mark.slow
 def test_the_papers_filter_finds_no_lump_in_the_same_sweep(sweep_run):
     assert find_lumps(sites_along(read_path(sweep_run, "dr/ekf"))).lumps == ()
 
@@ -89,6 +95,7 @@ def test_a_raster_gives_a_map(palpate, raster_run):
     assert (raster_run / "maps" / "map.svg").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_a_pipeline_file_becomes_a_map_in_one_command(palpate, root, tmp_path):
     file = tmp_path / "raster.toml"
     text = (root / "pipelines" / "raster.toml").read_text()
@@ -102,6 +109,7 @@ def test_a_pipeline_file_becomes_a_map_in_one_command(palpate, root, tmp_path):
     assert len(list((tmp_path / "runs").glob("*/result.json"))) == 1
 
 
+@pytest.mark.slow
 def test_the_log_and_the_map_as_mcap_say_where(palpate, raster_run, tmp_path):
     """The estimates of a run have a place while it goes on; the map is a Grid that another decoder reads."""
     from mcap.reader import make_reader
@@ -137,6 +145,7 @@ def test_the_log_and_the_map_as_mcap_say_where(palpate, raster_run, tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_an_interrupted_raster_resumes_at_the_last_whole_line(root, raster_run, tmp_path, palpate):
     """The first part is cut by hand to what a kill in the second line leaves."""
     cut = tmp_path / "cut"
@@ -255,6 +264,7 @@ SAFETY = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["plan", "run"])
 def test_a_motion_outside_of_the_workspace_is_refused_by_name(palpate, root, tmp_path, command):
     file = root / "pipelines" / "raster.toml"
@@ -310,6 +320,7 @@ def test_a_run_of_a_sweep_prints_ranges(palpate, root, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_no_map_is_written_over_an_earlier_one(palpate, raster_run, tmp_path):
     out = tmp_path / "maps"
     said = []
@@ -323,6 +334,7 @@ def test_no_map_is_written_over_an_earlier_one(palpate, raster_run, tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_a_map_of_an_offline_track_wants_all_parts(palpate, raster_run, tmp_path):
     """The first part was killed: it has no offline estimates. A map of the second alone is no map of the run."""
     run = tmp_path / "run"
@@ -384,6 +396,7 @@ def test_a_search_goes_on_beyond_the_border_of_the_sites(palpate, beside_a_spher
     assert visited.standing.all()
 
 
+@pytest.mark.slow
 def test_a_search_says_where_it_may_not_go_on(palpate, beside_a_sphere, tmp_path):
     """The same sphere, and an area that ends before it: nothing is visited beyond, and that is said."""
     pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
@@ -424,6 +437,7 @@ def test_the_recorded_sweep_holds_a_sphere_and_a_horseshoe_and_nothing_else(palp
     assert "no lumps" in palpate("lumps", tmp_path / "out", "--track", "dr/ekf").stdout
 
 
+@pytest.mark.slow
 def test_curves_of_filters_are_compared_with_points(palpate, root, tmp_path):
     """As in the paper's figure, over a shorter line with the sphere in its middle."""
     points = tmp_path / "points.toml"
@@ -444,6 +458,7 @@ def test_curves_of_filters_are_compared_with_points(palpate, root, tmp_path):
     assert (tmp_path / "out" / "points" / "result.json").is_file()
 
 
+@pytest.mark.slow
 def test_settings_are_compared_along_a_sweep(palpate, root, tmp_path):
     line = ['trajectory.sweep.start=["0 mm", "-30 mm"]', 'trajectory.sweep.end=["0 mm", "0 mm"]']
     few = ["trajectory.sweep.settle=2 s", 'sweep.estimator.afukf.fading.theta=["1 mm/s", "2 mm/s"]']
@@ -457,6 +472,7 @@ def test_settings_are_compared_along_a_sweep(palpate, root, tmp_path):
     assert (tmp_path / "out" / "sweep.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_points_of_what_is_no_sweep_are_refused(palpate, root, raster_run, tmp_path):
     done = palpate("compare", root / "pipelines" / "point.toml", "--estimators", "ekf", "--points", raster_run)
     assert done.returncode == 2

@@ -19,6 +19,7 @@ def test_every_tip_and_model_is_on_the_page_and_in_a_picture(name):
     assert f"<!-- {name} -->" in pictures
 
 
+@pytest.mark.slow
 def test_the_pictures_of_the_page_are_there_and_can_be_drawn():
     for name in ("tips", "models", "thickness"):
         assert f"](pictures/{name}.svg)" in TEXT

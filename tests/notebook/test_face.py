@@ -90,6 +90,7 @@ def test_what_is_refused_leaves_no_folder(short, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_estimates_and_samples_have_dimensions_and_units(kept):
     estimates, samples = kept.estimates, kept.samples
     assert estimates["elasticity"].dims == ("track", "time")
@@ -169,6 +170,7 @@ def test_mistakes_are_told(kept, do, what):
         do(kept)
 
 
+@pytest.mark.slow
 def test_a_report(kept, tmp_path, capsys):
     page = kept.report(tmp_path / "point.html")
     assert kept.name in page.read_text()
@@ -286,6 +288,7 @@ def flags_of(record):
     return {flag.code: flag.message for flag in flags}
 
 
+@pytest.mark.slow
 def test_other_signals_of_a_log_begin_from_what_it_carries(kept):
     """The mass and tare of its run stay; what its channel was late by says nothing of another one."""
     with warnings.catch_warnings():
@@ -423,6 +426,7 @@ def test_sweeps_that_cannot_be(short, settings, more, what):
         palpate.sweep(short, settings, **more)
 
 
+@pytest.mark.slow
 def test_a_raster_is_a_map(root, tmp_path):
     raster = palpate.load(root / "pipelines" / "raster.toml").set("trajectory.raster.size", ["8 mm", "4 mm"])
     run = raster.set("trajectory.raster.pitch", "4 mm").set("run.tracks", ["dr/kinematic"]).run()

@@ -18,6 +18,7 @@ def test_every_picture_with_its_numbers(palpate, point, tmp_path):
     }
 
 
+@pytest.mark.slow
 def test_every_format_in_a_column_s_width_is_the_same_file_again(palpate, point, tmp_path):
     formats = ["--format", "png", "--format", "svg", "--format", "pdf"]
     for folder, width in (("a", "120"), ("b", "middle")):
@@ -41,6 +42,7 @@ def test_the_numbers_are_those_of_the_run(palpate, point, tmp_path):
     assert np.allclose([depth.min(), depth.max()], [3.3e-3, 5.3e-3], atol=4e-4)  # 4 mm +- 1 mm, the skin at 0.3 mm
 
 
+@pytest.mark.slow
 def test_a_map_of_a_sweep(palpate, runs, tmp_path):
     run = runs("sweep", 'run.tracks=["dr/ekf"]')
     done = palpate("plot", run, "map", "--out", tmp_path, "--format", "svg")
@@ -85,6 +87,7 @@ def test_quartiles_hold_half_of_the_points():
     assert quartiles(np.full(3, np.nan), np.ones(3))[0].shape == (0,)
 
 
+@pytest.mark.slow
 def test_names_are_no_formulas_and_pictures_no_accident(tmp_path):
     def draw(path):
         with style():

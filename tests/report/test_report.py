@@ -65,6 +65,7 @@ def test_everything_is_on_one_page_the_verdict_first(palpate, copied):
     assert json.loads(page.result) == json.loads((copied / "result.json").read_text())
 
 
+@pytest.mark.slow
 def test_nothing_is_loaded_and_nothing_is_executed(palpate, copied):
     palpate("report", copied)
     text = (copied / "report.html").read_text()
@@ -120,6 +121,7 @@ def test_texts_of_others_are_no_markup(palpate, copied):
     assert json.loads(page.result)["run"]["name"] == HOSTILE
 
 
+@pytest.mark.slow
 def test_a_run_that_was_killed_says_what_there_is(palpate, copied):
     (copied / "result.json").unlink()
     text = (copied / "estimates.csv").read_text()
@@ -150,6 +152,7 @@ def test_whatever_is_left_of_a_run_is_shown(palpate, copied, kept):
     assert read(copied / "report.html").text.startswith(("S2, sphere", "run"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "content"),
     [
@@ -201,6 +204,7 @@ def test_anonymous_names_neither_host_nor_path(palpate, point, tmp_path):
     assert "lab-seven" in (run / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_many_runs_are_compared(palpate, runs, tmp_path):
     made = [
         runs("point", 'run.tracks=["dr/kinematic"]', "trajectory.press.duration=2 s", f"run.seed={k}") for k in range(3)
@@ -224,6 +228,7 @@ def test_many_runs_are_compared(palpate, runs, tmp_path):
     assert "Differences between groups" in read(tmp_path / "groups.html").text
 
 
+@pytest.mark.slow
 def test_sites_are_on_a_map(palpate, point, tmp_path):
     for k in range(3):
         run = shutil.copytree(point, tmp_path / f"site-{k}")
@@ -254,6 +259,7 @@ def test_a_run_writes_its_report_or_says_how(palpate, point_pipeline, tmp_path):
     assert (tmp_path / "asked" / "report.html").is_file()
 
 
+@pytest.mark.slow
 def test_a_section_that_fails_says_so(monkeypatch, point):
     from palpate import ReportSection
     from palpate.host import registry

@@ -30,6 +30,7 @@ def test_a_run_folder_becomes_a_table_a_csv_and_a_picture(palpate, run, tmp_path
     assert (tmp_path / "out" / "spectrum.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_json_holds_everything_and_two_recordings_are_one_spectrum(palpate, run, tmp_path):
     done = palpate("spectrum", run, run, "--surface", "0.3 mm", "--json", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr

@@ -76,6 +76,7 @@ def test_a_timing_uncertainty_is_in_the_loss_tangent():
     assert (1 + 0.0) * 10 * np.pi * 1e-4 == pytest.approx(0.0031, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_the_noise_interval_holds_the_truth_as_often_as_it_says():
     """Two quadratures of three lines of 120 records; exact binomial bounds at 99.9 % of each line's own count."""
     clean = rig.recorded(SOFT, (E, ETA), SINES)
@@ -121,6 +122,7 @@ def test_harmonics_beyond_those_of_the_tip_are_found(model, flagged):
     assert bool(unexplained(answer(other))) == flagged
 
 
+@pytest.mark.slow
 def test_a_chirp_is_a_spectrum():
     time = np.arange(0, 20, 1 / rig.RATE)
     growth = math.log(10.0) / 20
@@ -139,6 +141,7 @@ def test_a_chirp_is_a_spectrum():
     assert found.lines[-1].frequency > 4.0
 
 
+@pytest.mark.slow
 def test_steps_of_the_frequency_are_a_spectrum():
     parts = [rig.recorded(SOFT, (E, ETA), {f: 0.5e-3}, seed=i) for i, f in enumerate((1.0, 3.0, 6.0))]
     force, height = (np.concatenate([getattr(part, key) for part in parts]) for key in ("force", "height"))

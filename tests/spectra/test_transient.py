@@ -81,6 +81,7 @@ def test_a_slow_ramp_is_taken_off():
     assert one.value == pytest.approx(two_times(one.time), rel=5e-3)
 
 
+@pytest.mark.slow
 def test_noise_is_what_it_says_and_a_drift_is_taken_off():
     """Over 12 records with 0.05 N of noise and a drift of 0.1 N: squares of errors over their noise, by chi^2."""
     z = []
@@ -94,6 +95,7 @@ def test_noise_is_what_it_says_and_a_drift_is_taken_off():
     assert one.pressed.drift == pytest.approx(0.1, rel=0.5)
 
 
+@pytest.mark.slow
 def test_the_spectrum_has_its_two_times_and_the_strength_of_its_decades():
     one = found(GeneralisedMaxwell2(indenter=TIP), TWO, hold=20.0, seed=3)
     times, height, std = density(one)
@@ -106,6 +108,7 @@ def test_the_spectrum_has_its_two_times_and_the_strength_of_its_decades():
         assert abs(one.strength - strength) < 3 * one.std < 0.5 * strength
 
 
+@pytest.mark.slow
 def test_a_material_that_relaxes_by_the_depth_is_flagged():
     """A poroelastic gel held at two depths is no linear material; a generalised Maxwell solid there is one."""
     time = np.arange(0.0, 14.0, 0.005)
@@ -171,6 +174,7 @@ standstill = "0.5 s"
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [4, 5])
 def test_a_short_creep_is_one_linear_material(tmp_path, seed):
     """Half a second held, and half as much noise as force in the beginning: J(t), and no flag."""

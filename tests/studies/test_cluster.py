@@ -424,6 +424,7 @@ def test_a_plugin_file_goes_along_with_what_its_parts_are_in(point_pipeline, tmp
         Parcel.of(jobs[0])
 
 
+@pytest.mark.slow
 def test_an_input_is_put_where_it_belongs_and_nothing_is_written_over(tmp_path):
     stage = staging.Stage(f"file://{tmp_path}/stage")
     file = _csv_pipeline(tmp_path / "own")

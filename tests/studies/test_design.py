@@ -41,6 +41,7 @@ def test_json_has_every_bound(palpate, file):
     assert best["bias"]["elasticity"] < 0
 
 
+@pytest.mark.slow
 def test_limits_move_the_recommendation(palpate, file):
     done = palpate("design", file, "--set", "design.top_acceleration=0.1", "--set", "design.multisines=[[0.5, 2.0]]")
     assert done.returncode == 0, done.stderr
@@ -53,6 +54,7 @@ def test_limits_move_the_recommendation(palpate, file):
 RELAXING = '\n[model.sls]\ntype = "standard-linear-solid"\nindenter = "tip"\n'
 
 
+@pytest.mark.slow
 def test_a_model_that_remembers_is_left_out_with_advice(palpate, file, tmp_path):
     both = tmp_path / "both.toml"
     both.write_text(file.read_text() + RELAXING)

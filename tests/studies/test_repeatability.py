@@ -115,6 +115,7 @@ def test_the_picture_has_three_panels_with_both_limits(monkeypatch, tmp_path):
         assert len(line.get_ydata()) == len(values) - len(values) // 3 + 1
 
 
+@pytest.mark.slow
 def test_three_groups_of_unequal_spread_are_tested_by_welch_and_games_howell():
     random = np.random.default_rng(3)
     groups = {"a": random.normal(0, 1, 12), "b": random.normal(0, 5, 30), "c": random.normal(3, 1, 12)}

@@ -22,6 +22,7 @@ def sweep_file(point_pipeline):
     return point_pipeline
 
 
+@pytest.mark.slow
 def test_a_sweep_is_not_gone_on_with_by_other_settings_and_half_a_result_is_none(palpate, sweep_file, tmp_path):
     out = tmp_path / "out"
     assert palpate("sweep", sweep_file, "--out", out, "--jobs", 1, *SHORT).returncode == 0
@@ -97,6 +98,7 @@ def test_a_file_is_whole_or_as_it_was(tmp_path):
     assert path.read_text() == "new"
 
 
+@pytest.mark.slow
 def test_a_batch_goes_on_after_a_bad_one(palpate, point_pipeline, run_point, tmp_path):
     good = [run_point("trajectory.press.duration=1 s", f"run.seed={seed}", name=f"run{seed}") for seed in (1, 2)]
     (tmp_path / "bad").mkdir()

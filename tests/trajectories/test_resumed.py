@@ -82,6 +82,7 @@ def test_a_motion_cut_again_and_again_leaves_nothing_out_and_does_nothing_twice(
     assert len(made) == (whole.lines if isinstance(whole, Raster) else len(whole.visits))
 
 
+@pytest.mark.slow
 def test_settings_forget_what_they_computed_when_they_are_copied_with_other_values():
     tip = Profile(formula="r**2 / (2 * R)", constants={"R": 5e-3}, radius=4e-3)
     before = float(tip.contact_radius(1e-3))

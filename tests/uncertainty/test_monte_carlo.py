@@ -39,6 +39,7 @@ def test_the_draws_agree_with_the_formula_and_with_the_budget(run):
     assert not np.array_equal(propagated(case, 2, seed=2, workers=1).values, found.values[:2])
 
 
+@pytest.mark.slow
 def test_the_command_prints_both(run, capsys):
     budget(run, as_json=True, monte_carlo=4)
     (found,) = json.loads(capsys.readouterr().out).values()

@@ -17,6 +17,7 @@ ETA, MULTI, SINE, branch, evidence = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late", [0.0, 3e-3])
 def test_a_multi_sine_tells_the_delay_and_the_viscosity_without_it(late):
     """The bound of Cramer and Rao for this motion, surface and both parameters unknown, is 0.535 ms."""
@@ -43,6 +44,7 @@ def test_a_fit_that_looks_for_the_delay_gets_the_spread_of_the_laws():
     assert found.table["delay"] == pytest.approx(3e-3, abs=2 * found.table["delay_std"])
 
 
+@pytest.mark.slow
 def test_another_law_is_said_to_be_one_and_covers_the_delay():
     found = self_timed([evidence(MULTI, 1e-3, 7, law=branch)])["t"]
     assert [flag.code for flag in found.flags] == ["delay-by-law"]
@@ -76,6 +78,7 @@ LAWS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 def test_the_delay_by_another_law_has_the_spread_of_those_that_nearly_describe_the_record(law):
     """By the best law alone it was off by 3 to 6 ms at a stated 1 ms."""
