@@ -5,11 +5,13 @@ import signal
 
 import numpy as np
 import pytest
+from palpate import clock
 from palpate.config import load_pipeline
 from palpate.host import RunFolder
 from palpate.pipeline import run_pipeline
 from palpate_basics.remaining import remaining_pipeline
 from palpate_devices.mcap_replay import McapReplay
+from palpate_devices.process.host import host
 from palpate_devices.ur3e.device import UR
 from palpate_studies.repeating import perform
 
@@ -62,6 +64,16 @@ def test_another_arm_is_known_by_its_kinematics(simulated, robot):
         assert link.health["model"] == robot
         assert link.health["kinematics_mismatch"] < 1e-4
         np.testing.assert_allclose(batch.values[-1, :3], [0.0, 0.0, 0.004], atol=1e-4)
+
+
+def test_a_control_program_starts_after_one_that_was_ended(rig):
+    """The command that ended the last one is still in its register."""
+    for _ in range(2):
+        commands = host().robot_commands(rig.host)
+        assert commands.isProgramRunning()
+        commands.stopScript()
+        clock().sleep(0.01)
+        assert not commands.isProgramRunning()
 
 
 @pytest.mark.slow

@@ -19,13 +19,14 @@ def scenes():
 
 # What each scene ends by: a tool that looks elsewhere, a tip that touches the skin at the start, faults in motion.
 ENDS = {
-    16: "",
-    49: "",
-    29: "",
-    32: "",
-    42: "",
-    47: "",
-    57: "",
+    16: "the tool is turned by 8.5 deg",
+    49: "the controller has closed the link",
+    29: "the tip touches something",
+    32: "the robot is in a safeguard stop",
+    47: "the controller is silent: its last state is 102 ms old",
+    21: "",
+    18: "",
+    53: "",
 }
 QUICK = (16, 49)
 
