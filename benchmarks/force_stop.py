@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from random_faults import conftest
+from faults import devices_conftest
 
 _STIFF = ("twin.bench.specimen.elasticity=2.25 MPa", "twin.bench.specimen.viscosity=7240 Pa*s")
 _QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
@@ -49,7 +49,7 @@ def measured(module, folder: Path) -> tuple[float, float, float] | None:
 
 def main() -> None:
     """So many times."""
-    repeats, rows, module = int(sys.argv[1]) if len(sys.argv) > 1 else 10, [], conftest()
+    repeats, rows, module = int(sys.argv[1]) if len(sys.argv) > 1 else 10, [], devices_conftest()
     for _ in range(repeats):
         with tempfile.TemporaryDirectory() as name:
             row = measured(module, Path(name))

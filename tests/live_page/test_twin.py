@@ -15,7 +15,10 @@ pytestmark = pytest.mark.live
 
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here: apt-get install chromium")
 def test_the_stop_button_ends_a_run_in_contact_with_the_arm_retracted(bench, addresses):  # noqa: F811
-    """A click by a person's browser: the guard trips, the arm leaves the material, the result is what was found."""
+    """A click in a browser: the guard trips, the arm leaves the material, the result is what was found.
+
+    The wall clock: a browser is no part of a simulation.
+    """
     twin = bench()
 
     def press():

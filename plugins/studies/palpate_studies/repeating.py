@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import typer
-from palpate import ConfigurationError, Device, Length, PalpateError, Settings, Time, UserError
+from palpate import ConfigurationError, Device, Length, PalpateError, Settings, Time, UserError, clock
 from palpate.host import Pipeline, check_motion, load_pipeline, make_folder, progress, progressed, run_pipeline
 from pydantic import Field
 
@@ -103,7 +102,7 @@ def perform(
     try:
         for k, one in enumerate(planned, start=1):
             if done:
-                time.sleep(wait)
+                clock().sleep(wait)
             with progress(f"palpation {k} of {len(planned)}", "s"):
                 result = run_pipeline(one, _place(folder, k, len(planned)), progressed)
             result.demand_whole()

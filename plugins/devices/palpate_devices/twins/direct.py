@@ -161,6 +161,7 @@ class DirectCommands:
 
     def __init__(self, ports: DirectPorts) -> None:
         self._ports, self._connection = ports, ports.connections
+        self._ports.write({_COMMAND: 0})  # as the library: the register still has what ended the last program
         ports.controller.upload(_PROGRAM)
         deadline = clock().now() + _START
         while not self.isProgramRunning():
