@@ -12,6 +12,7 @@ from palpate_devices.ur3e.device import UR
 from palpate_devices.ur3e.plan import PERIOD
 from palpate_trajectories.point import Point
 
+from tests.devices.conftest import need_arm
 from tests.devices.simulated_bench import SHORT
 
 WORK = {"origin": (-0.3, -0.13, 0.1)}
@@ -163,6 +164,7 @@ def test_a_singular_posture_is_no_place_to_move(simulated, monkeypatch, asked):
                 pass
         except DeviceError as error:
             why.append(str(error))
+        clock().sleep(0.1)  # a refusal takes no simulated time: what comes of it does
         truth = twin.state()
     assert "near a singular posture" in why[0]
     assert truth["fastest_tip"] < 0.01
@@ -259,12 +261,25 @@ def moved_into(twin, fault, **changes):
 
 def test_what_a_lost_link_holds_back_is_never_carried_out(rig):
     """Not even half a second later, when the network delivers again; the watchdog is far too slow to help."""
-    why, _, height, _ = moved_into(rig, "half-open 0.6")
+    why, _, height, _ = moved_into(rig, "half-open 0.6", watchdog="1 Hz")
     clock().sleep(0.7)
     truth = rig.wait_at_rest()
     assert "the control link is lost" in why
     assert truth["low"][2] > height - 0.0007
     assert truth["fastest_tip"] < 0.8 * LIMITS.speed  # its own way down has 0.4 of it
+
+
+def test_nor_what_sockets_hold_back_from_the_real_client(restored):
+    """The real client, whose commands wait in the kernel's buffers; it needs the wall clock: it has its own threads."""
+    need_arm()
+    patient = {"stale": 5.0, "watchdog": 1.0, "host_limit": 10.0, "start": 60.0}
+    why, _, height, health = moved_into(restored, "half-open 0.6", payload="0.35 kg", **patient)
+    clock().sleep(0.7)
+    truth = restored.wait_at_rest()
+    assert "the control link is lost" in why
+    assert truth["low"][2] > height - 0.0007
+    assert truth["fastest_tip"] < 0.8 * LIMITS.speed
+    assert health["payload"] == pytest.approx(0.35)
 
 
 def test_a_link_that_is_held_up_for_a_moment_is_none_that_is_lost(rig):
@@ -315,7 +330,7 @@ def test_reduced_mode_alone_is_no_fault(rig):
 
 def test_a_retraction_waits_for_a_controller_that_says_nothing_and_does_not_leap(rig):
     """Who does not hear it may not hear what it says: commands on a lost link come all at once when it is back."""
-    with device(rig).connect(0) as link:
+    with device(rig, stale="1 s", watchdog="1 Hz").connect(0) as link:
         batches = begun(link)
         link.limit(LIMITS.of_an_arm, print)
         heights = []
