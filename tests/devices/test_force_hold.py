@@ -213,6 +213,7 @@ def held(twin, trajectory, *, watched=True, stop=12.0, fault=None):
     return " ".join(why), twin.state()
 
 
+@pytest.mark.slow
 def test_the_twins_arm_holds_a_force_within_its_envelope(simulated):
     twin = simulated(*SHORT)
     hold = ForceHold(force=2.0, depth=0.005, stiffness=2000.0, **QUICK)

@@ -1,4 +1,4 @@
-"""`palpate calibrate` with the real drivers against the twins: what is hidden there is found."""
+"""`palpate calibrate` with the drivers against the twins: what is hidden there is found."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -31,6 +31,7 @@ def plan_for(twin, *overrides):
     return load_plan(PIPELINE, sets)
 
 
+@pytest.mark.slow
 def test_what_is_hidden_in_the_twins_is_found(simulated):
     """Timing within what the drivers' clocks leave open, 0.3 ms; the rest within three standard uncertainties."""
     twin = simulated(*HIDDEN)

@@ -11,6 +11,7 @@ from tests.devices.simulated_bench import SHORT
 NOISY = "twin.bench.force_std=0.2 N"  # four times what the filter is told
 
 
+@pytest.mark.slow
 def test_noise_that_the_filter_was_not_told(simulated, tmp_path):
     """Refused before anything moves; measured and used where the filter asks for it, and the same in a replay."""
     twin = simulated(*SHORT, NOISY, "safety.standstill=0.6 s")  # 480 readings
@@ -55,14 +56,14 @@ def test_an_offset_that_no_tip_explains(simulated):
 def test_the_way_to_the_start_keeps_the_box(simulated):
     """The tip stands over the box, near enough to the start: nothing moves, and the doctor says it before."""
     twin = simulated(*SHORT, "twin.bench.height=25 mm")
-    bad = [finding for finding in examine(twin.pipeline(), 0.5) if finding.verdict == "bad"]
+    bad = [finding for finding in examine(twin.pipeline(), 0.2) if finding.verdict == "bad"]
     assert ["mm, above the limit of 20.00 mm" in finding.text for finding in bad] == [True]
     with pytest.raises(
         DeviceError, match=r"the way from where .* breaks the limits .*by hand:\n  z goes to 2[45]\.\d+ mm"
     ):
         twin.run()
     assert twin.state()["height"] == pytest.approx(0.025, abs=1e-5)
-    well = [finding.text for finding in examine(twin.pipeline("safety.high=[5e-3, 5e-3, 26e-3]"), 0.5)]
+    well = [finding.text for finding in examine(twin.pipeline("safety.high=[5e-3, 5e-3, 26e-3]"), 0.2)]
     assert any("the way to the start of press, 22.0 mm in 2.1 s, keeps the limits" in text for text in well)
 
 

@@ -161,7 +161,9 @@ class DirectCommands:
 
     def __init__(self, ports: DirectPorts) -> None:
         self._ports, self._connection = ports, ports.connections
-        ports.write({_COMMAND: 0})  # as the library does: the last program's end would be the first thing this one reads
+        ports.write(
+            {_COMMAND: 0}
+        )  # as the library does: the last program's end would be the first thing this one reads
         clock().sleep(2 * TICK)
         ports.controller.upload(_PROGRAM)
         deadline = clock().now() + _START
