@@ -1,6 +1,5 @@
 """What the tests share: the real command, the example pipelines, the authors' logs."""
 
-import importlib.util
 import os
 import shutil
 import sys
@@ -23,13 +22,9 @@ _LONG = (
 
 
 def pytest_configure(config):
-    """Live tests that fail while the host stands still are done again; what a test approves is approved for tests."""
+    """What a test approves is approved for tests."""
     os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="palpate-state-")
     config.add_cleanup(partial(shutil.rmtree, os.environ["XDG_STATE_HOME"], ignore_errors=True))
-    spec = importlib.util.spec_from_file_location("held_up", Path(__file__).with_name("held_up.py"))
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    config.pluginmanager.register(module.Repeating(), "held-up")
 
 
 @pytest.hookimpl(wrapper=True)

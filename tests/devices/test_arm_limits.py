@@ -1,18 +1,19 @@
 """Limits in the servo process, with the host's checks left out; judged by what the twin's arm truly did."""
 
-import subprocess
-import threading
-import time
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from palpate import DeviceError, ForceWatch, Setpoint
+from palpate import DeviceError, ForceWatch, Setpoint, clock
 from palpate.safety import SafetySettings
 from palpate_devices.bota.device import BotaSensor
 from palpate_devices.ur3e.device import UR
 from palpate_devices.ur3e.plan import PERIOD
 from palpate_trajectories.point import Point
+
+from tests.devices.conftest import need_arm
+from tests.devices.simulated_bench import SHORT
 
 WORK = {"origin": (-0.3, -0.13, 0.1)}
 LIMITS = SafetySettings(
@@ -50,8 +51,7 @@ def rows(*places, count=200):
 
 
 def device(twin, **changes):
-    patient = {"stale": 5.0, "watchdog": 1.0, "host_limit": 10.0, "start": 60.0}
-    return UR.model_validate({"host": twin.host, "work": WORK, **patient, **changes})
+    return UR.model_validate({"host": twin.host, "work": WORK, **changes})
 
 
 def begun(link):
@@ -65,12 +65,17 @@ def begun(link):
     raise AssertionError("no states")
 
 
-def moved(twin, trajectory, limits=LIMITS, retreat=False, **changes):
-    """Follow a trajectory by link alone: what it was stopped for, and the twin's truth."""
-    why = []
+def moved(twin, trajectory, limits=LIMITS, retreat=False, told=None, **changes):
+    """Follow a trajectory by link alone: what it was stopped for, and the twin's truth; `told`: when it said so."""
+    why, told = [], [] if told is None else told
+
+    def stop(text):
+        why.append(text)
+        told.append(clock().now())
+
     with device(twin, **changes).connect(0) as link:
         batches = begun(link)
-        link.limit(limits.of_an_arm, why.append)
+        link.limit(limits.of_an_arm, stop)
         twin.fault("mark")
         if retreat:
             link.retreat(0.5e-3, 2e-3)
@@ -79,14 +84,14 @@ def moved(twin, trajectory, limits=LIMITS, retreat=False, **changes):
             for _ in batches:
                 pass
         except DeviceError as error:
-            why.append(str(error))
+            stop(str(error))
         health = link.health
     twin.wait(lambda state: state["joint_speed"] < 1e-3, 3.0)
     return " ".join(why), twin.state(), health
 
 
-def test_a_lawful_motion_goes_through_and_keeps_its_limits(restored):
-    why, truth, health = moved(restored, PRESS)
+def test_a_lawful_motion_goes_through_and_keeps_its_limits(rig):
+    why, truth, health = moved(rig, PRESS)
     assert why == ""
     assert truth["low"][2] == pytest.approx(-0.0025, abs=3e-4)
     assert truth["fastest_tip"] < 1.2 * LIMITS.speed
@@ -106,53 +111,53 @@ def test_a_lawful_motion_goes_through_and_keeps_its_limits(restored):
     ],
     ids=["jump", "deep", "x", "y", "nan", "stated"],
 )
-def test_illegal_setpoints_move_nothing(restored, positions, velocity, words):
-    why, truth, health = moved(restored, Illegal(positions, velocity))
+def test_illegal_setpoints_move_nothing(rig, positions, velocity, words):
+    why, truth, health = moved(rig, Illegal(positions, velocity))
     assert words in why
     assert truth["fastest_tip"] < 1e-3
     assert words in health["own_stop"]["reason"]
 
 
 @pytest.mark.parametrize("ask", [lambda link: link.follow(PRESS), lambda link: link.retreat(0.5e-3, 2e-3)])
-def test_nothing_moves_before_limits_are_told(restored, ask):
-    with device(restored).connect(0) as link:
+def test_nothing_moves_before_limits_are_told(rig, ask):
+    with device(rig).connect(0) as link:
         batches = begun(link)
-        restored.fault("mark")
+        rig.fault("mark")
         ask(link)
         with pytest.raises(DeviceError, match="no limits were set"):
             for _ in batches:
                 pass
-    assert restored.state()["fastest_tip"] < 1e-3
+    assert rig.state()["fastest_tip"] < 1e-3
 
 
 @pytest.mark.parametrize("changes", [{"speed": float("nan")}, {"low": (0.0, 0.0, float("-inf"))}])
-def test_a_limit_that_is_no_number_is_none(restored, changes):
-    with device(restored).connect(0) as link:
+def test_a_limit_that_is_no_number_is_none(rig, changes):
+    with device(rig).connect(0) as link:
         batches = begun(link)
-        restored.fault("mark")
+        rig.fault("mark")
         link.limit(replace(LIMITS.of_an_arm, **changes), print)
         link.follow(PRESS)
         with pytest.raises(DeviceError, match="a limit is not a finite number"):
             for _ in batches:
                 pass
-    assert restored.state()["fastest_tip"] < 1e-3
+    assert rig.state()["fastest_tip"] < 1e-3
 
 
-def test_a_joint_that_would_be_too_fast_ends_the_motion(restored):
-    why, truth, _ = moved(restored, PRESS, joint_speed="2 deg/s")
+def test_a_joint_that_would_be_too_fast_ends_the_motion(rig):
+    why, truth, _ = moved(rig, PRESS, joint_speed="2 deg/s")
     assert "over 2 deg/s ([device.*] joint_speed)" in why
     assert truth["fastest_joint"] < np.radians(3.0)
 
 
 @pytest.mark.parametrize("asked", [True, False])
-def test_a_singular_posture_is_no_place_to_move(bench, short, monkeypatch, asked):
+def test_a_singular_posture_is_no_place_to_move(simulated, monkeypatch, asked):
     """An elbow that is stretched: joints that cancel one another out would drive the tip astray as one of them lags."""
     frame = {"origin": (-0.3, -0.25, 0.2), "rotation": (np.radians(-30.0), 0.0, 0.0)}
     sets = [f"twin.bench.work.{key}={[f'{x} {unit}' for x in frame[key]]}" for key, unit in
             (("origin", "m"), ("rotation", "rad"))]  # fmt: skip
     if not asked:  # the host's own check left out
         monkeypatch.setattr("palpate_devices.ur3e.link.is_singular", lambda jacobian: False)
-    twin = bench(*short, *sets)
+    twin = simulated(*SHORT, *sets)
     why, truth = [], {}
     with device(twin, work=frame).connect(0) as link:
         batches = begun(link)
@@ -164,14 +169,15 @@ def test_a_singular_posture_is_no_place_to_move(bench, short, monkeypatch, asked
                 pass
         except DeviceError as error:
             why.append(str(error))
+        clock().sleep(0.1)  # a refusal takes no simulated time: what comes of it does
         truth = twin.state()
     assert "near a singular posture" in why[0]
     assert truth["fastest_tip"] < 0.01
     assert np.ptp([truth["low"], truth["high"]], axis=0).max() < 1e-4
 
 
-def test_links_out_of_their_box_end_the_motion(restored):
-    why, truth, _ = moved(restored, PRESS, links_low=("-2 m", "-2 m", "0.3 m"))
+def test_links_out_of_their_box_end_the_motion(rig):
+    why, truth, _ = moved(rig, PRESS, links_low=("-2 m", "-2 m", "0.3 m"))
     assert "out of the box of [device.*] links_low" in why
     # It holds where it is, by a pose with noise: it trembles, and goes nowhere.
     assert np.ptp([truth["low"], truth["high"]], axis=0).max() < 1e-4
@@ -184,8 +190,8 @@ def test_links_out_of_their_box_end_the_motion(restored):
         ((0.0, 0.0, 90.0), 'work.turn = "90.0 deg" it would be off by 0.0 deg'),
     ],
 )
-def test_a_tool_that_looks_elsewhere_is_refused_before_anything_moves(bench, short, turn, words):
-    twin = bench(*short, f"twin.bench.tool_rotation={[f'{x} deg' for x in turn]}")
+def test_a_tool_that_looks_elsewhere_is_refused_before_anything_moves(simulated, turn, words):
+    twin = simulated(*SHORT, f"twin.bench.tool_rotation={[f'{x} deg' for x in turn]}")
     with pytest.raises(DeviceError, match="orientation = 5 deg") as caught:
         moved(twin, PRESS)
     assert words in str(caught.value)
@@ -202,8 +208,8 @@ def test_a_tool_that_looks_elsewhere_is_refused_before_anything_moves(bench, sho
     assert twin.state()["fastest_joint"] < np.radians(1.0)  # it holds where it is, by a pose with noise
 
 
-def test_a_small_turn_is_made_slowly_on_the_way_about_the_tip(bench, short):
-    twin = bench(*short, 'twin.bench.tool_rotation=["3 deg", "-2 deg", "1 deg"]')
+def test_a_small_turn_is_made_slowly_on_the_way_about_the_tip(simulated):
+    twin = simulated(*SHORT, 'twin.bench.tool_rotation=["3 deg", "-2 deg", "1 deg"]')
     why, truth, health = moved(twin, PRESS, retreat=True)
     assert why == ""
     assert truth["fastest_turn"] < 1.05 * LIMITS.angular_speed
@@ -213,66 +219,71 @@ def test_a_small_turn_is_made_slowly_on_the_way_about_the_tip(bench, short):
     assert health["tool_off_by_deg"] < 0.1
 
 
-@pytest.mark.parametrize(
-    ("fault", "words"),
-    [
-        ("stuck-pose", "does not change in any digit"),
-        ("jam", "has moved by|does not follow"),
-        ("nan-pose", "pose or joints are no numbers"),
-        ("mute-control", "the control link is lost|program was stopped"),
-    ],
-)
-def test_what_the_robot_says_is_doubted(restored, fault, words):
-    """In motion at 1 mm deep: told with its cause, and the arm goes hardly further."""
-    import re
-
-    places = []
-
-    def make():
-        places.append(restored.wait(lambda state: state["height"] < -0.0005)["height"])
-        restored.fault(fault)
-
-    thread = threading.Thread(target=make)
-    thread.start()
-    slow = Point(bias=0.006, amplitude=0.0005, clearance=0.003, standstill=0.0, duration=2.0, speed=0.01)
-    why, truth, _ = moved(restored, slow, watchdog="10 Hz")
-    thread.join()
-    assert re.search(words, why), why
-    assert truth["low"][2] > places[0] - 0.002
-    assert truth["fastest_tip"] < 1.2 * LIMITS.speed
-
-
-SLOW = Point(bias=0.006, amplitude=0.0005, clearance=0.003, standstill=0.0, duration=2.0, speed=0.01)
+SLOW = Point(bias=0.006, amplitude=0.0005, clearance=0.003, standstill=0.0, duration=0.5, speed=0.01)
 
 
 def moved_into(twin, fault, **changes):
-    """A motion at 10 mm/s into which a fault comes at 0.5 mm deep: why it ended, the truth, height at the fault."""
-    heights = []
+    """A motion at 10 mm/s into which a fault comes at 0.5 mm deep.
+
+    Why it ended, the truth, the height at the fault, and how long [s] after it the end was told (0 if it never was).
+    """
+    heights, times, told = [], [], []
 
     def make():
         heights.append(twin.wait(lambda state: state["height"] < -0.0005)["height"])
-        twin.fault(fault)
+        times.append(twin.fault(fault))
 
-    thread = threading.Thread(target=make)
+    thread = clock().thread(make, "fault")
     thread.start()
-    why, truth, health = moved(twin, SLOW, **changes)
+    why, truth, _ = moved(twin, SLOW, told=told, **changes)
     thread.join()
-    return why, truth, heights[0], health
+    return why, truth, heights[0], told[0] - times[0] if told else 0.0
 
 
-def test_what_a_lost_link_holds_back_is_never_carried_out(restored):
+@pytest.mark.parametrize(
+    ("fault", "words", "delay"),
+    [
+        ("stuck-pose", "does not change in any digit", 0.032),
+        ("jam", "has moved by|does not follow", 0.068),
+        ("nan-pose", "pose or joints are no numbers", 0.014),
+        ("mute-control", "the control link is lost|program was stopped", 0.152),
+    ],
+)
+def test_what_the_robot_says_is_doubted(rig, fault, words, delay):
+    """In motion at 0.5 mm deep: told with its cause after a known delay [s], and the arm goes hardly further."""
+    why, truth, height, after = moved_into(rig, fault)
+    assert re.search(words, why), why
+    assert after == pytest.approx(delay, abs=2e-3)
+    assert truth["low"][2] > height - 0.0005
+    assert truth["fastest_tip"] < 1.2 * LIMITS.speed
+
+
+def test_what_a_lost_link_holds_back_is_never_carried_out(rig):
     """Not even half a second later, when the network delivers again; the watchdog is far too slow to help."""
-    why, _, height, _ = moved_into(restored, "half-open 0.6")
-    time.sleep(0.7)
-    truth = restored.wait_at_rest()
+    why, _, height, after = moved_into(rig, "half-open 0.6", watchdog="1 Hz")
+    clock().sleep(0.7)
+    truth = rig.wait_at_rest()
     assert "the control link is lost" in why
+    assert after == pytest.approx(0.11, abs=2e-3)
     assert truth["low"][2] > height - 0.0007
     assert truth["fastest_tip"] < 0.8 * LIMITS.speed  # its own way down has 0.4 of it
 
 
-def test_a_link_that_is_held_up_for_a_moment_is_none_that_is_lost(restored):
+def test_nor_what_sockets_hold_back_from_the_real_client(restored):
+    """The real client, whose commands wait in the kernel's buffers; it needs the wall clock: it has its own threads."""
+    need_arm()
+    patient = {"stale": 5.0, "watchdog": 1.0, "host_limit": 10.0, "start": 60.0}
+    why, _, height, _ = moved_into(restored, "half-open 0.6", **patient)
+    clock().sleep(0.7)
+    truth = restored.wait_at_rest()
+    assert "the control link is lost" in why
+    assert truth["low"][2] > height - 0.0007
+    assert truth["fastest_tip"] < 0.8 * LIMITS.speed
+
+
+def test_a_link_that_is_held_up_for_a_moment_is_none_that_is_lost(rig):
     """What lands at once is the way of a few periods: the command waits where the controller does not take it."""
-    why, truth, _, _ = moved_into(restored, "half-open 0.06")
+    why, truth, _, _ = moved_into(rig, "half-open 0.06")
     assert why == ""
     assert truth["low"][2] == pytest.approx(-0.0065, abs=3e-4)
     assert truth["fastest_tip"] < LIMITS.speed
@@ -287,10 +298,11 @@ def test_a_link_that_is_held_up_for_a_moment_is_none_that_is_lost(restored):
         ("robot-mode 6", "the robot is BACKDRIVE, not RUNNING", False),
     ],
 )
-def test_a_robot_that_is_not_at_full_speed_any_more_ends_the_motion(restored, fault, words, leaves):
-    why, truth, height, _ = moved_into(restored, fault)
-    assert why.startswith((words, f"ur at {restored.host}: {words}"))
-    assert truth["low"][2] > height - 0.001
+def test_a_robot_that_is_not_at_full_speed_any_more_ends_the_motion(rig, fault, words, leaves):
+    why, truth, height, after = moved_into(rig, fault)
+    assert why.startswith((words, f"ur at {rig.host}: {words}"))
+    assert after < 0.01
+    assert truth["low"][2] > height - 0.0005
     assert (truth["height"] > 0.002) is leaves
     assert truth["fastest_tip"] < 1.2 * LIMITS.speed
 
@@ -302,57 +314,54 @@ def test_a_robot_that_is_not_at_full_speed_any_more_ends_the_motion(restored, fa
         ("robot-mode 5", "the robot is IDLE, not RUNNING"),
     ],
 )
-def test_a_robot_that_is_not_at_full_speed_does_not_begin(restored, short, tmp_path, fault, words):
-    restored.fault(fault)
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
-    job, _ = restored.start_job(lambda state, folder: True, short, tmp_path / "out", **pipes)
-    text, _ = job.communicate(timeout=120)
-    assert job.returncode == 1
-    assert words in " ".join(text.split())
-    assert restored.state()["fastest_joint"] < 1e-6
+def test_a_robot_that_is_not_at_full_speed_does_not_begin(rig, fault, words):
+    rig.fault(fault)
+    with pytest.raises(DeviceError, match=re.escape(words)):
+        rig.run()
+    assert rig.state()["fastest_joint"] < 1e-6
 
 
-def test_reduced_mode_alone_is_no_fault(restored):
-    restored.fault("reduced")
-    why, truth, _ = moved(restored, PRESS)
+def test_reduced_mode_alone_is_no_fault(rig):
+    rig.fault("reduced")
+    why, truth, _ = moved(rig, PRESS)
     assert why == ""
     assert truth["low"][2] == pytest.approx(-0.0025, abs=3e-4)
 
 
-def test_a_retraction_waits_for_a_controller_that_says_nothing_and_does_not_leap(restored):
+def test_a_retraction_waits_for_a_controller_that_says_nothing_and_does_not_leap(rig):
     """Who does not hear it may not hear what it says: commands on a lost link come all at once when it is back."""
-    with device(restored).connect(0) as link:
+    with device(rig, stale="1 s", watchdog="1 Hz").connect(0) as link:
         batches = begun(link)
         link.limit(LIMITS.of_an_arm, print)
         heights = []
 
         def make():
-            restored.wait(lambda state: state["height"] < 0.0005)
-            restored.fault("freeze")
-            time.sleep(0.05)
+            rig.wait(lambda state: state["height"] < 0.0005)
+            rig.fault("freeze")
+            clock().sleep(0.05)
             link.retract()
             for _ in range(2):
-                time.sleep(0.2)
-                heights.append(restored.state()["height"])
-            restored.fault("thaw")
+                clock().sleep(0.2)
+                heights.append(rig.state()["height"])
+            rig.fault("thaw")
 
-        restored.fault("mark")
-        thread = threading.Thread(target=make)
+        rig.fault("mark")
+        thread = clock().thread(make, "fault")
         thread.start()
-        link.follow(Point(bias=0.006, amplitude=0.0005, clearance=0.003, standstill=0.0, duration=2.0, speed=0.01))
+        link.follow(Point(bias=0.006, amplitude=0.0005, clearance=0.003, standstill=0.0, duration=0.5, speed=0.01))
         for _ in batches:
             pass
         thread.join()
-        state = restored.wait(lambda state: state["height"] > 0.003)
+        state = rig.wait(lambda state: state["height"] > 0.003)
         assert state["fastest_tip"] < 1.2 * LIMITS.speed
         assert heights[0] == pytest.approx(heights[1], abs=1e-5)
         assert heights[0] < 0.001
 
 
-def test_it_waits_while_the_sensor_says_nothing(bench, short):
-    twin = bench(*short)
+def test_it_waits_while_the_sensor_says_nothing(simulated):
+    twin = simulated(*SHORT)
     sensor = BotaSensor.model_validate({"port": str(twin.port), "settle": "0.1 s", "silence": "20 s"})
-    slow = Point(bias=0.004, amplitude=0.001, clearance=0.003, standstill=0.0, duration=1.0, speed=0.01)
+    slow = Point(bias=0.004, amplitude=0.001, clearance=0.003, standstill=0.0, duration=0.5, speed=0.01)
     with sensor.connect(0) as force, device(twin).connect(0) as link:
         batches = begun(link)
         link.limit(LIMITS.of_an_arm, print)
@@ -360,9 +369,9 @@ def test_it_waits_while_the_sensor_says_nothing(bench, short):
         link.follow(slow)
         twin.wait(lambda state: state["height"] < 0.001)
         twin.fault("silent")
-        time.sleep(0.2)
+        clock().sleep(0.2)
         before = twin.state()["height"]
-        time.sleep(0.5)  # in which it would go 5 mm
+        clock().sleep(0.5)  # in which it would go 5 mm
         assert twin.state()["height"] == pytest.approx(before, abs=1e-5)
         twin.fault("sound")
         for _ in batches:
@@ -371,10 +380,10 @@ def test_it_waits_while_the_sensor_says_nothing(bench, short):
     assert twin.state()["low"][2] == pytest.approx(-0.005, abs=3e-4)
 
 
-def test_the_force_stops_it_although_nobody_of_the_host_looks(bench, short, force_limit):
+def test_the_force_stops_it_although_nobody_of_the_host_looks(simulated, force_limit):
     """The job reads nothing for as long as the motion takes: the servo process reads the sensor by itself."""
-    twin = bench(*short, "twin.bench.specimen.elasticity=2.25 MPa", "twin.bench.specimen.viscosity=7240 Pa*s")
-    sensor = BotaSensor.model_validate({"port": str(twin.port), "settle": "0.1 s", "silence": "5 s"})
+    twin = simulated(*SHORT, "twin.bench.specimen.elasticity=2.25 MPa", "twin.bench.specimen.viscosity=7240 Pa*s")
+    sensor = BotaSensor.model_validate({"port": str(twin.port), "settle": "0.1 s"})
     deep = Point(bias=0.004, amplitude=0.001, clearance=0.003, standstill=0.0, duration=1.0)
     with sensor.connect(0) as force, device(twin).connect(0) as link:
         batches, why = begun(link), []
@@ -393,8 +402,8 @@ def test_the_force_stops_it_although_nobody_of_the_host_looks(bench, short, forc
     assert state["fastest_tip"] < 1.2 * LIMITS.speed
 
 
-def test_payload_tool_and_model_are_told(bench, short):
-    twin = bench(*short, 'twin.bench.tcp_rotation=["0 deg", "0 deg", "45 deg"]', "twin.bench.robot=ur5e")
+def test_payload_tool_and_model_are_told(simulated):
+    twin = simulated(*SHORT, 'twin.bench.tcp_rotation=["0 deg", "0 deg", "45 deg"]', "twin.bench.robot=ur5e")
     found = []
     for changes in ({}, {"payload": "0.35 kg", "payload_centre": ["0 mm", "0 mm", "40 mm"]}):
         with device(twin, **changes).connect(0) as link:
@@ -411,27 +420,27 @@ def test_payload_tool_and_model_are_told(bench, short):
         pass
 
 
-def test_looking_leaves_a_running_program_alone(restored):
-    with device(restored).connect(0) as link:
+def test_looking_leaves_a_running_program_alone(rig):
+    with device(rig).connect(0) as link:
         batches = begun(link)
-        before = restored.state()["uploads"]
-        with device(restored).observe(0) as other:
+        before = rig.state()["uploads"]
+        with device(rig).observe(0) as other:
             begun(other)
             place, facts = other.way(PRESS)[1].position[0], other.health
-        assert restored.state()["uploads"] == before
+        assert rig.state()["uploads"] == before
         assert place[2] == pytest.approx(0.004, abs=1e-4)
         assert facts["tool_off_by_deg"] < 0.1
         link.limit(LIMITS.of_an_arm, print)
         link.follow(PRESS)  # it still commands
-        began = time.monotonic()
+        began = clock().now()
         for _ in batches:
             pass
-        assert time.monotonic() - began > PRESS.total_duration
-    assert restored.state()["low"][2] < -0.002
+        assert clock().now() - began > PRESS.total_duration
+    assert rig.state()["low"][2] < -0.002
 
 
-def test_a_retreat_needs_room(restored):
-    with device(restored).connect(0) as link:
+def test_a_retreat_needs_room(rig):
+    with device(rig).connect(0) as link:
         begun(link)
         link.limit(LIMITS.model_copy(update={"high": (0.005, 0.005, 0.004)}).of_an_arm, print)
         with pytest.raises(DeviceError, match="no room for the retreat"):
@@ -444,9 +453,10 @@ def refused(twin, *overrides):
     return str(caught.value)
 
 
-def test_a_preload_is_refused_whatever_the_tare_hides(bench, short):
+@pytest.mark.slow
+def test_a_preload_is_refused_whatever_the_tare_hides(simulated):
     """The tip 5 mm deep at the start, 17 N on the skin: by its size, by its sum, by a retreat; never pressed deeper."""
-    twin = bench(*short, "twin.bench.height=-5 mm", "twin.bench.specimen.elasticity=366 kPa")
+    twin = simulated(*SHORT, "twin.bench.height=-5 mm", "twin.bench.specimen.elasticity=366 kPa")
     assert "over [safety] standstill_force = 5 N" in refused(twin)
     before = twin.state()
     assert "over force = 20 N" in refused(twin, "safety.standstill_force=50 N")
@@ -457,7 +467,7 @@ def test_a_preload_is_refused_whatever_the_tare_hides(bench, short):
     assert after["peak_force"] < before["peak_force"] + 0.1
 
 
-def test_a_light_touch_is_felt(bench, short):
-    twin = bench(*short, "twin.bench.height=0.1 mm")  # the skin is at 0.3 mm
+def test_a_light_touch_is_felt(simulated):
+    twin = simulated(*SHORT, "twin.bench.height=0.1 mm")  # the skin is at 0.3 mm
     assert "the tip touches something" in refused(twin)
     assert twin.state()["low"][2] > 0.00008

@@ -16,6 +16,7 @@ from palpate_devices.ur3e.plan import PERIOD, Plan
 from palpate_devices.ur3e.servo import Commander, Law
 from palpate_trajectories.force_hold import ForceHold
 
+from tests.devices.simulated_bench import SHORT
 from tests.simulated import pipeline, solid
 
 LAW = ForceLaw(2.0, 0.1, 8.0, 0.005, 0.1, 1 / (0.4 * 2000.0))
@@ -188,9 +189,8 @@ QUICK = {"duration": 4.0, "speed": 0.008, "standstill": 0.0, "clearance": 0.003}
 def held(twin, trajectory, *, watched=True, stop=12.0, fault=None):
     """What the twin's arm did under a force-hold, and why it was stopped; `fault`: of the sensor, from 0.5 mm on."""
     why = []
-    patient = {"stale": 5.0, "watchdog": 1.0, "host_limit": 10.0}
-    arm = UR.model_validate({"host": twin.host, "work": {"origin": (-0.3, -0.13, 0.1)}, **patient})
-    sensor = BotaSensor.model_validate({"port": str(twin.port), "settle": "0.1 s", "silence": "20 s"})
+    arm = UR.model_validate({"host": twin.host, "work": {"origin": (-0.3, -0.13, 0.1)}})
+    sensor = BotaSensor.model_validate({"port": str(twin.port), "settle": "0.1 s"})
     with sensor.connect(0) as force, arm.connect(0) as link:
         batches, seen = link.batches(), 0
         for batch in batches:
@@ -214,8 +214,9 @@ def held(twin, trajectory, *, watched=True, stop=12.0, fault=None):
     return " ".join(why), twin.state()
 
 
-def test_the_twins_arm_holds_a_force_within_its_envelope(bench, short):
-    twin = bench(*short)
+@pytest.mark.slow
+def test_the_twins_arm_holds_a_force_within_its_envelope(simulated):
+    twin = simulated(*SHORT)
     hold = ForceHold(force=2.0, depth=0.005, stiffness=2000.0, **QUICK)
     why, truth = held(twin, hold)
     assert why == ""
@@ -225,9 +226,9 @@ def test_the_twins_arm_holds_a_force_within_its_envelope(bench, short):
     assert truth["height"] == pytest.approx(0.003, abs=2e-4)
 
 
-def test_the_twins_arm_leaves_where_the_force_is_not_found(bench, short):
+def test_the_twins_arm_leaves_where_the_force_is_not_found(simulated):
     """A force that the envelope's depth does not give: the tip goes no deeper, and comes back."""
-    twin = bench(*short)
+    twin = simulated(*SHORT)
     hold = ForceHold(force=8.0, depth=0.001, stiffness=2000.0, **QUICK)
     why, truth = held(twin, hold)
     assert "at the end of its envelope" in why
@@ -236,9 +237,9 @@ def test_the_twins_arm_leaves_where_the_force_is_not_found(bench, short):
 
 
 @pytest.mark.parametrize("fault", ["stuck-force", "clipped-force 0.8"])
-def test_a_force_that_is_not_true_leads_the_twins_arm_no_deeper(bench, short, fault):
+def test_a_force_that_is_not_true_leads_the_twins_arm_no_deeper(simulated, fault):
     """Toward 2 N, which a reading that stands still never reaches: nowhere near the envelope's end at 5 mm."""
-    twin = bench(*short)
+    twin = simulated(*SHORT)
     hold = ForceHold(force=2.0, depth=0.005, stiffness=2000.0, **QUICK)
     why, truth = held(twin, hold, fault=fault)
     assert "repeats its reading in every digit" in why
@@ -246,8 +247,8 @@ def test_a_force_that_is_not_true_leads_the_twins_arm_no_deeper(bench, short, fa
     assert truth["height"] > 0.002
 
 
-def test_a_force_that_nobody_tells_leads_nothing(bench, short):
-    twin = bench(*short)
+def test_a_force_that_nobody_tells_leads_nothing(simulated):
+    twin = simulated(*SHORT)
     hold = ForceHold(force=2.0, depth=0.005, stiffness=2000.0, **QUICK)
     why, truth = held(twin, hold, watched=False)
     assert "does not share its readings" in why

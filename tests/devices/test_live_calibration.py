@@ -1,4 +1,4 @@
-"""`palpate calibrate` with the real drivers against the twins: what is hidden there is found."""
+"""`palpate calibrate` with the drivers against the twins: what is hidden there is found."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -31,9 +31,10 @@ def plan_for(twin, *overrides):
     return load_plan(PIPELINE, sets)
 
 
-def test_what_is_hidden_in_the_twins_is_found(bench, patient):
+@pytest.mark.slow
+def test_what_is_hidden_in_the_twins_is_found(simulated):
     """Timing within what the drivers' clocks leave open, 0.3 ms; the rest within three standard uncertainties."""
-    twin = bench(*HIDDEN)
+    twin = simulated(*HIDDEN)
     said = []
 
     def person(text):
@@ -41,7 +42,7 @@ def test_what_is_hidden_in_the_twins_is_found(bench, patient):
         words = text.partition("(")[2].partition(")")[0].replace(",", " ") if "gravity" in text else "0 0 -1"
         twin.fault(f"turn {words}")
 
-    plan = plan_for(twin, *patient, *QUICK)
+    plan = plan_for(twin, *QUICK)
     plan = replace(plan, settings=plan.settings.model_copy(update={"noise": None}))
     calibration, session, _ = run_calibration(plan, Guide(ask=person))
     values = session.values

@@ -3,7 +3,10 @@
 import json
 
 import pytest
+from palpate import clock
 from palpate.simulated_clock import HoldUp
+from palpate_devices.bota.device import BotaSensor
+from palpate_devices.ur3e.device import UR
 
 
 def test_two_runs_are_the_same_to_the_bit(simulated, tmp_path):
@@ -29,3 +32,17 @@ def test_a_short_hold_up_ends_nothing(simulated, process, duration):
     assert result.tracks["dr/kinematic"].parameters["elasticity"].value == pytest.approx(112.5e3, rel=0.03)
     assert twin.truth.speed < 0.04
     assert not twin.truth.moving
+
+
+def test_a_robot_can_be_commanded_after_another_connection_commanded_it(rig):
+    for _ in range(2):
+        with UR.model_validate({"host": rig.host, "work": {"origin": (-0.3, -0.13, 0.1)}}).connect(0) as link:
+            batches, deadline = link.batches(), clock().now() + 0.2
+            while clock().now() < deadline:  # a program that was stopped is an error here
+                next(batches)
+
+
+def test_a_sensor_starts_anew_at_each_opening(rig):
+    for _ in range(2):
+        with BotaSensor.model_validate({"port": str(rig.port), "settle": "0.1 s"}).connect(0) as link:
+            assert "S/N: 000000" in link.health["identity"]

@@ -6,12 +6,15 @@ import pytest
 from palpate.errors import ConfigurationError, DeviceError
 from palpate_hardware.examine import examine
 
+from tests.devices.simulated_bench import SHORT
+
 NOISY = "twin.bench.force_std=0.2 N"  # four times what the filter is told
 
 
-def test_noise_that_the_filter_was_not_told(bench, short, tmp_path):
+@pytest.mark.slow
+def test_noise_that_the_filter_was_not_told(simulated, tmp_path):
     """Refused before anything moves; measured and used where the filter asks for it, and the same in a replay."""
-    twin = bench(*short, NOISY, "safety.standstill=0.6 s")  # 480 readings
+    twin = simulated(*SHORT, NOISY, "safety.standstill=0.6 s")  # 480 readings
     before = twin.state()["height"]
     with pytest.raises(DeviceError, match=r"times what the filter declares .*set noise = \"measure\"") as caught:
         twin.run(out="refused")
@@ -32,16 +35,16 @@ def test_noise_that_the_filter_was_not_told(bench, short, tmp_path):
     assert (result.folder / "estimates.csv").read_bytes() == (again.folder / "estimates.csv").read_bytes()
 
 
-def test_a_sensor_that_is_stuck_moves_nothing(restored):
-    restored.fault("stuck-force")
-    before = restored.state()["height"]
+def test_a_sensor_that_is_stuck_moves_nothing(rig):
+    rig.fault("stuck-force")
+    before = rig.state()["height"]
     with pytest.raises(DeviceError, match=r"every axis of sensor.wrench repeats its reading .* through the standstill"):
-        restored.run()
-    assert restored.state()["height"] == pytest.approx(before, abs=1e-6)
+        rig.run()
+    assert rig.state()["height"] == pytest.approx(before, abs=1e-6)
 
 
-def test_an_offset_that_no_tip_explains(bench, short):
-    twin = bench(*short, "twin.bench.bias=25 N")
+def test_an_offset_that_no_tip_explains(simulated):
+    twin = simulated(*SHORT, "twin.bench.bias=25 N")
     before = twin.state()["height"]
     with pytest.raises(
         DeviceError, match=r"reads 2\d\.\d+ N at standstill, over \[safety\] standstill_force = 5 N: is the tip free"
@@ -50,25 +53,22 @@ def test_an_offset_that_no_tip_explains(bench, short):
     assert twin.state()["height"] == pytest.approx(before, abs=1e-6)
 
 
-def test_the_way_to_the_start_keeps_the_box(bench, short, patient):
+def test_the_way_to_the_start_keeps_the_box(simulated):
     """The tip stands over the box, near enough to the start: nothing moves, and the doctor says it before."""
-    twin = bench(*short, "twin.bench.height=25 mm")
-    patient = (*patient, "alignment.gap=5 s")
-    bad = [finding for finding in examine(twin.pipeline(*patient), 0.5) if finding.verdict == "bad"]
+    twin = simulated(*SHORT, "twin.bench.height=25 mm")
+    bad = [finding for finding in examine(twin.pipeline(), 0.2) if finding.verdict == "bad"]
     assert ["mm, above the limit of 20.00 mm" in finding.text for finding in bad] == [True]
     with pytest.raises(
         DeviceError, match=r"the way from where .* breaks the limits .*by hand:\n  z goes to 2[45]\.\d+ mm"
     ):
         twin.run()
     assert twin.state()["height"] == pytest.approx(0.025, abs=1e-5)
-    well = [finding.text for finding in examine(twin.pipeline(*patient, "safety.high=[5e-3, 5e-3, 26e-3]"), 0.5)]
+    well = [finding.text for finding in examine(twin.pipeline("safety.high=[5e-3, 5e-3, 26e-3]"), 0.2)]
     assert any("the way to the start of press, 22.0 mm in 2.1 s, keeps the limits" in text for text in well)
 
 
-@pytest.mark.talks
-def test_a_way_that_is_too_fast_is_refused_before_anything_is_connected(restored):
-    twin = restored
-    before = twin.state()["uploads"]
+def test_a_way_that_is_too_fast_is_refused_before_anything_is_connected(rig):
+    before = rig.state()["uploads"]
     with pytest.raises(ConfigurationError, match=r"\[device.arm\]: the way to the start: the speed is 50.0 mm/s"):
-        twin.run("device.arm.approach_speed=50 mm/s")
-    assert twin.state()["uploads"] == before
+        rig.run("device.arm.approach_speed=50 mm/s")
+    assert rig.state()["uploads"] == before

@@ -92,6 +92,7 @@ class SocketLine:
 
     def __init__(self) -> None:
         self._plugged, self._baud = True, 0
+        self._reopened = False  # since the last look
         self._ours: socket.socket | None = None
 
     def plug_in(self) -> None:
@@ -111,6 +112,7 @@ class SocketLine:
             raise DeviceError(f"{path} cannot be opened: No such file or directory")
         if self._ours is not None:
             self._ours.close()
+            self._reopened = True
         self._ours, theirs = socket.socketpair()
         self._ours.setblocking(False)
         theirs.setblocking(False)
@@ -119,7 +121,8 @@ class SocketLine:
 
     def look(self) -> tuple[bool, bytes]:
         """See `SerialLine`."""
-        if self._ours is None:
+        reopened, self._reopened = self._reopened, False
+        if self._ours is None or reopened:  # a sensor notices each opening, however soon it comes after a closing
             return False, b""
         try:
             data = self._ours.recv(64)
