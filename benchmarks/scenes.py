@@ -45,7 +45,7 @@ _MOTIONS = {
     "point": 'type = "point"\nbias = "{depth} mm"\namplitude = "{swing} mm"\nfrequency = "{frequency} Hz"\n'
     'duration = "1 s"\nclearance = "3 mm"\nstandstill = "0 s"',
     "raster": 'type = "raster"\nsize = ["6 mm", "1 mm"]\npitch = "1 mm"\nspeed = "6 mm/s"\nsettle = "0.2 s"\n'
-    'press = {{ bias = "{depth} mm", amplitude = "{swing} mm", frequency = "8 Hz", clearance = "3 mm" }}',
+    'press = {{ bias = "{depth} mm", amplitude = "{small} mm", frequency = "8 Hz", clearance = "3 mm" }}',
     "ramp-hold": 'type = "ramp-hold"\ndepths = ["{depth} mm"]\nhold = "0.5 s"\nclearance = "3 mm"\nstandstill = "0 s"',
     "force-hold": 'type = "force-hold"\nforce = "2 N"\ndepth = "{depth} mm"\nduration = "4 s"\n'
     'stiffness = "3 N/mm"\nclearance = "3 mm"\nstandstill = "0 s"',
@@ -65,6 +65,7 @@ class Scene:
     swing: float  # [mm]
     frequency: float  # [Hz]
     speed: float  # [m/s] limit
+    acceleration: float  # [m/s^2] limit
     stop_force: float  # [N]
     fault: str
     instant: float  # [s] after the tip began to move
@@ -109,7 +110,8 @@ def drawn(seed: int) -> Scene:
         depth,
         float(rng.uniform(0.1, min(1.0, 0.9 * depth))),
         float(rng.choice([0.5, 1.0, 2.0, 5.0])),
-        float(rng.uniform(0.025, 0.06)),
+        float(rng.uniform(0.03, 0.06)),
+        float(rng.uniform(0.7, 3.0)),
         float(rng.uniform(5.0, 15.0)),
         FAULTS[int(rng.integers(len(FAULTS)))],
         float(rng.uniform(0.0, 3.0)),
@@ -126,7 +128,10 @@ def pipeline_of(scene: Scene, folder: Path) -> Any:
     text = (Path(__file__).parents[1] / "pipelines" / "point_ur3e.toml").read_text()
     begin, end = text.index("[trajectory.press]"), text.index("[alignment]")
     motion = _MOTIONS[scene.motion].format(
-        depth=f"{scene.depth:.3f}", swing=f"{scene.swing:.3f}", frequency=scene.frequency
+        depth=f"{scene.depth:.3f}",
+        swing=f"{scene.swing:.3f}",
+        frequency=scene.frequency,
+        small=f"{0.2 * scene.swing:.3f}",
     )
     file = folder / "scene.toml"
     file.write_text(f"{text[:begin]}[trajectory.press]\n{motion}\n\n{text[end:]}")
@@ -139,6 +144,7 @@ def pipeline_of(scene: Scene, folder: Path) -> Any:
             "safety.standstill=0.2 s",
             "alignment.tare_duration=0.15 s",
             f"safety.speed={scene.speed}",
+            f"safety.acceleration={scene.acceleration}",
             f"safety.stop_force={scene.stop_force}",
             f"safety.force={scene.stop_force + 8.0}",
             f'twin.bench.place=["{x}", "{y}"]',
@@ -204,7 +210,7 @@ def broken(scene: Scene, truth: Any, ended: str) -> list[str]:
         found.append(f"the tool turned at {math.degrees(truth.turning):.1f} deg/s of 10")
     if truth.joint_speed > math.radians(90.0):
         found.append(f"a joint moved at {math.degrees(truth.joint_speed):.0f} deg/s")
-    if ended == "done" and truth.acceleration > 1.5:  # of what the arm does by itself: 1.0, and its lag
+    if ended == "done" and truth.acceleration > 1.5 * max(scene.acceleration, 1.0):  # 1.0: of what it does by itself
         found.append(f"the tip accelerated at {truth.acceleration:.2f} m/s^2")
     if truth.force > (most := scene.most_force(max(truth.speed, 0.02))):
         found.append(f"the force was {truth.force:.1f} N, over {most:.1f} N")

@@ -68,6 +68,7 @@ class _Actor:
         self.turn.acquire()
         self.waits = 0  # number of the wait that is under way: an entry of the agenda for an earlier one is void
         self.watched: Any = None  # a `select.poll` of the files that it waits for
+        self.roused = False  # one of them can be read: its turn will come
         self.killed = self.ended = False
         self.joiners: list[_Actor] = []
 
@@ -129,7 +130,7 @@ class SimulatedClock:
             try:
                 self._block(me, None if timeout is None else self._now + _nanoseconds(timeout))
             finally:
-                me.watched = None
+                me.roused = False
                 self._watching.remove(me)
             ready = poll.poll(0)
         return [by_number[number] for number, _ in ready]
@@ -222,7 +223,8 @@ class SimulatedClock:
             while self._outside:
                 self._outside.popleft().wake()
             for actor in self._watching:
-                if actor.watched is not None and actor.watched.poll(0):
+                if not actor.roused and actor.watched.poll(0):
+                    actor.roused = True
                     self._wake(actor)
             if not self._agenda:
                 waiting = ", ".join(sorted(f"{a.process}: {a.name}" for a in self._actors.values()))
