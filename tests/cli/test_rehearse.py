@@ -47,7 +47,7 @@ def rows(done):
     """The table of what the arm did: name of the limit -> reached, allowed, left."""
     assert "What the arm did" in done.stdout, done.stderr
     table = done.stdout.partition("What the arm did")[2].splitlines()
-    cells = [[cell.strip() for cell in line.strip("│ ").split("│")] for line in table if line.startswith("│")]
+    cells = [[cell.strip() for cell in line.split("│")[1:-1]] for line in table if line.startswith("│")]
     return {name: rest for name, *rest in cells}
 
 
@@ -74,21 +74,14 @@ def test_a_rehearsal_ends_with_what_the_arm_did_and_is_the_same_every_time(rehea
 
 
 @pytest.mark.slow
-def test_a_rig_without_a_twin_is_rehearsed_with_its_own_addresses(rehearse, rig, tmp_path):
-    done = rehearse(rig, *SILICONE, "--out", "out", sets=SHORTER)
+def test_a_rig_without_a_twin_is_rehearsed_and_a_fault_after_the_end_is_said(rehearse, rig, tmp_path):
+    done = rehearse(rig, *SILICONE, "--fault", "protective-stop@50 s", "--out", "out", sets=SHORTER)
     assert done.returncode == 0, done.stderr
-    assert number(rows(done)["force on the skin"][0]) > 0.3
-    elasticity = json.loads((tmp_path / "out" / "result.json").read_text())["tracks"]["dr/ekf"]["parameters"][
-        "elasticity"
-    ]
-    assert abs(elasticity["value"] - 112.5e3) < 3 * elasticity["combined"]
-
-
-@pytest.mark.slow
-def test_a_fault_after_the_end_is_said(rehearse, live):
-    done = rehearse(live, "--fault", "protective-stop@50 s", "--out", "out", sets=(*SHORTER, "twin.bench.height=1 mm"))
-    assert done.returncode == 0
     assert "protective-stop was never made: the run ended before its time" in done.stderr
+    assert number(rows(done)["force on the skin"][0]) > 0.3
+    tracks = json.loads((tmp_path / "out" / "result.json").read_text())["tracks"]
+    elasticity = tracks["dr/ekf"]["parameters"]["elasticity"]
+    assert abs(elasticity["value"] - 112.5e3) < 3 * elasticity["combined"]
 
 
 def test_a_fault_ends_the_run_and_the_table_still_stands(rehearse, rig, tmp_path):
@@ -109,10 +102,12 @@ def test_faults_are_made_in_the_order_of_their_times(rehearse, rig):
     assert "freeze was never made: the run ended before its time" in done.stderr
 
 
-def test_a_computer_that_is_held_up_too_long_is_told(rehearse, rig):
+@pytest.mark.slow
+def test_a_sensor_that_the_computer_holds_up_too_long_is_told(rehearse, rig):
     done = rehearse(rig, *SILICONE, "--hold-up", "sensor 400 ms every 1 s", "--out", "out", sets=SHORTER)
     assert done.returncode == 1
-    assert "held up" in done.stderr or "silent" in done.stderr
+    assert "usb-bota: its process gave no sign of life for 124 ms and was killed" in done.stderr
+    assert number(rows(done)["force on the skin"][0]) == 0.0
 
 
 @pytest.mark.parametrize(
