@@ -79,7 +79,7 @@ def _watched(complaints: list[str]) -> Iterator[None]:
         yield
     finally:
         sys.setprofile(before)
-        threading.setprofile(before_of_threads)  # type: ignore[arg-type]  # None is what there was
+        threading.setprofile(before_of_threads)
 
 
 def _is_exempt(caller: FrameType) -> bool:
