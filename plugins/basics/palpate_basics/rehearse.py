@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -52,7 +52,7 @@ def rehearse(
     seed: Annotated[int, typer.Option(help="Seed of the twin's noise.", min=0)] = 0,
 ) -> None:
     """Run the pipeline of a robot in simulated time: nothing real moves, and every time it goes the same way."""
-    pipeline = _rehearsed(file, [*(overrides or []), *(f"twin.*.specimen.{entry}" for entry in specimen or [])])
+    pipeline = _rehearsed(file, [*(overrides or []), *_of_specimen(specimen or [])])
     twin = next(iter(pipeline.twins.values()))
     hold_ups, faults = [_hold_up(text) for text in hold_up or []], _faults(fault or [])
     failure: DeviceError | None = None
@@ -72,6 +72,14 @@ def rehearse(
     if failure is not None:
         raise failure
     result.demand_whole()
+
+
+def _of_specimen(entries: Sequence[str]) -> Iterator[str]:
+    """Settings of the specimen of whatever twin there is; raises ConfigurationError."""
+    for entry in entries:
+        if "=" not in entry:
+            raise ConfigurationError(f'--specimen {entry!r}: "KEY=VALUE" is wanted, such as "elasticity=100 kPa"')
+        yield f"twin.*.specimen.{entry}"
 
 
 def _rehearsed(file: Path, overrides: Sequence[str]) -> Pipeline:
@@ -114,9 +122,7 @@ def _hold_up(text: str) -> HoldUp:
     if match is None:
         raise ConfigurationError(f'--hold-up {text!r}: "WHO DURATION" or "WHO DURATION every PERIOD" is wanted')
     if match["who"] not in _ACTORS:
-        raise ConfigurationError(
-            f"--hold-up {text!r}: {match['who']} must be one of {', '.join(_ACTORS)}{suggest(match['who'], _ACTORS)}"
-        )
+        raise ConfigurationError(f"--hold-up {text!r}: {match['who']} is unknown{suggest(match['who'], _ACTORS)}")
     duration = _seconds(match["duration"], f"--hold-up {text!r}")
     every = None if match["every"] is None else _seconds(match["every"], f"--hold-up {text!r}")
     if every is not None and every <= duration:
@@ -151,22 +157,27 @@ class _Script:
 
     bench: SimulatedTwin
     waiting: list[tuple[str, float]]
-    made: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        known = {entry.split()[0]: entry for entry in self.bench.faults}
         for words, _ in self.waiting:
             name = words.split()[0]
-            known = [entry.split()[0] for entry in self.bench.faults]
             if name not in known:
+                all_of_them = ", ".join(known.values())
                 raise ConfigurationError(
-                    f"--fault {name}: there is no such fault{suggest(name, known)}; they are {', '.join(known)}"
+                    f"--fault {name}: there is no such fault{suggest(name, known)}; all of them: {all_of_them}"
                 )
+            if len(words.split()) != len(known[name].split()):
+                raise ConfigurationError(f'--fault {words!r}: "{known[name]}@TIME" is wanted')
 
     def progress(self, reached: float, total: float | None, behind: float) -> None:
         """Make the faults that are due."""
         while self.waiting and reached >= self.waiting[0][1]:
             words, _ = self.waiting.pop(0)
-            self.bench.fault(words)
+            try:
+                self.bench.fault(words)
+            except ConfigurationError as error:
+                raise ConfigurationError(f"--fault {words!r}: {error}") from error
 
 
 def _limits(truth: ArmTruth, limits: SafetySettings) -> Table:

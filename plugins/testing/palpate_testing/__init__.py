@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from palpate_testing.contact import check_indenter, check_model
     from palpate_testing.device import check_device
     from palpate_testing.estimation import check_estimator, synthetic_samples
+    from palpate_testing.simulated_time import check_simulated_time
     from palpate_testing.trajectory import check_trajectory
 
 __getattr__ = lazily(
@@ -26,6 +27,7 @@ __getattr__ = lazily(
         "palpate_testing.contact": "check_indenter check_model",
         "palpate_testing.device": "check_device",
         "palpate_testing.estimation": "check_estimator synthetic_samples",
+        "palpate_testing.simulated_time": "check_simulated_time",
         "palpate_testing.trajectory": "check_trajectory",
     },
 )
@@ -35,6 +37,7 @@ __all__ = [
     "check_estimator",
     "check_indenter",
     "check_model",
+    "check_simulated_time",
     "check_trajectory",
     "synthetic_samples",
 ]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from threading import Event, Thread
-
 import numpy as np
-from palpate import Arm, Batch, Device, Link, Trajectory
+from palpate import Arm, Batch, Device, Link, Trajectory, clock
 
 from palpate_testing.demand import demand
+
+_MOST = 100  # batches of one instant of simulated time
 
 
 def check_device(device: Device, trajectory: Trajectory | None = None, seed: int = 0, listen: float = 2.0) -> None:
@@ -25,7 +25,7 @@ def check_device(device: Device, trajectory: Trajectory | None = None, seed: int
     for stream in device.streams:
         channels = [channel.name for channel in stream.channels]
         demand(channels and len(set(channels)) == len(channels), f"{name}.{stream.name}: channels must have own names")
-    first = _batches(device, trajectory, seed, listen)
+    first = batches_of(device, trajectory, seed, listen)
     demand(any(len(batch.time) for batch in first), f"{name} sends nothing")
     widths = {stream.name: len(stream.channels) for stream in device.streams}
     for batch in first:
@@ -35,7 +35,7 @@ def check_device(device: Device, trajectory: Trajectory | None = None, seed: int
         for stamps in (batch.time, batch.received):
             demand(stamps.dtype == np.int64, f"{name}.{batch.stream}: time-stamps must be int64 nanoseconds")
             demand(stamps.shape == (len(batch.values),), f"{name}.{batch.stream}: one time-stamp for each row")
-    second = _batches(device, trajectory, seed, listen)
+    second = batches_of(device, trajectory, seed, listen)
     if device.live:
         demand(any(len(batch.time) for batch in second), f"{name} sends nothing when connected again")
         return
@@ -46,7 +46,8 @@ def check_device(device: Device, trajectory: Trajectory | None = None, seed: int
     demand(same, f"{name} sends other readings when connected again with the same seed")
 
 
-def _batches(device: Device, trajectory: Trajectory | None, seed: int, listen: float) -> list[Batch]:
+def batches_of(device: Device, trajectory: Trajectory | None, seed: int, listen: float) -> list[Batch]:
+    """What a device sends: all of it, or where it is live what comes within some time [s]."""
     with device.connect(seed) as link:
         moves = isinstance(link, Arm)
         if isinstance(link, Arm):
@@ -65,19 +66,25 @@ def _heard(link: Link, seconds: float, name: str) -> list[Batch]:
     """What a live link sends within some time [s]; a silent one cannot hold it up."""
     found: list[Batch] = []
     failures: list[Exception] = []
-    enough = Event()
+    enough = clock().event()
 
     def hear() -> None:
+        at_once, instant = 0, clock().now_ns()
         try:
             for batch in link.batches():
                 found.append(batch)
+                at_once, instant = at_once + 1 if clock().now_ns() == instant else 0, clock().now_ns()
+                if clock().simulated and at_once == _MOST:
+                    raise AssertionError(
+                        f"{_MOST} batches came at one instant of simulated time: what does it wait by?"
+                    )
                 if enough.is_set():
                     return
         except Exception as error:  # whatever third-party code raises; after the end it is no matter
             if not enough.is_set():
                 failures.append(error)
 
-    thread = Thread(target=hear, daemon=True)
+    thread = clock().thread(hear, name)
     thread.start()
     thread.join(seconds)
     enough.set()
