@@ -24,9 +24,9 @@ from palpate_devices.logs.ros1 import plain_definition
 from palpate_devices.logs.sqlite_bag import SqliteBag
 from palpate_devices.logs.topics import Messages, Topic
 from palpate_devices.mcap_replay import McapReplay
-from tests.forked import run
 
 from tests.devices.bags import write_bag
+from tests.processes import run
 
 HEAD = b"\0\1\0\0"
 PART = "\n" + "=" * 80 + "\nMSG: "
