@@ -41,7 +41,8 @@ def with_table(root, folder, name, text, *sets):
     return load_pipeline(folder / "pipeline.toml", sets)
 
 
-@pytest.mark.parametrize("box", ["ati", pytest.param("onrobot", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("box", ["ati", "onrobot"])
 def test_a_whole_run_with_a_box_that_speaks_rdt(simulated, root, tmp_path, box):
     simulated(*SHORT, f"twin.bench.sensor={box}")
     sensor = f'[device.sensor]\ntype = "rdt"\nhost = "192.168.1.1"\nbox = "{box}"\n'
