@@ -223,7 +223,8 @@ class SimulatedClock:
                 self._outside.popleft().wake()
             for actor in self._watching:
                 if actor.watched is not None and actor.watched.poll(0):
-                    self._wake(actor)
+                    self._order += 1  # one that is held up runs later: at this instant, it would be woken for ever
+                    heapq.heappush(self._agenda, (self._free(actor, self._now), self._order, actor, actor.waits))
             if not self._agenda:
                 waiting = ", ".join(sorted(f"{a.process}: {a.name}" for a in self._actors.values()))
                 self._deadlock = f"at {self._now / 1e9:.6f} s each of these waits for another: {waiting}"
