@@ -171,8 +171,6 @@ def test_time_stands_still_while_anything_is_computed():
 
 
 def test_a_process_that_is_held_up_reads_what_came_meanwhile_when_it_is_free():
-    import os
-
     reader, writer = os.pipe()
     seen = []
     with SimulatedClock([HoldUp("sensor", 0.02, first=0.1)]).running():
