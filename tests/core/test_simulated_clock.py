@@ -168,3 +168,22 @@ def test_time_stands_still_while_anything_is_computed():
         before = clock().now_ns()
         sum(range(1_000_000))
         assert clock().now_ns() == before
+
+
+def test_a_process_that_is_held_up_reads_what_came_meanwhile_when_it_is_free():
+    reader, writer = os.pipe()
+    seen = []
+    with SimulatedClock([HoldUp("sensor", 0.02, first=0.1)]).running():
+        begin = clock().now_ns()
+
+        def read():
+            clock().wait([reader], None)
+            seen.append(round((clock().now_ns() - begin) / 1e9, 6))
+
+        clock().process_thread(read, "read", "sensor").start()
+        clock().sleep(0.105)
+        os.write(writer, b"x")
+        clock().sleep(0.1)
+    os.close(reader)
+    os.close(writer)
+    assert seen == [0.12]

@@ -71,3 +71,15 @@ def test_limits_are_checked_before_anything_connects(tmp_path):
 def test_what_says_which_device_it_is():
     facts = {"serial": "A1", "identity": "S/N: 7", "states": 12, "clock": "x"}
     assert identity_in(facts) == {"serial": "A1", "identity": "S/N: 7"}
+
+
+def test_the_noise_at_standstill_and_the_devices_are_found(simulated, tmp_path):
+    text = PIPELINE.read_text()
+    others, after = text.index("[calibration.orientations]"), text.index("[trajectory.press]")
+    (tmp_path / "standstill.toml").write_text(text[:others] + text[after:])
+    simulated(*HIDDEN)
+    sets = ["calibration.standstill.trajectory.duration=2.5 s", "calibration.repeats=1"]
+    calibration, session, _ = run_calibration(load_plan(tmp_path / "standstill.toml", sets))
+    assert session.values["force_std"].value == pytest.approx(0.05, rel=0.15)
+    assert calibration.devices["arm"]["serial"] == "20233500001"
+    assert "S/N: 000000" in calibration.devices["sensor"]["identity"]
