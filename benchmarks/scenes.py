@@ -20,7 +20,6 @@ import shutil
 import sys
 import tempfile
 import time
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
@@ -273,9 +272,8 @@ def row_of(scene: Scene, keep: Path | None = None) -> dict[str, Any]:
 
 def work(scenes: list[Scene], file: Path) -> None:
     """The scenes that are left, each written as it ends."""
-    with ProcessPoolExecutor(os.cpu_count(), get_context("spawn"), max_tasks_per_child=100) as pool:
-        for job in as_completed([pool.submit(row_of, scene) for scene in scenes]):
-            row = job.result()
+    with get_context("spawn").Pool(os.cpu_count(), maxtasksperchild=50) as pool:
+        for row in pool.imap_unordered(row_of, scenes):
             with file.open("a") as lines:
                 lines.write(json.dumps(row) + "\n")
             if row["problems"]:
