@@ -52,7 +52,7 @@ def test_a_driver_that_raises_stops_the_arm_although_no_check_needs_it(run):
     assert live.LINKS[0].stops[0][1] == "retract"
 
 
-@pytest.mark.parametrize("lasts", [0.05, 1.0], ids=["at standstill", "in motion"])
+@pytest.mark.parametrize("lasts", [pytest.param(0.05, marks=pytest.mark.slow), 1.0], ids=["at standstill", "in motion"])
 def test_a_stream_that_no_check_needs_is_flagged_where_it_ends(run, lasts):
     result = run(needed=False, lasts=lasts)
     assert result.interrupted is None

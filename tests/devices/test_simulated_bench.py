@@ -9,6 +9,10 @@ from palpate_devices.bota.device import BotaSensor
 from palpate_devices.ur3e.device import UR
 
 
+HELD_UP = [("robot", 0.05), ("sensor", 0.008), ("sensor", 0.05), ("main", 0.008), ("main", 0.05)]
+
+
+@pytest.mark.slow
 def test_two_runs_are_the_same_to_the_bit(simulated, tmp_path):
     from tests.devices.simulated_bench import SHORT
 
@@ -22,8 +26,10 @@ def test_two_runs_are_the_same_to_the_bit(simulated, tmp_path):
     assert one == json.loads(json.dumps(other).replace(f'"{tmp_path}/b"', f'"{tmp_path}/a"'))
 
 
-@pytest.mark.parametrize("process", ["robot", "sensor", "main"])
-@pytest.mark.parametrize("duration", [0.008, 0.05])
+@pytest.mark.parametrize(
+    ("process", "duration"),
+    [("robot", 0.008), *(pytest.param(*case, marks=pytest.mark.slow) for case in HELD_UP)],
+)
 def test_a_short_hold_up_ends_nothing(simulated, process, duration):
     from tests.devices.simulated_bench import SHORT
 

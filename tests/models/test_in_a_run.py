@@ -119,6 +119,7 @@ def test_a_range_that_is_left_is_flagged(tmp_path):
     assert any(str(flag).startswith("beyond-model-range: the depth is 4") for flag in track.flags)
 
 
+@pytest.mark.slow
 def test_geometry_explains_the_authors_soft_silicone():
     shared = Path(os.environ.get("PALPATE_SHARED", ROOT.parent / "shared"))
     if not (shared / "data" / "ur3e-bota-2024").is_dir():

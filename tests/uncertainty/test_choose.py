@@ -98,6 +98,7 @@ def test_mistakes_are_one_clear_message(palpate, tmp_path, models, said):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_the_authors_soft_silicone_wants_memory_and_no_model_is_all_of_it(palpate, authors_log, tmp_path):
     """A real point palpation: a part that fades is supported by far, and what is left is told."""
     models = "".join(
