@@ -8,7 +8,6 @@ from palpate.simulated_clock import HoldUp
 from palpate_devices.bota.device import BotaSensor
 from palpate_devices.ur3e.device import UR
 
-
 HELD_UP = [("robot", 0.05), ("sensor", 0.008), ("sensor", 0.05), ("main", 0.008), ("main", 0.05)]
 
 
