@@ -6,7 +6,17 @@ import shutil
 import pytest
 from palpate import LogError, OutputError
 from palpate.config import load_pipeline
-from palpate.host import Job, RunFolder, Written, differences, found_before, on_all_cores, resolved_text, whole_file
+from palpate.host import (
+    Job,
+    RunFolder,
+    Written,
+    differences,
+    found_before,
+    on_all_cores,
+    resolved_text,
+    trust_plugin,
+    whole_file,
+)
 from palpate_maps.commands.lumps import by_place
 from palpate_maps.path import demand_one_pipeline
 
@@ -146,6 +156,8 @@ def test_a_killed_worker_loses_no_job_and_the_one_that_kills_three_is_named(tmp_
     once = "if not pathlib.Path('killed').exists():\n    pathlib.Path('killed').touch()\n    "
     (tmp_path / "once.py").write_text(KILLER.format(guard=once).replace("'killed'", repr(str(tmp_path / "killed"))))
     (tmp_path / "always.py").write_text(KILLER.format(guard=""))
+    for name in ("once.py", "always.py"):
+        trust_plugin(tmp_path / name)
     texts = ["[run]\n"] * 3 + ['[run]\nplugins = ["once.py"]\n', '[run]\nplugins = ["always.py"]\n'] + ["[run]\n"] * 3
     plans = [Written(text, tmp_path / "p.toml") for text in texts]
     jobs = [Job(f"job {n}", plan, tmp_path / str(n)) for n, plan in enumerate(plans, 1)]
