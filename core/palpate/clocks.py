@@ -28,9 +28,11 @@ class Event(Protocol):
 
     def is_set(self) -> bool:
         """Whether it is raised."""
+        ...
 
     def wait(self, timeout: float | None = None) -> bool:
         """Wait until it is raised, for up to `timeout` [s]; whether it is."""
+        ...
 
 
 class Queue(Protocol):
@@ -41,15 +43,19 @@ class Queue(Protocol):
 
     def get(self, block: bool = True, timeout: float | None = None) -> Any:
         """Remove the first item, waiting for one for up to `timeout` [s]."""
+        ...
 
     def get_nowait(self) -> Any:
         """Remove the first item, if there is one."""
+        ...
 
     def qsize(self) -> int:
         """The number of items."""
+        ...
 
     def empty(self) -> bool:
         """Whether there are none."""
+        ...
 
 
 class Thread(Protocol):
@@ -58,6 +64,7 @@ class Thread(Protocol):
     @property
     def ident(self) -> int | None:
         """Its number; None before it was started."""
+        ...
 
     def start(self) -> None:
         """Start it."""
@@ -67,6 +74,7 @@ class Thread(Protocol):
 
     def is_alive(self) -> bool:
         """Whether it runs."""
+        ...
 
 
 class Clock(Protocol):
@@ -76,30 +84,38 @@ class Clock(Protocol):
 
     def now_ns(self) -> int:
         """Monotonic time [ns]."""
+        ...
 
     def now(self) -> float:
         """Monotonic time [s]."""
+        ...
 
     def epoch_ns(self) -> int:
         """Time since 1970 [ns]."""
+        ...
 
     def processor_time(self) -> float:
         """Processor time [s] that this process and its children have used; 0 in simulated time."""
+        ...
 
-    def sleep(self, duration: float) -> None:
+    def sleep(self, duration: float, /) -> None:
         """Sleep [s]."""
 
     def wait(self, readable: Sequence[Any], timeout: float | None) -> list[Any]:
         """Those of some open files that can be read, waiting for up to `timeout` [s] until there is one."""
+        ...
 
     def event(self) -> Event:
         """A new flag."""
+        ...
 
     def queue(self, most: int = 0) -> Queue:
         """A new queue, in real time of at most so many items (0: any number): who puts one more waits."""
+        ...
 
     def thread(self, target: Callable[[], Any], name: str) -> Thread:
         """A new daemon thread, not started yet."""
+        ...
 
 
 class WallClock:

@@ -34,6 +34,7 @@ class SimulatedTwin(Protocol):
     @property
     def faults(self) -> Mapping[str, str]:
         """The faults that it can simulate, each with what happens; words in capitals stand for numbers."""
+        ...
 
     def fault(self, words: str) -> None:
         """Make a fault now; raises ConfigurationError where there is no such fault, or its numbers are wrong."""
@@ -41,6 +42,7 @@ class SimulatedTwin(Protocol):
     @property
     def truth(self) -> ArmTruth:
         """What its arm did so far."""
+        ...
 
 
 class Twin(Part, ABC):

@@ -15,6 +15,7 @@ from palpate.host import (
     FolderOption,
     Overrides,
     Pipeline,
+    Result,
     SafetySettings,
     Table,
     console,
@@ -55,6 +56,7 @@ def rehearse(
     pipeline = _rehearsed(file, [*(overrides or []), *_of_specimen(specimen or [])])
     twin = next(iter(pipeline.twins.values()))
     hold_ups, faults = [_hold_up(text) for text in hold_up or []], _faults(fault or [])
+    result: Result | None = None
     failure: DeviceError | None = None
     with twin.simulated(seed, hold_ups) as bench:
         script = _Script(bench, faults)
@@ -63,7 +65,7 @@ def rehearse(
         except DeviceError as error:
             failure = error
         truth = bench.truth
-    if failure is None:
+    if result is not None:
         console().print(result_view(result, pipeline.registry.report_sections))
     if pipeline.safety is not None:
         console().print(_limits(truth, pipeline.safety).view())
@@ -71,6 +73,7 @@ def rehearse(
         typer.echo(f"{words} was never made: the run ended before its time", err=True)
     if failure is not None:
         raise failure
+    assert result is not None
     result.demand_whole()
 
 

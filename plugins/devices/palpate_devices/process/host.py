@@ -27,12 +27,15 @@ class Process(Protocol):
     @property
     def pid(self) -> int:
         """Its number."""
+        ...
 
     def poll(self) -> int | None:
         """Its exit code; None while it runs."""
+        ...
 
     def wait(self, timeout: float | None = None) -> int:
         """Wait for its end for up to `timeout` [s]; raises subprocess.TimeoutExpired."""
+        ...
 
     def kill(self) -> None:
         """End it without asking it."""
@@ -43,33 +46,42 @@ class Host(Protocol):
 
     def start(self, module: str, descriptors: Sequence[int], settings: str) -> Process:
         """Run a module as a process of its own; its arguments are open files and settings as JSON."""
+        ...
 
     def enter(self, priority: int) -> str:
         """Make the present process one of a device; a sentence on its scheduling."""
+        ...
 
     def run_without_collection(self) -> None:
         """Switch the garbage collector off in the present process."""
 
     def leave(self, code: int) -> NoReturn:
         """End the present process at once."""
+        ...
 
     def serial_port(self, path: str, baud: int) -> Any:
         """A serial port, as `serial.Serial`; raises DeviceError."""
+        ...
 
     def datagrams(self, address: str, port: int) -> socket.socket:
         """A connected socket for datagrams."""
+        ...
 
     def controller_facts(self, address: str) -> dict[str, str]:
         """What a robot's controller reports of itself; raises DeviceError where it does not answer."""
+        ...
 
     def robot_states(self, address: str, variables: Sequence[str]) -> Any:
         """A robot's states, as `rtde_receive.RTDEReceiveInterface`; raises ImportError, RuntimeError."""
+        ...
 
     def robot_commands(self, address: str) -> Any:
         """A robot's commands, as `rtde_control.RTDEControlInterface`; raises ImportError, RuntimeError."""
+        ...
 
     def read_back(self, address: str) -> Any:
         """What the controller has taken of them, as `ur3e.echo.ReadBack`; raises RuntimeError."""
+        ...
 
 
 class Computer:

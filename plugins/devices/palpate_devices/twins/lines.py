@@ -28,13 +28,16 @@ class SerialLine(Protocol):
 
     def look(self) -> tuple[bool, bytes]:
         """Whether the port is open at the other end, and what was sent."""
+        ...
 
     @property
     def misheard(self) -> bool:
         """Whether it is open at another baud rate."""
+        ...
 
     def write(self, data: bytes) -> int:
         """Send, and return how many bytes were taken; raises BlockingIOError for none, OSError where it is shut."""
+        ...
 
 
 class PseudoTerminal:
@@ -177,6 +180,7 @@ class DatagramLine(Protocol):
 
     def receive(self) -> bytes:
         """A datagram, whose sender is the one to answer; raises OSError where there is none."""
+        ...
 
     def send(self, data: bytes) -> None:
         """Answer; raises OSError where nobody listens."""

@@ -24,6 +24,7 @@ class RobotPorts(Protocol):
     @property
     def sockets(self) -> list[Any]:
         """What to wait for."""
+        ...
 
     def serve(self, ready: list[Any]) -> None:
         """Take what has come."""
@@ -55,12 +56,15 @@ class Wiring(Protocol):
 
     def ports(self, address: str, controller: Controller) -> RobotPorts:
         """The controller's."""
+        ...
 
     def serial(self, path: Path) -> SerialLine:
         """A serial sensor's."""
+        ...
 
     def datagrams(self, address: str) -> DatagramLine:
         """A sensor's on the net."""
+        ...
 
 
 class NetworkWiring:
