@@ -27,6 +27,7 @@ def viscosity(palpate, file, folder, *overrides):
     return track["parameters"], [flag["code"] for flag in track["flags"]]
 
 
+@pytest.mark.slow
 def test_calibration_turns_a_delay_into_a_viscosity(palpate, late, tmp_path):
     truth, shear = 362.0, 112.5e3 / 3
     weighed = ("--set", "alignment.tip_mass=163 g")

@@ -38,6 +38,7 @@ def recorded(held_up, trajectory=SHAKE, seed=0, specimen=SOFT):
     return recorder.record()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held_up", [SELDOM, OFTEN, (0.015, 1.0)])
 def test_a_hesitation_is_no_contact_and_no_noise(held_up):
     """Mass, delay and what is left over are those of a quiet computer, the uncertainty is hardly larger."""

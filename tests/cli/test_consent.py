@@ -129,6 +129,7 @@ def words(parameter, value):
     return [*([next(iter(flags), f"--{parameter.name}")] if is_option else []), str(value)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "parameter", "others", "out"), list(inputs()))
 def test_no_command_executes_what_a_recording_names(made, palpate, tmp_path, monkeypatch, name, parameter, others, out):
     """A new command that takes recordings belongs into one of the two tables."""
@@ -211,6 +212,7 @@ def hostile(log, folder, text, sha256=None):
     return folder / "log.mcap"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("with_hash", [False, True])
 def test_the_remedy_approves_this_content_and_no_other(made, palpate, tmp_path, with_hash):
     """The hash in a log, which its author writes, approves nothing."""
@@ -265,6 +267,7 @@ def test_a_file_that_the_command_line_chooses_is_the_users(made, palpate, tmp_pa
     assert not (made / "trace").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -295,6 +298,7 @@ def test_paths_in_a_log(made, palpate, tmp_path, text, message):
         assert not (here / "trace").exists()
 
 
+@pytest.mark.slow
 def test_a_calibration_in_a_log_is_looked_up_beside_it(made, palpate, tmp_path):
     log = hostile(made / "log.mcap", tmp_path / "log", '[]\ncalibration = "mine.toml"')
     (tmp_path / "mine.toml").write_text("not a calibration")
@@ -404,6 +408,7 @@ def test_a_worker_does_not_execute_a_file_that_was_changed_meanwhile(point_pipel
     assert not (tmp_path / "trace").exists()
 
 
+@pytest.mark.slow
 def test_a_sweep_hands_its_decision_on(palpate, point_pipeline, tmp_path):
     canary(tmp_path)
     point_pipeline.write_text(with_plugin(point_pipeline) + '[sweep]\n"run.seed" = [1, 2]\n')

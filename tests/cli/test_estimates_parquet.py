@@ -116,6 +116,7 @@ def test_without_pyarrow_a_check_says_what_to_install(palpate, point_pipeline, m
     assert 'pip install "palpate[parquet]"' in done.stderr
 
 
+@pytest.mark.slow
 def test_replay_and_report_of_a_run_in_parquet(palpate, run_point, tmp_path):
     result = run_point("trajectory.press.duration=2 s", "estimates.format=parquet")
     done = palpate("replay", result.folder, "--out", tmp_path / "again")

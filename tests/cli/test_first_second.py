@@ -33,6 +33,7 @@ def test_looking_up_imports_neither_numbers_nor_parts(argument):
     assert done.stdout
 
 
+@pytest.mark.slow
 def test_a_run_of_a_simulated_point_imports_no_scipy(tmp_path):
     script = (
         "import sys\nfrom palpate.cli import main\n"

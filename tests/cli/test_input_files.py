@@ -85,6 +85,7 @@ def recorded(palpate, point_pipeline, tmp_path):
     return tmp_path / "out"
 
 
+@pytest.mark.slow
 def test_a_log_names_files_of_the_recording_or_of_its_folder(palpate, recorded, tmp_path):
     (log,) = recorded.glob("*.mcap")
     assert palpate("replay", log, "--out", "again").returncode == 0  # elsewhere, but what it was recorded with

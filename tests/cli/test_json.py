@@ -73,6 +73,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_the_output_is_one_document(palpate, folder, case):
     arguments, holds = CASES[case]

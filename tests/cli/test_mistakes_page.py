@@ -19,6 +19,7 @@ def maker():
     return module
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.version_info[:2] != (3, 11), reason="the page has messages of Python 3.11 itself")
 def test_the_page_is_what_palpate_says(maker):
     assert maker.pages() == (ROOT / "docs" / "mistakes.md").read_text(encoding="utf-8")

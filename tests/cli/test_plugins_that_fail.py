@@ -96,6 +96,7 @@ def test_a_filter_that_fails_ends_its_track_alone(palpate, with_plugin, tmp_path
     assert len(rows) > 100
 
 
+@pytest.mark.slow
 def test_a_comparison_with_a_track_that_fails_shows_the_others_and_ends_with_1(palpate, with_plugin, tmp_path):
     path = with_plugin(FILTER.format(body="raise KeyError('lost')"), '\n[estimator.own]\ntype = "broken"\n')
     done = palpate("compare", path, "--out", tmp_path / "out")

@@ -26,6 +26,7 @@ def run(stage, tmp_path):
     return go
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ending", "words"),
     [

@@ -90,6 +90,7 @@ def moved(twin, trajectory, limits=LIMITS, retreat=False, told=None, **changes):
     return " ".join(why), twin.state(), health
 
 
+@pytest.mark.slow
 def test_a_lawful_motion_goes_through_and_keeps_its_limits(rig):
     why, truth, health = moved(rig, PRESS)
     assert why == ""
@@ -208,6 +209,7 @@ def test_a_tool_that_looks_elsewhere_is_refused_before_anything_moves(simulated,
     assert twin.state()["fastest_joint"] < np.radians(1.0)  # it holds where it is, by a pose with noise
 
 
+@pytest.mark.slow
 def test_a_small_turn_is_made_slowly_on_the_way_about_the_tip(simulated):
     twin = simulated(*SHORT, 'twin.bench.tool_rotation=["3 deg", "-2 deg", "1 deg"]')
     why, truth, health = moved(twin, PRESS, retreat=True)
@@ -281,6 +283,7 @@ def test_nor_what_sockets_hold_back_from_the_real_client(restored):
     assert truth["fastest_tip"] < 0.8 * LIMITS.speed
 
 
+@pytest.mark.slow
 def test_a_link_that_is_held_up_for_a_moment_is_none_that_is_lost(rig):
     """What lands at once is the way of a few periods: the command waits where the controller does not take it."""
     why, truth, _, _ = moved_into(rig, "half-open 0.06")
@@ -321,6 +324,7 @@ def test_a_robot_that_is_not_at_full_speed_does_not_begin(rig, fault, words):
     assert rig.state()["fastest_joint"] < 1e-6
 
 
+@pytest.mark.slow
 def test_reduced_mode_alone_is_no_fault(rig):
     rig.fault("reduced")
     why, truth, _ = moved(rig, PRESS)
@@ -358,6 +362,7 @@ def test_a_retraction_waits_for_a_controller_that_says_nothing_and_does_not_leap
         assert heights[0] < 0.001
 
 
+@pytest.mark.slow
 def test_it_waits_while_the_sensor_says_nothing(simulated):
     twin = simulated(*SHORT)
     sensor = BotaSensor.model_validate({"port": str(twin.port), "settle": "0.1 s", "silence": "20 s"})
@@ -380,6 +385,7 @@ def test_it_waits_while_the_sensor_says_nothing(simulated):
     assert twin.state()["low"][2] == pytest.approx(-0.005, abs=3e-4)
 
 
+@pytest.mark.slow
 def test_the_force_stops_it_although_nobody_of_the_host_looks(simulated, force_limit):
     """The job reads nothing for as long as the motion takes: the servo process reads the sensor by itself."""
     twin = simulated(*SHORT, "twin.bench.specimen.elasticity=2.25 MPa", "twin.bench.specimen.viscosity=7240 Pa*s")
@@ -420,6 +426,7 @@ def test_payload_tool_and_model_are_told(simulated):
         pass
 
 
+@pytest.mark.slow
 def test_looking_leaves_a_running_program_alone(rig):
     with device(rig).connect(0) as link:
         batches = begun(link)
@@ -467,6 +474,7 @@ def test_a_preload_is_refused_whatever_the_tare_hides(simulated):
     assert after["peak_force"] < before["peak_force"] + 0.1
 
 
+@pytest.mark.slow
 def test_a_light_touch_is_felt(simulated):
     twin = simulated(*SHORT, "twin.bench.height=0.1 mm")  # the skin is at 0.3 mm
     assert "the tip touches something" in refused(twin)

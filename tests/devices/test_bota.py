@@ -119,6 +119,7 @@ def sensor(twin, **changes):
     return BotaSensor.model_validate({"port": str(twin.port), "settle": 0.1, "silence": 5.0, **changes})
 
 
+@pytest.mark.slow
 def test_rate_noise_and_identity_come_from_the_sensor(restored):
     device = sensor(restored, sinc=128)
     stamps, wrench, health = gathered(device, 200)
@@ -128,6 +129,7 @@ def test_rate_noise_and_identity_come_from_the_sensor(restored):
     assert "software" in health["identity"]
 
 
+@pytest.mark.slow
 def test_corruption_on_the_line_is_counted_and_nothing_else_is_lost(restored):
     restored.fault("corrupt 0.02")
     before = restored.state()["frames"]
@@ -170,12 +172,14 @@ def test_a_slow_sensor_is_waited_for(restored):
     assert np.isfinite(wrench).all()
 
 
+@pytest.mark.slow
 def test_a_port_that_somebody_reads_is_refused(restored):
     device = sensor(restored)
     with device.connect(0), pytest.raises(DeviceError, match="cannot be opened"):
         gathered(device, 10)
 
 
+@pytest.mark.slow
 def test_lumps_and_left_out_measurements_lose_nothing(restored):
     """An adapter with a latency timer of 16 ms: every reading comes."""
     restored.fault("lumps 0.016")
@@ -187,6 +191,7 @@ def test_lumps_and_left_out_measurements_lose_nothing(restored):
     assert health["unusable"] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", ["overrange", "saturated", "raw"])
 def test_readings_that_the_sensor_does_not_vouch_for_are_none(restored, fault):
     """Not a number, on which the guard stops a motion; `test_live` has one of the three in contact."""

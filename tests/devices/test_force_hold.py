@@ -226,6 +226,7 @@ def test_the_twins_arm_holds_a_force_within_its_envelope(simulated):
     assert truth["height"] == pytest.approx(0.003, abs=2e-4)
 
 
+@pytest.mark.slow
 def test_the_twins_arm_leaves_where_the_force_is_not_found(simulated):
     """A force that the envelope's depth does not give: the tip goes no deeper, and comes back."""
     twin = simulated(*SHORT)

@@ -136,6 +136,7 @@ def test_layouts_that_all_differ_are_neither_kept_nor_compared_with_all(monkeypa
     assert len(decoder._layouts) == 64
 
 
+@pytest.mark.slow
 def test_layouts_are_kept_as_long_as_they_are_small():
     decoder = CdrDecoder(Topic("/t", "a/T", schema=definition("E[] a", "a/E\nuint8 x").encode()))
     payloads = [HEAD + struct.pack("<I", n) + bytes(n) for n in range(20_000, 20_008)]
@@ -305,6 +306,7 @@ SURVEY = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compression", [CompressionType.ZSTD, CompressionType.LZ4])
 def test_millions_of_empty_texts_in_a_few_kilobytes(tmp_path, compression):
     payload = HEAD + struct.pack("<I", 15_000_000) + bytes(60_000_000)
@@ -314,6 +316,7 @@ def test_millions_of_empty_texts_in_a_few_kilobytes(tmp_path, compression):
     assert "1 a message of a/msg/T is damaged: it has 60000008 bytes" in done.stdout, done.stderr[-2000:]
 
 
+@pytest.mark.slow
 def test_a_table_of_one_long_message_and_many_short_ones_is_left_out(tmp_path):
     long = HEAD + struct.pack("<I", 8_000) + bytes(8_000 * 8)
     short = [HEAD + struct.pack("<I", 0)] * 2000

@@ -38,6 +38,7 @@ def test_a_suggested_pipeline_runs_as_it_is(palpate, bag, tmp_path):
     assert track["parameters"]["elasticity"]["value"] == pytest.approx(truth, rel=0.08)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ur3e_load_unload_soft_1", "foam_white_1_p"])
 def test_the_authors_bags_from_a_first_look_to_a_fit(palpate, shared, tmp_path, name):
     """The commands of docs/logs.md, as a new user types them."""

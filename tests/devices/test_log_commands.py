@@ -245,6 +245,7 @@ def test_compare_runs_every_pair_and_draws_them(palpate, point_pipeline, tmp_pat
     assert "there is no track 'none/ekf' (there are: dr/ekf, dr/kinematic)" in refused.stderr
 
 
+@pytest.mark.slow
 def test_compare_on_a_log_by_the_names_of_models(palpate, shared):
     log = shared / "rosbag2" / "ur3e_load_unload_soft_1.db3.gz"
     done = palpate("compare", log, "--models", "dimensionality-reduction", "--estimators", "ekf", "--out", "out")

@@ -259,6 +259,7 @@ def test_flipped_bits_never_pass_as_data(logs, data):
     only_true_numbers(outcome(folder, raw, accept), strict=not accept)
 
 
+@pytest.mark.slow
 @FUZZ
 @given(data=st.data())
 def test_a_log_cut_anywhere_gives_what_is_whole(logs, data):

@@ -120,6 +120,7 @@ def test_nothing_sticks():
     assert streams["wrench"][1][:, 2].min() > -1e-4
 
 
+@pytest.mark.slow
 def test_real_time_takes_its_time():
     short = Point(bias=0.002, clearance=0.001, standstill=0.1, duration=0.5, speed=0.02)
     before = time.monotonic()

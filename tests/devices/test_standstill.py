@@ -53,6 +53,7 @@ def test_an_offset_that_no_tip_explains(simulated):
     assert twin.state()["height"] == pytest.approx(before, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_way_to_the_start_keeps_the_box(simulated):
     """The tip stands over the box, near enough to the start: nothing moves, and the doctor says it before."""
     twin = simulated(*SHORT, "twin.bench.height=25 mm")

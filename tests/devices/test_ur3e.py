@@ -176,6 +176,7 @@ def test_it_follows_a_motion(restored, control, kinematics):
     assert np.corrcoef(velocity[:-1], np.diff(position) / np.diff(time))[0, 1] > 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.talks
 @pytest.mark.parametrize(
     ("fault", "words"),

@@ -84,6 +84,7 @@ def test_what_it_cannot_do_is_said_before_anything_runs(settings, model, said):
         TingFit(**settings).start(Problem(model, 0.14))
 
 
+@pytest.mark.slow
 def test_the_authors_load_and_unload(shared, tmp_path):
     """A real press to 13.5 mm and back: soft silicone's modulus by a power law, which relaxes weakly, and doubts."""
     settings = {"height": 3, "radius": "5 mm", "model": "power-law", "estimator": "ting-fit"}

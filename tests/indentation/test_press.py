@@ -184,6 +184,7 @@ def test_a_press_that_hardly_bends_is_no_tilt():
         look(HuntCrossley(exponent=1.05), [2.0, 0.0], noise=0.01, air=3e-4, deep=6e-3, speed=4e-3)
 
 
+@pytest.mark.slow
 def test_a_real_record_without_air_is_refused(tmp_path):
     """What least squares makes of it: a baseline tilted by 9.5 N of 13."""
     bag = Path(__file__).parents[2].parent / "shared/data/rosbag2/ur3e_load_unload_soft_1.db3.gz"

@@ -43,6 +43,7 @@ def may_be_first():
     return done.returncode == 0
 
 
+@pytest.mark.slow
 def test_long_work_waits_its_turn():
     if not may_be_first():
         pytest.skip("real-time scheduling is not permitted here")

@@ -153,6 +153,7 @@ def test_browsers_hear_of_the_end(child, a_run):
             one.recv(timeout=20)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGSTOP, signal.SIGKILL])
 def test_a_page_that_stands_still_or_dies_holds_nobody_up(child, a_run, samples, estimates, how):
     """A stopped process takes what fits into the socket; then messages are dropped, whole, and counted."""

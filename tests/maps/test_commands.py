@@ -80,6 +80,7 @@ def test_the_papers_filter_finds_no_lump_in_the_same_sweep(sweep_run):
     assert find_lumps(sites_along(read_path(sweep_run, "dr/ekf"))).lumps == ()
 
 
+@pytest.mark.slow
 def test_a_raster_gives_a_map(palpate, raster_run):
     pytest.importorskip("sklearn", reason="gaussian-process needs scikit-learn")
     done = palpate("map", raster_run, "--cell", "2 mm", "--svg")
@@ -230,6 +231,7 @@ def test_a_motion_that_can_only_be_done_as_one_does_not_resume(palpate, sweep_ru
     assert "cannot be continued" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_plan_is_drawn_before_anything_moves(palpate, root, tmp_path):
     done = palpate("plan", root / "pipelines" / "raster.toml", "--out", tmp_path / "plan.png")
     assert done.returncode == 0, done.stderr
@@ -422,6 +424,7 @@ def test_an_impossible_area_is_refused(palpate, raster_run, area, message):
     assert message in " ".join(done.stderr.split())
 
 
+@pytest.mark.slow
 def test_the_recorded_sweep_holds_a_sphere_and_a_horseshoe_and_nothing_else(palpate, root, shared, tmp_path):
     """Default settings from the command line to the lumps; y of the record begins at 450 mm."""
     file = f"device.log.file={shared / 'ur3e-bota-2024' / 'tran_4mms.csv.gz'}"

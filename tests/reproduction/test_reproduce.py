@@ -122,6 +122,7 @@ def test_without_recordings_all_of_them_are_named_and_skipped(palpate, tmp_path)
     assert "did you mean 'visc_silic'" in wrong.stderr
 
 
+@pytest.mark.slow
 def test_the_authors_recordings_give_the_published_numbers(palpate, shared, tmp_path):
     done = palpate("reproduce", "visc_silic", "el_silic2", "model_unc", "--data", shared, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stdout + done.stderr

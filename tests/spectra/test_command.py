@@ -58,6 +58,7 @@ def test_mistakes_are_one_clear_message(palpate, run, tmp_path, arguments, said)
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_the_authors_soft_silicone(palpate, authors_log, tmp_path):
     """d10mm_soft with its motion 22 ms late: E near the paper's, and one frequency says nothing of a delay."""
     log = authors_log("d10mm_soft")

@@ -202,6 +202,7 @@ def folder(tmp_path_factory):
     return where
 
 
+@pytest.mark.slow
 def test_the_command_on_a_run_folder(palpate, folder, tmp_path):
     done = palpate("relaxation", folder / "run", "--json", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr

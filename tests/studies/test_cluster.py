@@ -210,6 +210,7 @@ def test_fits_of_several_logs_are_those_of_this_machine(scheduler, place, palpat
     assert "one was run with other settings: run.seed is 7, was 1" in other.stderr
 
 
+@pytest.mark.slow
 def test_no_scheduler_and_both_options_are_mistakes_of_the_user(palpate, point_pipeline, monkeypatch, tmp_path):
     point_pipeline.write_text(point_pipeline.read_text() + '[sweep]\n"run.seed" = [1, 2]\n')
     done = palpate("sweep", point_pipeline, "--jobs", 2, "--scheduler", "tcp://127.0.0.1:1", "--out", tmp_path / "a")
@@ -238,6 +239,7 @@ def own_cluster():
             yield running
 
 
+@pytest.mark.slow
 def test_where_all_workers_are_gone_it_is_told_and_then_an_end(own_cluster, monkeypatch, capsys):
     for name, seconds in (("_AGAIN", 0.05), ("_TELL", 0.2), ("_WITHOUT", 0.9)):
         monkeypatch.setattr(workers, name, seconds)

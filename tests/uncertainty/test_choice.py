@@ -59,6 +59,7 @@ def test_the_correlation_time_is_that_of_an_autoregression():
     assert correlation_time(noise) == pytest.approx(19.0, rel=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "radius", "motion", "force"),
     [("d10mm_soft", "5 mm", "22 ms", "0 ms"), ("d5mm_soft", "2.5 mm", "0 ms", "12 ms")],

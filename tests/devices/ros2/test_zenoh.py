@@ -134,6 +134,7 @@ def heard(link, enough):
     return (np.concatenate([getattr(batch, key) for batch in found]) for key in ("time", "received", "values"))
 
 
+@pytest.mark.slow
 def test_every_message_comes_with_its_number_and_its_time(publish, port):
     publish(wrenches(3.0), offset=-3600.0)
     with device(port).connect(0) as link:
@@ -148,6 +149,7 @@ def test_every_message_comes_with_its_number_and_its_time(publish, port):
     assert health["topics"]["/ft/wrench"]["missing"] == 0
 
 
+@pytest.mark.slow
 def test_what_humble_writes_in_place_of_hashes_is_read_and_looked_at(publish, port):
     publish(wrenches(4.0, hash="TypeHashNotSupported"))
     survey = survey_at(address_of(f"ros2://3?middleware=zenoh&peer=tcp/127.0.0.1:{port}&for=1.5s"))
@@ -194,6 +196,7 @@ def test_an_alarm_is_latched(publish, port):
     assert "ros2-limit" in link.health["flags"]
 
 
+@pytest.mark.slow
 def test_nobody_is_told_with_the_router_to_look_for(port):
     with (
         pytest.raises(DeviceError, match=r"no topics at all: is the domain right.* rmw_zenohd"),
