@@ -129,7 +129,6 @@ def words(parameter, value):
     return [*([next(iter(flags), f"--{parameter.name}")] if is_option else []), str(value)]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "parameter", "others", "out"), list(inputs()))
 def test_no_command_executes_what_a_recording_names(made, palpate, tmp_path, monkeypatch, name, parameter, others, out):
     """A new command that takes recordings belongs into one of the two tables."""
