@@ -40,6 +40,7 @@ def test_a_process_that_takes_too_long_is_killed():
         run("import time; time.sleep(60)", timeout=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [("describe", "flat"), ("no-such-command",)], ids=lambda words: words[0])
 def test_a_call_says_what_a_process_says(palpate, palpate_process, arguments):
     called, executed = palpate(*arguments), palpate_process(*arguments)

@@ -87,6 +87,7 @@ def stranger(point_pipeline, tmp_path):
     return point_pipeline
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", [("check",), ("run", "--dry-run"), ("plan", "--out", "plan.png")])
 def test_plugin_files_are_named_when_executed_and_can_be_forbidden(palpate, stranger, tmp_path, command, monkeypatch):
     done = palpate("--no-plugins", command[0], stranger, *command[1:])

@@ -84,6 +84,7 @@ def test_a_rig_without_a_twin_is_rehearsed_and_a_fault_after_the_end_is_said(reh
     assert abs(elasticity["value"] - 112.5e3) < 3 * elasticity["combined"]
 
 
+@pytest.mark.slow
 def test_a_fault_ends_the_run_and_the_table_still_stands(rehearse, rig, tmp_path):
     done = rehearse(rig, *SILICONE, "--fault", "protective-stop@0.4 s", "--out", "out", sets=SHORTER)
     assert done.returncode == 1
@@ -94,6 +95,7 @@ def test_a_fault_ends_the_run_and_the_table_still_stands(rehearse, rig, tmp_path
     )
 
 
+@pytest.mark.slow
 def test_faults_are_made_in_the_order_of_their_times(rehearse, rig):
     words = ("--fault", "freeze@9 s", "--fault", "safeguard-stop@0.3 s")
     done = rehearse(rig, *SILICONE, *words, "--out", "out", sets=SHORTER)

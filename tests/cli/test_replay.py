@@ -44,6 +44,7 @@ def test_the_same_bits_from_a_run_folder_and_from_its_log(recorded, palpate, tmp
     assert tracks(tmp_path / "again") == tracks(recorded)
 
 
+@pytest.mark.slow
 def test_the_one_pipeline_of_the_folder_reproduces_the_run(palpate, point_pipeline, tmp_path):
     """With what was set on the command line, and with the tables of analyses that judge the run."""
     with point_pipeline.open("a", encoding="utf-8") as file:
@@ -78,6 +79,7 @@ def test_a_log_alone_is_enough(recorded, palpate, tmp_path):
     assert (tmp_path / "again" / "estimates.csv").read_bytes() == (recorded / "estimates.csv").read_bytes()
 
 
+@pytest.mark.slow
 def test_one_more_estimator_and_other_settings(recorded, palpate, tmp_path):
     done = palpate("replay", recorded, "--add-estimator", "kinematic-ekf", "--out", tmp_path / "more")
     assert done.returncode == 0, done.stderr

@@ -115,6 +115,7 @@ def test_every_shipped_pipeline_is_accepted(validator, pipeline):
     assert [error.message for error in validator.iter_errors(tomllib.loads(pipeline.read_text()))] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("document", "text"), BLOCKS)
 def test_every_pipeline_in_a_document_is_accepted(tmp_path, document, text):
     tables = tomllib.loads(text)

@@ -86,6 +86,7 @@ def test_a_part_that_ended_before_it_began_has_done_nothing(simulated, tmp_path)
     assert motion_of(remaining_pipeline(tmp_path / "run")) == motion_of(left)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [1.0, 6.3])
 def test_the_rest_and_the_way_to_the_start_are_no_time_of_the_motion(live, tmp_path, delay):
     """A record of a robot begins before its motion: a line that ended in that time's span was not made."""

@@ -94,6 +94,7 @@ def test_a_touch_too_light_for_the_threshold_shortens_the_tare_too():
     assert np.mean([tare.offset for tare in found]) == pytest.approx(-1.7, abs=0.007)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [50e-3 / 60, 4e-3])
 @pytest.mark.parametrize("rest", [0.2, 1.6])
 def test_it_does_not_depend_on_how_the_record_is_cut(speed, rest):

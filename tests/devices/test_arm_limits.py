@@ -242,6 +242,7 @@ def moved_into(twin, fault, **changes):
     return why, truth, heights[0], told[0] - times[0] if told else 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "words", "delay"),
     [
@@ -332,6 +333,7 @@ def test_reduced_mode_alone_is_no_fault(rig):
     assert truth["low"][2] == pytest.approx(-0.0025, abs=3e-4)
 
 
+@pytest.mark.slow
 def test_a_retraction_waits_for_a_controller_that_says_nothing_and_does_not_leap(rig):
     """Who does not hear it may not hear what it says: commands on a lost link come all at once when it is back."""
     with device(rig, stale="1 s", watchdog="1 Hz").connect(0) as link:

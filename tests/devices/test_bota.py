@@ -141,6 +141,7 @@ def test_corruption_on_the_line_is_counted_and_nothing_else_is_lost(restored):
     assert restored.state()["frames"] > before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

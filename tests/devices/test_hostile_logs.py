@@ -77,6 +77,7 @@ def test_a_message_that_becomes_too_much_is_refused_before_it_is_walked(monkeypa
     assert len(structures) < 140_000
 
 
+@pytest.mark.slow
 def test_as_much_as_there_are_bytes_for_is_read():
     points = definition("P[] points", "a/P\nfloat64 x\nfloat64 y\nfloat64 z")
     payload = struct.pack("<I4x", 20_000) + bytes(24 * 20_000)
@@ -265,6 +266,7 @@ def test_a_chunk_of_records_that_are_no_messages_is_damage():
     assert time.process_time() - began < 2.0
 
 
+@pytest.mark.slow
 def test_messages_compressed_one_by_one_are_unpacked_a_few_at_a_time(tmp_path):
     packed = zstandard.compress(bytes(16 * MEGABYTE))
     path = write_bag(tmp_path / "bag.db3", [("/t", "std_msgs/msg/String", [(i, packed) for i in range(40)])])

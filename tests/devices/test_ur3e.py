@@ -237,6 +237,7 @@ def test_a_motion_out_of_reach_ends_in_words(restored):
     restored.wait_at_rest()
 
 
+@pytest.mark.slow
 @pytest.mark.talks
 def test_a_far_start_is_refused(restored):
     with pytest.raises(DeviceError, match="bring it within 30 mm by hand"):

@@ -131,6 +131,7 @@ def test_without_noise_the_truth_is_found(tip, solver):
     assert abs(estimates.surface[-1]) < 1e-7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_every_solver_reaches_the_same_minimum(seed):
     samples = ramp(DR, (E, ETA), seed=seed)

@@ -53,6 +53,7 @@ def test_a_solid_that_only_damps_leaves_no_more_than_its_noise():
     assert str(found.flags[0]).startswith("at-bound: relaxation_time")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("branch", "time_constant"), [(11e3, 0.3), (20e3, 0.5)])
 def test_elasticity_and_viscosity_of_a_relaxing_record(branch, time_constant):
     model = DimensionalityReductionMaxwell(indenter=Sphere(radius=RADIUS))

@@ -64,6 +64,7 @@ def test_the_bias_costs_what_the_bound_says():
     assert 0.85 * 1.75e-2 < estimates.std[-1, 0] / estimates.values[-1, 0] < 1.3 * 1.75e-2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["kinematic-ekf", "kinematic-smoother"])
 def test_a_constant_drift_of_unknown_size_is_found(name):
     settings = {"bias_std": "0.1 N", "drift": "60 N/h"}

@@ -167,6 +167,7 @@ def test_a_tilt_that_no_air_tells_is_held_at_zero_and_counts(tilt):
     assert covered == 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_tilt_that_air_tells_is_taken_off_as_before(seed):
     found = look(HERTZ, [6e4, 0.0], noise=2e-3, air=8e-4, tilt=60.0, seed=seed)
@@ -249,6 +250,7 @@ indenter = "tip"
 """
 
 
+@pytest.mark.slow
 def test_the_command_writes_tables_and_a_picture(tmp_path, capsys):
     path, out = tmp_path / "press.toml", tmp_path / "out"
     path.write_text(PIPELINE)

@@ -127,6 +127,7 @@ def test_a_run_ends_as_ever_though_its_page_stands_still_or_dies(how, run_live, 
         os.kill(pids[0], 0)
 
 
+@pytest.mark.slow
 def test_a_simulated_run_with_the_page_finds_the_same(run_point, addresses):
     plain, shown = run_point(name="plain"), run_point(PAGE, name="shown")
     table, other = plain.table(), shown.table()

@@ -208,6 +208,7 @@ def test_the_significant_cells_are_those_of_the_lump():
     assert np.isfinite(field.p).all()
 
 
+@pytest.mark.slow
 def test_homogeneous_maps_have_no_significant_cell():
     stiff = [make_map(area(np.random.default_rng(seed), []), 2e-3, "average").stiff.any() for seed in range(20)]
     assert sum(stiff) == 0

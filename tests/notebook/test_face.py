@@ -109,6 +109,7 @@ def test_estimates_and_samples_have_dimensions_and_units(kept):
     )
 
 
+@pytest.mark.slow
 def test_a_run_that_is_opened_is_the_run(kept):
     opened = palpate.open_run(kept.folder)
     assert opened.document == kept.document

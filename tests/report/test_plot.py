@@ -10,6 +10,7 @@ from palpate.host import common_limits, figure_of, quartiles, save_figure, style
 PICTURES = ("force-depth", "time", "residuals", "estimates", "innovations")
 
 
+@pytest.mark.slow
 def test_every_picture_with_its_numbers(palpate, point, tmp_path):
     done = palpate("plot", point, "--out", tmp_path, "--format", "svg")
     assert done.returncode == 0, done.stderr

@@ -137,6 +137,7 @@ def test_a_run_that_was_killed_says_what_there_is(palpate, copied):
     assert sum(tag == "svg" for tag, _ in page.tags) >= 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kept", [(), ("result.json",), ("pipeline.toml",), ("resolved.toml",), ("estimates.csv",)])
 def test_whatever_is_left_of_a_run_is_shown(palpate, copied, kept):
     if kept == ("resolved.toml",):  # of an older run
@@ -275,6 +276,7 @@ def test_a_section_that_fails_says_so(monkeypatch, point):
     assert "Pipeline as run" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -242,6 +242,7 @@ def test_a_sine_has_no_hold(palpate, root, tmp_path):
     assert "nothing is held" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_slow_press_of_foam_holds_nothing(palpate, shared, tmp_path):
     """A real press at 50 mm/min: its first, light touch is no hold, and this is said."""
     settings = {"radius": "10 mm", "model": "dimensionality-reduction", "estimator": "kinematic-ekf"}

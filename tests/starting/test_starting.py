@@ -121,6 +121,7 @@ def test_they_are_what_the_readmes_show(kind, family, module):
     assert shown.replace(f"palpate_file_{module}", "palpate_mine") in written
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_completion_knows_commands_options_and_parts(shell, capsys):
     completion(shell)
@@ -131,6 +132,7 @@ def test_completion_knows_commands_options_and_parts(shell, capsys):
     assert "dimensionality-reduction" in printed
 
 
+@pytest.mark.slow
 def test_bash_completes(capsys):
     completion("bash")
     script = capsys.readouterr().out + 'COMP_WORDS=(palpate run --dr); COMP_CWORD=2; _palpate; echo "${COMPREPLY[@]}"\n'

@@ -256,6 +256,7 @@ def test_where_all_workers_are_gone_it_is_told_and_then_an_end(own_cluster, monk
     assert re.match(r"there has been no worker since \d\d:\d\d:\d\d: start some, such as `dask worker ", told[0])
 
 
+@pytest.mark.slow
 def test_workers_that_come_later_go_on_and_are_looked_at(own_cluster, monkeypatch):
     monkeypatch.setattr(workers, "_AGAIN", 0.05)
     looked = []

@@ -3,6 +3,7 @@
 import csv
 
 import numpy as np
+import pytest
 from palpate.host import common_limits
 
 
@@ -14,6 +15,7 @@ def test_one_curve_far_away_does_not_flatten_the_others():
     assert common_limits([]) is None
 
 
+@pytest.mark.slow
 def test_tables_by_model_with_the_number_of_usable_tracks_and_a_csv(palpate, point_pipeline, tmp_path):
     short = ["--set", "trajectory.press.duration=2 s", "--set", 'run.tracks=["*"]']
     kinds = ["--models", "dr,kelvin-voigt", "--estimators", "ekf,kinematic-ekf"]

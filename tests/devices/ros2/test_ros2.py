@@ -67,6 +67,7 @@ def test_a_topic_that_is_not_there_is_told_with_those_that_are(publish, domain):
         pass
 
 
+@pytest.mark.slow
 def test_an_empty_domain_is_told(domain):
     with (
         pytest.raises(DeviceError, match="no topics at all: is the domain right"),
