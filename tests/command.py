@@ -28,7 +28,12 @@ def call(*arguments, cwd, PYTHONPATH="", **environment):
     words = ["palpate", *map(str, arguments)]
     out, errors, code = io.StringIO(), io.StringIO(), 0
     with contextlib.ExitStack() as stack, Path(os.devnull).open() as nothing:
-        for context in (_environment(), _signals(), _loggers(), _modules(str(PYTHONPATH).split(os.pathsep))):
+        for context in (
+            _environment(),
+            signals_of_a_terminal(),
+            _loggers(),
+            _modules(str(PYTHONPATH).split(os.pathsep)),
+        ):
             stack.enter_context(context)
         stack.enter_context(contextlib.chdir(cwd))
         os.environ.update({"COLUMNS": "140", **environment})
@@ -55,7 +60,7 @@ def _environment():
 
 
 @contextlib.contextmanager
-def _signals():
+def signals_of_a_terminal():
     """Those of a terminal: under nohup, and in the background of a shell, pytest itself has others."""
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -15,6 +15,7 @@ from palpate.pipeline import run_pipeline
 from palpate.pipeline.outputs import Outputs
 from palpate_devices.mcap_replay import McapReplay
 
+from tests.command import signals_of_a_terminal
 from tests.devices.simulated_bench import SHORT
 
 E_TRUE, ETA_TRUE = 112.5e3, 362.0
@@ -256,7 +257,8 @@ def test_each_signal_ends_a_run_with_the_arm_retracted(rig, number, tmp_path):
         if not raised and touching(rig.state()):
             raised.append(signal.raise_signal(number))
 
-    result = run_pipeline(rig.pipeline("trajectory.press.duration=30 s"), tmp_path / "out", progress)
+    with signals_of_a_terminal():
+        result = run_pipeline(rig.pipeline("trajectory.press.duration=30 s"), tmp_path / "out", progress)
     assert raised
     assert result.interrupted.startswith("stopped by " + ("Ctrl-C" if number == signal.SIGINT else number.name))
     assert result.run["log_duration"] < 3.0
