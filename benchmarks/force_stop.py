@@ -40,7 +40,7 @@ def measured(module, folder: Path) -> tuple[float, float, float] | None:
     stop = live["devices"]["arm"].get("own_stop")
     if stop is None or "over the limit" not in stop["reason"]:
         return None
-    batches = module._readings(out / "log.mcap", "sensor", "wrench")
+    batches = module.readings(out / "log.mcap", "sensor", "wrench")
     received = np.concatenate([batch.received for batch in batches]) / 1e9 - (time.time() - time.monotonic())
     force = np.concatenate([batch.values[:, 2] for batch in batches]) - live["standstill"]["force"]
     over = received[np.flatnonzero(np.abs(force) > module.ForceLimit.stop)[0]]

@@ -94,7 +94,6 @@ class SimulatedClock:
         self._main: _Actor | None = None
         self._over = False
         self._deadlock: str | None = None
-        self.turns = 0
 
     # What `palpate.Clock` asks for.
 
@@ -241,7 +240,6 @@ class SimulatedClock:
                 continue
             self._now = instant
             actor.waits += 1
-            self.turns += 1
             return actor
 
     def _free(self, actor: _Actor, instant: int) -> int:

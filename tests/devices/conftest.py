@@ -7,7 +7,6 @@ import os
 import subprocess
 import threading
 import time
-from pathlib import Path
 from subprocess import PIPE
 
 import numpy as np
@@ -15,23 +14,11 @@ import pytest
 from palpate.config import load_pipeline
 from palpate.errors import DeviceError
 from palpate.pipeline import run_pipeline
-from palpate_devices.mcap_replay import McapReplay
 
 from tests import processes
-from tests.devices.simulated_bench import SimulatedBench
+from tests.devices.simulated_bench import PIPELINE, SHORT, SimulatedBench, readings, replayed
 
-PIPELINE = Path(__file__).parents[2] / "pipelines" / "point_ur3e.toml"
 _ADDRESSES = itertools.count(2)
-# A short motion with the same limits: standstill, approach, a second of sine, retraction.
-SHORT = (
-    "device.sensor.settle=0.1 s",
-    "safety.standstill=0.2 s",
-    "alignment.tare_duration=0.15 s",
-    "trajectory.press.standstill=0 s",
-    "trajectory.press.clearance=3 mm",
-    "trajectory.press.duration=1 s",
-    "twin.bench.height=4 mm",
-)
 SOON = 60.0  # [s] to wait for what must come; how long it takes is measured in benchmarks/, not here
 
 
@@ -118,16 +105,7 @@ class Bench:
 
     def replay(self, log, out, *overrides):
         """Run the same pipeline on what was recorded."""
-        pipeline = self.folder / "replay.toml"
-        text = PIPELINE.read_text()
-        begin, end = text.index("[device.arm]"), text.index("[safety]")
-        devices = "".join(
-            f'[device.{name}]\ntype = "mcap-replay"\nfile = "{log}"\nrecorded = "{name}"\n'
-            for name in ("arm", "sensor")
-        )
-        pipeline.write_text(text[:begin] + devices + text[end:])
-        sets = [override for override in self._overrides if not override.startswith("device.")]
-        return run_pipeline(load_pipeline(pipeline, [*sets, *overrides]), self.folder / out)
+        return replayed(self.folder, log, out, self._overrides, overrides)
 
     def run_into(self, fault, when, *overrides, limits=PATIENT, attempts=6):
         """Run with a fault as soon as a condition holds: the error, the fault's time, the run folder.
@@ -216,11 +194,11 @@ class ForceLimit:
         The latency is what is left of that way when braking is taken off: x = v tau + v^2/2a.
         """
         table = json.loads((folder / "result.json").read_text())
-        wrench = _readings(folder / "log.mcap", "sensor", "wrench")
+        wrench = readings(folder / "log.mcap", "sensor", "wrench")
         stamps = np.concatenate([b.time for b in wrench])
         force = np.concatenate([b.values[:, 2] for b in wrench]) - table["run"]["live"]["standstill"]["force"]
         over = stamps[np.flatnonzero(np.abs(force) > ForceLimit.stop)[0]]
-        tip, twist = (_readings(folder / "log.mcap", "arm", stream) for stream in ("tip", "twist"))
+        tip, twist = (readings(folder / "log.mcap", "arm", stream) for stream in ("tip", "twist"))
         times = np.concatenate([b.time for b in tip])
         height = np.concatenate([b.values[:, 2] for b in tip])
         speed = -np.concatenate([b.values[:, 2] for b in twist])
@@ -238,11 +216,6 @@ class ForceLimit:
         allowed = speed * cls.latency + speed**2 / (2 * cls.deceleration)
         depth = (9 * cls.stop / (16 * elasticity * cls.radius**0.5)) ** (2 / 3) + allowed
         return cls.stop + 8 / 3 * elasticity * (cls.radius * depth) ** 0.5 * allowed
-
-
-def _readings(log, device, stream):
-    with McapReplay(file=log, recorded=device).connect(0) as link:
-        return [batch for batch in link.batches() if batch.stream == stream]
 
 
 @pytest.fixture

@@ -110,16 +110,20 @@ class SimulatedBench:
 
     def replay(self, log, out, *overrides):
         """Run the same pipeline on what was recorded."""
-        pipeline = self.folder / "replay.toml"
-        text = PIPELINE.read_text()
-        begin, end = text.index("[device.arm]"), text.index("[safety]")
-        devices = "".join(
-            f'[device.{name}]\ntype = "mcap-replay"\nfile = "{log}"\nrecorded = "{name}"\n'
-            for name in ("arm", "sensor")
-        )
-        pipeline.write_text(text[:begin] + devices + text[end:])
-        sets = [override for override in self._overrides if not override.startswith("device.")]
-        return run_pipeline(load_pipeline(pipeline, [*sets, *overrides]), self.folder / out)
+        return replayed(self.folder, log, out, self._overrides, overrides)
+
+
+def replayed(folder, log, out, rig, overrides):
+    """A run of the example pipeline on what was recorded, with the overrides of its rig but those of devices."""
+    pipeline = folder / "replay.toml"
+    text = PIPELINE.read_text()
+    begin, end = text.index("[device.arm]"), text.index("[safety]")
+    devices = "".join(
+        f'[device.{name}]\ntype = "mcap-replay"\nfile = "{log}"\nrecorded = "{name}"\n' for name in ("arm", "sensor")
+    )
+    pipeline.write_text(text[:begin] + devices + text[end:])
+    sets = [override for override in rig if not override.startswith("device.")]
+    return run_pipeline(load_pipeline(pipeline, [*sets, *overrides]), folder / out)
 
 
 def readings(log, device, stream):
