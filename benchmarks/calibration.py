@@ -14,12 +14,12 @@ from collections.abc import Iterable
 
 import numpy as np
 from palpate.alignment import GRAVITY, AlignmentSettings, Ports
+from palpate_calibration.calibrated_value import MeasuredValue
+from palpate_calibration.calibration_record import CalibrationRecord, CalibrationRecorder
 from palpate_calibration.protocol import calibrate
-from palpate_calibration.quantity import Measured
-from palpate_calibration.record import CalibrationRecord, CalibrationRecorder
 from palpate_calibration.settings import CalibrationSettings
-from palpate_devices.sim import SimulatedRig
 from palpate_models import DimensionalityReduction, Sphere
+from palpate_simulation.simulated_rig import SimulatedRig
 from palpate_trajectories.shake import Shake
 
 MODEL = DimensionalityReduction(indenter=Sphere(radius=0.005))
@@ -76,7 +76,7 @@ def drawn(rng: np.random.Generator) -> SimulatedRig:
     )
 
 
-Judged = dict[str, list[tuple[float, Measured]]]  # by value: truth and finding of each run
+Judged = dict[str, list[tuple[float, MeasuredValue]]]  # by value: truth and finding of each run
 
 
 def judged(rigs: Iterable[SimulatedRig], shake: Shake, channels: AlignmentSettings, seed: int) -> Judged:

@@ -16,13 +16,13 @@ from pathlib import Path
 import numpy as np
 from palpate import Channel, Stream
 from palpate.alignment import GRAVITY, Health
+from palpate_calibration.calibration_record import CalibrationRecord, Trace
 from palpate_calibration.protocol import calibrate
-from palpate_calibration.record import CalibrationRecord, Trace
 from palpate_calibration.settings import CalibrationSettings
-from palpate_devices.twins.bench import VirtualBench
-from palpate_devices.twins.world import World
-from palpate_devices.ur3e.kinematics import pose_of
+from palpate_kit.kinematics.ur_arm import pose_of
 from palpate_models import DimensionalityReduction, Sphere
+from palpate_simulation.twins.bench import VirtualBench
+from palpate_simulation.twins.world import World
 from palpate_trajectories.shake import Shake
 
 SHAKE = Shake(amplitude=0.00301, height=0.03)

@@ -19,7 +19,6 @@ from palpate import ContactModel, Indenter, Length, Problem, contact_force
 from palpate_filters.ekf import ExtendedKalmanFilter
 from palpate_models import (
     BluntCone,
-    Compression,
     Cone,
     DimensionalityReduction,
     Ellipsoid,
@@ -30,6 +29,7 @@ from palpate_models import (
     KelvinVoigt,
     Maxwell,
     Paraboloid,
+    PlateCompression,
     Power,
     Profile,
     Quartic,
@@ -78,7 +78,7 @@ OTHERS: Mapping[str, tuple[ContactModel, list[float]]] = {
     "kelvin-voigt": (KelvinVoigt(), [1e3, 10.0]),
     "hunt-crossley": (HuntCrossley(), [1.0, 10.0]),
     "hunt-crossley-free": (FreeHuntCrossley(), [1.0, 10.0, 1.5]),
-    "compression": (Compression(diameter=51e-3, height=22e-3), [1e5]),
+    "compression": (PlateCompression(diameter=51e-3, height=22e-3), [1e5]),
 }
 
 

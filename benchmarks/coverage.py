@@ -31,9 +31,10 @@ from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.alignment.tare import Tare
 from palpate.registry import Registry, load
 from palpate.result import TrackRecord, TrackResult, track_result
-from palpate.result.diagnosing import Diagnosable, Judged, diagnosed
+from palpate.result.diagnoses import Diagnosable, RunEvidence, apply_diagnoses
 from palpate.track_name import TrackName
-from palpate_filters import CasadiFit, KinematicFilter, KinematicSmoother
+from palpate_filters import KinematicFilter, KinematicSmoother
+from palpate_fits import CasadiFit
 from palpate_models import DimensionalityReduction
 from palpate_models.indenters import Cone, ExactSphere, Flat, Power, Sphere
 
@@ -210,7 +211,7 @@ def results(
         kept.add(samples, estimator.start(Problem(model, mass, LATE, AIR)).run(samples), 0.0)
         found = track_result(track, model, kept, report, settings, 1.0, estimator.online)
         whole[name] = Diagnosable(model, estimator, kept, found)
-    judged = diagnosed(whole, registry.diagnoses, Judged(settings, report, 1.0, declared))
+    judged = apply_diagnoses(whole, registry.diagnoses, RunEvidence(settings, report, 1.0, declared))
     return {name: found.judged(registry, ()) for name, found in judged.items()}
 
 

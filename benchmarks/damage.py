@@ -1,4 +1,4 @@
-"""What becomes of damaged logs: what a run makes of them, and how much of what is whole `palpate recover` brings back.
+"""What becomes of damaged logs: what a run makes of them, and how much of the rest `palpate log recover` brings back.
 
     python benchmarks/damage.py outcomes [--count 8] [--seed 1]   logs of all kinds, damaged in seven ways, in a run
     python benchmarks/damage.py recover [--count 25] [--seed 1]   MCAP, damaged in eight ways, counted by `mcap`
@@ -25,13 +25,14 @@ import numpy as np
 import zstandard
 from mcap.writer import Writer
 from palpate import Samples, UserError
-from palpate.host import KeptSamples, Source, build_pipeline, run_pipeline
+from palpate.host import Source, build_pipeline, run_pipeline
 from palpate_devices.mcap_replay import McapReplay
+from palpate_kit.runs.sample_observer import SampleObserver
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from tests.devices import damage
-from tests.devices.bags import press, write_bag
-from tests.devices.damage import cut_out, cut_short, many_bits, no_ends, one_bit, overwritten, put_in
+from tests.logs import damage
+from tests.logs.bags import press, write_bag
+from tests.logs.damage import cut_out, cut_short, many_bits, no_ends, one_bit, overwritten, put_in
 
 
 def recover(options: argparse.Namespace) -> None:
@@ -261,7 +262,7 @@ def _judged(made: Made, raw: bytes, truth: Seen, name: str) -> str:
 
 def _read(made: Made) -> Seen | None:
     """Samples and flags of a run; None where it refuses."""
-    kept = KeptSamples()
+    kept = SampleObserver()
     out = made.damaged.parent / "run"
     shutil.rmtree(out, ignore_errors=True)
     try:

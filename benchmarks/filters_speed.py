@@ -20,13 +20,13 @@ import casadi
 import numpy as np
 from palpate import Problem
 from palpate_filters.ekf import ExtendedKalmanFilter
+from palpate_filters.filter_tracker import Carry
 from palpate_filters.inertial_filter import first_state
-from palpate_filters.kernel.llvm import CompiledStep
-from palpate_filters.kernel.virtual_machine import VirtualMachine
 from palpate_filters.kinematic_filter import KinematicFilter
 from palpate_filters.predictions import sigma_directions
-from palpate_filters.tracking import Carry
 from palpate_filters.ukf import AdaptiveFadingUkf
+from palpate_kit.kernel.llvm import CompiledStep
+from palpate_kit.kernel.virtual_machine import VirtualMachine
 from palpate_models import DimensionalityReduction, Sphere
 from palpate_testing import synthetic_samples
 
@@ -135,7 +135,7 @@ def python_afukf(samples: Any, count: int) -> Callable[[], object]:
 
 
 def _process(order: int = 0) -> Any:
-    from palpate_filters.process import InertialProcess
+    from palpate_filters.process_models import InertialProcess
 
     return InertialProcess(MODEL, MASS, order)
 

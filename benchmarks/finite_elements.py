@@ -13,17 +13,17 @@ from dataclasses import replace
 import numpy as np
 from palpate import Floats
 from palpate_models import Flat, Sphere
-from palpate_models.finite_elements import Cylinder, SoftCylinder, pressed
-from palpate_models.rigid_tip import Profile
+from palpate_models.finite_elements import Cylinder, SoftCylinder, press_cylinder
+from palpate_models.rigid_tip import TipProfile
 from palpate_models.thickness import Thickness
 
 R = 5e-3  # [m]
 RATIOS = (0.1, 0.2, 0.3, 0.5, 1.0)  # of contact radius and height
 
 
-def paraboloid(reach: float) -> Profile:
+def paraboloid(reach: float) -> TipProfile:
     """z = r^2/(2 R)."""
-    return Profile(lambda r: r * r / (2 * R), lambda r: r / R, reach)
+    return TipProfile(lambda r: r * r / (2 * R), lambda r: r / R, reach)
 
 
 def hertz(depth: float) -> float:
@@ -35,7 +35,7 @@ def half_space(fine: int) -> None:
     """A block of a thousand contact radii."""
     depth = 2e-5
     a = math.sqrt(R * depth)
-    found = next(pressed(Cylinder(2000 * a, 1000 * a), paraboloid(1.5 * a), np.array([depth]), fine))
+    found = next(press_cylinder(Cylinder(2000 * a, 1000 * a), paraboloid(1.5 * a), np.array([depth]), fine))
     print(f"Hertz, {fine} elements: {found / hertz(depth) - 1:+.2%}")
 
 
@@ -64,7 +64,7 @@ def flats(fine: int) -> None:
     def slope(r: Floats) -> Floats:
         return np.sign(r) * np.maximum(np.abs(r) - (R - edge), 0.0) / edge
 
-    tip = Profile(height, slope, 1.2 * R)
+    tip = TipProfile(height, slope, 1.2 * R)
     deep = force(Cylinder(2000 * R, 1000 * R), tip, depth, fine)
     radius = deep / (8 / 3 * depth)
     print(f"flat: acts as one of {radius / R:.3f} R on a half-space")
@@ -74,9 +74,9 @@ def flats(fine: int) -> None:
         print(f"flat, bonded, X = {x}: {told(found, {'garcia': law})}", flush=True)
 
 
-def force(cylinder: Cylinder, tip: Profile, depth: float, fine: int) -> float:
+def force(cylinder: Cylinder, tip: TipProfile, depth: float, fine: int) -> float:
     """Force over modulus [m^2] at a depth [m]."""
-    return next(pressed(cylinder, tip, np.array([depth]), fine))
+    return next(press_cylinder(cylinder, tip, np.array([depth]), fine))
 
 
 def told(found: float, laws: dict[str, float]) -> str:

@@ -13,11 +13,11 @@ from collections.abc import Callable
 
 import numpy as np
 from palpate import Floats, Problem, Samples
-from palpate_filters.fit import CasadiFit
-from palpate_filters.fit.first_guess import first_guess, linear_places
-from palpate_filters.fit.loss import LossFunction
-from palpate_filters.fit.residual import Residual
-from palpate_filters.fit.solvers import build_ipopt, solve_ipopt, solve_lm, solve_trf, solve_varpro
+from palpate_fits import CasadiFit
+from palpate_fits.first_guess import first_guess, linear_places
+from palpate_fits.loss import LossFunction
+from palpate_fits.residual import Residual
+from palpate_fits.solvers import solve_lm, solve_trf
 from palpate_models import DimensionalityReduction, Sphere
 from scipy.optimize import curve_fit
 
@@ -73,26 +73,22 @@ def by_hand(at: Floats, elasticity: float, viscosity: float, surface: float) -> 
 
 
 def solvers(n: int = 20_000) -> None:
-    """The three solvers from the same start, and curve_fit on the same columns."""
+    """The two solvers from the same start, and curve_fit on the same columns."""
     model = DimensionalityReduction(indenter=Sphere(radius=RADIUS))
     tracker = CasadiFit(profile=False, unknowns=()).start(Problem(model, None))
     fit = tracker.fit(palpation(n))  # type: ignore[attr-defined]
     record, unknowns, loss = fit.record, fit.unknowns, LossFunction()
     linear = linear_places(model, unknowns)
-    residual, projected = Residual(model, unknowns.free), Residual(model, linear)
+    residual = Residual(model, unknowns.free)
     guessed = first_guess(model, unknowns, record, linear, lambda places: Residual(model, places))
     start = solve_trf(residual, unknowns, record.thinned(1000), guessed, loss).x
     columns = np.column_stack([record.height, record.rate]).T
 
-    built = build_ipopt(residual, unknowns, record, start, loss)
     guess = start[:3] / [1e5, 1e2, 1e-3]
     found = interleaved(
         {
             "lm": lambda: solve_lm(residual, unknowns, record, start, loss),
             "trf": lambda: solve_trf(residual, unknowns, record, start, loss),
-            "varpro": lambda: solve_varpro(projected, unknowns, record, start, linear),
-            "ipopt, built before": built,
-            "ipopt, with its build": lambda: solve_ipopt(residual, unknowns, record, start, loss),
             "scipy curve_fit, same start": lambda: curve_fit(by_hand, columns, record.force, guess),
         }
     )
@@ -100,8 +96,6 @@ def solvers(n: int = 20_000) -> None:
     values = {
         "lm": solve_lm(residual, unknowns, record, start, loss).x[0],
         "trf": solve_trf(residual, unknowns, record, start, loss).x[0],
-        "varpro": solve_varpro(projected, unknowns, record, start, linear).x[0],
-        "ipopt": solve_ipopt(residual, unknowns, record, start, loss).x[0],
         "curve_fit": 1e5 * curve_fit(by_hand, columns, record.force, guess)[0][0],
     }
     print("  E [Pa]: " + ", ".join(f"{name} {value:.4f}" for name, value in values.items()))

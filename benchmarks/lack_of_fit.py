@@ -14,8 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 from palpate import Diagnosed, Estimator, Problem, Status, TrackEvidence
-from palpate.result.kept import Keeper
-from palpate_filters import CasadiFit, ExtendedKalmanFilter, KinematicFilter
+from palpate.result.sample_store import Keeper
+from palpate_filters import ExtendedKalmanFilter, KinematicFilter
+from palpate_fits import CasadiFit
 from palpate_models import DimensionalityReduction
 from palpate_models.indenters import Sphere
 from palpate_uncertainty.lack_of_fit import LEVEL, lack_of_fit

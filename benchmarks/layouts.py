@@ -15,8 +15,16 @@ from pathlib import Path
 
 import numpy as np
 from palpate.config import Pipeline, load_pipeline
-from palpate_maps.analysis import Findings, LumpSettings, Sites, find_baseline, find_lumps, prediction_p, sites_along
-from palpate_maps.sites import merged
+from palpate_maps.map_analysis import (
+    Findings,
+    LumpSettings,
+    Sites,
+    find_baseline,
+    find_lumps,
+    prediction_p,
+    sites_along,
+)
+from palpate_maps.sites import merge_sites
 from sweeps import paths
 
 RASTER = Path(__file__).parent.parent / "pipelines" / "raster.toml"
@@ -147,7 +155,7 @@ def null(seeds: Sequence[int]) -> None:
         p, alarms, several = [], 0, 0
         for seed in seeds:
             sites = sites_of(rig(seed, roughness, None))
-            coarse = merged(sites, LumpSettings().width)
+            coarse = merge_sites(sites, LumpSettings().width)
             baseline = find_baseline(coarse.log, floor=0.0)
             p.append(prediction_p(coarse.log, baseline))
             several += not find_baseline(coarse.log, floor=LumpSettings().spread).single

@@ -25,8 +25,8 @@ from typing import Any
 
 import numpy as np
 from palpate import Estimates, Floats, Parameter, Run, Samples
-from palpate_live.child import Child
-from palpate_live.feed import Feed
+from palpate_live.live_feed import PageFeed
+from palpate_live.server_process import PageServer
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
@@ -53,8 +53,8 @@ def sink_cost(seconds: int = 60) -> dict[str, float]:
     """CPU of the sink for blocks of 10 ms of 500 Hz and two tracks: share of a core, and microseconds a block."""
     parameters = (Parameter("elasticity", "E", "Pa", ""), Parameter("viscosity", "eta", "Pa*s", ""))
     run = Run(Path(), {}, {"dr/ekf": parameters, "dr/kinematic": parameters}, {}, {})
-    child = Child(0, None)
-    feed = Feed(run, child.send, {})
+    child = PageServer(0, None)
+    feed = PageFeed(run, child.send, {})
     n, blocks = 5, []
     ones, yes, table = np.ones(n), np.ones(n, bool), np.ones((n, 2))
     for k in range(100 * seconds):
@@ -120,7 +120,7 @@ class Job:
         """Process id of the page's server."""
         pid = self.process.pid
         for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
-            if b"palpate_live.server" in Path(f"/proc/{child}/cmdline").read_bytes():
+            if b"palpate_live.page_server" in Path(f"/proc/{child}/cmdline").read_bytes():
                 return int(child)
         raise LookupError("the page has no process")
 
@@ -244,10 +244,10 @@ def main() -> None:
         port = folder / "sensor"
         sets = [f"twin.bench.host={host}", f"twin.bench.port={port}", f"device.arm.host={host}"]
         sets += [f"device.sensor.port={port}", f"trajectory.press.duration={given.seconds} s"]
-        limits = ("device.sensor.silence", "device.arm.stale", "safety.stale")
+        limits = ("device.sensor.sensor_timeout", "device.arm.controller_timeout", "safety.sensor_timeout")
         sets += [f"{limit}={given.silence} s" for limit in limits]
         sets += [f"device.arm.watchdog={max(1 / given.silence, 1.0)} Hz"]
-        sets += [f"device.arm.host_limit={max(2 * given.silence, 0.1)} s"] if given.silence > 0.1 else []
+        sets += [f"device.arm.host_timeout={max(2 * given.silence, 0.1)} s"] if given.silence > 0.1 else []
         options = [word for item in sets for word in ("--set", item)]
         twin = Twin(folder, options)
         try:

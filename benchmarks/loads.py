@@ -35,8 +35,8 @@ import numpy as np
 from mcap.writer import Writer
 from numpy.typing import NDArray
 from palpate import Floats
-from palpate_devices.logs import mcap_records as records
 from palpate_devices.messages import POSE, WRENCH, pack
+from palpate_kit.logs import mcap_records as records
 from soak import Look
 
 PALPATE = [sys.executable, "-c", "from palpate.cli import main; main()"]
@@ -215,8 +215,8 @@ def mcap(options: argparse.Namespace) -> None:
             "run": lambda: watched("run", "run", pipeline, "--out", options.folder / "run"),
             "info": lambda: watched("info", "info", path),
             "suggest": lambda: watched("info -o", "info", path, "-o", options.folder / "suggested.toml"),
-            "parquet": lambda: watched("export .parquet", "export", path, "-o", options.folder / "x.parquet"),
-            "csv": lambda: watched("export .csv", "export", path, "-o", options.folder / "x.csv"),
+            "parquet": lambda: watched("export .parquet", "log", "export", path, "-o", options.folder / "x.parquet"),
+            "csv": lambda: watched("export .csv", "log", "export", path, "-o", options.folder / "x.csv"),
             "recover": lambda: recovered(path, options.folder / "damaged.mcap", options.folder),
         },
         options,
@@ -247,7 +247,7 @@ def recovered(path: Path, damaged: Path, folder: Path) -> None:
         file.seek(-1, os.SEEK_CUR)
         file.write(bytes([byte[0] ^ 1]))
         file.truncate(damaged.stat().st_size * 9 // 10)
-    watched("recover", "recover", damaged, "-o", folder / "whole.mcap")
+    watched("recover", "log", "recover", damaged, "-o", folder / "whole.mcap")
 
 
 def csv(options: argparse.Namespace) -> None:
@@ -273,7 +273,7 @@ def csv(options: argparse.Namespace) -> None:
             "run": lambda: watched("run", "run", pipeline, "--out", folder / "run"),
             "info": lambda: watched("info", "info", path),
             "suggest": lambda: watched("info --suggest", "info", path, "-o", folder / "suggested.toml"),
-            "parquet": lambda: watched("export .parquet", "export", path, "-o", folder / "x.parquet"),
+            "parquet": lambda: watched("export .parquet", "log", "export", path, "-o", folder / "x.parquet"),
         },
         options,
     )
@@ -311,7 +311,7 @@ def raster(options: argparse.Namespace) -> None:
             "run": lambda: watched(f"run, {lines} lines", "run", pipeline, "--out", run),
             "map": lambda: watched("map", "map", run),
             "average": lambda: watched("map, average", "map", run, "--method", "average"),
-            "lumps": lambda: watched("lumps", "lumps", run),
+            "lumps": lambda: watched("lumps", "map", "lumps", run),
             "report": lambda: watched("report", "report", run),
         },
         options,

@@ -15,8 +15,8 @@ from pathlib import Path
 
 from logs import numbers, write
 from mcap.writer import CompressionType
-from palpate_devices.logs import mcap_records as records
 from palpate_devices.mcap_replay import McapReplay
+from palpate_kit.logs import mcap_records as records
 
 
 def repeated(source, target, size):
@@ -45,7 +45,7 @@ def exported(folder, kind):
         out = folder / f"{seconds}.{kind}"
         # A child's ru_maxrss begins at what its parent had; the high-water mark of its own memory does not.
         code = (
-            "import sys; from pathlib import Path; from palpate_devices.logs.commands.export import export\n"
+            "import sys; from pathlib import Path; from palpate_logs.commands.export import export\n"
             "export(Path(sys.argv[1]), Path(sys.argv[2]), None)\n"
             "print(next(line.split()[1] for line in open('/proc/self/status') if line.startswith('VmHWM')))"
         )

@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from palpate_filters.fit.each import Curve, Reader, fitted
+from palpate_fits.batch_fit import Curve, CurveReader, fit_curves
 from scipy.optimize import curve_fit
 
 RADIUS, ELASTICITY, VISCOSITY = 5e-3, 1.1e5, 360.0
@@ -74,17 +74,17 @@ def main() -> None:
         os.chdir(folder)
         write(count)
         readers = {
-            name: Reader(PIPELINE.replace("PROFILE", profile), str(Path(folder, "reader.toml")), (), "log")
+            name: CurveReader(PIPELINE.replace("PROFILE", profile), str(Path(folder, "reader.toml")), (), "log")
             for name, profile in (("fit --each", "true"), ("fit --each, profile = false", "false"))
         }
         curves = [Curve(f"{i}.csv", str(Path(folder, f"{i}.csv"))) for i in range(count)]
         taken = dict.fromkeys([*readers, "loadtxt and curve_fit"], 0.0)
         for reader in readers.values():
-            fitted(reader, curves[:50])  # compiles
+            fit_curves(reader, curves[:50])  # compiles
         for begin in range(0, count, 20):
             for name, reader in readers.items():
                 before = time.process_time()
-                fitted(reader, curves[begin : begin + 20])
+                fit_curves(reader, curves[begin : begin + 20])
                 taken[name] += time.process_time() - before
             before = time.process_time()
             for curve in curves[begin : begin + 20]:

@@ -37,16 +37,18 @@ _LACK = "uncertainty/test_lack_of_fit.py uncertainty/test_lack_of_fit_of_sweeps.
 _BUDGET = "uncertainty/test_budget.py uncertainty/test_budget_command.py uncertainty/test_geometry.py"
 _SPREAD = "uncertainty/test_settling.py uncertainty/test_stretches.py uncertainty/test_timing.py"
 _READ = (
-    "devices/test_mcap_reader.py devices/test_mcap_index.py devices/test_recovery.py devices/test_damage.py "
-    "devices/test_mcap.py devices/test_corpus.py"
+    "logs/test_mcap_reader.py logs/test_mcap_index.py logs/test_recovery.py logs/test_damage.py "
+    "logs/test_mcap.py logs/test_corpus.py"
 )
 AREAS = {  # by area: modules and the tests that hold them; of several patterns that match, the first counts
     "alignment": {
-        f"{_ALIGNMENT}/[cr][hi]*.py {_ALIGNMENT}/touch.py": "core/test_touch.py core/test_alignment.py",
-        f"{_ALIGNMENT}/*.py": "core/test_alignment.py core/test_ports.py core/test_touch.py",
+        f"{_ALIGNMENT}/c*.py {_ALIGNMENT}/rise.py {_ALIGNMENT}/held_samples.py {_ALIGNMENT}/load_compensation.py":
+            "core/test_contact_detector.py core/test_alignment.py",
+        f"{_ALIGNMENT}/*.py": "core/test_alignment.py core/test_ports.py core/test_contact_detector.py",
     },
     "guard": {
-        "core/palpate/pipeline/guard.py core/palpate/safety/*.py core/palpate/limiting.py":
+        "core/palpate/pipeline/live/guard.py core/palpate/pipeline/live/*_watch.py "
+        "core/palpate/safety/*.py core/palpate/arm_limits.py":
             "core/test_safety.py devices/test_fence.py",
     },
     "fence": {"plugins/devices/palpate_devices/ur3e/f[eo][nl]*.py": "devices/test_fence.py"},
@@ -60,7 +62,7 @@ AREAS = {  # by area: modules and the tests that hold them; of several patterns 
         f"{_UNCERTAINTY}/one_frequency.py": "uncertainty/test_one_frequency.py",
         f"{_UNCERTAINTY}/plausibility.py {_UNCERTAINTY}/outliers.py": "uncertainty/test_implausible.py",
         f"{_UNCERTAINTY}/*.py": f"{_BUDGET} {_SPREAD}",
-        f"{_FITS}/uncertainty.py {_FITS}/identifiability.py": "filters/test_fit.py",
+        f"{_FITS}/uncertainty.py {_FITS}/identifiability.py": "fits/test_fit.py",
     },
     "kernel": {
         f"{_KERNEL}/c_source.py": "filters/test_export_filter.py",
@@ -68,8 +70,8 @@ AREAS = {  # by area: modules and the tests that hold them; of several patterns 
     },
     "readers": {
         f"plugins/devices/palpate_devices/mcap_replay.py {_LOGS}/mcap_*.py {_LOGS}/recovery.py": _READ,
-        f"{_LOGS}/csv_end.py plugins/devices/palpate_devices/csv_replay.py":
-            "devices/test_csv_replay.py devices/test_csv_plain.py",
+        f"{_LOGS}/csv_end.py plugins/logs/palpate_logs/csv_replay.py":
+            "logs/test_csv_replay.py logs/test_csv_plain.py",
     },
 }  # fmt: skip
 OPERATORS = (

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Problem, force_over_time
-from palpate_filters import CasadiFit, TingFit
+from palpate_fits import CasadiFit, TingFit
 from palpate_models import (
     Burgers,
     DimensionalityReduction,
@@ -26,12 +26,12 @@ from palpate_models import (
     Sphere,
     StandardLinearSolid,
 )
-from palpate_models.ting import relaxation_of, ting_force
-from palpate_spectra.moduli import answer
-from palpate_spectra.recorded import Recorded
-from palpate_spectra.transient.modulus import curve
-from palpate_spectra.transient.press import pressed
-from palpate_spectra.transient.spectrum import flags_of
+from palpate_models.ting_unloading import relaxation_of, ting_force
+from palpate_spectra.complex_moduli import answer
+from palpate_spectra.recorded_oscillation import RecordedOscillation
+from palpate_spectra.transient.recorded_press import longest_press
+from palpate_spectra.transient.relaxation_modulus import curve
+from palpate_spectra.transient.spectrum_of_times import flags_of
 from scipy.stats import binom
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -108,7 +108,7 @@ def by_relaxation(model, theta, records):
     law, began = relaxation_of(model, theta), time.process_time()
     inside, flagged = np.zeros(3, int), 0
     for seed in range(records):
-        found = curve(pressed(rig.press(model, theta, seed=seed), "run"))
+        found = curve(longest_press(rig.press(model, theta, seed=seed), "run"))
         at = [int(np.argmin(np.abs(np.log(found.time / t)))) for t in (0.3, 1.0, 4.0)]
         truth = (law.lasting or 0.0) + sum(e * np.exp(-rate * found.time[at]) for e, rate in law.arms)
         inside += np.abs(found.value[at] - truth) < 1.96 * found.std[at]
@@ -129,7 +129,9 @@ def by_spectrum(model, theta, records):
         noise = 0.0 if seed is None else random.standard_normal((2, len(t))) * [[0.05], [5e-6]]
         noisy, height = (np.stack([force, -depth]) + noise)[:, late]
         known = {"radius": 0.0, "poisson": 0.0}
-        record = Recorded("run", "t", model, t[late], noisy, height, 0.0, 0.0, timing=0.0, uncertainties=known)
+        record = RecordedOscillation(
+            "run", "t", model, t[late], noisy, height, 0.0, 0.0, timing=0.0, uncertainties=known
+        )
         return answer(record, list(lines)).lines
 
     truth, began = [line.shear for line in lines_of(None)], time.process_time()

@@ -29,9 +29,9 @@ import pytest  # noqa: E402
 from palpate.host import load_pipeline, run_pipeline  # noqa: E402
 from palpate_devices.mcap_replay import McapReplay  # noqa: E402
 
-from tests.devices.ros2 import playing  # noqa: E402
-from tests.devices.ros2.conftest import built  # noqa: E402
-from tests.devices.ros2.test_recorded_run import missed, replayed, streams_of  # noqa: E402
+from tests.ros2 import playing  # noqa: E402
+from tests.ros2.conftest import built  # noqa: E402
+from tests.ros2.test_recorded_run import missed, replayed, streams_of  # noqa: E402
 
 _DOMAIN, _PORT = 77, 17447
 

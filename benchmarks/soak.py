@@ -28,6 +28,7 @@ PIPELINE = Path(__file__).parents[1] / "pipelines" / "point_ur3e.toml"
 _PALPATE = [sys.executable, "-c", "from palpate.cli import main; main()"]
 _PERIOD = 1.25e6  # [ns] of the sensor
 _RISE = 0.5  # [MB] a minute that memory may rise by
+_MEMORY = 250.0  # [MB] of all processes, every page once
 _DRIFT = 0.3e-3  # [s] that the pipeline declares
 _BACKLOG = 100  # batches that may have waited at once
 
@@ -166,8 +167,8 @@ def soak(minutes: float, silence: float, folder: Path, every: float, file: Path,
     port = folder / "sensor"
     sets = [f"twin.bench.host={host}", f"twin.bench.port={port}", f"device.arm.host={host}"]
     sets += [f"device.sensor.port={port}", f"trajectory.press.duration={60 * minutes} s"]
-    limits = ("device.sensor.silence", "device.arm.stale", "safety.stale")
-    sets += [f"{limit}={silence} s" for limit in limits] + [f"device.arm.host_limit={max(silence, 0.25)} s"]
+    limits = ("device.sensor.sensor_timeout", "device.arm.controller_timeout", "safety.sensor_timeout")
+    sets += [f"{limit}={silence} s" for limit in limits] + [f"device.arm.host_timeout={max(silence, 0.25)} s"]
     sets += [f"device.arm.watchdog={max(1 / silence, 1.0)} Hz"]
     options = [word for item in sets for word in ("--set", item)]
     twin = subprocess.Popen(
@@ -221,6 +222,8 @@ def verdicts(soaked: Soaked) -> Iterator[tuple[bool, str]]:
     live, state = soaked.table["run"]["live"], soaked.state
     rise, error = slope(soaked.looks)
     yield soaked.code == 0, f"the job ends with exit code {soaked.code}"
+    memory = max(look.own for look in soaked.looks) / 1024
+    yield memory < _MEMORY, f"memory: {memory:.1f} MB at most, {_MEMORY:.0f} are allowed"
     yield rise < _RISE + 2 * error, f"memory rises by {rise:+.3f} +- {error:.3f} MB a minute"
     counted = late(soaked.looks) or soaked.looks
     for what in ("descriptors", "threads"):

@@ -20,11 +20,11 @@ from pathlib import Path
 import numpy as np
 from palpate import PalpateError
 from palpate.cli import call
-from palpate.host import recording_of, suggestion_of
-from palpate_devices.logs.readings import si_unit
+from palpate_kit.logs.draft_pipeline import recording_of, suggestion_of
+from palpate_kit.logs.readings import si_unit
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from tests.devices.bags import array_message, write_bag
+from tests.logs.bags import array_message, write_bag
 
 ARRAY = "std_msgs/msg/Float64MultiArray"
 
@@ -169,7 +169,7 @@ def wrong(table: Table, suggestion, choices: dict[str, str], clocked: int) -> di
 
 def run(path: Path, suggestion, log: Path) -> str:
     """What the pipeline gives, in words."""
-    from palpate.host import pipeline_of
+    from palpate_kit.logs.draft_pipeline import pipeline_of
 
     path.write_text(pipeline_of(suggestion, log, path.parent))
     heard = io.StringIO()

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 from filters_speed import MODEL, python_ekf
-from palpate_filters.kernel.llvm import CompiledStep
-from palpate_studies.jobs import Job, Written, run_or_find
+from palpate_kit.jobs.job import Job, PortablePipeline, run_or_find
+from palpate_kit.kernel.llvm import CompiledStep
 from palpate_testing import synthetic_samples
 
 ROOT = Path(__file__).parent.parent
@@ -48,7 +48,11 @@ def inside(text: str, folder: Path, values: list[float]) -> tuple[float, float, 
 
     CompiledStep.run = timed
     jobs = [
-        Job(str(i), Written(text, folder / "log.toml", (f'estimator.ekf.force_std="{value} N"',)), folder / f"{i:05d}")
+        Job(
+            str(i),
+            PortablePipeline(text, folder / "log.toml", (f'estimator.ekf.force_std="{value} N"',)),
+            folder / f"{i:05d}",
+        )
         for i, value in enumerate(values, start=1)
     ]
     run_or_find(jobs[0])  # compiles

@@ -22,10 +22,10 @@ from palpate.alignment import Aligner
 from palpate.config import Pipeline, load_pipeline
 from palpate.device import Batch
 from palpate.estimation import Samples, Status
-from palpate.host import RunFolder
 from palpate.pipeline import start_tracks
-from palpate.pipeline.flow import the_trajectory
-from palpate_maps.analysis import Findings, LumpSettings, Path2D, find_lumps, sites_along
+from palpate.pipeline.planned_motion import single_trajectory
+from palpate_kit.runs.run_folder import RunFolder
+from palpate_maps.map_analysis import Findings, LumpSettings, Path2D, find_lumps, sites_along
 
 PIPELINE = Path(__file__).parent.parent / "pipelines" / "sweep.toml"
 LUMPS = (-0.014, 0.014)  # [m] where the line crosses the sphere, and the horseshoe's bow
@@ -55,7 +55,7 @@ def samples_of(given: Pipeline) -> Samples:
     ((name, rig),) = given.devices.items()
     batches: dict[str, list[Batch]] = {}
     with rig.connect(given.run.seed) as link:
-        link.follow(the_trajectory(given))  # type: ignore[attr-defined]
+        link.follow(single_trajectory(given))  # type: ignore[attr-defined]
         for batch in link.batches():
             batches.setdefault(batch.stream, []).append(batch)
     aligner = Aligner(given.alignment, given.ports)
@@ -199,7 +199,7 @@ def _listed(tracks: Sequence[str]) -> str:
 
 
 def search(seeds: Sequence[int]) -> None:
-    """`palpate run` of two coarse lines, then `palpate search --go`, as typed: one sphere of 5 mm radius, then two.
+    """`palpate run` of two coarse lines, then `palpate map search --go`, as typed: one sphere of 5 mm radius, then two.
 
     The lines cover 60 mm x 20 mm; spheres lie anywhere in 70 mm x 50 mm, so also beyond, 20 mm or more apart.
     """
@@ -243,7 +243,7 @@ def _searched(raster: Path, seed: int, spheres: list[tuple[float, float]]) -> tu
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()) as said:
         run = str(Path(folder) / "run")
         call(["run", str(raster), "--out", run, *(part for text in settings for part in ("--set", text))])
-        call(["search", run, "--go"])
+        call(["map", "search", run, "--go"])
         lines = [load_pipeline(part.pipeline).trajectories for part in RunFolder(Path(run)).parts]
     took = sum(motion.total_duration for motions in lines for motion in motions.values())
     certain = re.findall(r"lump at (-?[\d.]+) mm, (-?[\d.]+) mm: p = \S+, certain", said.getvalue())

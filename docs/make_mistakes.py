@@ -89,6 +89,7 @@ _TRACK = ("--set", 'run.tracks=["dr/mine"]', "--set", "trajectory.press.duration
 PLUGINS: list[tuple[str, str, str, tuple[str, ...]]] = [
     ("a file that is no Python", "def palpate_models(:\n", "", CHECK),
     ("a file that raises when it is loaded", "1 / 0\n", "", CHECK),
+    ("a hook that raises", _plugin("palpate_indenters", "1 / 0", "Indenter", ""), "", CHECK),
     ("a misspelt hook", _plugin("palpate_indenter", "Own", "Indenter", _TIP), "", CHECK),
     ("a plugin that offers nothing", "value = 1\n", "", CHECK),
     ("a tip without its formulas", _plugin("palpate_indenters", "Own", "Indenter", _TIP),

@@ -9,7 +9,7 @@ import typer
 from formulas import with_math
 from palpate import Settings
 from palpate.host import AlignmentSettings, Registry, RunSettings, SafetySettings, function_of, registry
-from palpate_basics.inspect import _default, _type
+from palpate_commands.describe import _default, _type
 
 _KINDS = {
     "indenter": "Tips",
@@ -21,7 +21,7 @@ _KINDS = {
     "twin": "Twins",
 }
 _FACE = ("load", "run", "record", "read", "fit", "compare", "sweep", "open_run")
-_CLASSES = ("Draft", "FinishedRun", "TrackView", "Quantity", "Record", "Fit", "Sweep", "MapView", "Picture")
+_CLASSES = ("Draft", "FinishedRun", "TrackView", "UncertainQuantity", "Record", "Fit", "Sweep", "MapView", "Picture")
 
 
 def write_reference(folder: Path) -> None:

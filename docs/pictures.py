@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 from palpate import ContactModel, Indenter, contact_force, force_over_time, tip_profile
-from palpate.host import WIDTHS, figure_of, legend_outside, save_figure, style
+from palpate_kit.figures import WIDTHS, figure_of, legend_outside, save_figure, style
 from palpate_models import (
     Burgers,
-    Compression,
     DerjaguinMullerToporov,
     DimensionalityReduction,
     DimensionalityReductionMaxwell,
@@ -27,6 +26,7 @@ from palpate_models import (
     JohnsonKendallRoberts,
     KelvinVoigt,
     Maxwell,
+    PlateCompression,
     Poroelastic,
     PowerLaw,
     StandardLinearSolid,
@@ -86,7 +86,7 @@ def models(tip: Indenter) -> dict[str, tuple[ContactModel, list[float]]]:
         "hunt-crossley-free": (FreeHuntCrossley(), [0.5, 5.0, 1.4]),
         "dmt": (DerjaguinMullerToporov(radius=5e-3), [ELASTICITY, 20.0]),
         "jkr": (JohnsonKendallRoberts(radius=5e-3), [ELASTICITY, 20.0]),
-        "compression": (Compression(diameter=51e-3, height=22e-3), [ELASTICITY]),
+        "compression": (PlateCompression(diameter=51e-3, height=22e-3), [ELASTICITY]),
     }
     return {name: settings[name] for name in palpate_models()}
 
@@ -158,7 +158,7 @@ def late_runs(folder: Path) -> dict[str, tuple[Any, Any]]:
     """Time [s] and viscosity [Pa s] of pipelines/late.toml, before its calibration and after."""
     from palpate.config import load_pipeline
     from palpate.pipeline import run_pipeline
-    from palpate_calibration.guided import run_calibration
+    from palpate_calibration.guided_calibration import run_calibration
     from palpate_calibration.plan import load_plan
 
     source = Path(__file__).parents[1] / "pipelines" / "late.toml"

@@ -15,7 +15,7 @@ _BESIDE_A_RIG = ("tests/live_page/test_page.py",)  # live, and no arm moves
 _LONG = (
     *("filters/test_conformance.py", "filters/test_export_filter.py", "studies/test_cluster.py"),
     *("uncertainty/test_matrix.py", "maps/test_commands.py", "core/test_small_core.py", "test_plugin_readmes.py"),
-    *("filters/test_fit_command.py", "filters/test_fit.py", "report/test_report.py", "test_third_party.py"),
+    *("fits/test_fit_command.py", "fits/test_fit.py", "report/test_report.py", "test_third_party.py"),
     *("filters/test_parity.py", "filters/test_kinematic_parity.py", "studies/test_sweep.py", "devices/test_ur3e.py"),
     *("devices/test_bota.py", "test_pipelines.py", "starting/test_starting.py"),
 )

@@ -8,13 +8,13 @@ from contextlib import nullcontext
 
 import numpy as np
 from palpate import Batch
-from palpate_devices.sensing import sensed_wrench
-from palpate_devices.sim import SimulatedRig
-from palpate_devices.twins.arm import TICK, SimulatedArm
-from palpate_devices.ur3e.plan import Plan
-from palpate_devices.ur3e.servo import Commander, Law
+from palpate_devices.ur.servo import Commander, ServoLaw
+from palpate_devices.ur.setpoint_buffer import Plan
+from palpate_simulation.sensor_wrench import sensed_wrench
+from palpate_simulation.simulated_rig import SimulatedRig
+from palpate_simulation.twins.arm import TICK, SimulatedArm
 
-LAW = Law("pd", gain=20.0, damping=0.5, approach_speed=0.02, retract_speed=0.05, acceleration=1.0, most=0.2)
+LAW = ServoLaw("pd", gain=20.0, damping=0.5, approach_speed=0.02, retract_speed=0.05, acceleration=1.0, most=0.2)
 LOOKAHEAD, GAIN = 0.03, 1000.0  # of servoL
 
 

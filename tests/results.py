@@ -6,8 +6,8 @@ from functools import cache
 
 import jsonschema
 import pytest
-from palpate.pipeline import running
-from palpate_basics.schema import result_schema
+from palpate.pipeline import pipeline_run
+from palpate_kit.runs.result_model import result_schema
 
 
 def closed(schema):
@@ -33,7 +33,7 @@ def mistakes(document):
 @contextmanager
 def checked():
     """Within the context a result that is written and is not what the schema says is an error."""
-    write = running.write_new
+    write = pipeline_run.write_new
 
     def written(path, text):
         if path.name == "result.json":
@@ -41,5 +41,5 @@ def checked():
         return write(path, text)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(running, "write_new", written)
+        patch.setattr(pipeline_run, "write_new", written)
         yield

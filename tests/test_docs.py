@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from palpate import hooks
-from palpate.cli.commands import offered
+from palpate.cli.commands import command_offers
 from palpate.config.migrations import FORMAT
 from palpate.registry import load
 
@@ -14,7 +14,7 @@ ROOT = Path(__file__).parent.parent
 COMMANDS = (ROOT / "docs" / "commands.md").read_text()
 
 
-@pytest.mark.parametrize("command", sorted(offered().commands))
+@pytest.mark.parametrize("command", sorted(command_offers().commands))
 def test_the_page_of_commands_names_every_one(command):
     assert f"`palpate {command}" in COMMANDS
 

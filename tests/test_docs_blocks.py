@@ -12,8 +12,9 @@ from typing import Any
 import jsonschema
 import pytest
 import typer
+from palpate.cli.commands import call_of, parse_arguments
 from palpate.host import function_of, registry
-from palpate_basics.schema import pipeline_schema
+from palpate_commands.schema import pipeline_schema
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -64,6 +65,7 @@ def test_commands_and_their_options_are_there(text):
         for call in re.findall(r"(?:^|&&|\||;)\s*(?:\S*/)?palpate ([^|&;]*)", line.partition(" #")[0]):
             words = [word for word in shlex.split(call) if word != "--no-plugins"]
             if words and not words[0].startswith("-"):
-                known = options(words[0])
-                given = {word.partition("=")[0] for word in words[1:] if re.match(r"--?[a-z]", word)}
-                assert given <= known, (words[0], given - known)
+                meant = call_of(parse_arguments(words))
+                assert not meant.notice, meant.notice
+                given = {word.partition("=")[0] for word in meant.arguments if re.match(r"--?[a-z]", word)}
+                assert given <= options(meant.name), meant.name

@@ -1,12 +1,27 @@
 """The example pipelines: each is in order, and those without hardware run."""
 
+import re
 from pathlib import Path
 
 import pytest
+from palpate.host import registry
 
 FOLDER = Path(__file__).parent.parent / "pipelines"
-LONG = ("points", "raster", "relaxation", "sweep")
-PIPELINES = sorted(FOLDER.glob("*.toml"))
+LONG = (
+    "points",
+    "raster",
+    "relaxation",
+    "sweep",
+    "tips",
+    "memory",
+    "damping",
+    "adhesion",
+    "creep",
+    "waypoints",
+    "unloading",
+)
+PARTS = sorted(FOLDER.glob("parts/*.toml"))
+PIPELINES = [*sorted(FOLDER.glob("*.toml")), *PARTS]
 FIGURES = [path for path in sorted(FOLDER.glob("figures/*.toml")) if 'type = "sim"' in path.read_text()]
 
 
@@ -32,3 +47,11 @@ def test_it_runs(palpate, pipeline, tmp_path):
     done = palpate("run", pipeline, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "result.json").exists()
+
+
+@pytest.mark.parametrize("kind", ["indenter", "model", "trajectory", "estimator"])
+def test_every_part_of_an_estimate_is_in_an_example(kind):
+    """Whoever looks for a tip, a model, a motion or a filter sees one at work, and what it finds of a known truth."""
+    text = "\n".join(path.read_text() for path in FOLDER.rglob("*.toml"))
+    named = set(re.findall(r'type = "([^"]+)"', text))
+    assert set(registry.load().parts[kind]) - named == set()

@@ -3,6 +3,6 @@
 The public names stand in ``__init__.pyi``; importing palpate imports none of them.
 """
 
-from palpate.extensions import stubbed
+import lazy_loader
 
-__getattr__ = stubbed(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

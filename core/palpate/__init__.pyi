@@ -1,20 +1,17 @@
 """palpate: elasticity and viscosity of soft material from robotic palpation, each with its uncertainty."""
 
-# The one family that the core names: its face for people with data, imported when it is first used.
-from palpate_notebook import (
-    compare as compare,
-    fit as fit,
-    load as load,
-    open_run as open_run,
-    read as read,
-    record as record,
-    run as run,
-    sweep as sweep,
+from .alignment.change_point import change_point as change_point
+from .arm_limits import (
+    ArmLimits as ArmLimits,
+    ForceWatch as ForceWatch,
+    Shareable as Shareable,
+    SharedReadings as SharedReadings,
+    SupportsLimits as SupportsLimits,
+    SupportsRetreat as SupportsRetreat,
+    SupportsSharing as SupportsSharing,
 )
-
-from palpate.alignment.change_point import ChangePoint as ChangePoint, change_point as change_point
-from palpate.clocks import Clock as Clock, Thread as Thread, clock as clock, use_clock as use_clock
-from palpate.contact import (
+from .clocks import Clock as Clock, Thread as Thread, clock as clock
+from .contact import (
     ContactModel as ContactModel,
     Indenter as Indenter,
     MaterialValue as MaterialValue,
@@ -22,31 +19,32 @@ from palpate.contact import (
     arctan as arctan,
     contact_force as contact_force,
     force_over_time as force_over_time,
+    loading_cycle_force as loading_cycle_force,
     log as log,
     select as select,
     sqrt as sqrt,
     tanh as tanh,
     tip_profile as tip_profile,
 )
-from palpate.device import (
-    Approaching as Approaching,
+from .device import (
     Arm as Arm,
-    Attending as Attending,
     Batch as Batch,
     Channel as Channel,
     Device as Device,
-    Leadable as Leadable,
+    KnowsTruth as KnowsTruth,
     Link as Link,
     Observable as Observable,
-    Refusing as Refusing,
+    ReportsHealth as ReportsHealth,
     Retractable as Retractable,
-    SelfMoving as SelfMoving,
-    Simulated as Simulated,
+    SeparateReceiver as SeparateReceiver,
     Stream as Stream,
+    SupportsApproach as SupportsApproach,
+    SupportsForceControl as SupportsForceControl,
+    SupportsOwnMotion as SupportsOwnMotion,
+    SupportsReach as SupportsReach,
     Turnable as Turnable,
-    Watched as Watched,
 )
-from palpate.errors import (
+from .errors import (
     ConfigurationError as ConfigurationError,
     DeviceError as DeviceError,
     LogError as LogError,
@@ -55,7 +53,7 @@ from palpate.errors import (
     PluginError as PluginError,
     UserError as UserError,
 )
-from palpate.estimation import (
+from .estimation import (
     Belief as Belief,
     Estimates as Estimates,
     Estimator as Estimator,
@@ -66,7 +64,20 @@ from palpate.estimation import (
     Tracker as Tracker,
     track_by_step as track_by_step,
 )
-from palpate.extensions import (
+from .fit_report import BudgetRow as BudgetRow, Effect as Effect, FitReport as FitReport, Unknown as Unknown
+from .flags import ADVICE as ADVICE, Flag as Flag, FlagMeaning as FlagMeaning
+from .hooks import plugin as plugin
+from .notebook import (
+    compare as compare,
+    fit as fit,
+    load as load,
+    open_run as open_run,
+    read as read,
+    record as record,
+    run as run,
+    sweep as sweep,
+)
+from .offers import (
     CalibrationReader as CalibrationReader,
     Check as Check,
     Command as Command,
@@ -78,36 +89,22 @@ from palpate.extensions import (
     ReportSection as ReportSection,
     Summary as Summary,
     Template as Template,
-    lazily as lazily,
 )
-from palpate.fit_report import BudgetRow as BudgetRow, Effect as Effect, FitReport as FitReport, Unknown as Unknown
-from palpate.flags import ADVICE as ADVICE, Flag as Flag, FlagMeaning as FlagMeaning
-from palpate.hooks import plugin as plugin
-from palpate.limiting import (
-    ArmLimits as ArmLimits,
-    ForceWatch as ForceWatch,
-    Limited as Limited,
-    Retreating as Retreating,
-    Shareable as Shareable,
-    SharedReadings as SharedReadings,
-    Sharing as Sharing,
-)
-from palpate.migration import Migration as Migration
-from palpate.parts import File as File, InputFile as InputFile, Part as Part, Settings as Settings
-from palpate.printed import printable as printable
-from palpate.repeats import RepeatCount as RepeatCount, Repeats as Repeats
-from palpate.result.evidence import (
+from .parts import File as File, InputFile as InputFile, Part as Part, Settings as Settings
+from .printable_text import printable as printable
+from .repeated_readings import RepeatCount as RepeatCount, Repeats as Repeats
+from .result.track_evidence import (
     Diagnosed as Diagnosed,
-    Ending as Ending,
     Term as Term,
+    TrackEnd as TrackEnd,
     TrackEvidence as TrackEvidence,
 )
-from palpate.result.found import Bias as Bias
-from palpate.result.kept import Kept as Kept
-from palpate.result.tail import Tail as Tail
-from palpate.result.track_result import TrackSummary as TrackSummary
-from palpate.simulated_clock import HoldUp as HoldUp, SimulatedClock as SimulatedClock, ThreadEnded as ThreadEnded
-from palpate.sink import (
+from .result.track_result import TrackSummary as TrackSummary
+from .result.track_tail import Tail as Tail
+from .result.uncertain_value import Bias as Bias
+from .simulated_clock import SimulatedClock as SimulatedClock
+from .simulated_turns import EndOfThread as EndOfThread, HoldUp as HoldUp
+from .sink import (
     EstimatesWriter as EstimatesWriter,
     GuardState as GuardState,
     Run as Run,
@@ -118,17 +115,18 @@ from palpate.sink import (
     TakesResult as TakesResult,
     Writer as Writer,
 )
-from palpate.track_name import TrackName as TrackName
-from palpate.trajectory import (
+from .table_migration import Migration as Migration
+from .track_name import TrackName as TrackName
+from .trajectory import (
+    ForceControlled as ForceControlled,
     ForceLaw as ForceLaw,
-    ForceLed as ForceLed,
     OwnMotion as OwnMotion,
     Resumable as Resumable,
     Setpoint as Setpoint,
     Trajectory as Trajectory,
 )
-from palpate.twin import ArmTruth as ArmTruth, SimulatedTwin as SimulatedTwin, Twin as Twin
-from palpate.units import (
+from .twin import ArmTruth as ArmTruth, SimulatedTwin as SimulatedTwin, SupportsTwin as SupportsTwin, Twin as Twin
+from .units import (
     Acceleration as Acceleration,
     Angle as Angle,
     AngularSpeed as AngularSpeed,
@@ -151,4 +149,4 @@ from palpate.units import (
     is_number as is_number,
     to_si as to_si,
 )
-from palpate.vectors import Floats as Floats, Layout as Layout, finite_rows as finite_rows
+from .vectors import Floats as Floats, Layout as Layout, finite_rows as finite_rows

@@ -33,7 +33,7 @@ _ESTIMATE = {
     ),
     "failed": _invalid(
         "The code of an estimator or a contact model raised an exception, or answered in a wrong form; none is given.",
-        "Mend the plugin where the message says; parts have checks (docs: plugins/testing).",
+        "Fix the plugin where the message says; parts have checks (docs: plugins/testing).",
     ),
     "diverged": _invalid(
         "The estimates stopped being finite or plausible numbers; none is given.",
@@ -114,6 +114,10 @@ _RECORD = {
         "Look at the device and its driver; what it would have sent is missing.",
     ),
     "interrupted": _note("The run was stopped before its end.", "`palpate resume` does what was left."),
+    "rehearsal": _note(
+        "The run is a rehearsal in simulated time: twin and specimen in software, nothing was measured.",
+        "`palpate run` measures; what the specimen of the rehearsal was is under run.rehearsal of result.json.",
+    ),
     "renamed": _note(
         "The pipeline uses a name of an older version, which was read as the one of today.",
         'Rename it as the message says, and state palpate = "0.2" at the top of the file.',

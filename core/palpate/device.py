@@ -81,10 +81,10 @@ class Arm(Protocol):
 
 
 @runtime_checkable
-class Approaching(Protocol):
+class SupportsApproach(Protocol):
     """An arm that goes by itself from where it stands to the first setpoint."""
 
-    def way(self, trajectory: Trajectory) -> tuple[Floats, Setpoint]:
+    def approach_path(self, trajectory: Trajectory) -> tuple[Floats, Setpoint]:
         """Times (n,) [s] and setpoints of the way that `follow` would take now; nothing moves for it.
 
         Raises DeviceError where the arm stands too far away.
@@ -102,7 +102,7 @@ class Retractable(Protocol):
 
 
 @runtime_checkable
-class Leadable(Protocol):
+class SupportsForceControl(Protocol):
     """An arm that closes the loop of a `ForceLed` motion by itself, where its commands are sent."""
 
     def refuse_law(self, law: ForceLaw) -> None:
@@ -111,7 +111,7 @@ class Leadable(Protocol):
 
 
 @runtime_checkable
-class Watched(Protocol):
+class ReportsHealth(Protocol):
     """A link that keeps account of its own health."""
 
     @property
@@ -121,7 +121,7 @@ class Watched(Protocol):
 
 
 @runtime_checkable
-class Attending(Protocol):
+class SeparateReceiver(Protocol):
     """A link whose readings are received by another process than the one that takes its batches."""
 
     @property
@@ -174,7 +174,7 @@ def address(device: str, stream: Stream, channel: Channel) -> str:
 
 
 @runtime_checkable
-class Simulated(Protocol):
+class KnowsTruth(Protocol):
     """A device that knows what an estimator should find."""
 
     @property
@@ -198,7 +198,7 @@ class Turnable(Protocol):
 
 
 @runtime_checkable
-class SelfMoving(Protocol):
+class SupportsOwnMotion(Protocol):
     """An arm that also moves on its own, besides the commanded motion."""
 
     @property
@@ -217,7 +217,7 @@ class Observable(Protocol):
 
 
 @runtime_checkable
-class Refusing(Protocol):
+class SupportsReach(Protocol):
     """A device that does not go everywhere."""
 
     def refuse(self, setpoint: Setpoint) -> None:
@@ -232,17 +232,17 @@ def is_live(devices: Mapping[str, Device]) -> bool:
 
 def truth_of(devices: Mapping[str, Device]) -> dict[str, float]:
     """What the simulated ones among devices know, by parameter name [SI]."""
-    simulated = [device for device in devices.values() if isinstance(device, Simulated)]
+    simulated = [device for device in devices.values() if isinstance(device, KnowsTruth)]
     return {name: value for device in simulated for name, value in device.truth.items()}
 
 
 def ask_devices(devices: Mapping[str, Device], setpoint: Setpoint) -> None:
     """Let every device refuse setpoints before anything moves; raises ConfigurationError."""
     for device in devices.values():
-        if isinstance(device, Refusing):
+        if isinstance(device, SupportsReach):
             device.refuse(setpoint)
 
 
 def own_motions(devices: Mapping[str, Device]) -> dict[str, OwnMotion]:
     """What arms among devices do by themselves, by name."""
-    return {name: device.own_motion for name, device in devices.items() if isinstance(device, SelfMoving)}
+    return {name: device.own_motion for name, device in devices.items() if isinstance(device, SupportsOwnMotion)}

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import importlib.metadata
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from inspect import isabstract, isfunction
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
 import pluggy
 
 from palpate import core_flags, hooks
 from palpate.errors import PluginError, suggest
-from palpate.migration import Migration
+from palpate.table_migration import Migration
 from palpate.trust import PluginFile
 
 _DISTRIBUTION = "palpate"
 _PREFIX = "palpate_"
 _SOURCE = "__palpate_source__"  # what a plugin file's module is of
+
+_Checked = TypeVar("_Checked")
 
 
 @dataclass(frozen=True)
@@ -33,16 +36,21 @@ class Plugin:
     own: bool = False  # of palpate's own distribution
     digest: str = ""  # SHA-256 of what was executed, of a file
 
+    @property
+    def is_file(self) -> bool:
+        """Whether the user names it, by a file; else it is installed."""
+        return bool(self.digest)
+
 
 _CORE = Plugin(_DISTRIBUTION)
 
 
 @dataclass(frozen=True)
 class Discovery:
-    """Every plugin that could be loaded, and why others could not."""
+    """Every plugin that could be loaded, and what failed in installed ones."""
 
     manager: pluggy.PluginManager
-    failures: Mapping[str, str]
+    failures: dict[str, str]  # by plugin: a sentence that names it; of its hooks as they are asked
 
     @cached_property
     def plugins(self) -> dict[Any, Plugin]:
@@ -59,18 +67,11 @@ class Discovery:
         """What is in plugins that were loaded, and is not as it was meant."""
         return tuple(odd for module, plugin in self.plugins.items() for odd in _oddities(module, plugin))
 
-    def offers(self, hook: str) -> Iterator[tuple[Plugin, Any]]:
-        """What each plugin, and the core, answers to a hook."""
-        for module, plugin in {core_flags: _CORE, **self.plugins}.items():
-            others = [other for _, other in self.manager.list_name_plugin() if other is not module]
-            for offer in self.manager.subset_hook_caller(hook, others)():
-                yield plugin, offer
-
     def named(self, kind: str, hook: str, root: type) -> dict[str, tuple[Any, Plugin]]:
         """Everything of a kind by name, with the plugin it comes from; raises PluginError where two claim one name."""
         found: dict[str, tuple[Any, Plugin]] = {}
-        for plugin, offer in self.offers(hook):
-            for name, item in _checked(offer, kind, hook, root, plugin):
+        for plugin, items in self._offers(hook, lambda offer: dict(_checked(offer, kind, root))):
+            for name, item in items.items():
                 if name in found:
                     first = found[name][1].name
                     raise PluginError(f"{kind} {name!r} is claimed by two plugins: {first} and {plugin.name}")
@@ -79,15 +80,35 @@ class Discovery:
 
     @property
     def migrations(self) -> tuple[Migration, ...]:
-        """What plugins have renamed; raises PluginError where one offers anything else."""
-        migrations: list[Migration] = []
-        for plugin, offer in self.offers("palpate_migrations"):
-            if not all(isinstance(migration, Migration) for migration in offer):
-                raise PluginError(
-                    f"plugin {plugin.name}: palpate_migrations returns {offer!r}, not a list of Migration"
-                )
-            migrations += offer
-        return tuple(migrations)
+        """What plugins have renamed."""
+        return tuple(migration for _, found in self._offers("palpate_migrations", _migrations) for migration in found)
+
+    def _offers(self, hook: str, check: Callable[[Any], _Checked]) -> Iterator[tuple[Plugin, _Checked]]:
+        """What each plugin, and the core, answers to a hook, once it is checked.
+
+        A hook that raises or answers anything else is noted in `failures`, and the others are asked; raises PluginError
+        where it is that of a file, which the user can correct.
+        """
+        for module, plugin in {core_flags: _CORE, **self.plugins}.items():
+            others = [other for _, other in self.manager.list_name_plugin() if other is not module]
+            try:
+                offers = self.manager.subset_hook_caller(hook, others)()
+            except Exception as error:  # whatever third-party code raises
+                self._fail(plugin, f"{hook} raises {_cause(error)} ({_place(error, plugin)})", error)
+                continue
+            for offer in offers:
+                try:
+                    checked = check(offer)
+                except Exception as error:
+                    self._fail(plugin, f"{hook} {error}", error)
+                else:
+                    yield plugin, checked
+
+    def _fail(self, plugin: Plugin, problem: str, error: Exception) -> None:
+        if plugin.is_file:
+            raise PluginError(f"plugin {plugin.name}: {problem}") from error
+        before = self.failures.get(plugin.name)
+        self.failures[plugin.name] = f"{before}; {problem}" if before else f"plugin {plugin.name}: {problem}"
 
 
 def discover(files: Iterable[Path | PluginFile] = ()) -> Discovery:
@@ -98,20 +119,45 @@ def discover(files: Iterable[Path | PluginFile] = ()) -> Discovery:
     failures: dict[str, str] = {}
     for name, entry in _installed(tuple(sys.path)):
         try:
-            manager.register(entry.load(), name)
+            _register(manager, entry.load(), name)
         except Exception as error:  # whatever a third-party import raises
-            failures[name] = f"{type(error).__name__}: {error}"
+            failures[name] = f"plugin {name} could not be loaded: {_cause(error)}"
     for given in files:
         file = given if isinstance(given, PluginFile) else PluginFile.read(given)
-        manager.register(_import_file(file), str(file.path))
+        module = import_plugin_file(file)
+        try:
+            _register(manager, module, str(file.path))
+        except Exception as error:
+            raise PluginError(f"plugin file {file.path} could not be loaded: {_cause(error)}") from error
     return Discovery(manager, failures)
 
 
-def refuse_abstract(name: str, part: Any, plugin: Plugin) -> None:
-    """Raise PluginError for a part that does not define all that its kind asks for."""
-    if isabstract(part):
-        missing = ", ".join(sorted(part.__abstractmethods__))
-        raise PluginError(f"plugin {plugin.name}: {name!r} ({part.__name__}) does not define {missing}")
+def _cause(error: Exception) -> str:
+    """``KeyError: 'lost'``, in one line."""
+    return " ".join(f"{type(error).__name__}: {error}".split())
+
+
+def _place(error: Exception, plugin: Plugin) -> str:
+    """``own.py, line 7``: where a plugin's own file raised, or called what did."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if frame.filename == plugin.place] or frames
+    return f"{Path(own[-1].filename).name}, line {own[-1].lineno}"
+
+
+def missing_methods(part: Any) -> str:
+    """The methods that a part's kind asks for and it does not define; empty where there are none."""
+    return ", ".join(sorted(part.__abstractmethods__)) if isabstract(part) else ""
+
+
+def _register(manager: pluggy.PluginManager, module: ModuleType, name: str) -> None:
+    """Take a plugin on; where pluggy refuses one of its hooks, none of them stays."""
+    known = manager.has_plugin(name)
+    try:
+        manager.register(module, name)
+    except Exception:
+        if not known:
+            manager.unregister(name=name)
+        raise
 
 
 @cache
@@ -126,7 +172,7 @@ def _installed(_: tuple[str, ...]) -> tuple[tuple[str, importlib.metadata.EntryP
     )
 
 
-def _import_file(file: PluginFile) -> ModuleType:
+def import_plugin_file(file: PluginFile) -> ModuleType:
     """The module of a file: that of the last time where nobody has changed it, for its classes are to stay the same.
 
     Its content is compiled as it was read: another file there by now, or compiled code beside it, is not executed.
@@ -147,13 +193,19 @@ def _import_file(file: PluginFile) -> ModuleType:
 
 
 def _is_of(module: ModuleType, file: PluginFile) -> bool:
-    source = module.__dict__.get(_SOURCE)
+    source = plugin_file_of(module)
     return source is not None and (source.path.resolve(), source.content) == (file.path.resolve(), file.content)
 
 
-def _digest(module: Any) -> str:
+def plugin_file_of(module: Any) -> PluginFile | None:
+    """The plugin file whose content a module executes; None for an installed one."""
     source = getattr(module, _SOURCE, None)
-    return source.digest if isinstance(source, PluginFile) else ""
+    return source if isinstance(source, PluginFile) else None
+
+
+def _digest(module: Any) -> str:
+    file = plugin_file_of(module)
+    return file.digest if file else ""
 
 
 def _oddities(module: Any, plugin: Plugin) -> Iterator[str]:
@@ -170,16 +222,25 @@ def _oddities(module: Any, plugin: Plugin) -> Iterator[str]:
         yield f"plugin {plugin.name} offers nothing: it has no function marked @palpate.plugin, such as palpate_models"
 
 
-def _checked(offer: Any, kind: str, hook: str, root: type, plugin: Plugin) -> Iterator[tuple[str, Any]]:
+def _checked(offer: Any, kind: str, root: type) -> Iterator[tuple[str, Any]]:
     """The items of an offer; raises PluginError where it is no mapping, or one of them is not of the kind."""
     if not isinstance(offer, Mapping):
-        raise PluginError(f"plugin {plugin.name}: {hook} returns {offer!r}, not a mapping of names")
+        raise PluginError(f"returns {offer!r}, not a mapping of names")
     for name, item in offer.items():
+        if not isinstance(name, str):
+            raise PluginError(f"offers {name!r}, which is not a name")
         if isinstance(item, str) and ":" in item and kind in hooks.KINDS:
             yield name, item  # a part that is imported when it is asked for
             continue
         if not (isinstance(item, root) or (isinstance(item, type) and issubclass(item, root))):
-            raise PluginError(f"plugin {plugin.name}: {hook} offers {name!r}, which is no {root.__name__}")
-        if isinstance(item, type):
-            refuse_abstract(name, item, plugin)
+            raise PluginError(f"offers {name!r}, which is no {root.__name__}")
+        if isinstance(item, type) and (missing := missing_methods(item)):
+            raise PluginError(f"offers {name!r} ({item.__name__}), which does not define {missing}")
         yield name, item
+
+
+def _migrations(offer: Any) -> list[Migration]:
+    """The migrations of an offer; raises PluginError where it is anything else."""
+    if not isinstance(offer, list | tuple) or not all(isinstance(migration, Migration) for migration in offer):
+        raise PluginError(f"returns {offer!r}, not a list of Migration")
+    return list(offer)

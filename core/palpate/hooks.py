@@ -18,13 +18,14 @@ from typing import TYPE_CHECKING, Any
 
 import pluggy
 
-from palpate.extensions import imported
+from palpate.offers import import_target
 
 if TYPE_CHECKING:
     from palpate.contact import ContactModel, Indenter
     from palpate.device import Device
     from palpate.estimation import Estimator
-    from palpate.extensions import (
+    from palpate.flags import FlagMeaning
+    from palpate.offers import (
         CalibrationReader,
         Check,
         Command,
@@ -37,10 +38,9 @@ if TYPE_CHECKING:
         Summary,
         Template,
     )
-    from palpate.flags import FlagMeaning
-    from palpate.migration import Migration
     from palpate.parts import Part, Settings
     from palpate.sink import Sink
+    from palpate.table_migration import Migration
     from palpate.trajectory import Trajectory
     from palpate.twin import Twin
 
@@ -164,18 +164,18 @@ def palpate_migrations() -> Sequence[Migration]:  # type: ignore[empty-body]
 
 
 _EXTENSIONS = {
-    "command": ("palpate_commands", "palpate.extensions:Command"),
+    "command": ("palpate_commands", "palpate.offers:Command"),
     "table": ("palpate_tables", "palpate.parts:Settings"),
-    "report": ("palpate_reports", "palpate.extensions:Report"),
-    "report section": ("palpate_report_sections", "palpate.extensions:ReportSection"),
-    "display": ("palpate_displays", "palpate.extensions:Display"),
-    "template": ("palpate_templates", "palpate.extensions:Template"),
-    "diagnosis": ("palpate_diagnoses", "palpate.extensions:Diagnosis"),
-    "summary": ("palpate_summaries", "palpate.extensions:Summary"),
-    "recorder": ("palpate_recorders", "palpate.extensions:Recorder"),
-    "check": ("palpate_checks", "palpate.extensions:Check"),
-    "calibration": ("palpate_calibrations", "palpate.extensions:CalibrationReader"),
-    "fact": ("palpate_facts", "palpate.extensions:Fact"),
+    "report": ("palpate_reports", "palpate.offers:Report"),
+    "report section": ("palpate_report_sections", "palpate.offers:ReportSection"),
+    "display": ("palpate_displays", "palpate.offers:Display"),
+    "template": ("palpate_templates", "palpate.offers:Template"),
+    "diagnosis": ("palpate_diagnoses", "palpate.offers:Diagnosis"),
+    "summary": ("palpate_summaries", "palpate.offers:Summary"),
+    "recorder": ("palpate_recorders", "palpate.offers:Recorder"),
+    "check": ("palpate_checks", "palpate.offers:Check"),
+    "calibration": ("palpate_calibrations", "palpate.offers:CalibrationReader"),
+    "fact": ("palpate_facts", "palpate.offers:Fact"),
     "flag": ("palpate_flags", "palpate.flags:FlagMeaning"),
 }
 _KINDS = {
@@ -200,5 +200,5 @@ def __getattr__(name: str) -> Any:
     tables = {"KINDS": _KINDS, "EXTENSIONS": _EXTENSIONS}
     if name not in tables:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = found = {key: (hook, imported(root)) for key, (hook, root) in tables[name].items()}
+    globals()[name] = found = {key: (hook, import_target(root)) for key, (hook, root) in tables[name].items()}
     return found

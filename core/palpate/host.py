@@ -1,8 +1,187 @@
-"""The face for what uses pipelines: load one, run it, read its run folder, run an analysis of another plugin by name.
+"""The interface for code that uses pipelines: load one, run it, read its result, call an analysis by name.
 
-Parts need `palpate` only; commands and other tools use `palpate` and this. The names stand in ``host.pyi``.
+Parts need `palpate` only; commands and other tools use `palpate`, this and `palpate_kit`.
 """
 
-from palpate.extensions import stubbed
+from palpate import registry
+from palpate.alignment import (
+    GRAVITY,
+    Aligner,
+    AlignmentReport,
+    AlignmentSettings,
+    Health,
+    Hesitations,
+    Intake,
+    Ports,
+    Signal,
+    hesitations,
+)
+from palpate.atomic_files import whole_file, write_new, write_whole
+from palpate.config import (
+    Pipeline,
+    RunSettings,
+    Source,
+    Track,
+    build_parts,
+    build_pipeline,
+    load_pipeline,
+    plain_settings,
+    plugin_files,
+    ports_of,
+    resolved_text,
+    values_on_trust,
+    wrong_channels,
+)
+from palpate.config.declared_uncertainties import READINGS, declared_std
+from palpate.config.migrations import FORMAT, KEY
+from palpate.config.unit_plausibility import UNCHECKED
+from palpate.contact import force_slopes
+from palpate.device import ask_devices, is_live, own_motions, truth_of
+from palpate.discovery import import_plugin_file, plugin_file_of
+from palpate.errors import ConsentError, StoppedError, suggest
+from palpate.flags import SEVERITIES, verdict
+from palpate.hooks import KINDS
+from palpate.input_file import Enclosure
+from palpate.offers import function_of
+from palpate.parts import nested_settings, numbers_of, part_kind
+from palpate.pipeline import (
+    Flow,
+    Guard,
+    LiveLinks,
+    Result,
+    check_approach,
+    declared_noise,
+    each,
+    interruptible,
+    payloads,
+    run_pipeline,
+    single_trajectory,
+    start_tracks,
+)
+from palpate.registry import FlagEntry, Registry, analysis
+from palpate.result import (
+    GIVEN,
+    PIPELINE,
+    RESULT,
+    SCHEMA,
+    DerivedValue,
+    TrackResult,
+    UncertainValue,
+    acceleration,
+    finite_tree,
+    make_folder,
+    withdraw_folder,
+)
+from palpate.safety import (
+    MotionLimits,
+    MotionReport,
+    Reach,
+    SafetySettings,
+    check_motion,
+    check_own_motion,
+    demand_safe,
+)
+from palpate.trust import (
+    announce,
+    approved_files,
+    approved_plugins,
+    inherited_approval,
+    trust_plugin,
+    trusted_plugins,
+)
+from palpate.units import Quantity, dimension, display_unit
 
-__getattr__ = stubbed(__name__, __file__)
+__all__ = [
+    "FORMAT",
+    "GIVEN",
+    "GRAVITY",
+    "KEY",
+    "KINDS",
+    "PIPELINE",
+    "READINGS",
+    "RESULT",
+    "SCHEMA",
+    "SEVERITIES",
+    "UNCHECKED",
+    "Aligner",
+    "AlignmentReport",
+    "AlignmentSettings",
+    "ConsentError",
+    "DerivedValue",
+    "Enclosure",
+    "FlagEntry",
+    "Flow",
+    "Guard",
+    "Health",
+    "Hesitations",
+    "Intake",
+    "LiveLinks",
+    "MotionLimits",
+    "MotionReport",
+    "Pipeline",
+    "Ports",
+    "Quantity",
+    "Reach",
+    "Registry",
+    "Result",
+    "RunSettings",
+    "SafetySettings",
+    "Signal",
+    "Source",
+    "StoppedError",
+    "Track",
+    "TrackResult",
+    "UncertainValue",
+    "acceleration",
+    "analysis",
+    "announce",
+    "approved_files",
+    "approved_plugins",
+    "ask_devices",
+    "build_parts",
+    "build_pipeline",
+    "check_approach",
+    "check_motion",
+    "check_own_motion",
+    "declared_noise",
+    "declared_std",
+    "demand_safe",
+    "dimension",
+    "display_unit",
+    "each",
+    "finite_tree",
+    "force_slopes",
+    "function_of",
+    "hesitations",
+    "import_plugin_file",
+    "inherited_approval",
+    "interruptible",
+    "is_live",
+    "load_pipeline",
+    "make_folder",
+    "nested_settings",
+    "numbers_of",
+    "own_motions",
+    "part_kind",
+    "payloads",
+    "plain_settings",
+    "plugin_file_of",
+    "plugin_files",
+    "ports_of",
+    "registry",
+    "resolved_text",
+    "run_pipeline",
+    "single_trajectory",
+    "start_tracks",
+    "suggest",
+    "trust_plugin",
+    "trusted_plugins",
+    "truth_of",
+    "values_on_trust",
+    "verdict",
+    "whole_file",
+    "withdraw_folder",
+    "write_new",
+    "write_whole",
+    "wrong_channels",
+]

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from palpate import hooks
-from palpate.discovery import Plugin, discover, refuse_abstract
-from palpate.errors import PluginError, suggest
-from palpate.extensions import (
+from palpate.discovery import Plugin, discover, missing_methods
+from palpate.errors import PalpateError, PluginError, suggest
+from palpate.flags import Flag, FlagMeaning
+from palpate.offers import (
     CalibrationReader,
     Check,
     Command,
@@ -24,10 +26,9 @@ from palpate.extensions import (
     Summary,
     Template,
     function_of,
-    imported,
+    import_target,
 )
-from palpate.flags import Flag, FlagMeaning
-from palpate.migration import Migration
+from palpate.table_migration import Migration
 from palpate.trust import PluginFile
 
 if TYPE_CHECKING:
@@ -46,11 +47,24 @@ class Entry:
     @cached_property
     def part(self) -> type[Part]:
         """The part; raises PluginError where what the plugin names cannot be imported or is none."""
-        found: Any = imported(self.offered) if isinstance(self.offered, str) else self.offered
+        try:
+            found: Any = import_target(self.offered) if isinstance(self.offered, str) else self.offered
+        except PluginError as error:
+            raise PluginError(f"plugin {self.plugin.name}: {self.name!r}: {error}") from error
         if not (isinstance(found, type) and issubclass(found, self.root)):
             raise PluginError(f"plugin {self.plugin.name}: {self.name!r} ({self.offered}) is no {self.root.__name__}")
-        refuse_abstract(self.name, found, self.plugin)
+        if missing := missing_methods(found):
+            raise PluginError(f"plugin {self.plugin.name}: {self.name!r} ({found.__name__}) does not define {missing}")
         return found
+
+    @cached_property
+    def problem(self) -> str | None:
+        """Why the part cannot be used; None where it can."""
+        try:
+            _ = self.part
+        except PluginError as error:
+            return str(error)
+        return None
 
     def is_of(self, part: type[Part]) -> bool:
         """Whether this is the entry of a part; imports nothing of another name."""
@@ -69,11 +83,11 @@ class FlagEntry:
 
 @dataclass(frozen=True)
 class Registry:
-    """Every part, by kind and name, every flag, and the plugins that could not be loaded, with the reason."""
+    """Every part, by kind and name, every flag, and what failed in plugins."""
 
     parts: Mapping[str, Mapping[str, Entry]]
     plugins: tuple[Plugin, ...] = ()
-    failures: Mapping[str, str] = field(default_factory=dict)
+    failures: Mapping[str, str] = field(default_factory=dict)  # by installed plugin: a sentence that names it
     oddities: tuple[str, ...] = ()  # of plugins that were loaded, and of which something is not as it was meant
     commands: Mapping[str, Command] = field(default_factory=dict)
     tables: Mapping[str, type[Settings]] = field(default_factory=dict)  # of a pipeline file, besides the core's own
@@ -93,8 +107,7 @@ class Registry:
     @property
     def notices(self) -> tuple[str, ...]:
         """What is wrong with plugins and does not stop anything."""
-        lost = (f"plugin {plugin} could not be loaded: {reason}" for plugin, reason in self.failures.items())
-        return (*lost, *self.oddities)
+        return (*self.failures.values(), *self.oddities)
 
     def judged(self, flags: Iterable[Flag]) -> tuple[Flag, ...]:
         """Flags with their severity; an unregistered one is doubtful."""
@@ -102,9 +115,14 @@ class Registry:
         return tuple(replace(flag, severity=entry.meaning.severity if entry else "doubtful") for flag, entry in entries)
 
     def demand_sound(self, parts: Mapping[str, Mapping[str, Part]]) -> None:
-        """Raise PluginError where a check of a plugin refuses one of a pipeline's parts, by kind and name."""
-        for check in self.checks.values():
-            function_of(check)(parts, self)
+        """Raise PluginError where a check refuses one of a pipeline's parts, by kind and name, or fails itself."""
+        for name, check in self.checks.items():
+            try:
+                function_of(check)(parts, self)
+            except PalpateError:
+                raise
+            except Exception as error:  # whatever third-party code raises
+                raise PluginError(f"check {name!r} raises {type(error).__name__}: {error}") from error
 
     def find(self, kind: str, name: str) -> type[Part]:
         """The part of a kind and name; raises PluginError with what there is, and what may have been meant."""
@@ -114,18 +132,28 @@ class Registry:
         raise PluginError(f"there is no {kind} {name!r}{suggest(name, entries)}{self._lost}")
 
     def command(self, name: str) -> Command:
-        """A subcommand; raises PluginError with what there is, and what may have been meant."""
+        """A command by its whole name; raises PluginError with what there is, and what may have been meant."""
         if name not in self.commands:
-            hint = suggest(name, self.commands)
+            if below := self.subcommands(name):
+                raise PluginError(f"{name!r} is the first word of commands (there are: {', '.join(sorted(below))})")
+            first = {whole.partition(" ")[0] for whole in self.commands}
+            words = {whole.rpartition(" ")[2]: whole for whole in self.commands} | {word: word for word in first}
+            close = [words[word] for word in get_close_matches(name, words, n=1)]
+            hint = suggest(close[0] if close else name, {*first, *close})
             # An editable installation knows the plugins of the day it was made.
             hint += "" if "did you mean" in hint else "; after an update, reinstall palpate (pip install)"
             raise PluginError(f"there is no command {name!r}{hint}{self._lost}")
         return self.commands[name]
 
+    def subcommands(self, name: str) -> dict[str, Command]:
+        """The subcommands of a command, or of the first word of several, by their own word."""
+        head = f"{name} "
+        return {other.removeprefix(head): one for other, one in self.commands.items() if other.startswith(head)}
+
     @property
     def _lost(self) -> str:
         """Plugins that may have had what is not found."""
-        return "".join(f"; plugin {plugin} could not be loaded: {why}" for plugin, why in self.failures.items())
+        return "".join(f"; {failure}" for failure in self.failures.values())
 
     def name_of(self, part: type[Part]) -> str:
         """The name by which a pipeline asks for a part."""
@@ -135,8 +163,9 @@ class Registry:
 def load(files: Iterable[Path | PluginFile] = ()) -> Registry:
     """Load every installed plugin and the given files, which are executed.
 
-    A distribution whose plugin fails to import is noted in `failures` and does not stop the others. Raises PluginError
-    where two plugins claim one name, where a plugin offers something that is no part, or where a file fails to import.
+    A distribution whose plugin fails to import, or has a hook that raises or offers something else than its kind, is
+    noted in `failures` and does not stop the others. Raises PluginError where two plugins claim one name, or where a
+    file fails in such a manner.
     """
     found = discover(files)
     parts = {

@@ -67,7 +67,7 @@ class ForceLaw:
 
 
 @runtime_checkable
-class ForceLed(Protocol):
+class ForceControlled(Protocol):
     """A trajectory that a force leads: only an arm that closes this loop by itself, under all limits, can follow it."""
 
     @property

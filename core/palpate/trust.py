@@ -15,7 +15,7 @@ from functools import cached_property
 from pathlib import Path
 
 from palpate.errors import ConsentError, OutputError, PluginError
-from palpate.printed import printable
+from palpate.printable_text import printable
 
 SWITCH = "PALPATE_PLUGINS"  # environment variable: "off" refuses every plugin file of a pipeline
 
@@ -97,7 +97,7 @@ def is_named(path: Path) -> bool:
     return arguments is None or _resolved(path) in arguments
 
 
-def approved(files: Iterable[Path], place: Path, named: bool) -> tuple[PluginFile, ...]:
+def approved_files(files: Iterable[Path], place: Path, named: bool) -> tuple[PluginFile, ...]:
     """The plugin files of the pipeline at `place`, each read once, with content that may be executed.
 
     Recorded content is approved, and that of a pipeline that a person has `named`; at a terminal they are asked about

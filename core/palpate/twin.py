@@ -6,12 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, runtime_checkable
 
 from palpate.device import Device
 from palpate.errors import ConfigurationError
 from palpate.parts import Part
-from palpate.simulated_clock import HoldUp
+from palpate.simulated_turns import HoldUp
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,16 @@ class ArmTruth:
     joint_speed: float  # [rad/s] fastest joint
     force: float  # [N] largest on the skin
     moving: bool  # whether a joint still moves
+
+
+@runtime_checkable
+class SupportsTwin(Protocol):
+    """Ability of a device to say which twin stands in for it."""
+
+    @property
+    def twin_settings(self) -> Mapping[str, str]:
+        """Keys of the twin's table, in TOML; among them what the device is to the twin: its robot or its sensor."""
+        ...
 
 
 class SimulatedTwin(Protocol):

@@ -4,72 +4,55 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
-from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from difflib import get_close_matches
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import PydanticCustomError, core_schema
 
-if TYPE_CHECKING:
-    import pint
+from palpate.unit_symbols import Unit, UnknownUnitError, is_one_unit, read_unit, unit_names
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-zµμΩ°%].*)?", re.DOTALL)
-_SQUARE_ROOT = re.compile(r"sqrt\((\w+)\)")  # pint writes s^0.5
-
-# One unit: names, multiplied and divided, each with one small exponent. pint would compute whatever it is given.
-_NAME = r"\(*[A-Za-zµμΩ°%_][A-Za-z0-9µμΩ°%_]*(?:(?:\*\*|\^)\s*[+-]?\d(?:\.5)?)?\)*"
-_UNIT = re.compile(rf"{_NAME}(?:(?:\s*[*/·]\s*|\s+){_NAME})*")
 _LONGEST = 100  # characters of a quantity
 
-_MILLI, _MICRO, _DEGREE = 1e-3, 1e-6, math.pi / 180
 
-
-class _Unit(NamedTuple):
-    """The name of an SI unit's dimension, and the display units that are usual for it."""
+class _Quantity(NamedTuple):
+    """The name of an SI unit's dimension, and the units that are usual for it."""
 
     dimension: str
     example: str
-    written: Mapping[str, float] = {}  # SI units in one of each, by pint: these are read without its registry
-    plausible: tuple[float, float] = (
-        0.0,
-        math.inf,
-    )  # [SI] of a number without a unit, 0 aside
+    usual: tuple[str, ...] = ()
+    plausible: tuple[float, float] = (0.0, math.inf)  # [SI] of a number without a unit, 0 aside
     meant: str = ""  # the unit that was perhaps meant by an implausible number
 
 
-_UNITS = {
-    "m": _Unit("length", "5 mm", {"m": 1.0, "mm": _MILLI, "cm": 1e-2, "um": _MICRO, "µm": _MICRO}, (0.0, 2.0), "mm"),
-    "kg": _Unit("mass", "140 g", {"kg": 1.0, "g": _MILLI, "mg": _MICRO}, (0.0, 20.0), "g"),
-    "s": _Unit(
-        "time", "22 ms", {"s": 1.0, "ms": _MILLI, "us": _MICRO, "µs": _MICRO, "min": 60.0, "h": 3600.0}, meant="ms"
-    ),
-    "N": _Unit("force", "0.05 N", {"N": 1.0, "mN": _MILLI, "kN": 1e3}, (0.0, 2e3), "mN"),
-    "Pa": _Unit("pressure", "112 kPa", {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6}, (500.0, 1e12), "kPa"),
-    "Pa*s": _Unit("viscosity", "362 Pa*s", {"Pa*s": 1.0, "kPa*s": 1e3}),
-    "Hz": _Unit("frequency", "500 Hz", {"Hz": 1.0, "kHz": 1e3}),
-    "m/s": _Unit("speed", "4 mm/s", {"m/s": 1.0, "mm/s": _MILLI, "um/s": _MICRO, "cm/s": 1e-2}, (0.0, 2.0), "mm/s"),
-    "m/s^2": _Unit("acceleration", "0.5 m/s^2", {"m/s^2": 1.0, "mm/s^2": _MILLI}, (0.0, 100.0), "mm/s^2"),
-    "N*s/m": _Unit("damping", "10 N*s/m", {"N*s/m": 1.0}),
-    "N/m": _Unit("stiffness", "100 N/mm", {"N/m": 1.0, "N/mm": 1e3}, (1.0, 1e9), "N/mm"),
-    "N/s": _Unit("force drift", "1.5 N/h", {"N/s": 1.0, "N/h": 1 / 3600}),
-    "N/s^0.5": _Unit("random walk of a force", "0.1 N/sqrt(h)"),
-    "rad": _Unit("angle", "30 deg", {"rad": 1.0, "deg": _DEGREE}, (0.0, 6.3), "deg"),
-    "rad/s": _Unit("angular speed", "10 deg/s", {"rad/s": 1.0, "deg/s": _DEGREE}, (0.0, 6.3), "deg/s"),
-    "1": _Unit("pure number", "1.5"),
+_QUANTITIES = {
+    "m": _Quantity("length", "5 mm", ("m", "mm", "cm", "um", "µm"), (0.0, 2.0), "mm"),
+    "kg": _Quantity("mass", "140 g", ("kg", "g", "mg"), (0.0, 20.0), "g"),
+    "s": _Quantity("time", "22 ms", ("s", "ms", "us", "µs", "min", "h"), meant="ms"),
+    "N": _Quantity("force", "0.05 N", ("N", "mN", "kN"), (0.0, 2e3), "mN"),
+    "Pa": _Quantity("pressure", "112 kPa", ("Pa", "kPa", "MPa"), (500.0, 1e12), "kPa"),
+    "Pa*s": _Quantity("viscosity", "362 Pa*s", ("Pa*s", "kPa*s")),
+    "Hz": _Quantity("frequency", "500 Hz", ("Hz", "kHz")),
+    "m/s": _Quantity("speed", "4 mm/s", ("m/s", "mm/s", "um/s", "cm/s"), (0.0, 2.0), "mm/s"),
+    "m/s^2": _Quantity("acceleration", "0.5 m/s^2", ("m/s^2", "mm/s^2"), (0.0, 100.0), "mm/s^2"),
+    "N*s/m": _Quantity("damping", "10 N*s/m", ("N*s/m",)),
+    "N/m": _Quantity("stiffness", "100 N/mm", ("N/m", "N/mm"), (1.0, 1e9), "N/mm"),
+    "N/s": _Quantity("force drift", "1.5 N/h", ("N/s", "N/h")),
+    "N/s^0.5": _Quantity("random walk of a force", "0.1 N/sqrt(h)"),
+    "rad": _Quantity("angle", "30 deg", ("rad", "deg"), (0.0, 6.3), "deg"),
+    "rad/s": _Quantity("angular speed", "10 deg/s", ("rad/s", "deg/s"), (0.0, 6.3), "deg/s"),
+    "1": _Quantity("pure number", "1.5"),
 }
 
 
-def _unit(unit: str) -> _Unit:
-    return _UNITS.get(unit) or _Unit(f"quantity in {unit}", f"1 {unit}")
+def _quantity(unit: str) -> _Quantity:
+    return _QUANTITIES.get(unit) or _Quantity(f"quantity in {unit}", f"1 {unit}")
 
 
-@cache
-def _registry() -> pint.UnitRegistry[float]:
-    import pint  # a third of a second: only those who give units pay for it
-
-    return pint.UnitRegistry()
+def _si(unit: str) -> Unit:
+    return Unit(1.0, {}) if unit == "1" else read_unit(unit)
 
 
 def dimension(unit: str) -> str:
@@ -78,12 +61,12 @@ def dimension(unit: str) -> str:
     >>> dimension("Pa*s")
     'viscosity'
     """
-    return _unit(unit).dimension
+    return _quantity(unit).dimension
 
 
 def example(unit: str) -> str:
     """A quantity in the display unit, as an example in messages."""
-    return _unit(unit).example
+    return _quantity(unit).example
 
 
 def is_number(text: str) -> bool:
@@ -138,27 +121,31 @@ def _parse(text: str, unit: str) -> float:
         return number
     if not written:
         raise ValueError(f"{text!r} has no unit; {wanted}, or a plain number for {unit}")
-    written = _SQUARE_ROOT.sub(r"\1^0.5", written)
-    if not _UNIT.fullmatch(written):
+    if not is_one_unit(written):
         raise ValueError(f"{text!r}: {written!r} is not one unit; {wanted}")
-    if (factor := _unit(unit).written.get(written)) is not None:
-        return number * factor
-    registry = _registry()
     try:
-        given = registry.Unit(written)
-    except Exception as error:  # pint raises a dozen kinds, tokenizer errors among them
-        raise ValueError(f"{text!r}: unknown unit {written!r}; {wanted}") from error
-    if given.dimensionality != registry.Unit(unit).dimensionality:
-        raise ValueError(f"{text!r} is {_dimension_of(given)}, not a {dimension(unit)}; {wanted}")
-    return float(registry.Quantity(number, given).to(unit).magnitude)
+        given = read_unit(written)
+    except UnknownUnitError as error:
+        raise ValueError(f"{text!r}: unknown unit {written!r}{_meant(written, unit)}; {wanted}") from error
+    si = _si(unit)
+    if given.dimensions != si.dimensions:
+        raise ValueError(f"{text!r} is {_dimension_of(given, written)}, not a {dimension(unit)}; {wanted}")
+    return number * (given.factor / si.factor)
 
 
-def _dimension_of(given: pint.Unit) -> str:
-    registry = _registry()
-    for unit, (name, *_) in _UNITS.items():
-        if registry.Unit(unit).dimensionality == given.dimensionality:
+def _dimension_of(given: Unit, written: str) -> str:
+    for unit, (name, *_) in _QUANTITIES.items():
+        if _si(unit).dimensions == given.dimensions:
             return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
-    return f"in {given}"
+    return f"in {written}"
+
+
+def _meant(written: str, unit: str) -> str:
+    """``; did you mean "kPa"?`` for a unit that is none: one of the wanted dimension if any is like it."""
+    usual = [text for row in _QUANTITIES.values() for text in row.usual]
+    names = dict.fromkeys([*_quantity(unit).usual, *usual, *unit_names()])
+    close = [name for name in names if name.lower() == written.lower()] or get_close_matches(written, names, n=1)
+    return f'; did you mean "{close[0]}"?' if close else ""
 
 
 class Quantity:
@@ -177,13 +164,13 @@ class Quantity:
         >>> Quantity("m").doubt(4)
         '4 without a unit is 4 m; did you mean "4 mm"? (write "4 m" where it is meant)'
         """
-        own = _unit(self.unit)
+        own = _quantity(self.unit)
         least, most = own.plausible
         most = most if self.most is None else self.most
         size = abs(number)
         if size == 0 or least <= size <= most or not math.isfinite(size):
             return ""
-        factor = own.written.get(own.meant, 0.0)
+        factor = read_unit(own.meant).factor if own.meant else 0.0
         meant = (
             f'; did you mean "{number:g} {own.meant}"?' if least <= size * factor <= most else ", which is implausible"
         )
@@ -208,7 +195,7 @@ class Quantity:
 def quantity_schema(unit: str) -> JsonSchemaValue:
     """JSON schema of what `to_si` reads: a number, or a text with a unit that is not one of another dimension."""
     number = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*"
-    others = "|".join(re.escape(text) for other, row in _UNITS.items() if other != unit for text in row.written)
+    others = "|".join(re.escape(text) for other, row in _QUANTITIES.items() if other != unit for text in row.usual)
     text = {
         "pattern": number + ("" if unit == "1" else "[A-Za-zµμΩ°%]"),
         "not": {"pattern": f"{number}({others})\\s*$"},

@@ -5,8 +5,8 @@ import tomllib
 import pytest
 import typer
 from palpate.errors import ConfigurationError, LogError, UserError
-from palpate_calibration.command import _ask
-from palpate_calibration.guided import Guide, run_calibration
+from palpate_calibration.calibrate_command import _ask
+from palpate_calibration.guided_calibration import Guide, run_calibration
 from palpate_calibration.plan import load_plan
 
 QUICK = (

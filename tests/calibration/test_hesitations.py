@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from palpate import LogError
 from palpate.alignment import AlignmentSettings, Ports, hesitations
+from palpate_calibration.calibration_record import CalibrationRecorder
 from palpate_calibration.protocol import calibrate
-from palpate_calibration.record import CalibrationRecorder
 from palpate_calibration.settings import CalibrationSettings
-from palpate_calibration.steps import evaluated
-from palpate_devices.sim import SimulatedRig
+from palpate_calibration.steps import evaluate_step
 from palpate_models import DimensionalityReduction, Flat, Sphere
+from palpate_simulation.simulated_rig import SimulatedRig
 from palpate_trajectories.point import Point
 from palpate_trajectories.shake import Shake
 
@@ -60,12 +60,12 @@ def test_over_half_is_refused_by_its_name():
         calibrate([recorded(TOO_OFTEN)], SETTINGS)
     assert "contact" not in str(caught.value)
     with pytest.raises(LogError, match=r"the arm hesitated [0-9]+ times .*cannot be told from noise"):
-        evaluated("noise", [recorded(TOO_OFTEN, SLOW)], SETTINGS)
+        evaluate_step("noise", [recorded(TOO_OFTEN, SLOW)], SETTINGS)
 
 
 @pytest.mark.parametrize("held_up", [SELDOM, OFTEN, (0.020, 1.0)])
 def test_the_noise_of_the_velocity_is_not_that_of_hesitations(held_up):
-    values = evaluated("noise", [recorded(held_up, SLOW)], SETTINGS).values
+    values = evaluate_step("noise", [recorded(held_up, SLOW)], SETTINGS).values
     assert values["moving_velocity_std"].value == pytest.approx(STD, rel=0.06)
     assert values["paper_velocity_std"].value == pytest.approx(STD, rel=0.07)
 
@@ -74,8 +74,8 @@ def test_the_noise_of_the_velocity_is_not_that_of_hesitations(held_up):
 def test_tap_and_press_use_the_motion_as_it_was(held_up):
     """They take no form of it for granted, so that nothing has to be left out."""
     record = recorded(held_up, PRESS, specimen=PLATE)
-    delay = evaluated("tap", [record], SETTINGS).values["tap_delay"]
-    compliance = evaluated("press", [record], SETTINGS).values["compliance"]
+    delay = evaluate_step("tap", [record], SETTINGS).values["tap_delay"]
+    compliance = evaluate_step("press", [record], SETTINGS).values["compliance"]
     assert abs(delay.value - DELAY) < 3 * delay.combined + 5e-5
     assert compliance.value == pytest.approx((1 - 0.25) / (2 * 3e6 * 0.005), rel=0.01)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from palpate import Batch, Channel, LogError, Stream
 from palpate.alignment import AlignmentSettings, Ports
-from palpate_calibration.orientations import Pose, WrenchRecorder, weighed
+from palpate_calibration.orientations import Pose, WrenchRecorder, weigh_tool
 from palpate_calibration.settings import Orientations
 
 MASS, CENTRE = 0.25, np.array([0.001, -0.002, 0.04])
@@ -40,7 +40,7 @@ def test_intervals_hold_the_truth_ninety_to_ninety_nine_times_of_a_hundred():
     for seed in range(100):
         rng = np.random.default_rng(700 + seed)
         real = tilted(np.array(DOWN), ANGLE, rng)
-        found = weighed([poses(real, rng) for _ in range(3)], DOWN, ANGLE)
+        found = weigh_tool([poses(real, rng) for _ in range(3)], DOWN, ANGLE)
         for name, value in truth.items():
             low, high = found[name].interval
             inside[name] += low <= value <= high
@@ -51,7 +51,7 @@ def test_intervals_hold_the_truth_ninety_to_ninety_nine_times_of_a_hundred():
 def test_the_uncertainty_of_the_directions_is_type_b():
     rng = np.random.default_rng(1)
     repeats = [poses(np.array(DOWN), rng) for _ in range(3)]
-    exact, unsure = weighed(repeats, DOWN, 0.0), weighed(repeats, DOWN, ANGLE)
+    exact, unsure = weigh_tool(repeats, DOWN, 0.0), weigh_tool(repeats, DOWN, ANGLE)
     assert exact["mass_by_weight"].type_b == 0
     assert unsure["mass_by_weight"].type_b > 10 * unsure["mass_by_weight"].fit
     assert exact["mass_by_weight"].value == unsure["mass_by_weight"].value
@@ -61,10 +61,10 @@ def test_a_tool_that_was_not_turned_as_said_is_refused():
     rng = np.random.default_rng(2)
     upright = np.tile([0.0, 0.0, -1.0], (4, 1))
     with pytest.raises(LogError, match="no weight explains"):
-        weighed([poses(upright, rng)], DOWN, ANGLE)
+        weigh_tool([poses(upright, rng)], DOWN, ANGLE)
     swapped = np.array(DOWN)[[0, 2, 1, 3]]
     with pytest.raises(LogError, match="no weight explains"):
-        weighed([poses(swapped, rng)], DOWN, ANGLE)
+        weigh_tool([poses(swapped, rng)], DOWN, ANGLE)
 
 
 def sensor(*names):

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from palpate import Channel, LogError, Stream
 from palpate.alignment import AlignmentSettings, Health, Ports
+from palpate_calibration.calibrated_value import MeasuredValue, RepeatValue
+from palpate_calibration.calibration_record import CalibrationRecord, CalibrationRecorder, Trace
+from palpate_calibration.motion_segments import Segment, shake_segments, standing_still
 from palpate_calibration.protocol import calibrate
-from palpate_calibration.quantity import Measured, RepeatValue
-from palpate_calibration.record import CalibrationRecord, CalibrationRecorder, Trace
-from palpate_calibration.segments import Segment, shaking, standing_still
 from palpate_calibration.settings import CalibrationSettings
-from palpate_calibration.shake import shake_fit
+from palpate_calibration.shake_analysis import shake_fit
 from palpate_calibration.statics import series_compliance, tap_delay, weight_fit
-from palpate_devices.sim import SimulatedRig
 from palpate_models import DimensionalityReduction, Flat, Sphere
+from palpate_simulation.simulated_rig import SimulatedRig
 from palpate_trajectories.point import Point
 from palpate_trajectories.shake import Shake
 
@@ -101,7 +101,7 @@ def test_intervals_hold_the_truth_ninety_to_ninety_nine_times_of_a_hundred(mass,
     for run in range(100):
         fits = [shake_fit(twin(1000 * run + k, mass, delay), WHOLE, (5.0,)) for k in range(2)]
         for name, truth in (("mass", mass), ("delay", delay)):
-            low, high = Measured.of([getattr(fit, name) for fit in fits], "").interval
+            low, high = MeasuredValue.of([getattr(fit, name) for fit in fits], "").interval
             inside[name] += low <= truth <= high
     assert 90 <= inside["mass"] <= 99
     assert 90 <= inside["delay"] <= 99
@@ -174,7 +174,7 @@ def test_several_shakes_in_one_log_are_repeats():
 
 def test_rest_and_shake_are_found():
     record = recorded(rig(), Shake(amplitude=0.005, duration=5.0, standstill=1.5))
-    (shake,) = shaking(record, 0.2)
+    (shake,) = shake_segments(record, 0.2)
     still = standing_still(record)
     assert len(still) == 2
     assert 0.0 <= still[0].begin < still[0].end <= 1.6
@@ -233,7 +233,7 @@ def test_a_spring_that_softens_the_inertia_shows_at_two_frequencies():
 
 
 def test_repeats_and_fits_combine():
-    same = Measured.of(
+    same = MeasuredValue.of(
         [RepeatValue(1.0, 0.1), RepeatValue(1.0, 0.1), RepeatValue(1.0, 0.1), RepeatValue(1.0, 0.1)], "kg"
     )
     assert same.value == 1.0
@@ -241,11 +241,11 @@ def test_repeats_and_fits_combine():
     assert same.combined == pytest.approx(0.05)
     assert same.type_a == 0.0
     assert same.factor == pytest.approx(1.96, abs=0.01)
-    apart = Measured.of([RepeatValue(0.0, 0.1), RepeatValue(10.0, 0.1)], "kg", type_b=3.0)
+    apart = MeasuredValue.of([RepeatValue(0.0, 0.1), RepeatValue(10.0, 0.1)], "kg", type_b=3.0)
     assert apart.type_a == pytest.approx(5.0)
     assert apart.combined == pytest.approx(np.hypot(5.0, 3.0), rel=1e-3)
     assert apart.factor > 3.0
-    once = Measured.of([RepeatValue(2.0, 0.1)], "kg")
+    once = MeasuredValue.of([RepeatValue(2.0, 0.1)], "kg")
     assert once.type_a is None
     assert once.interval == pytest.approx((2.0 - 0.196, 2.0 + 0.196), abs=1e-3)
 
@@ -325,7 +325,7 @@ def test_compliance_on_a_rigid_plate():
 @pytest.mark.parametrize("name", ["d10mm_soft", "d10mm_sphere", "d5mm_soft"])
 def test_a_real_palpation_is_refused_as_contact(shared, name):
     """A point palpation, 2 Hz in contact all the time: it must not pass for a shake."""
-    from palpate_devices.csv_replay import CsvReplay
+    from palpate_logs.csv_replay import CsvReplay
 
     columns = {"z": {"column": 0, "unit": "mm"}, "force": {"column": 4, "unit": "N"}}
     log = CsvReplay.model_validate(

@@ -91,7 +91,7 @@ def test_a_missing_table(refused, tmp_path):
 
 def test_files_that_are_not_there_or_no_pipeline(refused, tmp_path):
     assert "cannot read the pipeline file: No such file" in refused("run", "none.toml")
-    assert "is no pipeline file" in refused("run", ".")
+    assert "is not a pipeline file" in refused("run", ".")
     (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe\x00")
     assert "not UTF-8 text" in refused("run", "bytes.toml")
     (tmp_path / "broken.toml").write_text("[run\n")

@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 from palpate import PluginError, open_run, read, trust
 from palpate.config import Source, build_pipeline, load_pipeline
-from palpate.extensions import function_of
-from palpate.host import recorded_pipeline
+from palpate.offers import function_of
 from palpate.pipeline import run_pipeline
 from palpate.registry import load_commands
-from palpate_studies.jobs import Job, Parcel, Written, run_parcel
+from palpate_kit.jobs.job import Job, Parcel, PortablePipeline, run_parcel
+from palpate_kit.runs.continuation import recorded_pipeline
 
 LINE = [
     'trajectory.sweep.start=["0 mm", "-22 mm"]',
@@ -69,43 +69,43 @@ def nothing_is_approved(tmp_path, monkeypatch):
 
 OUTPUTS = ("out", "output", "picture")
 MORE = {  # what a command wants besides
-    "export-filter": ["--track", "dr/kinematic"],
+    "model export": ["--track", "dr/kinematic"],
     "info": ["--suggest"],
     "plot": ["time"],
-    "choose": ["--models", "dr,kelvin-voigt"],
+    "fit choose": ["--models", "dr,kelvin-voigt"],
     "reproduce": ["eq:model_unc"],
 }
-ENDINGS = {"export": "out.csv", "recover": "out.mcap"}
+ENDINGS = {"log export": "out.csv", "log recover": "out.mcap"}
 KINDS = ("log", "run", "bare")
 SLOW = ("map", "plot", "report")
 
 # Which recordings a command refuses for the plugin file that they name; and which it reads without executing it.
 ASKS = {
-    ("choose", "runs"): "log run",
+    ("fit choose", "runs"): "log run",
     ("compare", "log"): "log run",
-    ("export-filter", "file"): "log run",
+    ("model export", "file"): "log run",
     ("fit", "sources"): "log run",
-    ("indentation", "source"): "log run bare",
+    ("fit indentation", "source"): "log run bare",
     ("info", "log"): "log run",
-    ("relaxation", "run"): "log run bare",
+    ("spectrum relaxation", "run"): "log run bare",
     ("repeat", "sources"): "log",
     ("replay", "source"): "log run",
     ("resume", "run"): "run bare",
-    ("search", "run"): "run bare",
+    ("map search", "run"): "run bare",
     ("spectrum", "runs"): "log run bare",
     ("watch", "source"): "log run",
 }
 READS = {
-    ("budget", "run"): "run bare",
-    ("curves", "runs"): "run bare",
-    ("export", "log"): "log run",
-    ("lumps", "run"): "run bare",
+    ("report budget", "run"): "run bare",
+    ("map curves", "runs"): "run bare",
+    ("log export", "log"): "log run",
+    ("map lumps", "run"): "run bare",
     ("map", "run"): "run bare",
     ("plot", "run"): "run bare",
-    ("recover", "log"): "log",
+    ("log recover", "log"): "log",
     ("report", "runs"): "run bare",
     ("reproduce", "data"): "run bare",
-    ("review", "runs"): "run bare",
+    ("repeat review", "runs"): "run bare",
     ("repeat", "sources"): "run bare",
     ("watch", "source"): "bare",
 }
@@ -136,13 +136,15 @@ def test_no_command_executes_what_a_recording_names(made, palpate, tmp_path, mon
     def interrupted(_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("palpate_live.child.Child.wait", interrupted)  # the page of `watch` waits for Ctrl-C
+    monkeypatch.setattr(
+        "palpate_live.server_process.PageServer.wait", interrupted
+    )  # the page of `watch` waits for Ctrl-C
     for kind in KINDS[:2] if name in SLOW or parameter.name == "points" else KINDS:
         source = made / ("log.mcap" if kind == "log" else kind)
         rest = [word for other in others for word in words(other, made / "clean")]
         rest += ["--out", tmp_path / kind / ENDINGS.get(name, "out")] if out else []
         (tmp_path / kind).mkdir()
-        done = palpate(name, *words(parameter, source), *rest, *MORE.get(name, []), cwd=tmp_path / kind)
+        done = palpate(*name.split(), *words(parameter, source), *rest, *MORE.get(name, []), cwd=tmp_path / kind)
         assert not (made / "trace").exists()
         assert "Traceback" not in done.stderr
         key = (name, parameter.name)
@@ -160,11 +162,11 @@ def test_no_command_executes_what_a_recording_names(made, palpate, tmp_path, mon
 @pytest.mark.parametrize(
     "line",
     [
-        "budget RUN --monte-carlo 100",
+        "report budget RUN --monte-carlo 100",
         "compare LOG --force /rig/wrench:wrench.force.z",
         "info LOG --suggest --force /rig/wrench:wrench.force.z -o own.toml",
         "replay LOG --add-model kelvin-voigt",
-        "search RUN --go",
+        "map search RUN --go",
         "fit LOG LOG --set estimator.fit.type=casadi-fit",
         "repeat --group a=LOG",
     ],
@@ -311,8 +313,8 @@ def test_a_copied_run_folder_with_a_plugin_beside_its_pipeline(made, palpate, tm
     canary(run)
     text = re.sub(r"plugins = \[[^]]*\]", 'plugins = ["canary.py"]', (run / "pipeline.toml").read_text())
     (run / "pipeline.toml").write_text(text)
-    for command in ("resume", "search", "spectrum", "indentation", "relaxation"):
-        done = palpate(command, "copied")
+    for command in ("resume", "map search", "spectrum", "fit indentation", "spectrum relaxation"):
+        done = palpate(*command.split(), "copied")
         assert done.returncode == 2
         assert f"{REMEDY}copied/canary.py" in done.stderr
     (tmp_path / "there").symlink_to(run)
@@ -364,7 +366,7 @@ def test_what_is_hashed_is_executed(tmp_path, monkeypatch):
     compiled = Path(importlib.util.cache_from_source(str(own)))
     py_compile.compile(str(evil), str(compiled), invalidation_mode=py_compile.PycInvalidationMode.UNCHECKED_HASH)
     trust.trust_plugin(own)
-    (file,) = trust.approved([own], tmp_path / "log.mcap", named=False)
+    (file,) = trust.approved_files([own], tmp_path / "log.mcap", named=False)
     own.write_bytes(evil.read_bytes())
     from palpate import registry
 
@@ -383,7 +385,7 @@ def test_a_worker_executes_what_was_decided_and_decides_nothing(point_pipeline, 
     """Not even what this machine has a record of."""
     own = canary(tmp_path)
     parcel = Parcel.of(
-        Job("one", Written(with_plugin(point_pipeline), point_pipeline, named=decided), tmp_path / "one")
+        Job("one", PortablePipeline(with_plugin(point_pipeline), point_pipeline, named=decided), tmp_path / "one")
     )
     assert (trust.PluginFile.read(own).digest in parcel.approved) == decided
     trust.trust_plugin(own)
@@ -397,7 +399,7 @@ def test_a_worker_does_not_execute_a_file_that_was_changed_meanwhile(point_pipel
     own = canary(tmp_path)
     text = with_plugin(point_pipeline)
     point_pipeline.write_text(text)
-    plan = Written(text, point_pipeline, named=True) if written else load_pipeline(point_pipeline)
+    plan = PortablePipeline(text, point_pipeline, named=True) if written else load_pipeline(point_pipeline)
     parcel = Parcel.of(Job("one", plan, tmp_path / "one"))
     (tmp_path / "trace").unlink(missing_ok=True)
     own.write_text(own.read_text() + "# changed\n")

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 from palpate import Estimates, Parameter, Samples
-from palpate_basics import estimates_file as module
-from palpate_basics.estimates_file import estimates_file
+from palpate_kit.runs import estimates_file as module
+from palpate_kit.runs.estimates_file import estimates_file
 
 TRACKS = {"dr/ekf": (Parameter("elasticity", "", "Pa", ""),)}
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from palpate import Estimates, OutputError, Parameter, Samples
 from palpate.errors import LogError
-from palpate.host import RunFolder
-from palpate_basics import estimates_parquet
-from palpate_maps.path import tracks_of
+from palpate_kit.runs import estimates_parquet
+from palpate_kit.runs.run_folder import RunFolder
+from palpate_maps.path_reader import tracks_of
 
 pytest.importorskip("pyarrow")
 PARAMETER = Parameter("elasticity", "", "Pa", "")
@@ -109,7 +109,7 @@ def test_a_folder_that_has_a_table_is_left_alone(tmp_path):
 
 def test_without_pyarrow_a_check_says_what_to_install(palpate, point_pipeline, monkeypatch):
     found = importlib.util.find_spec
-    spec = "palpate_basics.estimates_settings.find_spec"
+    spec = "palpate_kit.runs.estimates_settings.find_spec"
     monkeypatch.setattr(spec, lambda name: None if name == "pyarrow" else found(name))
     done = palpate("check", point_pipeline, "--set", "estimates.format=parquet")
     assert done.returncode == 2

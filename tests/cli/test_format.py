@@ -21,9 +21,9 @@ def rows_of(text):
     return list(csv.reader(line for line in text.splitlines() if line and not line.startswith("#")))
 
 
-@pytest.mark.parametrize("command", ["repeat", "budget", "review", "replay"])
+@pytest.mark.parametrize("command", ["repeat", "report budget", "repeat review", "replay"])
 def test_csv_is_a_table_of_equal_rows(palpate, run, command):
-    done = palpate(command, run, "--format", "csv")
+    done = palpate(*command.split(), run, "--format", "csv")
     assert done.returncode == 0, done.stderr
     first = [line for line in done.stdout.split("\n\n")[0].splitlines() if not line.startswith("#")]
     rows = list(csv.reader(first))
@@ -41,9 +41,9 @@ def test_a_value_and_its_uncertainty_are_two_columns(palpate, run):
     assert "runs:" in done.stderr  # the histogram is no table
 
 
-@pytest.mark.parametrize("command", ["repeat", "budget", "replay"])
+@pytest.mark.parametrize("command", ["repeat", "report budget", "replay"])
 def test_latex_is_whole(palpate, run, command):
-    done = palpate(command, run, "--format", "latex")
+    done = palpate(*command.split(), run, "--format", "latex")
     assert done.returncode == 0, done.stderr
     assert done.stdout.count(r"\begin{tabular}") == done.stdout.count(r"\end{tabular}") > 0
     body = [line for line in done.stdout.splitlines() if line.endswith(r"\\")]

@@ -88,7 +88,7 @@ def stranger(point_pipeline, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", [("check",), ("run", "--dry-run"), ("plan", "--out", "plan.png")])
+@pytest.mark.parametrize("command", [("check",), ("plan", "--out", "plan.png")])
 def test_plugin_files_are_named_when_executed_and_can_be_forbidden(palpate, stranger, tmp_path, command, monkeypatch):
     done = palpate("--no-plugins", command[0], stranger, *command[1:])
     assert done.returncode == 2
@@ -129,7 +129,7 @@ def asked(monkeypatch, files, base, *answers, named=True):
     with monkeypatch.context() as patch, trust.at_the_command_line():
         patch.setattr(sys, "stdin", terminal)
         patch.setattr(sys, "stderr", terminal)
-        trust.announce(trust.approved(files, base / "p.toml", named))
+        trust.announce(trust.approved_files(files, base / "p.toml", named))
     assert terminal.answers == []
     return terminal.shown
 
@@ -175,17 +175,17 @@ def test_who_has_refused_is_not_asked_again_by_the_same_command(monkeypatch, tmp
         patch.setattr(sys, "stderr", terminal)
         for _ in range(2):
             with pytest.raises(PluginError, match="was refused"):
-                trust.approved([tmp_path / "own.py"], tmp_path / "log.mcap", named=False)
+                trust.approved_files([tmp_path / "own.py"], tmp_path / "log.mcap", named=False)
 
 
 def test_nobody_is_asked_without_a_terminal_or_a_command(tmp_path, capfd, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     (tmp_path / "other.py").write_text("")
     place = tmp_path / "here" / "p.toml"
-    trust.announce(trust.approved([tmp_path / "other.py"], place, named=True))
+    trust.announce(trust.approved_files([tmp_path / "other.py"], place, named=True))
     assert capfd.readouterr().err == ""
     with trust.at_the_command_line():
-        trust.announce(trust.approved([tmp_path / "other.py"], place, named=True))
+        trust.announce(trust.approved_files([tmp_path / "other.py"], place, named=True))
     assert capfd.readouterr().err == f"executing plugin file {tmp_path}/other.py\n"
 
 

@@ -44,16 +44,16 @@ CASES = {
     "plan": (["plan", "point.toml"], lambda found: found["press"]["duration"] > 10),
     "doctor": (["doctor", "point.toml"], lambda found: found["findings"][0]["verdict"] == "bad"),
     "force": (
-        ["force", "--indenter", "sphere", "--set", "indenter.radius=5 mm"],
+        ["model", "force", "--indenter", "sphere", "--set", "indenter.radius=5 mm"],
         lambda found: len(found["force"]) == len(found["depth"]) == 1001,
     ),
     "map": (["map", "line"], lambda found: found["kind"] == "sweep" and len(found["files"]) == 2),
-    "curves": (["curves", "line"], lambda found: len(found["dr/kinematic"]["along"]) > 10),
+    "curves": (["map", "curves", "line"], lambda found: len(found["dr/kinematic"]["along"]) > 10),
     "search": (
-        ["search", "line", "--area", "-4 mm, 4 mm, -24 mm, -6 mm"],
+        ["map", "search", "line", "--area", "-4 mm, 4 mm, -24 mm, -6 mm"],
         lambda found: len(found["rounds"][0]) == 3 and found["stopped"] is None,
     ),
-    "lumps": (["lumps", "line"], lambda found: found["track"] == "dr/kinematic"),
+    "lumps": (["map", "lumps", "line"], lambda found: found["track"] == "dr/kinematic"),
     "run": (["run", "point.toml", *options(*SHORT)], lambda found: found["tracks"]["dr/ekf"]["verdict"]),
     "compare": (
         ["compare", "point.toml", *options(*SHORT), "--reference", "dr/ekf"],
@@ -63,8 +63,8 @@ CASES = {
         ["sweep", "seeds.toml", "--jobs", "1", *options(*SHORT, 'run.tracks=["dr/ekf"]')],
         lambda found: [row["run.seed"] for row in found["rows"]] == [1, 2],
     ),
-    "design": (["design", "point.toml"], lambda found: found["dr"]["palpations"]),
-    "budget": (["budget", "run"], lambda found: found),
+    "design": (["plan", "design", "point.toml"], lambda found: found["dr"]["palpations"]),
+    "budget": (["report", "budget", "run"], lambda found: found),
     "calibrate": (["calibrate", "guided.toml", "--yes"], lambda found: 0.1 < found["values"]["mass"]["value"] < 0.3),
     "reproduce": (
         ["reproduce", "correction_factor"],

@@ -3,8 +3,8 @@
 import time
 
 import pytest
-from palpate.host import progress, progressed
-from palpate_basics import progress as module
+from palpate_kit.terminal import progress as module
+from palpate_kit.terminal.progress import progress, report_progress
 
 
 @pytest.fixture
@@ -26,9 +26,9 @@ def told(capsys, wanted):
 def test_a_line_says_how_far_it_is(soon, capsys):
     with progress("export of x.csv", "messages"):
         told(capsys, "export of x.csv, after 0 s\n")
-        progressed(1234.0)
+        report_progress(1234.0)
         told(capsys, "export of x.csv: 1 234 messages, after 0 s\n")
-        progressed(5000, 20000)
+        report_progress(5000, 20000)
         told(capsys, "export of x.csv: 5 000 of 20 000 messages, after 0 s\n")
     capsys.readouterr()
     time.sleep(0.02)
@@ -37,9 +37,9 @@ def test_a_line_says_how_far_it_is(soon, capsys):
 
 def test_what_is_done_within_other_work_stands_behind_it(soon, capsys):
     with progress("fit", "logs", 3):
-        progressed(1)
+        report_progress(1)
         with progress("two.csv", "s"):
-            progressed(7.0, 20.0, 0.5)
+            report_progress(7.0, 20.0, 0.5)
             told(capsys, "fit: 1 of 3 logs, two.csv: 7 of 20 s, after 0 s\n")
         told(capsys, "fit: 1 of 3 logs, after 0 s\n")
 
@@ -47,14 +47,14 @@ def test_what_is_done_within_other_work_stands_behind_it(soon, capsys):
 def test_what_fails_is_not_shown_any_more(soon, capsys):
     with pytest.raises(ValueError, match="x"), progress("one"):
         raise ValueError("x")
-    progressed(5)
+    report_progress(5)
     with progress("two"):
         assert "one" not in told(capsys, "two, after 0 s\n")
 
 
 def test_nobody_hears_of_short_work(capsys):
     with progress("short"):
-        progressed(1)
+        report_progress(1)
     assert capsys.readouterr().err == ""
 
 
@@ -62,12 +62,12 @@ def test_nobody_hears_of_short_work(capsys):
     ("arguments", "said"),
     [
         (("info", "LOG"), "info of log.mcap"),
-        (("export", "LOG", "-o", "x.csv"), "export of log.mcap"),
-        (("recover", "LOG", "-o", "x.mcap"), "recover log.mcap"),
+        (("log", "export", "LOG", "-o", "x.csv"), "export of log.mcap"),
+        (("log", "recover", "LOG", "-o", "x.mcap"), "recover log.mcap"),
         (("compare", "PIPELINE", "--out", "compared"), "point.toml: "),
         (("sweep", "PIPELINE", "--out", "swept", "--jobs", "1"), "sweep: 1 of 2 combinations, after "),
     ],
-    ids=lambda value: value[0] if isinstance(value, tuple) else "",
+    ids=lambda value: " ".join(value[:2]) if isinstance(value, tuple) else "",
 )
 def test_commands_say_how_far_they_are(soon, palpate, point_pipeline, tmp_path, arguments, said):
     text = point_pipeline.read_text().replace('duration = "10 s"', 'duration = "1 s"')

@@ -64,6 +64,12 @@ def test_a_rehearsal_ends_with_what_the_arm_did_and_is_the_same_every_time(rehea
     assert first.stdout.replace("written to a", "written to b") == second.stdout
     for name in ("estimates.csv", "log.mcap"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    assert "rehearsal: simulated time, twin bench" in first.stdout
+    document = json.loads((tmp_path / "a" / "result.json").read_text())
+    told = document["run"]["rehearsal"]
+    assert (told["twin"], told["faults"], told["hold_ups"], told["seed"]) == ("bench", [], [], 0)
+    assert told["specimen"]["parameters"]["elasticity"] == 112.5e3
+    assert "rehearsal" in {flag["code"] for flag in document["tracks"]["dr/ekf"]["flags"]}
     table = rows(first)
     assert table["z, low"][1] == "-7.00 mm"
     assert -2.0 < number(table["z, low"][0]) < -1.3  # bias and amplitude are 1.7 mm
@@ -89,6 +95,8 @@ def test_a_fault_ends_the_run_and_the_table_still_stands(rehearse, rig, tmp_path
     done = rehearse(rig, *SILICONE, "--fault", "protective-stop@0.4 s", "--out", "out", sets=SHORTER)
     assert done.returncode == 1
     assert "192.168.0.17: the robot is in a protective stop" in done.stderr
+    told = json.loads((tmp_path / "out" / "result.json").read_text())["run"]["rehearsal"]
+    assert (told["twin"], told["faults"]) == ("rehearsal", ["protective-stop@0.4 s"])
     assert number(rows(done)["force on the skin"][0]) == 0.0
     assert (
         "protective stop" in json.loads((tmp_path / "out" / "result.json").read_text())["run"]["live"]["stop"]["reason"]

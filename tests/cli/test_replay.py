@@ -4,7 +4,7 @@ import json
 import shutil
 
 import pytest
-from palpate.host import RunFolder, pipeline_among
+from palpate_kit.runs.run_folder import RunFolder, pipeline_among
 
 SHORT = [
     "--set",
@@ -138,7 +138,7 @@ def test_a_plugin_file_of_the_recording_is_needed_and_must_be_the_same(palpate, 
 
 
 def test_a_foreign_log_carries_no_pipeline(palpate, root):
-    done = palpate("replay", root / "tests" / "devices" / "corpus" / "commas.csv")
+    done = palpate("replay", root / "tests" / "logs" / "corpus" / "commas.csv")
     assert done.returncode == 2
     assert "carries no pipeline" in done.stderr
 
@@ -191,6 +191,6 @@ def test_repeat_takes_logs(recorded, palpate, tmp_path, root):
     assert "indenter.tip.radius = 2.5 mm" in done.stderr
     values = json.loads(done.stdout)["groups"]["runs"]["values"]
     assert values == 2 * [tracks(recorded)["dr/ekf"]["parameters"]["elasticity"]["value"]]
-    done = palpate("repeat", root / "tests" / "devices" / "corpus" / "commas.csv")
+    done = palpate("repeat", root / "tests" / "logs" / "corpus" / "commas.csv")
     assert done.returncode == 2
     assert "carries no pipeline" in done.stderr

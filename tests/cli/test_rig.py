@@ -1,4 +1,4 @@
-"""``palpate run --dry-run``, ``doctor`` and ``twin``."""
+"""``palpate plan``, ``doctor`` and ``twin``."""
 
 import os
 
@@ -21,29 +21,31 @@ def called(*words):
     return call([*map(str, words)])
 
 
-def test_a_dry_run_shows_the_motion_and_connects_to_nothing(capsys, live, tmp_path, monkeypatch):
+@pytest.mark.parametrize("words", [["plan"], ["run", "--dry-run"]], ids=" ".join)
+def test_a_plan_shows_the_motion_and_connects_to_nothing(capsys, live, tmp_path, monkeypatch, words):
     monkeypatch.chdir(tmp_path)
-    called("run", live, "--dry-run")
-    text = capsys.readouterr().out
+    called(words[0], live, *words[1:])
+    text, errors = capsys.readouterr()
+    assert ("palpate run --dry-run is palpate plan now" in errors) == (words[0] == "run")
     assert "#" in text
-    assert "z: -5.00 to 5.00 mm (limits -7 to 20)" in text
+    assert "z             -5 to 5 mm (limits -7 to 20)" in text
     assert "at most 15.1 N by computation" in text
     assert (
         "device arm: moves to the start on its own, straight, from at most 30 mm away at no more than 20 mm/s" in text
     )
-    assert not (tmp_path / "runs").exists()
+    assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("option", [["--dry-run"], []])
-def test_a_motion_beyond_its_limits_never_starts(live, tmp_path, option):
+@pytest.mark.parametrize("words", [["plan"], ["run", "--out", "never"]], ids=" ".join)
+def test_a_motion_beyond_its_limits_never_starts(live, words):
     with pytest.raises(ConfigurationError, match=r"below the limit of -7.00 mm"):
-        called("run", live, *option, "--out", tmp_path / "out", "--set", "trajectory.press.bias=8 mm")
+        called(words[0], live, *words[1:], "--set", "trajectory.press.bias=8 mm")
 
 
-@pytest.mark.parametrize("option", [["--dry-run"], []])
-def test_an_arm_that_goes_too_fast_to_the_start(live, tmp_path, option):
+@pytest.mark.parametrize("words", [["plan"], ["run", "--out", "never"]], ids=" ".join)
+def test_an_arm_that_goes_too_fast_to_the_start(live, words):
     with pytest.raises(ConfigurationError, match=r"the way to the start: the speed is 60.0 mm/s"):
-        called("run", live, *option, "--out", tmp_path / "out", "--set", "device.arm.approach_speed=60 mm/s")
+        called(words[0], live, *words[1:], "--set", "device.arm.approach_speed=60 mm/s")
 
 
 def test_a_robot_without_limits_does_not_move(live, tmp_path):
@@ -72,7 +74,12 @@ def test_the_doctor(palpate, live, tmp_path):
     twin = start(PALPATE, "twin", live, *twin_sets, stdin=PIPE, stdout=PIPE, text=True)
     try:
         assert twin.stdout.readline().startswith("ready")
-        patient = ("device.sensor.silence=5 s", "device.arm.stale=5 s", "safety.stale=5 s", "device.arm.watchdog=1 Hz")
+        patient = (
+            "device.sensor.sensor_timeout=5 s",
+            "device.arm.controller_timeout=5 s",
+            "safety.sensor_timeout=5 s",
+            "device.arm.watchdog=1 Hz",
+        )
         slack = [word for item in patient for word in ("--set", item)]
         done = palpate("doctor", live, *sets, *slack, "--set", "alignment.gap=5 s", "--duration", "0.6")
         assert done.returncode == 0, done.stdout + done.stderr

@@ -1,4 +1,4 @@
-"""`palpate schema`: what the editor says is what the run says."""
+"""`palpate describe schema`: what the editor says is what the run says."""
 
 import json
 import re
@@ -12,7 +12,8 @@ from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
 from palpate.registry import load
 from palpate.result import SCHEMA
-from palpate_basics.schema import pipeline_schema, result_schema
+from palpate_commands.schema import pipeline_schema
+from palpate_kit.runs.result_model import result_schema
 
 from tests.results import mistakes
 
@@ -52,11 +53,11 @@ def result(tmp_path_factory):
 
 
 def test_the_schema_of_results_is_printed(palpate):
-    schema = json.loads(palpate("schema", "result").stdout)
+    schema = json.loads(palpate("describe", "schema", "result").stdout)
     Draft202012Validator.check_schema(schema)
     assert schema == result_schema()
     assert schema["properties"]["schema"]["const"] == SCHEMA
-    done = palpate("schema", "results")
+    done = palpate("describe", "schema", "results")
     assert done.returncode == 2
     assert "'pipeline', 'result'" in done.stderr
 
@@ -183,9 +184,11 @@ def test_other_ways_to_write_are_accepted(validator, point, location, value):
 
 @pytest.mark.slow
 def test_it_is_written_to_a_file(palpate, tmp_path):
-    assert palpate("schema", "-o", "palpate.schema.json").stdout == ""
-    assert json.loads((tmp_path / "palpate.schema.json").read_text()) == json.loads(palpate("schema").stdout)
-    assert palpate("schema", "-o", "nowhere/schema.json").returncode == 2
+    assert palpate("describe", "schema", "-o", "palpate.schema.json").stdout == ""
+    assert json.loads((tmp_path / "palpate.schema.json").read_text()) == json.loads(
+        palpate("describe", "schema").stdout
+    )
+    assert palpate("describe", "schema", "-o", "nowhere/schema.json").returncode == 2
 
 
 @pytest.mark.parametrize("pipeline", sorted((ROOT / "pipelines").glob("*.toml")), ids=lambda path: path.stem)

@@ -7,7 +7,8 @@ import sys
 import time
 
 import pytest
-from palpate.host import console, measured
+from palpate_kit.terminal.quantities import value_with_uncertainty
+from palpate_kit.terminal.table import console
 from rich.table import Table
 
 from tests.processes import PIPE, start
@@ -38,7 +39,7 @@ def run(*arguments, **env):
 )
 def test_every_terminal_gets_its_table(root, env):
     few = ("--set", "design.frequencies=[2.0]", "--set", 'design.amplitudes=["1 mm"]')
-    done = run("design", root / "pipelines" / "late.toml", *few, **env)
+    done = run("plan", "design", root / "pipelines" / "late.toml", *few, **env)
     assert done.returncode == 0, done.stderr
     text = done.stdout.decode(env.get("PYTHONIOENCODING", "utf-8"))
     assert "recommended within the limits" in " ".join(text.split())
@@ -54,7 +55,10 @@ def test_every_terminal_gets_its_table(root, env):
     "arguments",
     [
         ("--help",),
-        *(pytest.param(words, marks=pytest.mark.slow) for words in (["list"], ["describe", "ekf"], ["schema"])),
+        *(
+            pytest.param(words, marks=pytest.mark.slow)
+            for words in (["list"], ["describe", "ekf"], ["describe", "schema"])
+        ),
     ],
 )
 def test_a_reader_that_goes_early_is_no_error(arguments):
@@ -103,11 +107,11 @@ def test_a_table_too_wide_is_printed_row_by_row(capsys, monkeypatch):
     [(-0.0, 0.1, "0.00 ± 0.10"), (-0.001, 0.5, "0.00 ± 0.50"), (-0.0, 0.0, "0"), (-0.2, 0.1, "-0.20 ± 0.10")],
 )
 def test_nought_has_no_sign(value, std, text):
-    assert measured(value, std) == text
+    assert value_with_uncertainty(value, std) == text
 
 
 @pytest.mark.parametrize(("value", "shown"), [(-0.0, "0"), (0.0, "0"), (-1.5, "-1.5"), (112503.2, "1.125e+05")])
 def test_a_raw_nought_has_no_sign(value, shown):
-    from palpate.host import rounded
+    from palpate_kit.terminal.quantities import round_number
 
-    assert rounded(value) == shown
+    assert round_number(value) == shown

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from palpate_basics.text import csv_rows
+from palpate_kit.runs.csv_writer import csv_rows
 
 
 def by_python(table):

@@ -49,7 +49,7 @@ stop_force = "12 N"
 stiffness = "3 N/mm"
 latency = "60 ms"
 standstill = "0.2 s"
-stale = "5 s"
+sensor_timeout = "5 s"
 """
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from palpate import Batch, Channel, LogError, Stream
 from palpate.alignment import Aligner, AlignmentSettings, Ports
-from palpate.alignment.series import Health
+from palpate.alignment.signal_series import Health
 from palpate.estimation import Samples
 
 FORCE = Stream("wrench", (Channel("z", "N", (-50.0, 50.0)),), 800.0)

@@ -8,15 +8,15 @@ from types import SimpleNamespace
 import pytest
 from palpate import ConfigurationError
 from palpate.config import load_pipeline
-from palpate.config.calibrated import calibration_of
+from palpate.config.calibration import calibration_of
 from palpate.pipeline import run_pipeline
-from palpate.pipeline.readying import stored_offset
-from palpate_calibration.file import Calibration, read_calibration
-from palpate_calibration.quantity import Measured, RepeatValue, calibrated_value
+from palpate.pipeline.live.stored_offset import stored_offset
+from palpate_calibration.calibrated_value import MeasuredValue, RepeatValue, calibrated_value
+from palpate_kit.runs.calibration_file import Calibration, read_calibration
 
 
 def value(number, std, unit):
-    return calibrated_value(Measured.of([RepeatValue(number, std)], unit))
+    return calibrated_value(MeasuredValue.of([RepeatValue(number, std)], unit))
 
 
 def calibration(**changes):
@@ -265,8 +265,8 @@ def test_a_plugin_file_reads_calibrations_of_its_own(point_pipeline, tmp_path):
     """Its hook, named before the shipped one, is asked for whatever file the pipeline names."""
     (tmp_path / "scales.py").write_text(
         "from palpate import CalibrationReader, plugin\n"
-        "from palpate_calibration.applying import AppliedCalibration\n"
-        "from palpate_calibration.file import CalibratedValue, Calibration\n"
+        "from palpate_calibration.calibration_use import AppliedCalibration\n"
+        "from palpate_kit.runs.calibration_file import CalibratedValue, Calibration\n"
         "from datetime import UTC, datetime\n"
         "def weighed(path, valid_for):\n"
         "    kg = float(path.read_text())\n"

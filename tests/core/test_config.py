@@ -8,7 +8,7 @@ from palpate.config import load_pipeline, resolved_text
 from palpate.errors import ConfigurationError, PluginError
 from palpate.hooks import KINDS
 from palpate.registry import load
-from palpate_basics.schema import pipeline_schema
+from palpate_commands.schema import pipeline_schema
 
 
 def complaint(path, *overrides):
@@ -56,7 +56,7 @@ def test_every_mistake_is_shown_at_once_with_its_line(point_pipeline):
         ("alignment.force=rig.wrnch.z", "did you mean 'rig.wrench.z'?"),
         ("alignment.velocity=rig.tip.z", "'rig.tip.z' is in m, but velocity is wanted in m/s"),
         ("alignment.force.sign=2", "2 is not allowed"),
-        ("alignment.tare=sometimes", "is none of"),
+        ("alignment.tare=sometimes", "is not one of"),
         ("alignment.tip_mass=-1 g", "must be greater than or equal to 0"),
         ("device.rig.specimen.model=nope", "there is no [model.nope]"),
         ("device.rig.specimen.elasticity=5 mm", "elasticity: '5 mm' is a length, not a pressure"),

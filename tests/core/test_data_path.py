@@ -47,7 +47,7 @@ def test_what_is_recorded_comes_before_its_samples_and_these_before_their_estima
 
 @pytest.mark.slow
 def test_flags_are_told_as_they_rise_and_as_they_fall(point_pipeline, tmp_path, kept, monkeypatch):
-    monkeypatch.setattr("palpate.pipeline.telling._EVERY", 0.0)
+    monkeypatch.setattr("palpate.pipeline.health._EVERY", 0.0)
     pipeline = load_pipeline(point_pipeline, [*SHORT, *kept, "trajectory.press.duration=14 s"])
     result = run_pipeline(pipeline, tmp_path / "out")
     told = [{flag.code for flag in flags} for track, flags in LISTENERS[0].of("flags") if track == "dr/ekf"]
@@ -92,7 +92,7 @@ def test_a_sink_ends_a_live_run_through_the_guard(run_live):
 
 @pytest.mark.slow
 def test_sinks_open_before_real_time_scheduling_and_can_start_processes_there(run_live, monkeypatch):
-    usual = flow.undisturbed
+    usual = flow.real_time_section
 
     @contextmanager
     def noted():
@@ -100,7 +100,7 @@ def test_sinks_open_before_real_time_scheduling_and_can_start_processes_there(ru
         with usual() as said:
             yield said
 
-    monkeypatch.setattr(flow, "undisturbed", noted)
+    monkeypatch.setattr(flow, "real_time_section", noted)
     run_live("trajectory.press.duration=0.3 s")
     assert EVENTS == ["open", "undisturbed", "close"]
 

@@ -5,9 +5,9 @@ import tomllib
 import pytest
 from palpate import ConfigurationError
 from palpate.config import load_pipeline, resolved_text
-from palpate.config.doubts import doubts
+from palpate.config.unit_plausibility import implausible_units
 from palpate.registry import load
-from palpate_basics.schema import pipeline_schema
+from palpate_commands.schema import pipeline_schema
 
 REGISTRY = load()
 
@@ -93,7 +93,7 @@ def test_a_resolved_pipeline_is_read_back(point_pipeline):
 def test_no_default_is_doubted(kind, name):
     part = REGISTRY.find(kind, name)
     defaults = {key: field.default for key, field in part.model_fields.items() if not field.is_required()}
-    assert doubts(part, defaults) == {}
+    assert implausible_units(part, defaults) == {}
 
 
 @pytest.mark.slow

@@ -33,9 +33,9 @@ def raised():
 REGISTRY = load()
 PASSED_ON = (
     "refusal.py",
-    "reading.py",
+    "result_file.py",
     "device_flags.py",
-    "ros2/sink.py",
+    "palpate_ros2/sink.py",
 )  # files that make flags of codes given to them
 
 
@@ -99,7 +99,7 @@ def test_a_flag_of_a_plugin_in_a_file(palpate, tmp_path):
     ("text", "problem"),
     [
         (PLUGIN % "diverged", r"flag 'diverged' is claimed by two plugins: palpate and .*own\.py"),
-        (PLUGIN % "misfit", r"claimed by two plugins: palpate .* \(filters\) and .*own\.py"),
+        (PLUGIN % "misfit", r"claimed by two plugins: palpate .* \(fits\) and .*own\.py"),
         (PLUGIN.replace('FlagMeaning("invalid", "It is so.", "Do this.")', "'invalid'") % "x", "is no FlagMeaning"),
     ],
 )

@@ -10,22 +10,22 @@ from palpate import (
     Channel,
     ConfigurationError,
     Device,
-    Refusing,
+    KnowsTruth,
     Resumable,
-    SelfMoving,
     Setpoint,
-    Simulated,
     Stream,
+    SupportsOwnMotion,
+    SupportsReach,
     Trajectory,
     Turnable,
 )
 from palpate.alignment import Aligner, AlignmentSettings, Ports
 from palpate.config import load_pipeline
-from palpate.config.wiring import wrong_wiring
+from palpate.config.signal_wiring import check_wiring
 from palpate.device import ask_devices, own_motions, truth_of
-from palpate.pipeline.guard import Guard
-from palpate_calibration.record import CalibrationRecorder
-from palpate_devices.csv_replay import CsvReplay
+from palpate.pipeline.live.guard import Guard
+from palpate_calibration.calibration_record import CalibrationRecorder
+from palpate_logs.csv_replay import CsvReplay
 from palpate_trajectories.point import Point
 from palpate_trajectories.raster import Raster
 from pydantic import ValidationError
@@ -105,12 +105,12 @@ def test_a_calibration_counts_the_gaps_that_the_alignment_counts(gap, gaps):
 def test_abilities_are_told_by_what_a_device_has():
     rig = load_pipeline(PIPELINES / "point.toml").devices["rig"]
     arm = load_pipeline(PIPELINES / "point_ur3e.toml").devices["arm"]
-    assert isinstance(rig, Simulated)
+    assert isinstance(rig, KnowsTruth)
     assert isinstance(rig, Turnable)
-    assert isinstance(rig, Refusing)
-    assert not isinstance(rig, SelfMoving)
-    assert isinstance(arm, SelfMoving)
-    assert not isinstance(arm, Simulated | Turnable | Refusing)
+    assert isinstance(rig, SupportsReach)
+    assert not isinstance(rig, SupportsOwnMotion)
+    assert isinstance(arm, SupportsOwnMotion)
+    assert not isinstance(arm, KnowsTruth | Turnable | SupportsReach)
     for ability in ("truth", "outlines", "turned", "own_motion", "refuse"):
         assert not hasattr(Device, ability)
         assert not hasattr(CsvReplay, ability)
@@ -154,4 +154,4 @@ def test_heights_of_other_frames_are_taken_at_their_word():
     pose = Stream("tip", tuple(Channel(axis, "m") for axis in "xyz"), 500.0, "pose", frame="base")
     wrench = Stream("wrench", (Channel("z", "N"),), 800.0)
     made = AlignmentSettings.model_validate({"force": "r.wrench.z", "position": {"channel": "r.tip.x", "sign": -1}})
-    assert wrong_wiring(Ports.of(made, {"r": (pose, wrench)}), None) == []
+    assert check_wiring(Ports.of(made, {"r": (pose, wrench)}), None) == []

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from palpate import Batch, Channel, DeviceError, RepeatCount, Repeats, Stream
 from palpate.alignment import AlignmentSettings, Ports
-from palpate.pipeline.guard import Guard
+from palpate.pipeline.live.guard import Guard
 from palpate.safety import SafetySettings
 
 RATE = 800.0  # [Hz]

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate.config import load_pipeline, resolved_text
-from palpate.host import RunFolder, continued
-from palpate_basics.remaining import remaining_pipeline
+from palpate_commands.remaining_motion import remaining_pipeline
+from palpate_kit.runs.continuation import continue_pipeline
+from palpate_kit.runs.run_folder import RunFolder
 
 SMALL = ('trajectory.raster.size=["20 mm", "20 mm"]', "trajectory.raster.settle=1 s")
 
@@ -66,14 +67,14 @@ def test_what_a_raster_left_is_left_after_a_search_too(simulated, tmp_path):
     visits = simulated.registry.find("trajectory", "grid-points")(
         places=((0.0, 0.0), (5e-3, 0.0), (0.0, 5e-3)), duration=2.0, press=raster.press, surface=raster.surface
     )
-    search = continued(simulated, visits, 1)
+    search = continue_pipeline(simulated, visits, 1)
     write(tmp_path / "run" / "part-2", search, 0.5 * visits.total_duration)
     rest = remaining_pipeline(tmp_path / "run")
     assert motion_of(rest) == left
     write(tmp_path / "run" / "part-3", rest, left.total_duration)
     places = motion_of(remaining_pipeline(tmp_path / "run"))
     assert 0 < places.first_point < 3
-    write(tmp_path / "run" / "part-4", continued(simulated, places, 3), places.total_duration)
+    write(tmp_path / "run" / "part-4", continue_pipeline(simulated, places, 3), places.total_duration)
     assert remaining_pipeline(tmp_path / "run") is None
 
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from palpate import Batch, Channel, ConfigurationError, DeviceError, OwnMotion, Setpoint, Stream
 from palpate.alignment import AlignmentSettings, Ports
-from palpate.config.wired_safety import contradictions, wired
-from palpate.pipeline.guard import Guard
-from palpate.pipeline.readying import compared, refuse_contact, refuse_preload
+from palpate.config.safety_wiring import contradictions, wire_safety
+from palpate.pipeline.live.arm_preparation import refuse_preload
+from palpate.pipeline.live.guard import Guard
+from palpate.pipeline.live.retreat_check import compare_readings, refuse_contact
 from palpate.safety import Reach, SafetySettings, check_motion, check_own_motion, check_setpoints, demand_safe
 from palpate_calibration.settings import CalibrationSettings
 from palpate_studies.design.settings import DesignSettings
@@ -132,7 +133,7 @@ def height(z):
 @pytest.fixture
 def guard():
     """A guard after its standstill; this test may be held up for long, where the machine is."""
-    made = Guard(limits(stale=0.15, held_up=600.0), PORTS)
+    made = Guard(limits(sensor_timeout=0.15, held_up=600.0), PORTS)
     made.arm = _Arm()
     rng = np.random.default_rng(0)
     made.check("s", force(*(1.0 + 0.05 * rng.standard_normal(100))))
@@ -326,7 +327,7 @@ def test_a_stream_that_stops_while_another_of_its_device_goes_on_is_silent(guard
 
 def test_being_held_up_is_a_fault_of_its_own(guard):
     """Nobody asks the sensor's link: with or without readings, the arm must not go on unwatched."""
-    guard._looked["s"] = time.monotonic() - 601.0
+    guard._host._looked["s"] = time.monotonic() - 601.0
     deadline = time.monotonic() + 60
     while guard.reason is None and time.monotonic() < deadline:
         time.sleep(0.005)
@@ -484,14 +485,14 @@ def test_limits_that_are_slips_of_the_pen(key, value):
 def test_contact_is_felt_by_what_a_retreat_takes_away():
     rng = np.random.default_rng(0)
     noise = rng.normal(0.6, 0.05, 2000)
-    assert abs(compared(noise[:800], noise[800:1040], 1).change) < 0.02
-    felt = compared(noise[:800], noise[800:1040] - 0.05, 1)
+    assert abs(compare_readings(noise[:800], noise[800:1040], 1).change) < 0.02
+    felt = compare_readings(noise[:800], noise[800:1040] - 0.05, 1)
     assert felt.change == pytest.approx(0.05, abs=0.02)
     with pytest.raises(DeviceError, match=r"touches something: s\.wrench\.z fell by 0\.0"):
         refuse_contact(felt, "s.wrench.z")
     with pytest.raises(DeviceError, match=r"rose by .*sign = -1"):
-        refuse_contact(compared(noise[:800], noise[800:1040] + 0.05, 1), "s.wrench.z")
-    assert compared(noise[:800], noise[:5], 1) is None
+        refuse_contact(compare_readings(noise[:800], noise[800:1040] + 0.05, 1), "s.wrench.z")
+    assert compare_readings(noise[:800], noise[:5], 1) is None
 
 
 def test_free_air_is_hardly_ever_taken_for_contact():
@@ -500,7 +501,7 @@ def test_free_air_is_hardly_ever_taken_for_contact():
     for _ in range(500):
         white = rng.normal(0.0, 0.05, 1100)
         for noise in (white, np.convolve(white, np.ones(10) / 10, "valid")):
-            refuse_contact(compared(noise[:800], noise[-240:], 1), "f")
+            refuse_contact(compare_readings(noise[:800], noise[-240:], 1), "f")
 
 
 def test_a_preload_that_the_tare_would_hide_is_refused():
@@ -526,11 +527,11 @@ def test_the_wiring_adds_its_own_delays():
     arm = device(Channel("z", "m"), own_motion=OwnMotion(0.02, 0.03, 1.0, 0.25))
     alignment = AlignmentSettings.model_validate({"force": "s.wrench.z", "position": "r.wrench.z"})
     sensor = device(Channel("z", "N", (-500.0, 500.0)), shared_streams=("wrench",))
-    table = wired(limits(), alignment, {"r": arm, "s": sensor})
+    table = wire_safety(limits(), alignment, {"r": arm, "s": sensor})
     assert (table.sensor_delay, table.latency) == (0.003, 0.06)
     alone = device(Channel("z", "N", (-500.0, 500.0)))
-    assert wired(limits(), alignment, {"r": arm, "s": alone}).latency == 0.25
-    stated = wired(limits(sensor_delay="9 ms"), alignment, {"r": arm, "s": sensor})
+    assert wire_safety(limits(), alignment, {"r": arm, "s": alone}).latency == 0.25
+    stated = wire_safety(limits(sensor_delay="9 ms"), alignment, {"r": arm, "s": sensor})
     assert stated.sensor_delay == pytest.approx(0.009)
     assert not contradictions(limits(), alignment, {"r": arm, "s": sensor})
     problems = contradictions(limits(stop_force=500.0, force=600.0), alignment, {"r": arm, "s": sensor})

@@ -4,7 +4,7 @@ import os
 import threading
 
 import pytest
-from palpate.pipeline.scheduling import undisturbed
+from palpate.pipeline.live.scheduling import real_time_section
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="no such scheduling here")
@@ -21,7 +21,7 @@ def test_every_thread_has_it_and_gives_it_back():
     thread.start()
     ready.wait()
     try:
-        with undisturbed() as said:
+        with real_time_section() as said:
             if "not permitted" in said:
                 pytest.skip("real-time scheduling is not permitted here")
             assert os.sched_getscheduler(0) == os.sched_getscheduler(number[0]) == os.SCHED_FIFO

@@ -6,7 +6,8 @@ import threading
 
 import pytest
 from palpate.clocks import clock
-from palpate.simulated_clock import DeadlockError, HoldUp, SimulatedClock
+from palpate.simulated_clock import SimulatedClock
+from palpate.simulated_turns import DeadlockError, HoldUp
 
 
 def test_the_order_of_turns_is_that_of_the_times_waited_for():

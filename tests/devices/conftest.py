@@ -16,7 +16,7 @@ from palpate.errors import DeviceError
 from palpate.pipeline import run_pipeline
 
 from tests import processes
-from tests.devices.simulated_bench import PIPELINE, SHORT, SimulatedBench, readings, replayed
+from tests.devices.simulated_bench import PIPELINE, SHORT, SimulatedBench, Twins, readings
 
 _ADDRESSES = itertools.count(2)
 SOON = 60.0  # [s] to wait for what must come; how long it takes is measured in benchmarks/, not here
@@ -24,11 +24,11 @@ SOON = 60.0  # [s] to wait for what must come; how long it takes is measured in 
 
 def limits_of_silence(seconds):
     """A machine with more work than cores keeps a process or a terminal waiting for 0.2 s: no test counts on less."""
-    watched = ("device.sensor.silence", "device.arm.stale", "safety.stale")
+    watched = ("device.sensor.sensor_timeout", "device.arm.controller_timeout", "safety.sensor_timeout")
     return (
         *(f"{limit}={seconds} s" for limit in watched),
         "device.arm.watchdog=1 Hz",
-        f"device.arm.host_limit={2 * seconds} s",
+        f"device.arm.host_timeout={2 * seconds} s",
     )
 
 
@@ -36,8 +36,10 @@ PATIENT = limits_of_silence(5.0)
 ALERT = limits_of_silence(0.6)  # where silence itself is the fault
 
 
-class Bench:
-    """A running twin."""
+class Bench(Twins):
+    """Twins in a process of their own, by the wall clock."""
+
+    look = 0.01  # [s] between looks at their state
 
     def __init__(self, folder, overrides=()):
         self.host = f"127.6.{os.getpid() % 250}.{next(_ADDRESSES)}"
@@ -71,30 +73,6 @@ class Bench:
         assert answer.startswith("done"), answer
         return float(answer.split()[1])
 
-    def state(self):
-        return json.loads(self.say("state").removeprefix("state "))
-
-    def wait(self, condition, timeout=SOON):
-        """The first state of which a condition holds."""
-        deadline = time.monotonic() + timeout
-        while time.monotonic() < deadline:
-            if condition(state := self.state()):
-                return state
-            time.sleep(0.01)
-        raise AssertionError(f"never came: {state}")
-
-    def wait_at_rest(self):
-        """The state once the arm stands; one that only turns round is not at rest."""
-        before = [self.state()]
-
-        def stands(state):
-            time.sleep(0.05)
-            still = state["joint_speed"] < 1e-3 and abs(state["height"] - before[-1]["height"]) < 1e-5
-            before.append(state)
-            return still
-
-        return self.wait(stands)
-
     def pipeline(self, *overrides):
         sets = [f"device.arm.host={self.host}", f"device.sensor.port={self.port}", *self._overrides, *overrides]
         return load_pipeline(PIPELINE, sets)
@@ -102,10 +80,6 @@ class Bench:
     def run(self, *overrides, out="out", limits=PATIENT):
         need_arm()
         return run_pipeline(self.pipeline(*limits, *overrides), self.folder / out)
-
-    def replay(self, log, out, *overrides):
-        """Run the same pipeline on what was recorded."""
-        return replayed(self.folder, log, out, self._overrides, overrides)
 
     def run_into(self, fault, when, *overrides, limits=PATIENT, attempts=6):
         """Run with a fault as soon as a condition holds: the error, the fault's time, the run folder.
@@ -121,7 +95,7 @@ class Bench:
                     if when(self.state()):
                         times.append(self.fault(fault))
                         return
-                    time.sleep(0.01)
+                    time.sleep(self.look)
 
             thread, error = threading.Thread(target=make), "it came to its end"
             thread.start()

@@ -10,8 +10,8 @@ from palpate.config import load_pipeline
 from palpate.errors import DeviceError
 from palpate.pipeline import run_pipeline
 from palpate_devices.mcap_replay import McapReplay
-from palpate_devices.twins.faults import apply_fault
-from palpate_devices.twins.simulation import simulated
+from palpate_simulation.twins.faults import apply_fault
+from palpate_simulation.twins.simulated_computer import simulated
 
 PIPELINE = Path(__file__).parents[2] / "pipelines" / "point_ur3e.toml"
 # A short motion with the same limits: standstill, approach, a second of sine, retraction.
@@ -27,8 +27,42 @@ SHORT = (
 _RUNS = itertools.count()
 
 
-class SimulatedBench:
-    """Twins at work, and the time by which they work until `close`."""
+class Twins:
+    """Twins at work, whichever clock they go by; `say` is how they are told something."""
+
+    def state(self):
+        return json.loads(self.say("state").removeprefix("state "))
+
+    def wait(self, condition, timeout=60.0):
+        """The first state of which a condition holds."""
+        deadline = clock().now() + timeout
+        while clock().now() < deadline:
+            if condition(state := self.state()):
+                return state
+            clock().sleep(self.look)
+        raise AssertionError(f"never came: {state}")
+
+    def wait_at_rest(self):
+        """The state once the arm stands; one that only turns round is not at rest."""
+        before = [self.state()]
+
+        def stands(state):
+            clock().sleep(0.05)
+            still = state["joint_speed"] < 1e-3 and abs(state["height"] - before[-1]["height"]) < 1e-5
+            before.append(state)
+            return still
+
+        return self.wait(stands)
+
+    def replay(self, log, out, *overrides):
+        """Run the same pipeline on what was recorded."""
+        return replayed(self.folder, log, out, self._overrides, overrides)
+
+
+class SimulatedBench(Twins):
+    """Twins in simulated time, which is that of this process until `close`."""
+
+    look = 0.002  # [s] between looks at their state
 
     def __init__(self, folder, overrides=(), hold_ups=(), pipeline=PIPELINE):
         self.folder, self.file, self._overrides = folder, pipeline, tuple(overrides)
@@ -52,34 +86,10 @@ class SimulatedBench:
         assert answer.startswith("done"), answer
         return float(answer.split()[1])
 
-    def state(self):
-        return json.loads(self.say("state").removeprefix("state "))
-
     @property
     def truth(self):
         """What the arm did since the last `mark`."""
         return self.world.arm_truth
-
-    def wait(self, condition, timeout=60.0):
-        """The first state of which a condition holds."""
-        deadline = clock().now() + timeout
-        while clock().now() < deadline:
-            if condition(state := self.state()):
-                return state
-            clock().sleep(0.002)
-        raise AssertionError(f"never came: {state}")
-
-    def wait_at_rest(self):
-        """The state once the arm stands; one that only turns round is not at rest."""
-        before = [self.state()]
-
-        def stands(state):
-            clock().sleep(0.05)
-            still = state["joint_speed"] < 1e-3 and abs(state["height"] - before[-1]["height"]) < 1e-5
-            before.append(state)
-            return still
-
-        return self.wait(stands)
 
     def pipeline(self, *overrides):
         return load_pipeline(self.file, [*self._overrides, *overrides])
@@ -96,7 +106,7 @@ class SimulatedBench:
                 if when(self.state()):
                     times.append(self.fault(fault))
                     return
-                clock().sleep(0.002)
+                clock().sleep(self.look)
 
         clock().thread(make, "fault").start()
         error = "it came to its end"
@@ -107,10 +117,6 @@ class SimulatedBench:
         over.append(True)
         assert times, f"{fault!r} was never made: {error}"
         return error, json.loads((self.folder / out / "result.json").read_text()), self.folder / out
-
-    def replay(self, log, out, *overrides):
-        """Run the same pipeline on what was recorded."""
-        return replayed(self.folder, log, out, self._overrides, overrides)
 
 
 def replayed(folder, log, out, rig, overrides):

@@ -8,8 +8,8 @@ import pytest
 from palpate import DeviceError, ForceWatch, Setpoint, clock
 from palpate.safety import SafetySettings
 from palpate_devices.bota.device import BotaSensor
-from palpate_devices.ur3e.device import UR
-from palpate_devices.ur3e.plan import PERIOD
+from palpate_devices.ur.device import UR
+from palpate_devices.ur.setpoint_buffer import PERIOD
 from palpate_trajectories.point import Point
 
 from tests.devices.conftest import need_arm
@@ -157,7 +157,7 @@ def test_a_singular_posture_is_no_place_to_move(simulated, monkeypatch, asked):
     sets = [f"twin.bench.work.{key}={[f'{x} {unit}' for x in frame[key]]}" for key, unit in
             (("origin", "m"), ("rotation", "rad"))]  # fmt: skip
     if not asked:  # the host's own check left out
-        monkeypatch.setattr("palpate_devices.ur3e.link.is_singular", lambda jacobian: False)
+        monkeypatch.setattr("palpate_devices.ur.link.is_singular", lambda jacobian: False)
     twin = simulated(*SHORT, *sets)
     why, truth = [], {}
     with device(twin, work=frame).connect(0) as link:
@@ -275,7 +275,7 @@ def test_what_a_lost_link_holds_back_is_never_carried_out(rig):
 def test_nor_what_sockets_hold_back_from_the_real_client(restored):
     """The real client, whose commands wait in the kernel's buffers; it needs the wall clock: it has its own threads."""
     need_arm()
-    patient = {"stale": 5.0, "watchdog": 1.0, "host_limit": 10.0, "start": 60.0}
+    patient = {"controller_timeout": 5.0, "watchdog": 1.0, "host_timeout": 10.0, "start": 60.0}
     why, _, height, _ = moved_into(restored, "half-open 0.6", **patient)
     clock().sleep(0.7)
     truth = restored.wait_at_rest()
@@ -298,6 +298,11 @@ def test_a_link_that_is_held_up_for_a_moment_is_none_that_is_lost(rig):
     [
         ("slider 0.6", "the speed slider was moved to 60 %; set it to 100 % on the pendant", True),
         ("slider 0", "the speed slider was moved to 0 %", False),
+        (
+            "speed-scaling 0.6",
+            "the controller slows the arm to 60 % to keep its own limits of speed, force or power",
+            True,
+        ),
         ("reduced", "the robot has changed to reduced mode", True),
         ("robot-mode 6", "the robot is BACKDRIVE, not RUNNING", False),
     ],
@@ -315,6 +320,7 @@ def test_a_robot_that_is_not_at_full_speed_any_more_ends_the_motion(rig, fault, 
     ("fault", "words"),
     [
         ("slider 0.6", "the speed slider is at 60 %; set it to 100 % on the pendant"),
+        ("speed-scaling 0.9", "the controller slows the arm to 90 % to keep its own limits"),
         ("robot-mode 5", "the robot is IDLE, not RUNNING"),
     ],
 )
@@ -336,7 +342,7 @@ def test_reduced_mode_alone_is_no_fault(rig):
 @pytest.mark.slow
 def test_a_retraction_waits_for_a_controller_that_says_nothing_and_does_not_leap(rig):
     """Who does not hear it may not hear what it says: commands on a lost link come all at once when it is back."""
-    with device(rig, stale="1 s", watchdog="1 Hz").connect(0) as link:
+    with device(rig, controller_timeout="1 s", watchdog="1 Hz").connect(0) as link:
         batches = begun(link)
         link.limit(LIMITS.of_an_arm, print)
         heights = []
@@ -367,7 +373,7 @@ def test_a_retraction_waits_for_a_controller_that_says_nothing_and_does_not_leap
 @pytest.mark.slow
 def test_it_waits_while_the_sensor_says_nothing(simulated):
     twin = simulated(*SHORT)
-    sensor = BotaSensor.model_validate({"port": str(twin.port), "settle": "0.1 s", "silence": "20 s"})
+    sensor = BotaSensor.model_validate({"port": str(twin.port), "settle": "0.1 s", "sensor_timeout": "20 s"})
     slow = Point(bias=0.004, amplitude=0.001, clearance=0.003, standstill=0.0, duration=0.5, speed=0.01)
     with sensor.connect(0) as force, device(twin).connect(0) as link:
         batches = begun(link)
@@ -435,7 +441,7 @@ def test_looking_leaves_a_running_program_alone(rig):
         before = rig.state()["uploads"]
         with device(rig).observe(0) as other:
             begun(other)
-            place, facts = other.way(PRESS)[1].position[0], other.health
+            place, facts = other.approach_path(PRESS)[1].position[0], other.health
         assert rig.state()["uploads"] == before
         assert place[2] == pytest.approx(0.004, abs=1e-4)
         assert facts["tool_off_by_deg"] < 0.1

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from palpate import DeviceError
 from palpate_devices.bota.device import BotaSensor
-from palpate_devices.bota.frames import LENGTH, FrameDecoder, Unwrapped, crc_x25, packed
-from palpate_devices.process.clock import ClockMap
-from palpate_devices.twins.corruption import KINDS, corrupted, is_intact
+from palpate_kit.acquisition.device_clock import ClockMap
+from palpate_kit.protocols.bota_frames import LENGTH, FrameDecoder, TimestampUnwrapper, crc_x25, pack_frame
+from palpate_simulation.twins.frame_corruption import KINDS, corrupt_frame, is_intact
 
 pytestmark = pytest.mark.talks
 
@@ -23,7 +23,7 @@ SECOND = bytes.fromhex(
 
 def test_known_frames():
     assert crc_x25(b"123456789") == 0x906E
-    assert packed(0, (1, 2, 3, 0.1, 0.2, 0.3), 123456789, 25.5) == FIRST
+    assert pack_frame(0, (1, 2, 3, 0.1, 0.2, 0.3), 123456789, 25.5) == FIRST
     (frame,) = FrameDecoder().feed(FIRST + FIRST)[:1]
     assert frame.wrench == pytest.approx((1, 2, 3, 0.1, 0.2, 0.3))
     assert (frame.status, frame.stamp, frame.temperature) == (0, 123456789, 25.5)
@@ -37,9 +37,9 @@ def stream(kind, frames, rng, part=0.05):
     wrench = rng.normal(0, 5, (frames, 6))
     for i in range(frames):
         stamp = (4294000000 + 1250 * i) % (1 << 32)  # wraps on the way
-        frame = packed(0, tuple(wrench[i]), stamp, 30.0)
+        frame = pack_frame(0, tuple(wrench[i]), stamp, 30.0)
         if 10 < i < frames - 10 and rng.random() < part:
-            frame = corrupted(frame, kind, rng)
+            frame = corrupt_frame(frame, kind, rng)
             (intact.append if is_intact(kind) else damaged.add)(stamp)
         else:
             intact.append(stamp)
@@ -63,7 +63,7 @@ def test_no_intact_frame_is_lost_and_no_damaged_one_taken(kind):
 
 
 def test_it_begins_in_the_middle():
-    frames = [packed(0, (1.0,) * 6, 1250 * i, 30.0) for i in range(1, 20)]
+    frames = [pack_frame(0, (1.0,) * 6, 1250 * i, 30.0) for i in range(1, 20)]
     data = b"".join(frames)
     for cut in range(1, LENGTH):
         found = [frame.stamp for frame in FrameDecoder().feed(data[cut:])]
@@ -71,7 +71,7 @@ def test_it_begins_in_the_middle():
 
 
 def test_the_counter_wraps_and_restarts():
-    clock = Unwrapped()
+    clock = TimestampUnwrapper()
     assert [clock.add(s) for s in (4294967000, 954, 2204)] == [0, 1250, 2500]
     assert clock.add(100) is None
 
@@ -116,7 +116,7 @@ def gathered(device, count):
 
 def sensor(twin, **changes):
     """The twin's sensor, with patience for a machine that is busy."""
-    return BotaSensor.model_validate({"port": str(twin.port), "settle": 0.1, "silence": 5.0, **changes})
+    return BotaSensor.model_validate({"port": str(twin.port), "settle": 0.1, "sensor_timeout": 5.0, **changes})
 
 
 @pytest.mark.slow
@@ -205,7 +205,7 @@ def test_readings_that_the_sensor_does_not_vouch_for_are_none(restored, fault):
 def test_settings_are_json(restored):
     device = BotaSensor(port="x")
     json.dumps(device.model_dump())
-    with pytest.raises(ValueError, match="is none of 9600"):
+    with pytest.raises(ValueError, match="is not one of 9600"):
         BotaSensor(port="x", baud=1200)
 
 

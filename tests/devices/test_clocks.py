@@ -7,7 +7,7 @@ from palpate.config import Source, build_pipeline
 from palpate.pipeline import run_pipeline
 from palpate_devices.messages import POSE, TWIST, WRENCH
 
-from tests.devices.bags import press, wrench_message
+from tests.logs.bags import press, wrench_message
 
 SECOND = 10**9
 START = 1_700_000_000 * SECOND

@@ -5,9 +5,9 @@ import socket
 import threading
 
 import pytest
-from palpate_devices.twins.rtde import ClientSession, packets
-from palpate_devices.ur3e.echo import Echo, ReadBack
-from palpate_devices.ur3e.plan import PERIOD
+from palpate_devices.ur.command_echo import Echo, ReadBack
+from palpate_devices.ur.setpoint_buffer import PERIOD
+from palpate_simulation.twins.rtde import ClientSession, packets
 
 HOST = f"127.7.{os.getpid() % 250}.1"
 

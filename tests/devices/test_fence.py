@@ -2,21 +2,21 @@
 
 import numpy as np
 import pytest
-from palpate_devices.process.clock import ClockMap
-from palpate_devices.ur3e.fence import ArmState, Fence
-from palpate_devices.ur3e.frame import WorkFrame, agreement
-from palpate_devices.ur3e.kinematics import (
+from palpate_devices.ur.controller_states import complaint, slowdown
+from palpate_devices.ur.fence import ArmState, Fence
+from palpate_devices.ur.servo import Commander, ServoLaw, straight_path
+from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
+from palpate_kit.acquisition.device_clock import ClockMap
+from palpate_kit.kinematics.ur_arm import (
     MODELS,
     UR3E,
+    distinguishable,
     joints_at,
     matrix_of,
     rotation_matrix,
     tip,
-    told_apart,
 )
-from palpate_devices.ur3e.plan import PERIOD, Plan
-from palpate_devices.ur3e.servo import Commander, Law, way
-from palpate_devices.ur3e.states import complaint, slowdown
+from palpate_kit.kinematics.work_frame import WorkFrame, agreement
 
 WORK = WorkFrame.model_construct(origin=(-0.3, -0.13, 0.1), rotation=(0.0, 0.0, 0.0), turn=0.0)
 TOOL = matrix_of([0.0, 0.0, 0.12, 0.0, 0.0, 0.0])
@@ -30,7 +30,7 @@ LIMITS = {
     "orientation": np.radians(5.0),
     "angular_speed": np.radians(10.0),
 }
-LAW = Law("servo", 20.0, 0.5, 0.02, 0.04, 1.0, np.radians(10.0), 0.12)
+LAW = ServoLaw("servo", 20.0, 0.5, 0.02, 0.04, 1.0, np.radians(10.0), 0.12)
 STILL = np.zeros(3)
 
 
@@ -118,7 +118,7 @@ def commanded(guard, commands, turns=None, look=None, leaving=False):
 
 def test_a_lawful_motion_passes_with_the_noise_of_a_pd_law():
     rng = np.random.default_rng(0)
-    motion = way(np.array([0.0, 0.0, 0.005]), np.array([0.0, 0.0, -0.004]), LAW)
+    motion = straight_path(np.array([0.0, 0.0, 0.005]), np.array([0.0, 0.0, -0.004]), LAW)
     noisy = motion.position + np.cumsum(rng.normal(0.0, 0.35e-3 * PERIOD, motion.position.shape), axis=0)
     assert commanded(fence(), noisy)[0] is None
 
@@ -193,7 +193,7 @@ def test_a_command_leads_by_what_the_speed_makes_of_the_lag(lag, speed, tracking
     guard = fence({**LIMITS, "speed": speed}, lag=lag, tracking=tracking)
     assert guard.lead == pytest.approx(lead)
     pose, place, sent = seen((0.0, 0.0, 0.003)), np.array([0.0, 0.0, 0.003]), []
-    law = Law("pd", 20.0, 0.5, 0.02, 0.04, 1.0, most=speed)
+    law = ServoLaw("pd", 20.0, 0.5, 0.02, 0.04, 1.0, most=speed)
     commander = Commander(law, place)
     commander.follow(Plan.of(table(straight(speed, 2000))))
     commander.mode = "follow"
@@ -361,7 +361,7 @@ def test_models_are_told_apart_by_where_the_tip_is(name):
     for _ in range(20):
         q = (POSTURE + rng.normal(0, 0.3, 6)).tolist()
         place = tip(q, TOOL, MODELS[name])[0][:3, 3] + rng.normal(0, 1e-3, 3)  # a real arm is off by so much
-        found, apart = told_apart(q, TOOL, place)
+        found, apart = distinguishable(q, TOOL, place)
         assert found.name == name
         assert apart < 5e-3
 

@@ -10,10 +10,10 @@ from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
 from palpate.safety import SafetySettings
 from palpate_devices.bota.device import BotaSensor
-from palpate_devices.leading import ForceLead, refusal
-from palpate_devices.ur3e.device import UR
-from palpate_devices.ur3e.plan import PERIOD, Plan
-from palpate_devices.ur3e.servo import Commander, Law
+from palpate_devices.ur.device import UR
+from palpate_devices.ur.servo import Commander, ServoLaw
+from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
+from palpate_kit.force_control import ForceLead, refusal
 from palpate_trajectories.force_hold import ForceHold
 
 from tests.devices.simulated_bench import SHORT
@@ -105,7 +105,7 @@ def test_an_arm_without_news_of_the_force_stays_where_it_is_and_then_leaves():
     times = np.arange(0.0, HOLD.total_duration, PERIOD)
     setpoint = HOLD.at(times)
     table = np.column_stack([setpoint.position, setpoint.velocity, setpoint.measuring])
-    commander = Commander(Law("pd", 20.0, 0.5, 0.02, 0.05, 1.0), np.array([0.0, 0.0, 0.002]))
+    commander = Commander(ServoLaw("pd", 20.0, 0.5, 0.02, 0.05, 1.0), np.array([0.0, 0.0, 0.002]))
     commander.follow(Plan.of(table), HOLD.force_law)
     position = before = np.array([0.0, 0.0, 0.002])
     lowest, silent = 1.0, 0
@@ -155,9 +155,9 @@ def creeping(tmp_path):
 @pytest.mark.slow
 def test_the_rig_holds_a_force_on_a_material_that_creeps(creeping, tmp_path):
     """The force stays while the tip sinks; the fit and J(t) find the material."""
-    from palpate_spectra.recorded import replay
-    from palpate_spectra.transient.modulus import curve
-    from palpate_spectra.transient.press import pressed
+    from palpate_spectra.recorded_oscillation import replay
+    from palpate_spectra.transient.recorded_press import longest_press
+    from palpate_spectra.transient.relaxation_modulus import curve
 
     result = run_pipeline(creeping(), tmp_path / "run")
     assert result.tracks["sls/fit"].parameters["relaxation_time"].value == pytest.approx(1.0, rel=0.1)
@@ -166,7 +166,7 @@ def test_the_rig_holds_a_force_on_a_material_that_creeps(creeping, tmp_path):
     late = (samples.time > 4.0) & (samples.time < 8.4)
     assert samples.force[late].mean() == pytest.approx(3.0, abs=0.06)
     assert np.ptp(samples.position[late]) > 1e-4
-    found = curve(pressed(recorded, "run"))
+    found = curve(longest_press(recorded, "run"))
     assert found.creeps
     instant, rest = 1 / 140e3, 1 / 80e3
     true = rest - (rest - instant) * np.exp(-found.time / (140 / 80))

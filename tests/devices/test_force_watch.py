@@ -5,8 +5,8 @@ import os
 import numpy as np
 import pytest
 from palpate import Repeats
-from palpate_devices.process.ring import ROWS, Ring, ring_size, shared_memory
-from palpate_devices.ur3e.force_watch import ForceEye
+from palpate_devices.ur.force_watch import ForceEye
+from palpate_kit.acquisition.ring import ROWS, Ring, ring_size, shared_memory
 
 RATE, COLUMNS, FIRST = 800.0, 8, 2
 BIAS = np.array([0.3, -0.2, 0.6, 0.0, 0.0, 0.0])

@@ -5,15 +5,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from palpate_devices.twins.arm import TICK, SimulatedArm
-from palpate_devices.twins.controller import Controller
-from palpate_devices.ur3e.fence import ArmState
-from palpate_devices.ur3e.frame import WorkFrame
-from palpate_devices.ur3e.kinematics import UR3E, joints_at, matrix_of, tip
-from palpate_devices.ur3e.pace import Beat, next_deadline
-from palpate_devices.ur3e.plan import PERIOD, Plan
-from palpate_devices.ur3e.servo import Commander, Law
-from palpate_devices.ur3e.worker import _Loop
+from palpate_devices.ur.fence import ArmState
+from palpate_devices.ur.servo import Commander, ServoLaw
+from palpate_devices.ur.servo_pace import Beat, next_deadline
+from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
+from palpate_devices.ur.worker import _Loop
+from palpate_kit.kinematics.ur_arm import UR3E, joints_at, matrix_of, tip
+from palpate_kit.kinematics.work_frame import WorkFrame
+from palpate_simulation.twins.arm import TICK, SimulatedArm
+from palpate_simulation.twins.controller import Controller
 
 WORK = WorkFrame.model_construct(origin=(-0.3, -0.13, 0.1), rotation=(0.0, 0.0, 0.0), turn=0.0)
 TOOL = matrix_of([0.0, 0.0, 0.12, 0.0, 0.0, 0.0])
@@ -29,8 +29,8 @@ LIMITS = {
     "angular_speed": np.radians(10.0),
 }
 SETTINGS = {
-    "stale": 5.0,
-    "host_limit": 10.0,
+    "controller_timeout": 5.0,
+    "host_timeout": 10.0,
     "work": WORK.model_dump(),
     "own": {"joint_speed": 1.5, "tracking": 0.01, "links_low": (-2, -2, 0), "links_high": (2, 2, 2), "lag": LAG},
     "law": {
@@ -138,7 +138,7 @@ def _ends_by_an_exception(monkeypatch):
         raise SystemExit(code)
 
     monkeypatch.setattr("os._exit", end)
-    monkeypatch.setattr("palpate_devices.ur3e.worker._Loop._halt_in_doubt", lambda self: "")
+    monkeypatch.setattr("palpate_devices.ur.worker._Loop._halt_in_doubt", lambda self: "")
 
 
 def sometimes(length, every):
@@ -196,7 +196,7 @@ def test_the_controller_never_reads_two_commands_in_a_tick_while_its_messages_ta
 
 def test_a_table_is_made_up_for_a_tenth_faster_and_to_the_bit_where_nothing_was_held_up():
     rows = sine(0.02)
-    law = Law("servo", 20.0, 0.5, 0.02, 0.04, 1.0, most=SPEED)
+    law = ServoLaw("servo", 20.0, 0.5, 0.02, 0.04, 1.0, most=SPEED)
     told = {}
     for held_up in (0, 20):
         commander = Commander(law, rows[0, :3])

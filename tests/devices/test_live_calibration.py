@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 from palpate.errors import ConfigurationError
-from palpate_calibration.applying import identity_in
-from palpate_calibration.guided import Guide, run_calibration
+from palpate_calibration.calibration_use import identity_in
+from palpate_calibration.guided_calibration import Guide, run_calibration
 from palpate_calibration.plan import load_plan
 
 PIPELINE = Path(__file__).parents[2] / "pipelines" / "calibrate_ur3e.toml"

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from palpate import clock
 from palpate.config import load_pipeline
-from palpate.host import RunFolder
 from palpate.pipeline import run_pipeline
-from palpate_basics.remaining import remaining_pipeline
+from palpate_commands.remaining_motion import remaining_pipeline
 from palpate_devices.mcap_replay import McapReplay
-from palpate_devices.process.host import host
-from palpate_devices.ur3e.device import UR
-from palpate_studies.repeating import perform
+from palpate_devices.ur.device import UR
+from palpate_kit.acquisition.computer import host
+from palpate_kit.runs.run_folder import RunFolder
+from palpate_studies.repeated_runs import perform
 
 from tests.devices.simulated_bench import SHORT
 

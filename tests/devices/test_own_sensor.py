@@ -1,65 +1,122 @@
-"""The driver of docs/devices.md for a sensor by UDP, against a box in software."""
+"""The driver of docs/own-sensor.md, as a plugin file, against a gauge on a pseudo-terminal."""
 
+import contextlib
 import os
+import pty
 import re
-import socket
-import struct
 import threading
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
-from palpate import Device, DeviceError, Watched
+from palpate import Device, DeviceError, ReportsHealth
+from palpate.host import registry
 
-DOCS = Path(__file__).parents[2] / "docs" / "devices.md"
-HOST = f"127.9.{os.getpid() % 250}.2"
-START, STOP = bytes.fromhex("1234 0002 00000000"), bytes.fromhex("1234 0000 00000000")
+PAGE = Path(__file__).parents[2] / "docs" / "own-sensor.md"
+
+
+class SimulatedGauge:
+    """Sends lines from the command to start to the command to stop, or until it is unplugged or silent."""
+
+    def __init__(self):
+        self._end, other = pty.openpty()
+        self.port = os.ttyname(other)
+        os.set_blocking(self._end, False)
+        os.close(other)  # from now on only the driver has it open
+        self.heard, self.silent, self._over = b"", threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._send)
+        self._thread.start()
+
+    def _send(self):
+        count = 0
+        while not self._over.wait(0.002):
+            with contextlib.suppress(OSError):  # nobody has opened it, or nothing has come
+                self.heard += os.read(self._end, 64)
+            if b"start" in self.heard and b"stop" not in self.heard and not self.silent.is_set():
+                count += 1
+                line = b"12x garbled\n" if count == 20 else b"%d %.3f\n" % (2000 * count, -0.5)
+                with contextlib.suppress(OSError):
+                    os.write(self._end, line)
+
+    def unplug(self):
+        if not self._over.is_set():
+            self._over.set()
+            self._thread.join()
+            os.close(self._end)
 
 
 @pytest.fixture
-def device():
-    (code,) = re.findall(r"```python\n# file: net_ft.py\n(.*?)```", DOCS.read_text(), re.DOTALL)
-    module = ModuleType("net_ft")
-    exec(compile(code, "net_ft.py", "exec"), module.__dict__)
-    assert module.palpate_devices() == {"net-ft": module.NetFT}
-    made = module.NetFT(host=HOST, counts_per_force=1e4, counts_per_torque=1e5)
+def gauge():
+    made = SimulatedGauge()
+    yield made
+    made.unplug()
+
+
+@pytest.fixture
+def plugin_file(tmp_path):
+    (code,) = re.findall(r"```python\n# file: gauge.py\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    lines = [line for line in code.splitlines() if line.strip() and not re.match(r'(from|import|#|\s*""")', line)]
+    assert len(lines) <= 40
+    file = tmp_path / "gauge.py"
+    file.write_text(code)
+    return file
+
+
+@pytest.fixture
+def sensor(plugin_file, gauge):
+    made = registry.load([plugin_file]).parts["device"]["gauge"].part(port=gauge.port, sensor_timeout="2 s")
     assert isinstance(made, Device)
     return made
 
 
-def serve(server, readings, heard):
-    """Wait for the request, send readings as (sequence, status, counts), wait for the stop."""
-    request, client = server.recvfrom(64)
-    for sequence, status, counts in readings:
-        server.sendto(struct.pack("!3I6i", sequence, 0, status, *counts), client)
-    heard += [request, server.recvfrom(64)[0]]
+def first_readings(link, count):
+    found = []
+    for batch in link.batches():
+        found.append(batch)
+        if sum(len(batch.time) for batch in found) >= count:
+            return found
+    return found
 
 
-def test_a_sensor_of_ones_own(device):
-    counts = [10_000, -20_000, 30_000, 100_000, 0, -100_000]
-    readings = [(2**32 - 2, 0, counts), (2**32 - 1, 0, counts), (2, 0, counts), (3, 1, counts)]  # wraps, loses two
-    heard, found = [], []
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
-        server.bind((HOST, 49152))
-        server.settimeout(5)
-        thread = threading.Thread(target=serve, args=(server, readings, heard))
-        thread.start()
-        with device.connect(0) as link:
-            assert isinstance(link, Watched)
-            with pytest.raises(DeviceError, match="the sensor is silent"):
-                found.extend(link.batches())
-            health = link.health
-        thread.join()
-    assert heard == [START, STOP]
-    values = np.concatenate([batch.values for batch in found])
-    np.testing.assert_allclose(values[:3], [[1, -2, 3, 1, 0, -1]] * 3)
-    assert np.isnan(values[3]).all()
-    assert health == {"lost": 2}
-    assert any(not len(batch.time) for batch in found)  # a sign of life while nothing came
-    assert all(batch.time.dtype == np.int64 for batch in found)
+def test_a_sensor_of_ones_own(sensor, gauge):
+    with sensor.connect(0) as link:
+        assert isinstance(link, ReportsHealth)
+        assert link.shared("force") is not None
+        assert link.shared("wrench") is None
+        found = first_readings(link, 60)
+        health = link.health
+    stamps = np.concatenate([batch.time for batch in found])
+    np.testing.assert_allclose(np.concatenate([batch.values for batch in found]), -0.5)
+    assert np.median(np.diff(stamps)) == pytest.approx(2e6, rel=0.01)  # by the gauge's clock, whenever they arrived
+    assert health["damaged"] == 1
+    assert health["unit"] == "N"
+    assert health["readings"] >= 60
+    assert b"start\n" in gauge.heard
 
 
-def test_a_box_that_is_not_there(device):
-    with device.connect(0) as link, pytest.raises(DeviceError, match=r"refused|silent"):
-        list(link.batches())
+def test_a_sensor_that_is_unplugged(sensor, gauge):
+    with sensor.connect(0) as link:
+        first_readings(link, 5)
+        gauge.unplug()
+        with pytest.raises(DeviceError, match=r"gauge at .*: the sensor is disconnected"):
+            list(link.batches())
+
+
+def test_a_sensor_that_falls_silent(sensor, gauge):
+    with sensor.model_copy(update={"sensor_timeout": 0.3}).connect(0) as link:
+        first_readings(link, 5)
+        gauge.silent.set()
+        with pytest.raises(DeviceError, match=r"the sensor is silent: no valid reading for 3\d\d ms"):
+            list(link.batches())
+
+
+def test_a_port_that_is_not_there(sensor):
+    absent = sensor.model_copy(update={"port": "/tmp/palpate-no-such-port"})
+    with pytest.raises(DeviceError, match="cannot be opened: No such file"), absent.connect(0):
+        pass
+
+
+def test_another_content_than_that_of_the_parent_is_not_executed(sensor, plugin_file):
+    plugin_file.write_text(f"{plugin_file.read_text()}\nraise SystemExit\n")
+    with pytest.raises(DeviceError, match=r"gauge\.py .*is not executed: its content is not what"), sensor.connect(0):
+        pass

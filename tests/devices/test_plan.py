@@ -6,7 +6,7 @@ import resource
 
 import numpy as np
 import pytest
-from palpate_devices.ur3e.plan import PERIOD, Plan, written
+from palpate_devices.ur.setpoint_buffer import PERIOD, Plan, write_setpoints
 from palpate_trajectories import Point
 
 LONG = Point(bias=0.004, amplitude=0.001, frequency=2.0, duration=60.0)
@@ -20,7 +20,7 @@ def rows_of(trajectory):
 
 def test_a_file_gives_every_row_and_little_of_it_is_held():
     rows = rows_of(LONG)
-    with written(LONG) as (file, count):
+    with write_setpoints(LONG) as (file, count):
         plan = Plan.in_file(os.dup(file.fileno()), count)
     assert len(plan) == len(rows) > 30_000
     for i in range(len(rows)):
@@ -36,7 +36,7 @@ def test_a_file_gives_every_row_and_little_of_it_is_held():
 
 def test_pieces_hold_all_and_what_lies_between_two_of_them():
     rows = rows_of(LONG)
-    with written(LONG) as (file, count):
+    with write_setpoints(LONG) as (file, count):
         plan = Plan.in_file(os.dup(file.fileno()), count)
     pieces = list(plan.pieces())
     assert len(pieces) > 10
@@ -61,7 +61,7 @@ def test_a_disk_without_room_says_so():
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
     try:
-        with pytest.raises(OSError, match="too large"), written(LONG):
+        with pytest.raises(OSError, match="too large"), write_setpoints(LONG):
             pass
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from palpate import LogError
-from palpate_devices.logs.turning import Turning, rotated
-from palpate_devices.rosbag2_replay import Rosbag2Replay
+from palpate_kit.logs.turning_frames import FrameOrientations, rotate_vectors
+from palpate_logs.rosbag2_replay import Rosbag2Replay
 from palpate_testing import check_device
 
-from tests.devices.bags import wrench_message, write_bag
+from tests.logs.bags import wrench_message, write_bag
 
 WRENCH, POSE = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
 STEP = 2_000_000  # [ns]
@@ -35,7 +35,7 @@ def bag(tmp_path):
         angle = 0.5 * i / 1000
         fixed = np.array([[1.0, 0.5, 3.0]])
         inverse = quaternion(-angle, [0, 1, 0])[None]
-        (force,) = rotated(inverse, fixed)
+        (force,) = rotate_vectors(inverse, fixed)
         wrenches.append((stamp, wrench_message(stamp, "tool0", [*force, 0, 0, 0])))
         if i % 5 == 0:  # poses are slower, and their quaternion changes its sign at will
             sign = 1 if i % 10 else -1
@@ -58,11 +58,11 @@ def test_a_fixed_direction_in_the_frame_of_the_sensor(bag):
 
 def test_rotation_by_a_quarter_turn():
     quarter = quaternion(np.pi / 2, [0, 0, 1])[None]
-    np.testing.assert_allclose(rotated(quarter, np.array([[1.0, 0, 0]])), [[0, 1, 0]], atol=1e-15)
+    np.testing.assert_allclose(rotate_vectors(quarter, np.array([[1.0, 0, 0]])), [[0, 1, 0]], atol=1e-15)
 
 
 def test_orientations_that_are_none_or_late_are_left_out():
-    turning = Turning()
+    turning = FrameOrientations()
     one = quaternion(0.0, [0, 0, 1])
     turning.learn(np.array([10, 5, 20, 30]), np.array([one, one, 0 * one, one]))
     turning.add(np.array([4, 10, 20, 31]), np.zeros(4, np.int64), np.zeros((4, 3)))

@@ -24,9 +24,10 @@ ENDS = {
     29: "the tip touches something",
     53: "the tip touches something",
     49: "the force is 11.5 N",
-    7: "the robot has changed to reduced mode",
-    2: "repeats its reading in every digit",
-    44: "the arm was commanded to move",
+    176: "the robot has changed to reduced mode",
+    145: "repeats its reading in every digit",
+    101: "the controller slows the arm to 50 %",
+    102: "the arm was commanded to move",
 }
 QUICK = (16, 15)
 

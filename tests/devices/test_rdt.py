@@ -4,23 +4,23 @@ import numpy as np
 import pytest
 from palpate import DeviceError
 from palpate_devices.rdt.device import RdtSensor
-from palpate_devices.rdt.packets import REPLY, STREAM, asked, missing, request
+from palpate_kit.protocols.rdt_packets import REPLY, STREAM, missing_readings, parse_request, request
 
 
 def test_requests_and_numbers():
     assert request(STREAM).hex() == "1234000200000000"
-    assert asked(request(STREAM, 5)) == (STREAM, 5)
-    assert asked(b"too short") is asked(bytes(8)) is None
+    assert parse_request(request(STREAM, 5)) == (STREAM, 5)
+    assert parse_request(b"too short") is parse_request(bytes(8)) is None
     assert REPLY.size == 36
     for before, now, lost in ((None, 7, 0), (7, 8, 0), (7, 10, 2), (2**32 - 1, 0, 0), (2**32 - 2, 1, 2), (9, 9, -1)):
-        assert missing(before, now) == lost
-    assert missing(9, 5) < 0
+        assert missing_readings(before, now) == lost
+    assert missing_readings(9, 5) < 0
 
 
 @pytest.mark.parametrize("box", ["ati", "onrobot"])
 def test_what_the_box_feels_arrives(bench, short, box):
     twin = bench(*short, f"twin.bench.sensor={box}")
-    sensor = RdtSensor.model_validate({"host": twin.host, "box": box, "rate": "500 Hz", "silence": "2 s"})
+    sensor = RdtSensor.model_validate({"host": twin.host, "box": box, "rate": "500 Hz", "sensor_timeout": "2 s"})
     found, count = [], 0
     with sensor.connect(0) as link:
         assert link.shared("wrench") is not None

@@ -4,9 +4,9 @@ import json
 
 import pytest
 from palpate import clock
-from palpate.simulated_clock import HoldUp
+from palpate.simulated_turns import HoldUp
 from palpate_devices.bota.device import BotaSensor
-from palpate_devices.ur3e.device import UR
+from palpate_devices.ur.device import UR
 
 HELD_UP = [("robot", 0.05), ("sensor", 0.008), ("sensor", 0.05), ("main", 0.008), ("main", 0.05)]
 
@@ -37,6 +37,19 @@ def test_a_short_hold_up_ends_nothing(simulated, process, duration):
     assert result.tracks["dr/kinematic"].parameters["elasticity"].value == pytest.approx(112.5e3, rel=0.03)
     assert twin.truth.speed < 0.04
     assert not twin.truth.moving
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hold_up", [HoldUp("robot", 0.014, 0.2, 0.2), HoldUp("sensor", 0.06, 0.3, 0.3)])
+def test_an_arm_that_starts_again_on_its_way_down_touches_once(simulated, hold_up):
+    """It sets the mass of the tip in motion: 0.2 N, as much as counts as touch."""
+    from tests.devices.simulated_bench import SHORT
+
+    soft = "twin.bench.specimen.elasticity=20 kPa", "twin.bench.specimen.viscosity=60 Pa*s"
+    result = simulated(*SHORT, *soft, "alignment.tare_duration=0.9 s", hold_ups=[hold_up]).run()
+    told = json.loads((result.folder / "result.json").read_text())
+    assert "touched-again" not in json.dumps(told["tracks"])
+    assert told["run"]["first_touch"]["position"] == pytest.approx(0.3e-3, abs=0.4e-3)
 
 
 def test_a_robot_can_be_commanded_after_another_connection_commanded_it(rig):

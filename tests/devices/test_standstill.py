@@ -4,7 +4,7 @@ import json
 
 import pytest
 from palpate.errors import ConfigurationError, DeviceError
-from palpate_hardware.examine import examine
+from palpate_commands.rig_examination import examine
 
 from tests.devices.simulated_bench import SHORT
 

@@ -5,9 +5,9 @@ import struct
 
 import numpy as np
 import pytest
-from palpate_devices.twins.arm import TICK, SimulatedArm
-from palpate_devices.twins.rtde import ClientSession, packet, packets
-from palpate_devices.ur3e.kinematics import matrix_of, tip
+from palpate_kit.kinematics.ur_arm import matrix_of, tip
+from palpate_simulation.twins.arm import TICK, SimulatedArm
+from palpate_simulation.twins.rtde import ClientSession, packet, packets
 
 pytestmark = pytest.mark.talks
 

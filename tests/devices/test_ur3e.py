@@ -7,8 +7,11 @@ import tempfile
 import numpy as np
 import pytest
 from palpate import ArmLimits, DeviceError
-from palpate_devices.ur3e.device import UR
-from palpate_devices.ur3e.kinematics import (
+from palpate_devices.ur.device import UR
+from palpate_devices.ur.robot import drop_unsent, send_at_once
+from palpate_devices.ur.servo import Commander, ServoLaw, straight_path
+from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
+from palpate_kit.kinematics.ur_arm import (
     flange,
     joints_at,
     matrix_of,
@@ -16,9 +19,6 @@ from palpate_devices.ur3e.kinematics import (
     rotation_vector,
     tip,
 )
-from palpate_devices.ur3e.plan import PERIOD, Plan
-from palpate_devices.ur3e.robot import drop_unsent, send_at_once
-from palpate_devices.ur3e.servo import Commander, Law, way
 from palpate_testing import check_trajectory
 from palpate_trajectories.point import Point
 
@@ -60,7 +60,7 @@ def test_rotation_vectors_come_back(vector):
     np.testing.assert_allclose(rotation_matrix(rotation_vector(matrix)), matrix, atol=1e-7)
 
 
-LAW = Law("pd", 20.0, 0.5, 0.02, 0.05, 1.0)
+LAW = ServoLaw("pd", 20.0, 0.5, 0.02, 0.05, 1.0)
 
 
 def followed(commander, position, steps, until="done"):
@@ -79,7 +79,7 @@ def followed(commander, position, steps, until="done"):
 def test_the_way_to_the_start_keeps_what_it_promises(length):
     """Rest to rest, straight, below its speed and acceleration; and it is the way that the arm goes."""
     begin, end = np.array([0.001, -0.002, 0.02]), np.array([0.001, -0.002, 0.02 - length])
-    found = way(begin, end, LAW)
+    found = straight_path(begin, end, LAW)
     times, position, velocity = found.times, found.position, found.velocity
     np.testing.assert_allclose(position[[0, -1]], [begin, end], atol=1e-12)
     np.testing.assert_allclose(velocity[[0, -1]], 0.0, atol=1e-9)
@@ -141,7 +141,7 @@ def states(device, trajectory=None, count=150):
 def device(twin, **changes):
     """The twin's arm, with patience for a machine that is busy."""
     pytest.importorskip("rtde_control", reason="ur-rtde is not installed")
-    patient = {"stale": 5.0, "watchdog": 1.0, "host_limit": 10.0, "start": 60.0}
+    patient = {"controller_timeout": 5.0, "watchdog": 1.0, "host_timeout": 10.0, "start": 60.0}
     return UR.model_validate({"host": twin.host, "work": WORK, **patient, **changes})
 
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from palpate_filters.kernel.columns import ColumnFunction, Table, _compiled, _OnVirtualMachine
-from palpate_filters.kernel.half_powers import with_roots
+from palpate_kit.kernel.columns import ColumnFunction, ColumnTable, _compiled, _OnVirtualMachine
+from palpate_kit.kernel.half_powers import with_roots
 
 from tests.filters.test_kernel import OPERATIONS, a, awkward, b, bits, p, w
 
 SETTINGS = np.array([[0.3], [-2.0]])
 
 
-def table(n: int) -> Table:
-    return Table(awkward(max(n, 40))[:n].T)
+def table(n: int) -> ColumnTable:
+    return ColumnTable(awkward(max(n, 40))[:n].T)
 
 
 @pytest.mark.parametrize("name", OPERATIONS)
@@ -31,7 +31,7 @@ def test_both_kernels_give_the_same_bits(name, n):
 @pytest.mark.parametrize("n", [0, 5, 8192, 20_011])
 def test_products_are_those_of_the_values(n):
     function = ColumnFunction(w, p, ca.vertcat(a * p, ca.sin(b), a * b))
-    rows = Table(np.random.default_rng(1).standard_normal((2, n)))
+    rows = ColumnTable(np.random.default_rng(1).standard_normal((2, n)))
     found = function.products(rows, SETTINGS)
     assert found.shape == (2, 3, 3)
     for one, settings in zip(found, SETTINGS, strict=True):
@@ -41,7 +41,7 @@ def test_products_are_those_of_the_values(n):
 
 
 def test_nobody_can_tell_when_a_function_is_compiled():
-    rows = Table(np.random.default_rng(2).standard_normal((2, 9_000)))
+    rows = ColumnTable(np.random.default_rng(2).standard_normal((2, 9_000)))
     function = ColumnFunction(w, p, ca.vertcat(ca.fabs(a) ** 1.5, b))
     first = function.products(rows, SETTINGS[0])
     for _ in range(3):

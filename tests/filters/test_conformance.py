@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from palpate import ConfigurationError, ContactModel, Estimator
-from palpate.extensions import imported
+from palpate.offers import import_target
 from palpate_filters import palpate_estimators
 from palpate_testing import check_estimator
 
@@ -18,7 +18,7 @@ LINEAR = {"ting-fit": ("sphere", "quartic")}  # estimators for materials with a 
 def test_estimator_conforms(
     estimator: str, model: str, contact_models: dict[str, tuple[ContactModel, list[float]]]
 ) -> None:
-    part: type[Estimator] = imported(palpate_estimators()[estimator])
+    part: type[Estimator] = import_target(palpate_estimators()[estimator])
     if model in LINEAR.get(estimator, MODELS):
         check_estimator(part(), *contact_models[model])
     else:

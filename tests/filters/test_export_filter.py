@@ -46,7 +46,7 @@ needs_compiler = pytest.mark.skipif(not (shutil.which("cc") and shutil.which("ma
 def _exported(palpate, tmp_path, estimator, track="dr/filter"):
     file = tmp_path / "point.toml"
     file.write_text(PIPELINE + estimator)
-    return palpate("export-filter", file, "--track", track, "-o", tmp_path / "filter")
+    return palpate("model", "export", file, "--track", track, "-o", tmp_path / "filter")
 
 
 @needs_compiler

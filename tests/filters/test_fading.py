@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from palpate import force_over_time
-from palpate_filters.fit.record import make_record
-from palpate_filters.fit.residual import Residual
+from palpate_fits.record_arrays import make_record
+from palpate_fits.residual import Residual
 from palpate_models import (
     Burgers,
     DimensionalityReductionMaxwell,

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import Problem, Samples, Status
-from palpate.extensions import imported
+from palpate.offers import import_target
 from palpate_filters import palpate_estimators
 from palpate_models import DimensionalityReduction, Sphere
 
 ELASTICITY, VISCOSITY, RADIUS, MASS = 112.5e3, 362.0, 5e-3, 0.14
 PROBLEM = Problem(DimensionalityReduction(indenter=Sphere(radius=RADIUS)), MASS)
-ESTIMATORS = {name: imported(place) for name, place in palpate_estimators().items()}
+ESTIMATORS = {name: import_target(place) for name, place in palpate_estimators().items()}
 HOUR = 3600.0
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import ConfigurationError, Estimates, LogError, Problem, Samples, Status
-from palpate.extensions import imported
+from palpate.offers import import_target
 from palpate_filters import palpate_estimators
 from palpate_models import DimensionalityReduction, Sphere
 from palpate_testing import synthetic_samples
@@ -15,7 +15,7 @@ MODEL = DimensionalityReduction(indenter=Sphere(radius=5e-3))
 TRUTH = [1.1e5, 360.0]
 FILTERS = ("ekf", "afekf", "ukf", "afukf", "filterpy", "kinematic-ekf", "kinematic-smoother")
 UNBOUNDED = {"theta": 0.0, "alpha_max": 1.5, "covariance_cap": 1e12}
-ESTIMATORS = {name: imported(palpate_estimators()[name]) for name in FILTERS}
+ESTIMATORS = {name: import_target(palpate_estimators()[name]) for name in FILTERS}
 
 
 def run(name: str, samples: Samples, mass: float | None = 0.14, **settings: object) -> Estimates:

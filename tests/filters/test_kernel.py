@@ -11,12 +11,12 @@ import casadi as ca
 import numpy as np
 import pytest
 from palpate import ConfigurationError
-from palpate_filters.kernel import Step, compile_step, kernel_choice
-from palpate_filters.kernel.virtual_machine import VirtualMachine
+from palpate_kit.kernel import Step, compile_step, kernel_choice
+from palpate_kit.kernel.virtual_machine import VirtualMachine
 
 pytest.importorskip("llvmlite")
-from palpate_filters.kernel.llvm import CompiledStep
-from palpate_filters.kernel.translation import Untranslatable
+from palpate_kit.kernel.llvm import CompiledStep
+from palpate_kit.kernel.translation import Untranslatable
 
 x, w, p = ca.SX.sym("x", 2), ca.SX.sym("w", 2), ca.SX.sym("p", 1)
 a, b = w[0], w[1]
@@ -115,7 +115,7 @@ def test_the_kernel_can_be_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PALPATE_KERNEL", "llvm")
     assert isinstance(compile_step(plain), CompiledStep)
     monkeypatch.setenv("PALPATE_KERNEL", "fast")
-    with pytest.raises(ConfigurationError, match="'fast' is none of"):
+    with pytest.raises(ConfigurationError, match="'fast' is not one of"):
         kernel_choice()
 
 
@@ -130,8 +130,8 @@ def test_without_llvmlite_the_virtual_machine_runs() -> None:
         "m.version = version\n"
         "sys.modules['llvmlite'] = None\n"
         "import casadi as ca\n"
-        "from palpate_filters import Step, compile_step\n"
-        "from palpate_filters.kernel import kernel_choice\n"
+        "from palpate_kit.kernel import Step, compile_step\n"
+        "from palpate_kit.kernel import kernel_choice\n"
         "x, w, p = (ca.SX.sym(n) for n in 'xwp')\n"
         "print(compile_step(Step(x, w, p, x + w, x * p)).name, '|', kernel_choice()[1])\n"
     )

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import ContactModel, Problem, Samples, contact_force
-from palpate_filters import CasadiFit, filtered_rows, smoother, tracking
+from palpate_filters import filter_tracker, filtered_rows, smoother
 from palpate_filters.kinematic_filter import KinematicFilter
-from palpate_filters.process import KinematicProcess
+from palpate_filters.process_models import KinematicProcess
 from palpate_filters.smoother import KinematicSmoother
 from palpate_filters.starting_fit import fit_start
+from palpate_fits import CasadiFit
 from palpate_models import DimensionalityReduction, Sphere
 from palpate_testing import synthetic_samples
 
@@ -107,13 +108,13 @@ def test_states_that_are_not_kept_are_made_again_to_the_bit(monkeypatch, setting
     kept = KinematicSmoother(**settings).start(PROBLEM).run(samples)
     made = []
 
-    def again(self, stretch, before=filtered_rows.KeptOutputs.of):
+    def again(self, stretch, before=filtered_rows.OutputStore.of):
         made.append(id(stretch) in self._kept)
         return before(self, stretch)
 
-    monkeypatch.setattr(filtered_rows.KeptOutputs, "of", again)
-    monkeypatch.setattr(filtered_rows.KeptOutputs.__init__, "__defaults__", (2,))
-    for module in (tracking, smoother):
+    monkeypatch.setattr(filtered_rows.OutputStore, "of", again)
+    monkeypatch.setattr(filtered_rows.OutputStore.__init__, "__defaults__", (2,))
+    for module in (filter_tracker, smoother):
         monkeypatch.setattr(module, "PIECE", 170)
     found = KinematicSmoother(**settings).start(PROBLEM).run(samples)
     for name in ("values", "std", "surface", "surface_std", "force", "nis", "innovation", "status"):

@@ -10,7 +10,7 @@ import pytest
 from palpate import ContactModel, Problem, Samples, contact_force
 from palpate_filters.kinematic_filter import KinematicFilter, kinematic_recursion, noises
 from palpate_filters.kinematic_settings import KinematicSettings
-from palpate_filters.process import KinematicProcess
+from palpate_filters.process_models import KinematicProcess
 from palpate_filters.recursion import Carry
 from palpate_filters.smoother import KinematicSmoother
 from palpate_models.dimensionality_reduction import DimensionalityReduction

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from palpate_filters.local_cubic import cubic_weights, local_cubic
+from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
 from scipy import signal
 
 WIDTHS = [5, 7, 15, 41]

@@ -8,7 +8,7 @@ import pytest
 from palpate import Problem, force_over_time
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
-from palpate_filters import CasadiFit
+from palpate_fits import CasadiFit
 from palpate_models import (
     Burgers,
     DimensionalityReduction,
@@ -22,8 +22,8 @@ from palpate_models import (
     Sphere,
     StandardLinearSolid,
 )
-from palpate_models.at_rest import at_rest
-from palpate_models.ting import relaxation_of
+from palpate_models.modulus_at_rest import at_rest
+from palpate_models.ting_unloading import relaxation_of
 
 from tests.simulated import pipeline, press_and_sines, samples
 

@@ -5,10 +5,11 @@ from functools import partial
 import numpy as np
 import pytest
 from palpate import Bias, Diagnosed, Problem, Samples, Status, TrackEvidence
-from palpate.result.found import Found
-from palpate.result.kept import Keeper
-from palpate_filters import AdaptiveFadingUkf, CasadiFit, ExtendedKalmanFilter, KinematicFilter, KinematicSmoother
+from palpate.result.sample_store import Keeper
+from palpate.result.uncertain_value import UncertainValue
+from palpate_filters import AdaptiveFadingUkf, ExtendedKalmanFilter, KinematicFilter, KinematicSmoother
 from palpate_filters.noise_bias import noise_bias
+from palpate_fits import CasadiFit
 from palpate_models import DimensionalityReduction, Sphere
 from palpate_models.indenters import Flat
 
@@ -142,7 +143,7 @@ def test_a_sweep_has_the_bias_of_a_point():
 
 def test_a_known_bias_is_corrected_beside_the_value_and_all_of_it_is_in_the_uncertainty_of_the_value():
     """GUM 3.2.4: what is corrected counts with the uncertainty of its correction only."""
-    raw = Found(380.0, 3.0, "Pa*s", systematic=4.0, budget={"timing": 4.0})
+    raw = UncertainValue(380.0, 3.0, "Pa*s", systematic=4.0, budget={"timing": 4.0})
     found = raw.diagnosed("noise_bias", 0.0, False, Bias(12.0, 5.0))
     assert (found.value, found.combined) == (380.0, pytest.approx(13.0))  # 3, 4, 12
     table = found.table()

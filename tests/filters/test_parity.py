@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from palpate import ContactModel, Problem, Samples
+from palpate_filters.adaptive_fading import AdaptiveFading, StrongFading
 from palpate_filters.ekf import AdaptiveFadingEkf, ExtendedKalmanFilter
-from palpate_filters.fading import Fading, StrongFading
 from palpate_filters.filterpy_filter import FilterpyFilter
 from palpate_filters.predictions import sigma_directions
 from palpate_filters.ukf import AdaptiveFadingUkf, UnscentedKalmanFilter
@@ -86,7 +86,7 @@ def reference(settings: Any, model: ContactModel, samples: Samples) -> np.ndarra
     from palpate import Problem
     from palpate_filters.filterpy_kinds import ScaledProcess
     from palpate_filters.inertial_filter import first_state
-    from palpate_filters.process import InertialProcess
+    from palpate_filters.process_models import InertialProcess
 
     process = InertialProcess(model, 0.14, settings.order)
     start = first_state(settings, process, Problem(model, 0.14), settings.evolution_time, settings.derivative_std)
@@ -133,7 +133,9 @@ def reference(settings: Any, model: ContactModel, samples: Samples) -> np.ndarra
     [
         (AdaptiveFadingEkf(fading=StrongFading(theta=8e-4), **START), 2000),
         pytest.param(AdaptiveFadingEkf(fading=StrongFading(theta=8e-4), **START), 20_000, marks=pytest.mark.slow),
-        pytest.param(AdaptiveFadingUkf(fading=Fading(theta=8e-4), spread=0.5, **START), 20_000, marks=pytest.mark.slow),
+        pytest.param(
+            AdaptiveFadingUkf(fading=AdaptiveFading(theta=8e-4), spread=0.5, **START), 20_000, marks=pytest.mark.slow
+        ),
     ],
     ids=["afekf-short", "afekf", "afukf"],
 )

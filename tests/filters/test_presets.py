@@ -4,10 +4,10 @@ import math
 
 import pytest
 from palpate.config import load_pipeline
-from palpate.extensions import imported
+from palpate.offers import import_target
 from palpate_filters import palpate_estimators
 
-ESTIMATORS = {name: imported(place) for name, place in palpate_estimators().items()}
+ESTIMATORS = {name: import_target(place) for name, place in palpate_estimators().items()}
 
 
 @pytest.mark.parametrize("name", ["afekf", "afukf"])

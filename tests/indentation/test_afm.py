@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import ConfigurationError, LogError
-from palpate_devices import AfmReplay
-from palpate_indentation.fitting import fit_curve
-from palpate_indentation.law import law_of
+from palpate_indentation.approach_fit import fit_curve
+from palpate_indentation.curve_source import whole_record
+from palpate_indentation.elastic_law import law_of
 from palpate_indentation.press import press_of
-from palpate_indentation.source import whole_record
+from palpate_logs import AfmReplay
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")

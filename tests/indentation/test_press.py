@@ -9,9 +9,9 @@ import pytest
 from palpate import ConfigurationError, LogError, Samples, contact_force
 from palpate.cli import call
 from palpate_indentation.adhesion import tabor
-from palpate_indentation.law import law_of
+from palpate_indentation.elastic_law import law_of
 from palpate_indentation.press import press_of
-from palpate_indentation.whole import Settings, looked_at
+from palpate_indentation.press_analysis import PressSettings, analyse_press
 from palpate_models import (
     DerjaguinMullerToporov,
     DimensionalityReduction,
@@ -43,8 +43,8 @@ def record(model, theta, *, deep=2e-3, air=2e-3, speed=2e-3, noise=0.0, tilt=0.0
 
 
 def look(model, theta, fitted=HERTZ, parameters=None, settings=None, **how):
-    return looked_at(
-        law_of(fitted, "dr", parameters or {}), press_of(record(model, theta, **how)), settings or Settings()
+    return analyse_press(
+        law_of(fitted, "dr", parameters or {}), press_of(record(model, theta, **how)), settings or PressSettings()
     )
 
 
@@ -65,7 +65,7 @@ def test_the_truth_is_within_the_uncertainty():
     inside = contact = 0
     for seed in range(60):
         samples = record(HERTZ, [6e4, 0.0], noise=0.03, seed=seed, speed=8e-3)
-        from palpate_indentation.fitting import fit_curve
+        from palpate_indentation.approach_fit import fit_curve
 
         press = press_of(samples)
         fit = fit_curve(law_of(HERTZ, "dr", {}), press.approach, press.noise, tilt=True)
@@ -99,7 +99,7 @@ def test_a_robust_fit_bears_outliers():
     hit = np.random.default_rng(5).choice(len(samples) // 2, 40, replace=False)
     samples.force[hit] += 1.0
     law, press = law_of(HERTZ, "dr", {}), press_of(samples)
-    plain, robust = (looked_at(law, press, Settings(robust=robust)).fit for robust in (False, True))
+    plain, robust = (analyse_press(law, press, PressSettings(robust=robust)).fit for robust in (False, True))
     assert abs(robust.modulus - 1e5) < 0.2 * abs(plain.modulus - 1e5)
     assert abs(robust.modulus - 1e5) < 4 * robust.modulus_std
 
@@ -149,7 +149,7 @@ def test_what_is_no_press_is_refused(change, words):
 def test_a_record_that_begins_in_contact_is_refused():
     samples = record(HERTZ, [1e5, 0.0], noise=0.01)
     with pytest.raises(LogError, match=r"air|begins in contact"):
-        looked_at(law_of(HERTZ, "dr", {}), press_of(samples[np.asarray(samples.position < -1e-4)]), Settings())
+        analyse_press(law_of(HERTZ, "dr", {}), press_of(samples[np.asarray(samples.position < -1e-4)]), PressSettings())
 
 
 @pytest.mark.slow
@@ -194,14 +194,14 @@ def test_a_real_record_without_air_is_refused(tmp_path):
     settings = {"model": "dimensionality-reduction", "estimator": "kinematic-ekf", "radius": "10 mm", "height": 3}
     path = pipeline_of(bag, tmp_path, mass="tip_mass = 0.0", **settings)
     with pytest.raises(LogError, match="begins in contact"):
-        call(["indentation", str(path), "--out", str(tmp_path / "out")])
+        call(["fit", "indentation", str(path), "--out", str(tmp_path / "out")])
     assert not (tmp_path / "out").exists()
 
 
 def test_gaps_in_the_force_are_left_out():
     samples = record(HERTZ, [1e5, 0.0], noise=1e-3)
     samples.force[100:140] = np.nan
-    found = looked_at(law_of(HERTZ, "dr", {}), press_of(samples), Settings())
+    found = analyse_press(law_of(HERTZ, "dr", {}), press_of(samples), PressSettings())
     assert found.fit.modulus == pytest.approx(1e5, rel=5e-3)
 
 
@@ -254,7 +254,7 @@ indenter = "tip"
 def test_the_command_writes_tables_and_a_picture(tmp_path, capsys):
     path, out = tmp_path / "press.toml", tmp_path / "out"
     path.write_text(PIPELINE)
-    call(["indentation", str(path), "--out", str(out), "--json", "--windows", "5"])
+    call(["fit", "indentation", str(path), "--out", str(out), "--json", "--windows", "5"])
     document = json.loads(capsys.readouterr().out)
     assert abs(document["value"] - 1e5) < 4 * document["combined"]
     assert document["contact_points"].keys() >= {"fit", "threshold", "change-point", "line-and-parabola"}
@@ -279,4 +279,4 @@ def test_a_mistake_is_one_sentence(options, words, tmp_path):
     path = tmp_path / "press.toml"
     path.write_text(PIPELINE)
     with pytest.raises(ConfigurationError, match=words):
-        call(["indentation", str(path), *options])
+        call(["fit", "indentation", str(path), *options])

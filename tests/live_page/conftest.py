@@ -5,8 +5,8 @@ import time
 import numpy as np
 import pytest
 from palpate import Estimates, Parameter, Run, Samples
-from palpate_live.child import Child
-from palpate_live.wire import unpack
+from palpate_live.datagrams import unpack
+from palpate_live.server_process import PageServer
 
 from tests.core.conftest import live_pipeline, run_live, stage  # noqa: F401
 
@@ -50,7 +50,7 @@ def estimates():
 def child():
     """A page that is served, and what was asked to stop."""
     asked = []
-    made = Child(0, asked.append)
+    made = PageServer(0, asked.append)
     made.asked = asked
     yield made
     made.close()

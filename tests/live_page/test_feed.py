@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as some
 from palpate import Flag, FlagMeaning, GuardState, Status
-from palpate_live.feed import Feed
+from palpate_live.datagrams import LARGEST, pack, pack_rows, pieces, unpack
 from palpate_live.history import ROWS, History
-from palpate_live.wire import LARGEST, pack, pack_rows, pieces, unpack
+from palpate_live.live_feed import PageFeed
 
 from tests.live_page.conftest import records
 
@@ -43,7 +43,7 @@ def test_rows_do_not_depend_on_the_blocks(lengths):
 
     def told(blocks):
         sent, at = [], 0
-        feed = Feed(run, sent.append, {})
+        feed = PageFeed(run, sent.append, {})
         for length in blocks:
             block = samples(at, length)
             feed.samples(block)
@@ -72,7 +72,7 @@ def _parts():
 
 def test_columns_are_where_the_page_is_told(a_run, samples, estimates):
     sent = []
-    feed = Feed(a_run(), sent.append, {})
+    feed = PageFeed(a_run(), sent.append, {})
     block = samples(0, 500)
     feed.samples(block)
     feed.estimates("dr/a", estimates(block, 2))
@@ -90,7 +90,7 @@ def test_columns_are_where_the_page_is_told(a_run, samples, estimates):
 
 def test_the_band_is_the_combined_uncertainty_once_it_is_known(a_run, samples, estimates):
     sent = []
-    feed = Feed(a_run(), sent.append, {})
+    feed = PageFeed(a_run(), sent.append, {})
 
     def step(at):
         block = samples(at, 100)
@@ -112,7 +112,7 @@ def test_the_band_is_the_combined_uncertainty_once_it_is_known(a_run, samples, e
 
 def test_what_is_told_stands_in_the_order_of_the_record(a_run, samples):
     sent = []
-    feed = Feed(a_run(), sent.append, {"odd": FlagMeaning("doubtful", "It is odd.", "Mend it.")})
+    feed = PageFeed(a_run(), sent.append, {"odd": FlagMeaning("doubtful", "It is odd.", "Mend it.")})
     for k in range(5):
         feed.samples(samples(100 * k, 100))
         feed.flags("dr/a", (Flag("odd", f"for the {k}th time", "doubtful"),))
@@ -128,9 +128,9 @@ def test_what_is_told_stands_in_the_order_of_the_record(a_run, samples):
 
 def test_without_estimates_rows_are_sent_too(a_run, samples, estimates, monkeypatch):
     """The estimates of a live run are given up where they cannot keep up; the force goes on."""
-    monkeypatch.setattr("palpate_live.feed._EVERY", 0.0)
+    monkeypatch.setattr("palpate_live.live_feed._EVERY", 0.0)
     sent = []
-    feed = Feed(a_run(), sent.append, {})
+    feed = PageFeed(a_run(), sent.append, {})
     feed.samples(block := samples(0, 50))
     feed.estimates("dr/a", estimates(block, 2))
     for k in range(1, 20):
@@ -140,7 +140,7 @@ def test_without_estimates_rows_are_sent_too(a_run, samples, estimates, monkeypa
 
 def test_an_offline_estimator_speaks_for_rows_that_are_there(a_run, samples, estimates):
     history = History()
-    feed = Feed(a_run(), history.add, {})
+    feed = PageFeed(a_run(), history.add, {})
     for k in range(30):
         feed.samples(samples(100 * k, 100))
     whole = samples(0, 3000)
@@ -175,7 +175,7 @@ def test_a_run_without_end_stays_at_the_same_memory(minutes):
 
 def test_a_late_browser_gets_rows_messages_and_the_latest_health(a_run, samples):
     history = History()
-    feed = Feed(a_run(), history.add, {})
+    feed = PageFeed(a_run(), history.add, {})
     for k in range(10):
         feed.samples(samples(100 * k, 100))
         feed.health({"behind": float(k)})

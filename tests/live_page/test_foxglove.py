@@ -7,9 +7,9 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 from palpate import Flag, GuardState
-from palpate_live.child import Child
-from palpate_live.feed import Feed
 from palpate_live.foxglove import SUBPROTOCOLS
+from palpate_live.live_feed import PageFeed
+from palpate_live.server_process import PageServer
 from palpate_live.sink import _FOXGLOVE
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
@@ -20,7 +20,7 @@ from tests.live_page.test_feed import FOUND
 
 @pytest.fixture
 def child():
-    made = Child(0, None, served=_FOXGLOVE)
+    made = PageServer(0, None, served=_FOXGLOVE)
     yield made
     assert made.close() is None
 
@@ -74,7 +74,7 @@ def greeted(socket):
 
 @pytest.mark.slow
 def test_a_viewer_gets_what_it_subscribes_to(child, a_run, samples, estimates):
-    feed = Feed(a_run(), child.send, {})
+    feed = PageFeed(a_run(), child.send, {})
     with viewer(child, origin="https://app.foxglove.dev") as socket:
         channels, schemas = greeted(socket)
         assert {f"/palpate/estimates/{track}" for track in TRACKS} < set(channels)
@@ -98,7 +98,7 @@ def test_a_viewer_gets_what_it_subscribes_to(child, a_run, samples, estimates):
 
 
 def test_one_who_comes_late_gets_how_things_stand(child, a_run):
-    feed = Feed(a_run(), child.send, {})
+    feed = PageFeed(a_run(), child.send, {})
     feed.health({"time": 1.0, "tracks": {"dr/a": {"parameters": {"elasticity": FOUND}}}})
     feed.guard(GuardState("motion"))
     feed.flags(None, (Flag("gaps", "arm has 3 x gaps", "note"), Flag("untared", "the force is not 0", "doubtful")))
@@ -140,7 +140,7 @@ JUNK = [
 
 
 def test_nothing_else_can_be_asked_for(child, a_run):
-    Feed(a_run(), child.send, {})
+    PageFeed(a_run(), child.send, {})
     with viewer(child) as socket:
         greeted(socket)
         for said in JUNK:

@@ -4,8 +4,8 @@ import pytest
 from palpate import Run
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
-from palpate_live.child import Child
-from palpate_live.feed import Feed
+from palpate_live.live_feed import PageFeed
+from palpate_live.server_process import PageServer
 from palpate_live.sink import meanings
 
 from tests.live_page.browser import CHROMIUM, browser
@@ -24,9 +24,9 @@ COLOURED = """Array.from(document.querySelectorAll('.chart canvas')).map((canvas
 def test_all_panels_are_drawn(point_pipeline, tmp_path):
     pipeline = load_pipeline(point_pipeline, ['run.tracks=["*/ekf"]', "trajectory.press.duration=3 s"])
     asked = []
-    child = Child(0, asked.append, patient=True)
+    child = PageServer(0, asked.append, patient=True)
     tracks = {str(track.name): track.model.parameters for track in pipeline.tracks}
-    feed = Feed(Run(tmp_path, {}, tracks, {}, {}, "<b>a run</b>"), child.send, meanings())
+    feed = PageFeed(Run(tmp_path, {}, tracks, {}, {}, "<b>a run</b>"), child.send, meanings())
     result = run_pipeline(pipeline, tmp_path / "out", observer=feed)
     with browser() as chromium:
         tab = chromium.open(child.address)

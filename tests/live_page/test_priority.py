@@ -8,7 +8,7 @@ import pytest
 
 WORK = """
 import asyncio, os, time
-from palpate_live.priority import attend
+from palpate_live.server_priority import attend
 
 def policy():
     return os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO
@@ -57,7 +57,7 @@ def test_it_serves_where_nothing_is_permitted():
 import asyncio, os
 def refuse(*_): raise PermissionError(1, "Operation not permitted")
 os.sched_setscheduler = refuse
-from palpate_live.priority import attend
+from palpate_live.server_priority import attend
 async def main():
     attend(asyncio.get_running_loop())
     print(os.sched_getscheduler(0) == os.SCHED_OTHER, os.nice(0))

@@ -7,7 +7,7 @@ import threading
 
 import numpy as np
 import pytest
-from palpate_live import sink, watch
+from palpate_live import sink, watch_command
 from websockets.sync.client import connect
 
 from tests.live_page.conftest import read
@@ -19,7 +19,7 @@ PAGE = 'sink.page.type="live"'
 def addresses(monkeypatch):
     """Where pages are, as they are said."""
     said = queue.Queue()
-    for module in (sink, watch):
+    for module in (sink, watch_command):
         monkeypatch.setattr(module, "say", lambda text: said.put(text.removeprefix("live page: ")))
     return said
 
@@ -99,7 +99,7 @@ def test_the_page_is_told_all_of_a_live_run(run_live, addresses):
 
 
 def read_any(page):
-    from palpate_live.wire import unpack
+    from palpate_live.datagrams import unpack
 
     said = page.recv(timeout=60)
     return unpack(said.encode() if isinstance(said, str) else said)
@@ -109,14 +109,14 @@ def read_any(page):
 @pytest.mark.parametrize("how", [signal.SIGSTOP, signal.SIGKILL])
 def test_a_run_ends_as_ever_though_its_page_stands_still_or_dies(how, run_live, addresses, monkeypatch):
     pids = []
-    made = sink.Child.__init__
+    made = sink.PageServer.__init__
 
     def noted(self, *arguments, **more):
         made(self, *arguments, **more)
         pids.append(self.pid)
         os.kill(self.pid, how)
 
-    monkeypatch.setattr(sink.Child, "__init__", noted)
+    monkeypatch.setattr(sink.PageServer, "__init__", noted)
     result = run_live(PAGE)
     assert result.interrupted is None
     assert result.tracks["dr/ekf"].samples > 100
@@ -145,7 +145,7 @@ def test_a_recorded_run_is_watched(log, run_point, addresses, monkeypatch):
     if not log:
         (folder / "log.mcap").unlink()
     stop = threading.Event()
-    monkeypatch.setattr(watch.Child, "wait", lambda self: stop.wait(60))
+    monkeypatch.setattr(watch_command.PageServer, "wait", lambda self: stop.wait(60))
 
     def look():
         if not log:
@@ -161,7 +161,7 @@ def test_a_recorded_run_is_watched(log, run_point, addresses, monkeypatch):
 
     wait = meanwhile(look)
     before = sorted(folder.iterdir())
-    watch.watch(folder)
+    watch_command.watch(folder)
     run, time, columns, told = wait()
     if log:
         assert len(told) > 8  # how things stood each second of the record, however fast it was read

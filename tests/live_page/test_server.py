@@ -10,9 +10,9 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 from palpate import OutputError
-from palpate_live.child import Child
-from palpate_live.feed import Feed
-from palpate_live.gate import refusal
+from palpate_live.access import refusal
+from palpate_live.live_feed import PageFeed
+from palpate_live.server_process import PageServer
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.http11 import Request
@@ -108,11 +108,11 @@ def test_a_port_that_is_taken_is_one_clear_error():
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         with pytest.raises(OutputError, match=rf"port {taken.getsockname()[1]} .* in use; port = 0 takes a free one"):
-            Child(taken.getsockname()[1], None)
+            PageServer(taken.getsockname()[1], None)
 
 
 def test_two_browsers_early_and_late_see_the_same(child, a_run, samples):
-    feed = Feed(a_run(duration=9.0), child.send, {})
+    feed = PageFeed(a_run(duration=9.0), child.send, {})
     feed.samples(samples(0, 500))
     feed.flush()
     with page(child) as first:
@@ -144,7 +144,7 @@ def test_stop_is_the_only_word(child):
 
 
 def test_browsers_hear_of_the_end(child, a_run):
-    Feed(a_run(), child.send, {})
+    PageFeed(a_run(), child.send, {})
     with page(child) as one:
         read(one, "run")
         assert child.close() is None
@@ -157,7 +157,7 @@ def test_browsers_hear_of_the_end(child, a_run):
 @pytest.mark.parametrize("how", [signal.SIGSTOP, signal.SIGKILL])
 def test_a_page_that_stands_still_or_dies_holds_nobody_up(child, a_run, samples, estimates, how):
     """A stopped process takes what fits into the socket; then messages are dropped, whole, and counted."""
-    feed = Feed(a_run(), child.send, {})
+    feed = PageFeed(a_run(), child.send, {})
     os.kill(child.pid, how)
     longest = 0.0
     for k in range(2000):
@@ -176,7 +176,7 @@ def test_a_page_that_stands_still_or_dies_holds_nobody_up(child, a_run, samples,
 
 
 def test_messages_that_got_through_are_whole(child, a_run, samples):
-    feed = Feed(a_run(), child.send, {})
+    feed = PageFeed(a_run(), child.send, {})
     os.kill(child.pid, signal.SIGSTOP)
     for k in range(1500):
         feed.samples(samples(500 * k, 500))
@@ -197,8 +197,8 @@ def drain(socket):
 
 def test_a_slow_browser_is_let_go(a_run, samples):
     """It may come again and gets the history; nobody remembers what it did not take."""
-    child = Child(0, None, patient=True)
-    feed = Feed(a_run(), child.send, {})
+    child = PageServer(0, None, patient=True)
+    feed = PageFeed(a_run(), child.send, {})
     with page(child, max_queue=1) as slow:
         read(slow, "run")
         for k in range(400):  # 25 MB, more than the server keeps for one browser

@@ -8,7 +8,7 @@ import pytest
 from palpate import Flag, GuardState
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
-from palpate_live import terminal
+from palpate_live import terminal_panel
 from rich.console import Console
 
 from tests.live_page.conftest import TRACKS
@@ -18,7 +18,7 @@ from tests.live_page.test_feed import FOUND
 @pytest.fixture
 def watcher(samples, estimates):
     """One that has been told a little."""
-    made = terminal.Watcher("a [bold]run[/bold]", TRACKS)
+    made = terminal_panel.Watcher("a [bold]run[/bold]", TRACKS)
     made.samples(block := samples(0, 500))
     made.estimates("dr/b", estimates(block, 1))
     made.progress(1.0, 4.0, 0.0)
@@ -72,10 +72,10 @@ def test_it_shows_a_run(terminal_, clears, point_pipeline, tmp_path, monkeypatch
     """A panel on a terminal, which it clears when it ends; lines elsewhere."""
     monkeypatch.setenv("FORCE_COLOR", terminal_) if terminal_ else monkeypatch.delenv("FORCE_COLOR", raising=False)
     monkeypatch.setenv("COLUMNS", "140")
-    monkeypatch.setattr(terminal, "_LINES", 0.01)
-    monkeypatch.setattr(terminal, "_PANEL", 0.01)
+    monkeypatch.setattr(terminal_panel, "_LINES", 0.01)
+    monkeypatch.setattr(terminal_panel, "_PANEL", 0.01)
     pipeline = load_pipeline(point_pipeline, ["trajectory.press.duration=2 s"])
-    with terminal.panel(pipeline) as watcher:
+    with terminal_panel.panel(pipeline) as watcher:
         run_pipeline(pipeline, tmp_path / "out", watcher.progress, watcher)
         time.sleep(0.1)
     said = capsys.readouterr().err
@@ -93,8 +93,8 @@ class Stuck(io.StringIO):
 
 def test_a_terminal_that_has_gone_stops_nobody(point_pipeline, tmp_path, monkeypatch):
     monkeypatch.setattr("sys.stderr", Stuck())
-    monkeypatch.setattr(terminal, "_LINES", 0.01)
+    monkeypatch.setattr(terminal_panel, "_LINES", 0.01)
     pipeline = load_pipeline(point_pipeline, ["trajectory.press.duration=1 s"])
-    with terminal.panel(pipeline) as watcher:
+    with terminal_panel.panel(pipeline) as watcher:
         result = run_pipeline(pipeline, tmp_path / "out", watcher.progress, watcher)
     assert result.interrupted is None

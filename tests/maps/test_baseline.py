@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from palpate_maps.analysis import against_sites, discoveries, find_baseline, prediction_p, welch
+from palpate_maps.map_analysis import against_sites, discoveries, find_baseline, prediction_p, welch
 
 
 def test_outliers_do_not_hide_one_another():

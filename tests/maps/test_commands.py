@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
-from palpate_basics.remaining import remaining_pipeline
-from palpate_maps.analysis import find_lumps, make_map, read_path, sites_along
+from palpate_commands.remaining_motion import remaining_pipeline
+from palpate_maps.map_analysis import find_lumps, make_map, read_path, sites_along
 
 from tests.processes import DEVNULL, PALPATE, PIPE, start
 
@@ -48,14 +48,14 @@ def raster_run(root, tmp_path_factory):
 @pytest.mark.parametrize(
     ("command", "said"),
     [
-        ("lumps", "lumps of run, after"),
+        ("map lumps", "lumps of run, after"),
         pytest.param("map", "map of run, after", marks=pytest.mark.slow),
         pytest.param("report", "report of 1 run, ", marks=pytest.mark.slow),
     ],
 )
 def test_ten_thousand_sites_take_their_time_and_it_is_said(palpate, raster_run, tmp_path, monkeypatch, command, said):
-    monkeypatch.setattr("palpate_basics.progress._EVERY", 1e-3)
-    done = palpate(command, shutil.copytree(raster_run, tmp_path / "run"))
+    monkeypatch.setattr("palpate_kit.terminal.progress._EVERY", 1e-3)
+    done = palpate(*command.split(), shutil.copytree(raster_run, tmp_path / "run"))
     assert done.returncode == 0, done.stderr
     assert said in done.stderr
 
@@ -68,9 +68,9 @@ def test_a_sweep_gives_a_picture_and_its_lumps(palpate, sweep_run):
     rows = (sweep_run / "maps" / "sweep.csv").read_text().splitlines()
     assert rows[0] == "track,along_m,x_m,y_m,elasticity,elasticity_std"
     assert len(rows) > 130
-    found = json.loads(palpate("lumps", sweep_run, "--json").stdout)
+    found = json.loads(palpate("map", "lumps", sweep_run, "--json").stdout)
     assert [lump["y"] for lump in found["lumps"]] == [pytest.approx(-0.014, abs=1e-3), pytest.approx(0.014, abs=1e-3)]
-    text = palpate("lumps", sweep_run).stdout
+    text = palpate("map", "lumps", sweep_run).stdout
     assert "contrast" in text
     assert "kPa" in text
 
@@ -284,12 +284,12 @@ def test_a_motion_outside_of_the_workspace_is_refused_by_name(palpate, root, tmp
     [
         (("--track", "dr/none"), "there is no track"),
         (("--parameter", "weight"), "has no 'weight'"),
-        (("--method", "wavelets"), "is none of"),
+        (("--method", "wavelets"), "is not one of"),
     ],
 )
-@pytest.mark.parametrize("command", ["map", "lumps"])
+@pytest.mark.parametrize("command", ["map", "map lumps"])
 def test_what_is_not_there_is_said(palpate, sweep_run, command, arguments, word):
-    done = palpate(command, sweep_run, *arguments)
+    done = palpate(*command.split(), sweep_run, *arguments)
     assert done.returncode == 2
     assert word in done.stderr
     assert "Traceback" not in done.stderr
@@ -351,10 +351,10 @@ def test_a_map_of_an_offline_track_wants_all_parts(palpate, raster_run, tmp_path
 
 
 def test_a_folder_that_is_no_run_is_refused(palpate, tmp_path):
-    for command in ("lumps", "search", "resume"):
-        done = palpate(command, tmp_path)
+    for command in ("map lumps", "map search", "resume"):
+        done = palpate(*command.split(), tmp_path)
         assert done.returncode == 2, command
-        assert "no run folder" in done.stderr
+        assert "not a run folder" in done.stderr
 
 
 @pytest.fixture(scope="module")
@@ -378,9 +378,9 @@ def beside_a_sphere(root, tmp_path_factory):
 
 
 def searched(palpate, lines, folder, *more):
-    """`palpate search --go` from a copy of a run."""
+    """`palpate map search --go` from a copy of a run."""
     shutil.copytree(lines, folder)
-    done = palpate("search", folder, "--go", "--palpation", 1, *more)
+    done = palpate("map", "search", folder, "--go", "--palpation", 1, *more)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -419,7 +419,7 @@ def test_a_search_says_where_it_may_not_go_on(palpate, beside_a_sphere, tmp_path
     ],
 )
 def test_an_impossible_area_is_refused(palpate, raster_run, area, message):
-    done = palpate("search", raster_run, "--area", area)
+    done = palpate("map", "search", raster_run, "--area", area)
     assert done.returncode == 2
     assert message in " ".join(done.stderr.split())
 
@@ -432,12 +432,12 @@ def test_the_recorded_sweep_holds_a_sphere_and_a_horseshoe_and_nothing_else(palp
     done = palpate("run", root / "pipelines" / "figures" / "recorded.toml", *given, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     for method in ("prominence", "cusum"):
-        found = json.loads(palpate("lumps", tmp_path / "out", "--method", method, "--json").stdout)
+        found = json.loads(palpate("map", "lumps", tmp_path / "out", "--method", method, "--json").stdout)
         assert found["track"] == "dr/smoother"
         sphere, horseshoe = found["lumps"]
         assert 1e3 * sphere["y"] - 450 == pytest.approx(20.0, abs=3.0)
         assert 42.0 - 3.0 < 1e3 * horseshoe["y"] - 450 < 48.0 + 3.0
-    assert "no lumps" in palpate("lumps", tmp_path / "out", "--track", "dr/ekf").stdout
+    assert "no lumps" in palpate("map", "lumps", tmp_path / "out", "--track", "dr/ekf").stdout
 
 
 @pytest.mark.slow
@@ -484,6 +484,6 @@ def test_points_of_what_is_no_sweep_are_refused(palpate, root, raster_run, tmp_p
 
 def test_too_few_baseline_sites_are_refused(palpate, sweep_run, tmp_path):
     other = shutil.copytree(sweep_run, tmp_path / "other")
-    done = palpate("compare-sites", "--baseline", sweep_run, "--suspect", other)
+    done = palpate("map", "compare", "--baseline", sweep_run, "--suspect", other)
     assert done.returncode == 2
     assert "too few for prediction; 4 are needed" in done.stderr

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import LogError
-from palpate_maps import grid
-from palpate_maps.analysis import (
+from palpate_maps import map_grid
+from palpate_maps.map_analysis import (
     Area,
     Lump,
     LumpSettings,
@@ -14,14 +14,14 @@ from palpate_maps.analysis import (
     Proposal,
     Sites,
     find_lumps,
+    is_placed,
     line_coordinate,
     make_map,
-    nothing_left,
     off_limits,
     propose,
-    settled,
+    search_ended,
     sites_along,
-    watched,
+    update_progress,
 )
 
 
@@ -190,7 +190,7 @@ def test_distances_in_portions_give_the_same_map(monkeypatch):
     """Ten thousand sites have a hundred million distances: they are never held at once."""
     sites = area(np.random.default_rng(3), [(-0.01, 0.005, 0.005, 0.3)])
     whole = make_map(sites, 2e-3, "average")
-    monkeypatch.setattr(grid, "_TOGETHER", 5 * len(sites))
+    monkeypatch.setattr(map_grid, "_TOGETHER", 5 * len(sites))
     pieces = make_map(sites, 2e-3, "average")
     assert pieces.length == whole.length
     np.testing.assert_allclose(pieces.value, whole.value, rtol=1e-13)
@@ -270,10 +270,10 @@ def test_a_search_stops_once_its_lump_stays_in_place():
         return Lump((x, 0.0), (0.01, 0.01), 0.3, 0.02, p, checked=checked)
 
     first, moved, stays = lump(0.0, 1e-6), lump(0.005, 1e-6), lump(0.0065, 1e-6)
-    assert not settled(None, first, 1e-3)
-    assert not settled(first, moved, 1e-3)
-    assert settled(moved, stays, 1e-3)
-    assert not settled(moved, lump(0.0065, 0.01), 1e-3)
+    assert not is_placed(None, first, 1e-3)
+    assert not is_placed(first, moved, 1e-3)
+    assert is_placed(moved, stays, 1e-3)
+    assert not is_placed(moved, lump(0.0065, 0.01), 1e-3)
 
 
 def everywhere(places):
@@ -283,7 +283,7 @@ def everywhere(places):
 def searching(sites, before=(), allows=everywhere):
     """What a search says of the lumps of sites."""
     nodes = np.stack(np.meshgrid(np.linspace(-0.04, 0.04, 41), np.linspace(-0.03, 0.03, 31)), axis=-1).reshape(-1, 2)
-    return watched(find_lumps(sites), before, sites, Area(nodes, "the plate", allows), 1e-3)
+    return update_progress(find_lumps(sites), before, sites, Area(nodes, "the plate", allows), 1e-3)
 
 
 def with_points(sites, places, log):
@@ -304,10 +304,10 @@ def test_a_lump_is_done_once_points_confirm_it_and_leave_it_in_place():
     assert not second.certain  # nothing is known of where it was before
     (third,) = searching(confirmed, [second])
     assert third.done
-    assert nothing_left([third], [])
+    assert search_ended([third], [])
     suspicious = [Proposal((0.02, 0.0), 0.2, 0.05, 0.9)]
-    assert not nothing_left([third], suspicious)
-    assert not nothing_left([], [])
+    assert not search_ended([third], suspicious)
+    assert not search_ended([], [])
     taken = off_limits(sites.place, [third], 0.05, 4e-3)
     assert taken[np.hypot(*sites.place.T) < 8e-3].all()
     assert not taken[np.hypot(*sites.place.T) > 2.2e-2].any()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from palpate_maps.analysis import Path2D, find_lumps, sites_along
+from palpate_maps.map_analysis import Path2D, find_lumps, sites_along
 
 _spec = importlib.util.spec_from_file_location("sweeps_bench", Path(__file__).parents[2] / "benchmarks/sweeps.py")
 bench = importlib.util.module_from_spec(_spec)

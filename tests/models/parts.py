@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from palpate import ContactModel, Indenter
-from palpate.extensions import imported
+from palpate.offers import import_target
 from palpate_models import palpate_indenters, palpate_models
 from palpate_models.thickness import Thickness
 
@@ -50,7 +50,7 @@ _MODELS = {
     "compression": ({"diameter": 51e-3, "height": 22e-3}, [1e5]),
 }
 MODELS: dict[str, tuple[ContactModel, list[float]]] = {
-    name: (imported(place)(**_MODELS[name][0]), _MODELS[name][1]) for name, place in palpate_models().items()
+    name: (import_target(place)(**_MODELS[name][0]), _MODELS[name][1]) for name, place in palpate_models().items()
 }
 
 THICKNESSES = {

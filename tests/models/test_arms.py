@@ -19,7 +19,7 @@ from palpate_models import (
     StandardLinearSolid,
 )
 from palpate_models.fractional import reciprocal_gamma
-from palpate_models.ting import ting_force
+from palpate_models.ting_unloading import ting_force
 from scipy.special import beta, gamma
 
 R = 5e-3

@@ -1,4 +1,4 @@
-"""``palpate force``."""
+"""``palpate model force``."""
 
 from __future__ import annotations
 

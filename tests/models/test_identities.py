@@ -19,7 +19,7 @@ from palpate_models import (
     Sphere,
     TruncatedCone,
 )
-from palpate_models.indenters.powers import hess_factor
+from palpate_models.indenters.power_profiles import hess_factor
 
 E, ETA = 112.5e3, 362.0
 RELATIVE = np.geomspace(1e-6, 2.0, 50)  # depth over radius

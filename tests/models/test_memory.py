@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from palpate import force_over_time
-from palpate.contact.history import memory_over_time
+from palpate.contact.force_history import memory_over_time
 from palpate_models import DimensionalityReduction, ExactSphere, Flat, Maxwell, StandardLinearSolid
 
 RADIUS, NU = 5e-3, 0.5

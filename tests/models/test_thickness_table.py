@@ -92,7 +92,7 @@ def test_a_law_has_what_belongs_to_it(settings, words):
 def test_a_mistake_on_the_command_line_is_one_sentence(options, words, tmp_path):
     pytest.importorskip("skfem", reason="scikit-fem is not installed")
     with pytest.raises(ConfigurationError, match=words):
-        call(["thickness", *options, "--set", "radius=5 mm", "--out", str(tmp_path / "t.csv")])
+        call(["model", "thickness", *options, "--set", "radius=5 mm", "--out", str(tmp_path / "t.csv")])
 
 
 def test_compression_between_plates_that_hold():
@@ -114,7 +114,21 @@ def finite_cylinder(depth):
 
 def told(tmp_path, *options):
     out = tmp_path / "table.csv"
-    call(["thickness", "--diameter", "50mm", "--height", "22mm", "--set", "radius='5 mm'", "--out", str(out), *options])
+    call(
+        [
+            "model",
+            "thickness",
+            "--diameter",
+            "50mm",
+            "--height",
+            "22mm",
+            "--set",
+            "radius='5 mm'",
+            "--out",
+            str(out),
+            *options,
+        ]
+    )
     return out
 
 
@@ -135,7 +149,7 @@ def test_a_flat_tip_on_a_wide_layer_is_garcias(tmp_path):
     pytest.importorskip("skfem", reason="scikit-fem is not installed")
     out, tip = tmp_path / "flat.csv", Flat(radius=5e-3)
     options = ["--tip", "flat", "--set", "radius='5 mm'", "--fine", "12", "--depth", "0.4 mm", "--points", "5"]
-    call(["thickness", "--diameter", "80 mm", "--height", "20 mm", "--out", str(out), *options])
+    call(["model", "thickness", "--diameter", "80 mm", "--height", "20 mm", "--out", str(out), *options])
     law = Thickness(law="garcia", height=20e-3).factor(tip, 0.4e-3)[0]
     table = read_table(out)
     assert table.at_touch == pytest.approx(law, rel=0.025)
@@ -168,14 +182,14 @@ def without_equilibrium(rows):
 
 
 def test_a_table_ends_where_no_equilibrium_is_found(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("palpate_models.finite_elements.pressed", without_equilibrium(6))
+    monkeypatch.setattr("palpate_models.finite_elements.press_cylinder", without_equilibrium(6))
     table = read_table(told(tmp_path))
     assert table.deepest == pytest.approx(5e-3 * (0.3 + 0.7 * 5 / 9) ** 2)
     assert "no equilibrium was found at a depth of 4 mm: the table ends at 2.37 mm" in capsys.readouterr().err
 
 
 def test_too_few_rows_are_no_table(tmp_path, monkeypatch):
-    monkeypatch.setattr("palpate_models.finite_elements.pressed", without_equilibrium(4))
+    monkeypatch.setattr("palpate_models.finite_elements.press_cylinder", without_equilibrium(4))
     with pytest.raises(ConfigurationError, match=r"no equilibrium .* 4 rows are no table"):
         told(tmp_path)
     assert not list(tmp_path.iterdir())
@@ -191,6 +205,6 @@ def test_rows_that_scatter_are_no_table(tmp_path, monkeypatch):
     def pressed(cylinder, tip, depths, fine, until):
         yield from ((1 + 0.1 * (-1) ** k) * finite_cylinder(depth) for k, depth in enumerate(depths.tolist()))
 
-    monkeypatch.setattr("palpate_models.finite_elements.pressed", pressed)
+    monkeypatch.setattr("palpate_models.finite_elements.press_cylinder", pressed)
     with pytest.raises(ConfigurationError, match="scatter"):
         told(tmp_path)

@@ -234,6 +234,18 @@ def test_units_of_any_kind_make_the_same_record(arrays, record):
         np.testing.assert_array_equal(other.columns.time, record.columns.time)
 
 
+def test_pint_converts_what_it_knows_and_refuses_another_dimension(arrays):
+    import pint
+
+    unit = pint.UnitRegistry()
+    angstroms = palpate.record(**{**arrays, "height": arrays["height"] / 1e-10 * unit.angstrom})
+    np.testing.assert_allclose(
+        angstroms.columns.values, palpate.record(**arrays).columns.values, rtol=1e-12, atol=1e-15
+    )
+    with pytest.raises(palpate.ConfigurationError, match="height: Cannot convert from 'newton'"):
+        palpate.record(**{**arrays, "height": arrays["height"] * unit.N})
+
+
 def test_the_same_readings_are_the_same_record(arrays):
     one, other = palpate.record(**arrays), palpate.record(**arrays)
     assert one.devices == other.devices
@@ -419,7 +431,7 @@ def test_a_sweep_of_a_script_does_not_run_the_script_again(short, tmp_path):
         ({"run.seed": []}, {}, "lists of values by setting"),
         ({"run.seed": [1], "run.average": ["1 s", "2 s"]}, {"combine": "list"}, "run.average has 2"),
         ({"run.sed": [1]}, {}, "sed"),
-        ({"run.seed": [1]}, {"combine": "zip"}, "is none of"),
+        ({"run.seed": [1]}, {"combine": "zip"}, "is not one of"),
     ],
 )
 def test_sweeps_that_cannot_be(short, settings, more, what):

@@ -1,10 +1,10 @@
 """A report draws the newest map of a run."""
 
 import numpy as np
-from palpate.host import RunFolder
-from palpate_report.curves import Curves
-from palpate_report.grid import grid_of
-from palpate_report.reading import Record
+from palpate_kit.runs.run_folder import RunFolder
+from palpate_report.figure_data import Curves
+from palpate_report.run_contents import RunContents
+from palpate_report.run_map import grid_of
 
 
 def curves():
@@ -14,7 +14,7 @@ def curves():
 
 
 def test_the_newest_map_is_taken(tmp_path):
-    record = Record(RunFolder(tmp_path))
+    record = RunContents(RunFolder(tmp_path))
     assert "latest estimate" in grid_of(record, curves(), "elasticity").caption
     maps = tmp_path / "maps"
     maps.mkdir()

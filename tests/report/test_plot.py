@@ -5,7 +5,7 @@ import struct
 
 import numpy as np
 import pytest
-from palpate.host import common_limits, figure_of, quartiles, save_figure, style
+from palpate_kit.figures import common_limits, figure_of, quartiles, save_figure, style
 
 PICTURES = ("force-depth", "time", "residuals", "estimates", "innovations")
 

@@ -95,7 +95,7 @@ def test_texts_of_others_are_no_markup(palpate, copied):
     document = json.loads((copied / "result.json").read_text())
     document["run"]["name"] = HOSTILE
     track = document["tracks"].pop("dr/ekf")
-    track["flags"] = [{"code": HOSTILE, "message": HOSTILE, "severity": "doubtful"}]
+    track["flags"] = [{"code": "odd-code", "message": HOSTILE, "severity": "doubtful"}]
     track["verdict"] = "doubtful"
     track["parameters"][HOSTILE] = track["parameters"]["elasticity"]
     document["tracks"][f"dr/{HOSTILE}"] = track
@@ -148,7 +148,7 @@ def test_whatever_is_left_of_a_run_is_shown(palpate, copied, kept):
     done = palpate("report", copied)
     if not kept:
         assert done.returncode == 2
-        assert "is no run folder" in done.stderr
+        assert "is not a run folder" in done.stderr
         return
     assert done.returncode == 0, done.stderr
     assert read(copied / "report.html").text.startswith(("S2, sphere", "run"))
@@ -265,13 +265,13 @@ def test_a_run_writes_its_report_or_says_how(palpate, point_pipeline, tmp_path):
 def test_a_section_that_fails_says_so(monkeypatch, point):
     from palpate import ReportSection
     from palpate.host import registry
-    from palpate_report.page import page_of
-    from palpate_report.reading import Record
+    from palpate_report.run_contents import RunContents
+    from palpate_report.run_report import page_of
 
     broken = {**registry.offers("palpate_report_sections", ReportSection), "broken": ReportSection("math:sqrt")}
     offers = registry.offers
     monkeypatch.setattr(registry, "offers", lambda hook, root: broken if root is ReportSection else offers(hook, root))
-    text = Page(page_of(Record.read(point))).text
+    text = Page(page_of(RunContents.read(point))).text
     assert "This section could not be made: TypeError" in text
     assert "Pipeline as run" in text
 
@@ -281,7 +281,7 @@ def test_a_section_that_fails_says_so(monkeypatch, point):
     ("arguments", "words"),
     [
         ([], "name at least one run folder"),
-        (["nowhere"], "is no run folder"),
+        (["nowhere"], "is not a run folder"),
         (["RUN", "--track", "dr/efk"], "did you mean 'dr/ekf'"),
         (["RUN", "-o", "pipeline.toml"], "ends in .html"),
         (["--group", "soft"], "NAME=PATTERN"),

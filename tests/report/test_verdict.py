@@ -3,8 +3,8 @@
 import json
 
 import pytest
-from palpate_report.reading import Record
-from palpate_report.verdict import LEVELS, judge
+from palpate_report.run_contents import RunContents
+from palpate_report.run_verdict import LEVELS, judge
 
 TRUST, LOOK, REFUSE = LEVELS
 ONE = 'run.tracks=["dr/kinematic"]'
@@ -27,7 +27,7 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_what_is_to_be_trusted_is_right(runs, case):
     name, overrides, expected = CASES[case]
-    record = Record.read(runs(name, *overrides))
+    record = RunContents.read(runs(name, *overrides))
     verdict = judge(record)
     assert verdict.level == expected, verdict
     assert expected == TRUST or all(track.reasons for track in verdict.tracks)
@@ -45,7 +45,7 @@ def result(point, tmp_path):
     def judged(change):
         change(document)
         (tmp_path / "result.json").write_text(json.dumps(document))
-        return judge(Record.read(tmp_path))
+        return judge(RunContents.read(tmp_path))
 
     return judged
 

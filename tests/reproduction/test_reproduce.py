@@ -6,12 +6,20 @@ import hashlib
 
 import pytest
 from palpate import ConfigurationError, LogError
-from palpate_reproduction.arithmetic import value_of
-from palpate_reproduction.item import HERE, Item, Published, Recording, demand_known, load_items, load_recordings
-from palpate_reproduction.page import page
+from palpate_reproduction.item import (
+    HERE,
+    AuthorsRecording,
+    Item,
+    PublishedNumber,
+    check_recordings,
+    load_items,
+    load_recordings,
+)
+from palpate_reproduction.item_rows import Maker, Row
+from palpate_reproduction.item_table import csv_text, latex_text, tally
+from palpate_reproduction.paper_formulas import value_of
 from palpate_reproduction.recordings import find
-from palpate_reproduction.running import Maker, Row
-from palpate_reproduction.tables import csv_text, latex_text, tally
+from palpate_reproduction.reproduction_page import page
 
 LABELS = {
     *(
@@ -36,7 +44,7 @@ ARITHMETIC = {
 def recording_of(content, **keys):
     digest = hashlib.sha256(content).hexdigest()
     known = {"repository": "x/y", "commit": "c", "path": "p", "bytes": len(content), "sha256": digest, "reason": "none"}
-    return Recording(**known | keys)
+    return AuthorsRecording(**known | keys)
 
 
 def test_every_label_of_the_paper_is_an_item_that_says_something():
@@ -44,7 +52,7 @@ def test_every_label_of_the_paper_is_an_item_that_says_something():
     assert set(items) >= LABELS
     for item in items.values():
         assert item.published or item.missing, item.label
-    demand_known(list(items.values()), load_recordings(HERE))
+    check_recordings(list(items.values()), load_recordings(HERE))
     for recording in load_recordings(HERE).values():
         assert recording.reason
         assert "late" in recording.reason or "no delay" in recording.reason
@@ -86,7 +94,7 @@ def test_what_is_no_formula_is_refused(formula):
     ],
 )
 def test_verdicts(tmp_path, a, more, status):
-    published = Published(**ARITHMETIC | {"given": {"a": a, "b": 10.0}} | more)
+    published = PublishedNumber(**ARITHMETIC | {"given": {"a": a, "b": 10.0}} | more)
     (row,) = Maker(HERE, tmp_path, {}, {}).rows(Item(label="tab:x", title="x", published=(published,)))
     assert row.status == status
 
@@ -95,7 +103,7 @@ def test_what_is_simulated_never_counts_as_reproduced():
     base = {"row": "r", "quantity": "q", "value": 1.0, "tolerance": 0.1, "reason": "x", "pipeline": "p", "track": "t"}
     rows = []
     for source in ("simulated", "self-consistency"):
-        rows.append(Row(Published(**base, source=source), "agrees", 1.0, 0.1))
+        rows.append(Row(PublishedNumber(**base, source=source), "agrees", 1.0, 0.1))
     assert tally(rows) == "2 simulated and within tolerance, which does not count as reproduced"
     item = Item(label="tab:x_y", title="50 % & more", published=tuple(row.published for row in rows))
     assert r"tab:x_y" in latex_text(item, rows)
@@ -105,7 +113,7 @@ def test_what_is_simulated_never_counts_as_reproduced():
 
 def test_an_uncertain_ratio_has_both_uncertainties():
     base = {"row": "r", "quantity": "q", "tolerance": 0.1, "reason": "x", "pipeline": "p", "track": "t"}
-    published = Published(**base, value=200.0, spread=6.0, source="simulated")
+    published = PublishedNumber(**base, value=200.0, spread=6.0, source="simulated")
     row = Row(published, "agrees", 100.0, 4.0)
     assert row.ratio == 0.5
     assert row.ratio_std == pytest.approx(0.5 * 0.05)

@@ -2,7 +2,7 @@
 
 import numpy as np
 from palpate import contact_force, force_over_time
-from palpate_spectra.recorded import Recorded
+from palpate_spectra.recorded_oscillation import RecordedOscillation
 
 from tests.simulated import samples
 
@@ -49,11 +49,13 @@ def made(model, time, depth, force, seed=None, compliance=0.0, name="run", **kno
         arm = arm + 5e-6 * random.standard_normal(len(time))
     known = {"surface_std": 0.0, "tip_mass": MASS, "timing": 0.0, **known}
     exact = {"radius": 0.0, "poisson": 0.0, "angle": 0.0, "height": 0.0, "curvature_radius": 0.0}
-    return Recorded(name, "dr/ekf", model, time, force, -arm, 0.0, compliance=compliance, uncertainties=exact, **known)
+    return RecordedOscillation(
+        name, "dr/ekf", model, time, force, -arm, 0.0, compliance=compliance, uncertainties=exact, **known
+    )
 
 
 def press(model, theta, *, hold=5.0, depth=3e-3, speed=0.01, rate=200.0, seed=None, skin=2e-4, drift=0.0, **known):
-    """Samples of air, a ramp, a hold, a fast way back and air again, as `Replayed`; noise with a seed only."""
+    """Samples of air, a ramp, a hold, a fast way back and air again, as `ReplayedSamples`; noise with a seed only."""
 
     ramp = depth / speed
     time = np.arange(0.0, 2.0 + ramp + hold, 1 / rate)
@@ -67,12 +69,12 @@ def samples_of(model, time, d, force, seed, skin, drift, known):
     """The same from any depth and force over time."""
     from dataclasses import replace
 
-    from palpate.host import Found
-    from palpate_spectra.recorded import Replayed
+    from palpate.host import UncertainValue
+    from palpate_spectra.recorded_oscillation import ReplayedSamples
 
     whole = samples(time, d, force + drift * time / time[-1], seed, surface=skin)
     contact = (d > 0) & (force > 0)
     whole = replace(whole, contact=contact, active=contact)
     rig = {"tip_mass": 0.0, "tip_mass_std": 0.0, "compliance": 0.0, "compliance_std": 0.0, "timing": 0.0, **known}
     exact = {"radius": 0.0, "poisson": 0.0}
-    return Replayed("t", model, whole, Found(skin, 1e-5, "m"), rig, exact, ())
+    return ReplayedSamples("t", model, whole, UncertainValue(skin, 1e-5, "m"), rig, exact, ())

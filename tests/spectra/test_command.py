@@ -81,7 +81,7 @@ type = "casadi-fit"
 def test_a_thick_specimen_is_the_same_said_or_not(tmp_path):
     import numpy as np
     from palpate_models import DimensionalityReduction, Poroelastic, Sphere
-    from palpate_spectra.moduli import area
+    from palpate_spectra.complex_moduli import area
 
     tip, depth = Sphere(radius="5 mm"), np.linspace(0.0, 3e-3, 7)
     said = DimensionalityReduction(indenter=tip, thickness="half-space")

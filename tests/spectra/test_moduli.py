@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from palpate_models import Cone, DimensionalityReduction, Flat, Paraboloid, Sphere, StandardLinearSolid
 from palpate_models.thickness import Thickness
-from palpate_spectra.consistency import harmonics, kramers_kronig, unexplained
-from palpate_spectra.laws import law_fits, supported
-from palpate_spectra.moduli import answer
+from palpate_spectra.complex_moduli import answer
+from palpate_spectra.consistency import harmonics, kramers_kronig, unexplained_harmonics
+from palpate_spectra.material_laws import law_fits, supported_laws
 from scipy.stats import binom
 
 from tests.spectra import rig
@@ -97,7 +97,7 @@ def test_a_delay_and_a_solid_are_told_apart_and_other_laws_refuted():
     assert solid.delay == pytest.approx(2e-3, abs=4 * solid.delay_std)
     assert solid.delay_std < 0.3e-3
     assert abs(solid.values[1] - ETA) < 4 * solid.stds[1]
-    assert fits["Kelvin-Voigt"] in supported(list(fits.values()))
+    assert fits["Kelvin-Voigt"] in supported_laws(list(fits.values()))
     assert fits["power law"].p < 1e-3
 
 
@@ -119,7 +119,7 @@ def test_a_wrong_mass_is_against_kramers_and_kronig(mass, failed):
 def test_harmonics_beyond_those_of_the_tip_are_found(model, flagged):
     recording = rig.recorded(SOFT, (E, ETA), {2.0: 1e-3}, seed=5)
     other = rig.made(model, recording.time, -recording.height, recording.force)
-    assert bool(unexplained(answer(other))) == flagged
+    assert bool(unexplained_harmonics(answer(other))) == flagged
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import LogError, force_over_time
-from palpate.host import holds_of
+from palpate_kit.numerics.holds import holds_of
 from palpate_models import (
     DimensionalityReduction,
     Flat,
@@ -19,12 +19,12 @@ from palpate_models import (
     StandardLinearSolid,
 )
 from palpate_models.thickness import Thickness
-from palpate_spectra.recorded import replay
-from palpate_spectra.transient.conversion import relaxing
-from palpate_spectra.transient.fading import faded
-from palpate_spectra.transient.modulus import curve
-from palpate_spectra.transient.press import pressed
-from palpate_spectra.transient.spectrum import decades, density, flags_of, p_value
+from palpate_spectra.recorded_oscillation import replay
+from palpate_spectra.transient.conversion import relaxation_of_creep
+from palpate_spectra.transient.hereditary_integrals import fading_integrals
+from palpate_spectra.transient.recorded_press import longest_press
+from palpate_spectra.transient.relaxation_modulus import curve
+from palpate_spectra.transient.spectrum_of_times import decades, density, flags_of, p_value
 from scipy.stats import chi2
 
 from tests.real_bags import pipeline_of
@@ -38,7 +38,7 @@ TWO = (100e3, 40e3, 0.3, 30e3, 4.0)
 
 def found(model, theta, **known):
     """The curve of a simulated press."""
-    return curve(pressed(rig.press(model, theta, **known), "run"))
+    return curve(longest_press(rig.press(model, theta, **known), "run"))
 
 
 def two_times(t):
@@ -51,7 +51,9 @@ def test_a_fading_sum_is_the_integral():
     time = np.cumsum(np.random.default_rng(1).uniform(0.001, 0.02, 300)) - 0.001
     time -= time[0]
     taus = np.array([0.01, 0.5, 20.0])
-    assert faded(time, time, taus) == pytest.approx(taus * -np.expm1(-time[:, None] / taus), rel=1e-9, abs=1e-12)
+    assert fading_integrals(time, time, taus) == pytest.approx(
+        taus * -np.expm1(-time[:, None] / taus), rel=1e-9, abs=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -119,7 +121,7 @@ def test_a_material_that_relaxes_by_the_depth_is_flagged():
         (GeneralisedMaxwell2(indenter=TIP), TWO),
     ):
         force = force_over_time(model, time, d, np.gradient(d, time), theta, pulls=False)
-        one = curve(pressed(rig.samples_of(model, time, d, force, 5, 2e-4, 0.0, {}), "run"))
+        one = curve(longest_press(rig.samples_of(model, time, d, force, 5, 2e-4, 0.0, {}), "run"))
         assert len(one.pressed.holds) == 2
         told[type(model).__name__] = p_value(one), {flag.code for flag in flags_of(one)}
     assert told["Poroelastic"][1] & {"not-linear-viscoelastic", "surface-mismatch"}
@@ -151,9 +153,9 @@ def test_what_is_held_is_found(depth, force, kind):
 def test_a_record_that_begins_in_contact_is_refused():
     whole = rig.press(StandardLinearSolid(indenter=TIP), (80e3, 60e3, 0.7))
     with pytest.raises(LogError, match="begins in contact"):
-        pressed(replace(whole, samples=whole.samples[230:]), "run")
+        longest_press(replace(whole, samples=whole.samples[230:]), "run")
     with pytest.raises(LogError, match="never touches"):
-        pressed(replace(whole, samples=whole.samples[:150]), "run")
+        longest_press(replace(whole, samples=whole.samples[:150]), "run")
 
 
 RAMP = 'type = "ramp-hold"\ndepths = ["3 mm"]\nhold = "3 s"'
@@ -180,7 +182,7 @@ def test_a_short_creep_is_one_linear_material(tmp_path, seed):
     """Half a second held, and half as much noise as force in the beginning: J(t), and no flag."""
     text = pipeline(solid("80 kPa", "60 kPa", "1 s"), LED, 'type = "kinematic-ekf"', seed=seed, alignment=TARE)
     (tmp_path / "creep.toml").write_text(text)
-    one = curve(pressed(replay(tmp_path / "creep.toml", None), "run"))
+    one = curve(longest_press(replay(tmp_path / "creep.toml", None), "run"))
     assert one.creeps
     assert {flag.code for flag in flags_of(one)} <= {"thickness-undeclared"}
     assert abs(one.rig.surface) < 2.5 * one.surface_std < 2e-4
@@ -204,7 +206,7 @@ def folder(tmp_path_factory):
 
 @pytest.mark.slow
 def test_the_command_on_a_run_folder(palpate, folder, tmp_path):
-    done = palpate("relaxation", folder / "run", "--json", "--out", tmp_path / "out")
+    done = palpate("spectrum", "relaxation", folder / "run", "--json", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert told["held"] == "depth"
@@ -228,7 +230,11 @@ def test_the_command_on_a_run_folder(palpate, folder, tmp_path):
 )
 def test_mistakes_are_one_clear_message(palpate, folder, tmp_path, arguments, said):
     done = palpate(
-        "relaxation", *(a.replace("{run}", str(folder / "run")) for a in arguments), "--out", tmp_path / "out"
+        "spectrum",
+        "relaxation",
+        *(a.replace("{run}", str(folder / "run")) for a in arguments),
+        "--out",
+        tmp_path / "out",
     )
     assert done.returncode == 2
     assert said in done.stderr
@@ -237,7 +243,7 @@ def test_mistakes_are_one_clear_message(palpate, folder, tmp_path, arguments, sa
 
 
 def test_a_sine_has_no_hold(palpate, root, tmp_path):
-    done = palpate("relaxation", root / "pipelines" / "point.toml", "--out", tmp_path / "out")
+    done = palpate("spectrum", "relaxation", root / "pipelines" / "point.toml", "--out", tmp_path / "out")
     assert done.returncode == 2
     assert "nothing is held" in done.stderr
 
@@ -248,7 +254,7 @@ def test_a_slow_press_of_foam_holds_nothing(palpate, shared, tmp_path):
     settings = {"radius": "10 mm", "model": "dimensionality-reduction", "estimator": "kinematic-ekf"}
     bag = shared / "rosbag2/foam_white_1_p.db3.gz"
     path = pipeline_of(bag, tmp_path, height=2, mass='tip_mass = "140 g"', **settings)
-    done = palpate("relaxation", path.name, "--out", tmp_path / "out")
+    done = palpate("spectrum", "relaxation", path.name, "--out", tmp_path / "out")
     assert done.returncode == 2
     assert "nothing is held" in done.stderr
 
@@ -257,9 +263,11 @@ def test_a_creep_spectrum_becomes_the_modulus_of_the_same_material():
     """SLS and Maxwell by their textbook pairs: tau_E = tau_J E/(E + E_1), and E exp(-t E/n)."""
     t = np.geomspace(0.01, 10, 30)
     instant, rest, tau = 1 / 140e3, 1 / 80e3, 1.75
-    found = relaxing(instant, 0.0, np.array([rest - instant, 0.0]), np.array([tau, 5.0]), t)
+    found = relaxation_of_creep(instant, 0.0, np.array([rest - instant, 0.0]), np.array([tau, 5.0]), t)
     assert found == pytest.approx(80e3 + 60e3 * np.exp(-t / (tau * 80 / 140)), rel=1e-9)
-    assert relaxing(1 / 1e5, 1 / 2e5, np.zeros(2), np.ones(2), t) == pytest.approx(1e5 * np.exp(-t / 2), rel=1e-9)
+    assert relaxation_of_creep(1 / 1e5, 1 / 2e5, np.zeros(2), np.ones(2), t) == pytest.approx(
+        1e5 * np.exp(-t / 2), rel=1e-9
+    )
 
 
 def test_a_converted_modulus_is_the_inverse_operator():
@@ -267,6 +275,6 @@ def test_a_converted_modulus_is_the_inverse_operator():
     t = np.linspace(0, 20, 4001)
     strengths, times = np.array([2e-6, 5e-6, 1e-6]), np.array([0.3, 2.0, 9.0])
     creep = 6e-6 + 1e-7 * t + (strengths * (1 - np.exp(-t[:, None] / times))).sum(axis=1)
-    modulus = relaxing(6e-6, 1e-7, strengths, times, t)
+    modulus = relaxation_of_creep(6e-6, 1e-7, strengths, times, t)
     middle = 0.5 * (modulus[1:] + modulus[:-1])
     assert modulus[-1] * creep[0] + middle[::-1] @ np.diff(creep) == pytest.approx(1.0, rel=1e-4)

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from palpate import ConfigurationError, OutputError
 from palpate.host import load_pipeline, registry, run_pipeline
-from palpate_starting.completion import completion
-from palpate_starting.distribution import KINDS, distribution
-from palpate_starting.init import init
+from palpate_commands.completion import completion
+from palpate_commands.distribution import KINDS, distribution
+from palpate_commands.init import init
 
 ROOT = Path(__file__).parent.parent.parent
 PIPELINES = {"point": "point", "ur3e": "point_ur3e", "raster": "raster", "calibrate": "guided"}
@@ -127,17 +127,22 @@ def test_completion_knows_commands_options_and_parts(shell, capsys):
     completion(shell)
     printed = capsys.readouterr().out
     for name in registry.load_commands().commands:
-        assert name in printed
-    assert "dry-run" in printed
+        assert name.split()[-1] in printed
+    assert "add-estimator" in printed
     assert "dimensionality-reduction" in printed
 
 
 @pytest.mark.slow
 def test_bash_completes(capsys):
     completion("bash")
-    script = capsys.readouterr().out + 'COMP_WORDS=(palpate run --dr); COMP_CWORD=2; _palpate; echo "${COMPREPLY[@]}"\n'
+    script, wanted = (
+        capsys.readouterr().out,
+        {"run --see": "--seed", "map lu": "lumps", "map lumps --con": "--contrast"},
+    )
+    for words in wanted:
+        script += f'COMP_WORDS=(palpate {words}); COMP_CWORD={len(words.split())}; _palpate; echo "${{COMPREPLY[@]}}"\n'
     done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, timeout=60)
-    assert done.stdout.split() == ["--dry-run"], done.stderr
+    assert done.stdout.split() == [*wanted.values()], done.stderr
 
 
 def test_a_shell_that_is_none():

@@ -5,7 +5,7 @@ import json
 import pytest
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
-from palpate_studies import answers
+from palpate_kit.jobs import result_cache as answers
 
 
 @pytest.fixture
@@ -18,8 +18,8 @@ def result(point_pipeline, tmp_path):
 
 def test_it_is_read_as_it_was(result):
     assert any(track.report and track.report.correlations for track in result.tracks.values())
-    answers.keep(result)
-    found = answers.kept(result.folder)
+    answers.write_cache(result)
+    found = answers.read_cached(result.folder)
     assert json.dumps(found.table()) == json.dumps(result.table())
     assert found.flags == result.flags
     assert found.folder == result.folder
@@ -32,8 +32,8 @@ def test_it_is_read_as_it_was(result):
 @pytest.mark.parametrize("content", ["", "{", "[]", "{}", '{"tracks": {}}', '{"tracks": {"a": {}}}', '{"tracks": 1}'])
 def test_half_of_an_answer_is_none(content, tmp_path):
     (tmp_path / answers.ANSWER).write_text(content)
-    assert answers.kept(tmp_path) is None
+    assert answers.read_cached(tmp_path) is None
 
 
 def test_without_an_answer_there_is_none(tmp_path):
-    assert answers.kept(tmp_path / "nowhere") is None
+    assert answers.read_cached(tmp_path / "nowhere") is None

@@ -11,21 +11,21 @@ from palpate.contact import force_slopes
 from palpate.pipeline import run_pipeline
 from palpate_models import DimensionalityReduction, Flat, Power, Sphere
 from palpate_studies.design.bounds import Nuisances, cramer_rao
-from palpate_studies.design.of_pipeline import run_design
+from palpate_studies.design.measurement_noise import MeasurementNoise, QuantityNoise
 from palpate_studies.design.palpation import best, palpations
-from palpate_studies.design.path import sine_path
-from palpate_studies.design.sensing import Sensing, Stream
-from palpate_studies.design.settings import DesignSettings, PositionLoop
+from palpate_studies.design.pipeline_design import run_design
+from palpate_studies.design.settings import DesignLoop, DesignSettings
+from palpate_studies.design.tip_path import sine_path
 
 S1 = {"elasticity": 282.1e3, "viscosity": 860.0}
 THETA = list(S1.values())
-SENSING = Sensing(Stream(500.0, 0.05), Stream(500.0, 0.0), in_step=True)
+SENSING = MeasurementNoise(QuantityNoise(500.0, 0.05), QuantityNoise(500.0, 0.0), in_step=True)
 SPHERE = DimensionalityReduction(indenter=Sphere(radius=0.005))
 TIPS = [Sphere(radius=0.005), Flat(radius=0.002), Power(exponent=4, coefficient=1e7)]
 
 
 def bound(frequency=2.0, amplitude=0.001, bias=0.005, skew=None, theta=THETA, mass=None):
-    path = sine_path(0.004, [(frequency, amplitude)], 10.0, 500.0, PositionLoop())
+    path = sine_path(0.004, [(frequency, amplitude)], 10.0, 500.0, DesignLoop())
     return cramer_rao(SPHERE, theta, path, 0.14, 0.05, Nuisances(bias, skew, mass))
 
 
@@ -53,13 +53,13 @@ def test_known_bounds_with_unknown_timing_and_unknown_offset():
 
 
 def test_the_loop_passes_four_fifths_of_two_hertz():
-    assert abs(PositionLoop().passes(2.0)) == pytest.approx(0.80, abs=0.01)
-    path = sine_path(0.004, [(2.0, 0.001)], 10.0, 500.0, PositionLoop())
+    assert abs(DesignLoop().passes(2.0)) == pytest.approx(0.80, abs=0.01)
+    path = sine_path(0.004, [(2.0, 0.001)], 10.0, 500.0, DesignLoop())
     assert np.abs(path.depth - 0.004).max() == pytest.approx(0.8e-3, rel=0.01)
 
 
 def test_a_path_is_the_integral_of_its_derivatives():
-    path = sine_path(0.004, [(0.5, 0.0003), (2.0, 0.0005)], 2.0, 5000.0, PositionLoop())
+    path = sine_path(0.004, [(0.5, 0.0003), (2.0, 0.0005)], 2.0, 5000.0, DesignLoop())
     step = 2 / 5000.0
     for lower, higher in ((path.depth, path.rate), (path.rate, path.acceleration), (path.acceleration, path.jerk)):
         slope = (lower[2:] - lower[:-2]) / step
@@ -88,7 +88,7 @@ def test_slopes_are_those_of_the_model(tip):
 
 def test_least_squares_scatters_by_the_bound():
     """Monte Carlo: a Gauss-Newton fit of E, eta and surface, offset known to its prior."""
-    path = sine_path(0.004, [(2.0, 0.001)], 4.0, 500.0, PositionLoop())
+    path = sine_path(0.004, [(2.0, 0.001)], 4.0, 500.0, DesignLoop())
     expected = cramer_rao(SPHERE, THETA, path, 0.14, 0.05, Nuisances(1e-9, None))
     force, by_parameter, by_depth, _ = force_slopes(SPHERE, path.depth, path.rate, THETA)
     jacobian = np.column_stack([by_parameter, by_depth])
@@ -117,7 +117,7 @@ def test_an_unknown_skew_costs_the_shear_modulus_times_it():
 def test_what_cannot_be_told_is_infinite():
     """At rest a flat tip's force tells nothing of viscosity, and its stiffness not from its surface."""
     model = DimensionalityReduction(indenter=Flat(radius=0.002))
-    path = sine_path(0.004, [(2.0, 1e-15)], 1.0, 500.0, PositionLoop())
+    path = sine_path(0.004, [(2.0, 1e-15)], 1.0, 500.0, DesignLoop())
     found = cramer_rao(model, THETA, path, 0.14, 0.05, Nuisances(1.0, None))
     assert {*found.parameters.values(), found.surface} == {np.inf}
 
@@ -153,13 +153,13 @@ def test_several_sines_share_the_amplitude_and_weaken_an_unknown_skew():
 @pytest.mark.parametrize(("amplitude", "viscosity"), [(1e-3 / 3, 1.89), (0.4e-3, 1.66), (0.5e-3, 1.39)])
 def test_a_multi_sine_weakens_an_unknown_skew_by_its_amplitude(amplitude, viscosity):
     """0.5, 2 and 5 Hz, 0.3 ms: 3.24 % of one sine; 1.69 % is reached at 0.39 mm each, whatever the phases are."""
-    path = sine_path(0.004, [(f, amplitude) for f in (0.5, 2.0, 5.0)], 10.0, 500.0, PositionLoop())
+    path = sine_path(0.004, [(f, amplitude) for f in (0.5, 2.0, 5.0)], 10.0, 500.0, DesignLoop())
     found = cramer_rao(SPHERE, THETA, path, 0.14, 0.05, Nuisances(0.005, 0.3e-3))
     assert percent(found)[1] == pytest.approx(viscosity, rel=0.01)
 
 
 def test_half_the_effect_of_an_unknown_skew():
-    path = sine_path(0.004, [(f, 0.394e-3) for f in (0.5, 2.0, 5.0)], 10.0, 500.0, PositionLoop())
+    path = sine_path(0.004, [(f, 0.394e-3) for f in (0.5, 2.0, 5.0)], 10.0, 500.0, DesignLoop())
     found = cramer_rao(SPHERE, THETA, path, 0.14, 0.05, Nuisances(0.005, 0.3e-3))
     assert percent(found)[1] == pytest.approx(1.69, rel=0.05)
 
@@ -171,25 +171,25 @@ def test_a_model_that_remembers_is_refused():
 
 def test_a_faster_force_tells_more_and_a_noisy_motion_less():
     """Twice the readings are worth the root of two; a position's noise is a force of the stiffness times that."""
-    path = sine_path(0.004, [(2.0, 0.001)], 10.0, 500.0, PositionLoop())
+    path = sine_path(0.004, [(2.0, 0.001)], 10.0, 500.0, DesignLoop())
     _, _, by_depth, by_rate = force_slopes(SPHERE, path.depth, path.rate, THETA)
 
     def noise(**changed):
-        given = {"force": Stream(500.0, 0.05), "position": Stream(500.0, 0.0), **changed}
-        return Sensing(**given).noise(path, by_depth, by_rate)
+        given = {"force": QuantityNoise(500.0, 0.05), "position": QuantityNoise(500.0, 0.0), **changed}
+        return MeasurementNoise(**given).noise(path, by_depth, by_rate)
 
     np.testing.assert_allclose(noise(), 0.05, rtol=1e-6)
-    np.testing.assert_allclose(noise(force=Stream(1000.0, 0.05)), 0.05 / np.sqrt(2), rtol=1e-6)
-    shaky = noise(position=Stream(500.0, 5e-6))
+    np.testing.assert_allclose(noise(force=QuantityNoise(1000.0, 0.05)), 0.05 / np.sqrt(2), rtol=1e-6)
+    shaky = noise(position=QuantityNoise(500.0, 5e-6))
     np.testing.assert_allclose(np.sqrt(shaky**2 - 0.05**2), 5e-6 * by_depth, rtol=0.02)  # and a little by the rate
-    helped = noise(position=Stream(500.0, 5e-6), velocity=Stream(500.0, 1e-6))
+    helped = noise(position=QuantityNoise(500.0, 5e-6), velocity=QuantityNoise(500.0, 1e-6))
     assert (helped < shaky).all()
 
 
 @pytest.mark.parametrize(("frequency", "rate"), [(2.0, 800.0), (5.0, 800.0), (5.0, 640.0)])
 def test_what_a_straight_line_between_readings_moves(frequency, rate):
     """Least squares on a force that was interpolated from readings between the positions, no noise."""
-    loop = PositionLoop()
+    loop = DesignLoop()
     path = sine_path(0.004, [(frequency, 0.0015)], 10.0, 500.0, loop)
     fine = sine_path(0.004, [(frequency, 0.0015)], 10.01, rate, loop)
     force = contact_force(SPHERE, fine.depth, fine.rate, THETA)
@@ -197,14 +197,14 @@ def test_what_a_straight_line_between_readings_moves(frequency, rate):
     exact, by_parameter, by_depth, by_rate = force_slopes(SPHERE, path.depth, path.rate, THETA)
     jacobian = np.column_stack([by_parameter / [1e-5, 1e-3], by_depth * 1e-3])
     moved = np.linalg.lstsq(jacobian, read - exact, rcond=None)[0] / [1e-5, 1e-3, 1e3]
-    sensing = Sensing(Stream(rate, 0.05), Stream(500.0, 0.0))
+    sensing = MeasurementNoise(QuantityNoise(rate, 0.05), QuantityNoise(500.0, 0.0))
     error = sensing.interpolation(path, exact, by_rate, 0.0)
     found = cramer_rao(SPHERE, THETA, path, 0.0, 0.05, Nuisances(0.005, None), error=error)
     assert found.bias["elasticity"] == pytest.approx(moved[0], rel=0.1)
     assert found.bias["viscosity"] == pytest.approx(moved[1], rel=0.1)
     assert found.rmse("elasticity") == pytest.approx(np.hypot(found.parameters["elasticity"], moved[0]), rel=0.02)
     assert (
-        not Sensing(Stream(500.0, 0.05), Stream(500.0, 0.0), in_step=True)
+        not MeasurementNoise(QuantityNoise(500.0, 0.05), QuantityNoise(500.0, 0.0), in_step=True)
         .interpolation(path, exact, by_rate, 0.01)
         .any()
     )

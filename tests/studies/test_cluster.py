@@ -15,13 +15,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import ConfigurationError, UserError
-from palpate.host import RunFolder, load_pipeline
+from palpate.host import load_pipeline
+from palpate_kit.runs.run_folder import RunFolder
 
 distributed = pytest.importorskip("distributed")
 import dask  # noqa: E402
-from palpate_studies import cluster, staging, workers  # noqa: E402
-from palpate_studies.cores import on_all_cores  # noqa: E402
-from palpate_studies.jobs import Job, Parcel, Written  # noqa: E402
+from palpate_kit.jobs import cluster, staging, workers  # noqa: E402
+from palpate_kit.jobs.cores import on_all_cores  # noqa: E402
+from palpate_kit.jobs.job import Job, Parcel, PortablePipeline  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of dask's own, when workers die
 
@@ -73,7 +74,7 @@ def _jobs(pipeline, folder, count):
     text = pipeline.read_text().replace("seed = 1\n", 'seed = 1\ntracks = ["dr/ekf"]\n', 1)
     folder.mkdir(exist_ok=True)
     short = ("trajectory.press.duration=1 s",)
-    plans = [Written(text, pipeline, (*short, f"run.seed={n}")) for n in range(1, count + 1)]
+    plans = [PortablePipeline(text, pipeline, (*short, f"run.seed={n}")) for n in range(1, count + 1)]
     return [Job(f"combination {n}", plan, folder / f"{n:05d}") for n, plan in enumerate(plans, start=1)]
 
 
@@ -383,7 +384,7 @@ def test_workers_that_share_no_folder_get_inputs_and_give_runs_by_way_of_s3(sche
 
 OWN = """
 from palpate import plugin
-from palpate_filters import CasadiFit
+from palpate_fits import CasadiFit
 
 class Mine(CasadiFit):
     "A fit of one's own."
@@ -394,7 +395,7 @@ def palpate_estimators():
 """
 WORKER = """
 import pickle, sys
-from palpate_studies.staging import run_staged
+from palpate_kit.jobs.staging import run_staged
 staged = pickle.load(sys.stdin.buffer)
 answer = run_staged(staged)
 with staged.parcel.unpacked() as job:
@@ -414,7 +415,7 @@ def test_a_plugin_file_goes_along_with_what_its_parts_are_in(point_pipeline, tmp
     jobs = [Job(f"own {n}", load_pipeline(point_pipeline), tmp_path / f"own {n}") for n in range(2)]
     stage = staging.Stage(f"file://{tmp_path}/stage")
     inputs = stage.put_inputs(job.pipeline() for job in jobs)
-    staged, other = (staging.Staged(Parcel.of(job), stage, inputs) for job in jobs)
+    staged, other = (staging.StagedJob(Parcel.of(job), stage, inputs) for job in jobs)
     with other.parcel.unpacked() as job:
         assert type(job.plan.estimators["fit"]) is type(jobs[0].plan.estimators["fit"])
     own.unlink()
@@ -431,9 +432,9 @@ def test_a_plugin_file_goes_along_with_what_its_parts_are_in(point_pipeline, tmp
 def test_an_input_is_put_where_it_belongs_and_nothing_is_written_over(tmp_path):
     stage = staging.Stage(f"file://{tmp_path}/stage")
     file = _csv_pipeline(tmp_path / "own")
-    job = Job("one", Written(file.read_text(), file), tmp_path / "one")
+    job = Job("one", PortablePipeline(file.read_text(), file), tmp_path / "one")
     inputs = stage.put_inputs([job.pipeline()])
-    staged = staging.Staged(Parcel.of(job), stage, inputs)
+    staged = staging.StagedJob(Parcel.of(job), stage, inputs)
     log = tmp_path / "own" / "press.csv"
     assert list(inputs) == [str(log)]
     content = log.read_bytes()
@@ -483,4 +484,4 @@ def test_a_killed_worker_loses_nothing(scheduler, tmp_path):  # the last of this
         assert sorted(found) == list(range(8))
         assert all((tmp_path / str(n)).read_text() == "done\n" for n in range(8))
         ((_, outcome),) = cluster.spread(client, _die, ["x"])
-    assert "killed several times" in cluster.lost(outcome)
+    assert "killed several times" in cluster.loss_reason(outcome)

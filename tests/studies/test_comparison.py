@@ -4,7 +4,7 @@ import csv
 
 import numpy as np
 import pytest
-from palpate.host import common_limits
+from palpate_kit.figures import common_limits
 
 
 def test_one_curve_far_away_does_not_flatten_the_others():

@@ -1,4 +1,4 @@
-"""`palpate design`: a table, a picture and a recommendation."""
+"""`palpate plan design`: a table, a picture and a recommendation."""
 
 import json
 import math
@@ -13,7 +13,7 @@ def file(root):
 
 
 def test_table_and_recommendation(palpate, file):
-    done = palpate("design", file, "--set", 'design.parameters={elasticity="282.1 kPa", viscosity="860 Pa*s"}')
+    done = palpate("plan", "design", file, "--set", 'design.parameters={elasticity="282.1 kPa", viscosity="860 Pa*s"}')
     assert done.returncode == 0, done.stderr
     row = next(
         line
@@ -26,12 +26,12 @@ def test_table_and_recommendation(palpate, file):
 
 
 def test_the_truth_of_a_simulated_rig_is_what_is_expected(palpate, file):
-    done = palpate("design", file)
+    done = palpate("plan", "design", file)
     assert "elasticity 1.125e+05 Pa, viscosity 362 Pa*s" in done.stdout
 
 
 def test_json_has_every_bound(palpate, file):
-    done = palpate("design", file, "--json")
+    done = palpate("plan", "design", file, "--json")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)["dr"]
     assert found["expected"] == {"elasticity": 112.5e3, "viscosity": 362.0}
@@ -43,11 +43,13 @@ def test_json_has_every_bound(palpate, file):
 
 @pytest.mark.slow
 def test_limits_move_the_recommendation(palpate, file):
-    done = palpate("design", file, "--set", "design.top_acceleration=0.1", "--set", "design.multisines=[[0.5, 2.0]]")
+    done = palpate(
+        "plan", "design", file, "--set", "design.top_acceleration=0.1", "--set", "design.multisines=[[0.5, 2.0]]"
+    )
     assert done.returncode == 0, done.stderr
     assert "0.5 + 2" in done.stdout
     assert "m/s^2" in done.stdout
-    done = palpate("design", file, "--set", "design.top_speed=1e-9")
+    done = palpate("plan", "design", file, "--set", "design.top_speed=1e-9")
     assert "no setting keeps the limits" in done.stdout
 
 
@@ -58,7 +60,7 @@ RELAXING = '\n[model.sls]\ntype = "standard-linear-solid"\nindenter = "tip"\n'
 def test_a_model_that_remembers_is_left_out_with_advice(palpate, file, tmp_path):
     both = tmp_path / "both.toml"
     both.write_text(file.read_text() + RELAXING)
-    done = palpate("design", both)
+    done = palpate("plan", "design", both)
     assert done.returncode == 0, done.stderr
     assert "left out: sls: this model remembers" in done.stdout
     assert "dr: recommended" in " ".join(done.stdout.split())
@@ -66,7 +68,7 @@ def test_a_model_that_remembers_is_left_out_with_advice(palpate, file, tmp_path)
     begin, end = text.index("[model.dr]"), text.index("[estimator.ekf]")
     inline = 'model = { type = "dimensionality-reduction", indenter = "tip" }'
     both.write_text((text[:begin] + text[end:] + RELAXING).replace('model = "dr"', inline))
-    done = palpate("design", both)
+    done = palpate("plan", "design", both)
     assert done.returncode == 2
     assert "Design for dimensionality-reduction" in " ".join(done.stderr.split())
 
@@ -87,7 +89,7 @@ def test_the_robots_own_limits_count(palpate, file, tmp_path):
     """5 Hz and 1.5 mm, which would be best, are 1.5 m/s^2 and 5.5 mm deep."""
     bound = tmp_path / "bound.toml"
     bound.write_text(file.read_text() + SAFETY)
-    done = palpate("design", bound)
+    done = palpate("plan", "design", bound)
     assert done.returncode == 0, done.stderr
     words = " ".join(done.stdout.split()).partition("recommended within the limits: ")[2].split()
     frequency, amplitude = float(words[0]), float(words[2])
@@ -99,7 +101,7 @@ def test_the_robots_own_limits_count(palpate, file, tmp_path):
 def test_the_picture(palpate, file, tmp_path):
     pytest.importorskip("matplotlib")
     few = ("--set", "design.frequencies=[1.0, 2.0]", "--set", 'design.amplitudes=["1 mm"]')
-    done = palpate("design", file, *few, "--picture", tmp_path / "bounds.png")
+    done = palpate("plan", "design", file, *few, "--picture", tmp_path / "bounds.png")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "bounds.png").read_bytes().startswith(b"\x89PNG")
 
@@ -107,7 +109,7 @@ def test_the_picture(palpate, file, tmp_path):
 @pytest.mark.parametrize(("name", "words"), [(".", "ends in .png"), ("no/such/bounds.png", "cannot write")])
 def test_a_picture_that_cannot_be_written_is_one_message(palpate, file, name, words):
     few = ("--set", "design.frequencies=[1.0]", "--set", 'design.amplitudes=["1 mm"]')
-    done = palpate("design", file, *few, "--picture", name)
+    done = palpate("plan", "design", file, *few, "--picture", name)
     assert done.returncode == 2
     assert words in done.stderr
 
@@ -122,7 +124,7 @@ def test_a_picture_that_cannot_be_written_is_one_message(palpate, file, name, wo
     ],
 )
 def test_mistakes_are_told(palpate, file, override, message):
-    done = palpate("design", file, "--set", override)
+    done = palpate("plan", "design", file, "--set", override)
     assert done.returncode == 2
     assert message in done.stderr
     assert "Traceback" not in done.stderr

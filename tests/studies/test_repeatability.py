@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from palpate_studies.repeat_picture import draw_repeatability
+from palpate_studies.repeat_figure import draw_repeatability
 from palpate_studies.repeatability import (
     Repeatability,
     against_truth,

@@ -10,7 +10,7 @@ from palpate.config import load_pipeline
 from palpate.errors import ConfigurationError
 from palpate.pipeline import run_pipeline
 from palpate_studies.force_error import force_error
-from palpate_studies.repeating import palpations
+from palpate_studies.repeated_runs import palpations
 
 SHORT = ["--set", "trajectory.press.duration=2 s", "--set", 'run.tracks=["*/kinematic"]']
 

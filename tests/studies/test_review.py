@@ -6,21 +6,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate import Flag, LogError
-from palpate.host import RunFolder
-from palpate_studies.readings import Reading, readings
-from palpate_studies.review import rated
+from palpate_kit.runs.run_folder import RunFolder
+from palpate_studies.parameter_values import ParameterValue, readings
+from palpate_studies.review_command import rate_values
+
+from tests import result_documents
 
 
 def reading(name, value, residual=0.05, verdict="good", rejected=None):
     flags = (Flag("lack-of-fit", "x", "doubtful"),) if verdict == "doubtful" else ()
-    return Reading(name, Path(name), "", "dr/fit", value, 1e3, "Pa", residual, flags, verdict, rejected)
+    return ParameterValue(name, Path(name), "", "dr/fit", value, 1e3, "Pa", residual, flags, verdict, rejected)
 
 
 GROUP = [reading(f"run_{i}", 1.1e5 + 1e3 * np.sin(i), 0.05 + 1e-4 * i) for i in range(12)]
 
 
 def test_what_is_like_the_others_has_ten_of_ten():
-    assert [one.rating for one in rated(GROUP)] == [10.0] * 12
+    assert [one.rating for one in rate_values(GROUP)] == [10.0] * 12
 
 
 @pytest.mark.parametrize(
@@ -34,19 +36,19 @@ def test_what_is_like_the_others_has_ten_of_ten():
     ],
 )
 def test_what_stands_out_comes_first(odd, most):
-    first = rated([*GROUP, odd])[0]
+    first = rate_values([*GROUP, odd])[0]
     assert first.reading.name == "odd"
     assert first.rating <= most
 
 
 def test_a_small_residual_is_no_fault_and_three_runs_have_no_outlier():
-    assert min(one.rating for one in rated([*GROUP, reading("calm", 1.1e5, residual=0.001)])) == 10.0
-    assert min(one.rating for one in rated([reading("a", 1.0), reading("b", 2.0), reading("c", 9.0)])) == 10.0
+    assert min(one.rating for one in rate_values([*GROUP, reading("calm", 1.1e5, residual=0.001)])) == 10.0
+    assert min(one.rating for one in rate_values([reading("a", 1.0), reading("b", 2.0), reading("c", 9.0)])) == 10.0
 
 
 def test_what_was_rejected_does_not_count_for_the_others():
     wild = [reading(f"wild_{i}", 5e5, rejected="slipped") for i in range(20)]
-    found = {one.reading.name: one.rating for one in rated([*GROUP, *wild])}
+    found = {one.reading.name: one.rating for one in rate_values([*GROUP, *wild])}
     assert found["run_0"] == 10.0
     assert found["wild_0"] < 1.0
 
@@ -55,22 +57,20 @@ def test_what_was_rejected_does_not_count_for_the_others():
 def runs(tmp_path):
     """Folders of runs with a result each; the last is off."""
     for i, value in enumerate([1.10e5, 1.11e5, 1.12e5, 1.13e5, 1.12e5, 1.9e5]):
-        found = {"value": value, "std": 5e2, "combined": 1e3, "unit": "Pa"}
-        track = {"verdict": "good", "flags": [], "parameters": {"elasticity": found}, "force_rms": 0.05}
-        track["surface"] = {"value": 0.0, "std": 1e-6, "unit": "m"}
+        found = result_documents.value(value, std=5e2, combined=1e3)
+        document = result_documents.result({"dr/fit": result_documents.track(parameters={"elasticity": found})})
         (tmp_path / f"run_{i}").mkdir()
-        document = {"schema": 2, "tracks": {"dr/fit": track}}
         (tmp_path / f"run_{i}" / "result.json").write_text(json.dumps(document))
     return [tmp_path / f"run_{i}" for i in range(6)]
 
 
 def test_a_rejected_run_is_left_out_and_comes_back(palpate, runs):
     before = (runs[5] / "result.json").read_bytes()
-    found = palpate("review", *runs, "--json")
+    found = palpate("repeat", "review", *runs, "--json")
     assert found.returncode == 0, found.stderr
     assert json.loads(found.stdout)["runs"][0]["name"].endswith("run_5")
-    assert palpate("review", *runs, "--reject", "run_5").returncode == 2  # no reason
-    done = palpate("review", *runs, "--reject", "run_5", "--reason", "the specimen slipped")
+    assert palpate("repeat", "review", *runs, "--reject", "run_5").returncode == 2  # no reason
+    done = palpate("repeat", "review", *runs, "--reject", "run_5", "--reason", "the specimen slipped")
     assert "5 of 6 usable, 1 rejected" in done.stdout
     assert (runs[5] / "result.json").read_bytes() == before
     told = palpate("repeat", *runs, "--json")
@@ -79,22 +79,22 @@ def test_a_rejected_run_is_left_out_and_comes_back(palpate, runs):
     assert list(document["rejected"].values()) == ["the specimen slipped"]
     assert "the specimen slipped" in " ".join(palpate("repeat", *runs).stdout.split())
     sites = [arg for run in runs[1:] for arg in ("--baseline", run)]
-    compared = palpate("compare-sites", *sites, "--suspect", runs[0])
+    compared = palpate("map", "compare", *sites, "--suspect", runs[0])
     assert "the specimen slipped" in compared.stderr
     assert "4 baseline" in compared.stdout
     assert palpate("map", runs[5]).returncode == 2
-    assert "0 rejected" in palpate("review", *runs, "--accept", "run_5").stdout
+    assert "0 rejected" in palpate("repeat", "review", *runs, "--accept", "run_5").stdout
     assert json.loads(palpate("repeat", *runs, "--json").stdout)["groups"]["runs"]["count"] == 6
 
 
 def test_mistakes_are_told(palpate, runs):
-    unknown = palpate("review", *runs, "--reject", "run_55", "--reason", "x")
+    unknown = palpate("repeat", "review", *runs, "--reject", "run_55", "--reason", "x")
     assert unknown.returncode == 2
     assert "no run is called 'run_55'" in unknown.stderr
     (runs[0] / "review.json").write_text("[]")
     with pytest.raises(LogError, match="no review"):
         list(readings(runs[0], None, "elasticity"))
-    partly = palpate("review", *runs)
+    partly = palpate("repeat", "review", *runs)
     assert partly.returncode == 1
     assert "is no review of palpate" in partly.stderr
 
@@ -106,7 +106,7 @@ def test_cycles_of_a_fit_are_reviewed_one_by_one(tmp_path, palpate):
         for k in range(1, 7)
     ]  # fmt: skip
     (tmp_path / "fit.json").write_text(json.dumps({"logs": {}, "evaluation": [], "cycles": rows}))
-    done = palpate("review", tmp_path, "--reject", "bag#3", "--reason", "touched the rim")
+    done = palpate("repeat", "review", tmp_path, "--reject", "bag#3", "--reason", "touched the rim")
     assert done.returncode == 0, done.stderr
     assert RunFolder(tmp_path).rejected == {"bag#3": "touched the rim"}
     assert json.loads(palpate("repeat", tmp_path, "--json").stdout)["groups"]["runs"]["count"] == 5

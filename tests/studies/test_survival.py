@@ -6,19 +6,13 @@ import shutil
 import pytest
 from palpate import LogError, OutputError
 from palpate.config import load_pipeline
-from palpate.host import (
-    Job,
-    RunFolder,
-    Written,
-    differences,
-    found_before,
-    on_all_cores,
-    resolved_text,
-    trust_plugin,
-    whole_file,
-)
-from palpate_maps.commands.lumps import by_place
-from palpate_maps.path import demand_one_pipeline
+from palpate.host import resolved_text, trust_plugin, whole_file
+from palpate_kit.jobs.cores import on_all_cores
+from palpate_kit.jobs.job import Job, PortablePipeline, cached_result
+from palpate_kit.runs.pipeline_diff import differences
+from palpate_kit.runs.run_folder import RunFolder
+from palpate_maps.commands.lumps_command import by_place
+from palpate_maps.path_reader import demand_one_pipeline
 
 SWEEP = '[sweep]\n"run.seed" = [1, 2]\n'
 SHORT = ("--set", "trajectory.press.duration=1 s")
@@ -117,7 +111,7 @@ def test_a_batch_goes_on_after_a_bad_one(palpate, point_pipeline, run_point, tmp
     assert done.returncode == 1
     assert json.loads(done.stdout)["groups"]["runs"]["count"] == 2
     assert "bad is left out" in done.stderr
-    assert "is no result of palpate" in done.stderr
+    assert "is not a result of palpate" in done.stderr
     shutil.copy(good[0].folder / "log.mcap", tmp_path / "good.mcap")
     (tmp_path / "bad.mcap").write_bytes((tmp_path / "good.mcap").read_bytes()[:5000])
     done = palpate("fit", "bad.mcap", "good.mcap", "--no-pictures", "--out", "fits")
@@ -135,13 +129,13 @@ def test_sites_are_counted_by_place_and_points_without_one_are_sites(palpate, ru
         shutil.copytree(runs[0], tmp_path / f"copy{number}")
         more.append(tmp_path / f"copy{number}")
     baseline = [part for run in (runs[0], *more) for part in ("--baseline", run)]
-    done = palpate("compare-sites", *baseline, "--suspect", runs[1], "--track", "dr/ekf")
+    done = palpate("map", "compare", *baseline, "--suspect", runs[1], "--track", "dr/ekf")
     assert done.returncode == 0, done.stderr
     assert "4 baseline" in done.stdout
-    done = palpate("compare-sites", *baseline, "--suspect", runs[0], "--track", "dr/ekf")
+    done = palpate("map", "compare", *baseline, "--suspect", runs[0], "--track", "dr/ekf")
     assert done.returncode == 2
     assert "is also a --baseline" in done.stderr
-    done = palpate("compare-sites", *baseline, "--baseline", runs[0], "--suspect", runs[1], "--track", "dr/ekf")
+    done = palpate("map", "compare", *baseline, "--baseline", runs[0], "--suspect", runs[1], "--track", "dr/ekf")
     assert done.returncode == 2
     assert "given twice" in done.stderr
     near = [((0.0, 0.0), 1.0), ((1e-4, 0.0), 4.0), ((0.01, 0.0), 3.0)]
@@ -159,10 +153,10 @@ def test_a_killed_worker_loses_no_job_and_the_one_that_kills_three_is_named(tmp_
     for name in ("once.py", "always.py"):
         trust_plugin(tmp_path / name)
     texts = ["[run]\n"] * 3 + ['[run]\nplugins = ["once.py"]\n', '[run]\nplugins = ["always.py"]\n'] + ["[run]\n"] * 3
-    plans = [Written(text, tmp_path / "p.toml") for text in texts]
+    plans = [PortablePipeline(text, tmp_path / "p.toml") for text in texts]
     jobs = [Job(f"job {n}", plan, tmp_path / str(n)) for n, plan in enumerate(plans, 1)]
     found = {job.name: str(error) for job, error in on_all_cores(jobs, 2)}
     assert sorted(found) == [f"job {n}" for n in range(1, 9)]
     assert "its process was killed 3 times" in found.pop("job 5")
     assert all("[alignment] is missing" in error for error in found.values())
-    assert all(found_before(job) is None for job in jobs)
+    assert all(cached_result(job) is None for job in jobs)

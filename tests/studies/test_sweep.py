@@ -76,7 +76,7 @@ def test_a_list_pairs_its_values(palpate, point_pipeline, tmp_path):
         ("[sweep]\n", "names no setting"),
         ('[sweep]\n"run.seed" = 3\n', "[sweep] run.seed: 3: must be a list of values"),
         ("[sweep]\nseed = [3]\n", "[sweep] seed: must be a setting with its table"),
-        ('[sweep]\ncombine = "all"\n"run.seed" = [3]\n', '\'all\' is none of "grid", "list"'),
+        ('[sweep]\ncombine = "all"\n"run.seed" = [3]\n', '\'all\' is not one of "grid", "list"'),
         ('[sweep]\ncombine = "list"\n"run.seed" = [3]\n"run.average" = [1, 2]\n', "run.seed has 1, run.average has 2"),
         ('[sweep]\n"estimator.ekf.forcestd" = [1]\n', "unknown key 'forcestd'"),
     ],
@@ -107,7 +107,7 @@ def test_info_says_which_kernel_runs_and_why(palpate):
     )
     done = palpate("info", PALPATE_KERNEL="quick")
     assert done.returncode == 2
-    assert "'quick' is none of" in done.stderr
+    assert "'quick' is not one of" in done.stderr
 
 
 @pytest.mark.slow

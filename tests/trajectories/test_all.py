@@ -6,23 +6,23 @@ import numpy as np
 import pytest
 from palpate_testing import check_trajectory
 from palpate_trajectories import palpate_trajectories
+from palpate_trajectories.approach import PressShape
 from palpate_trajectories.excitation import Chirp, MultiSine
 from palpate_trajectories.force_hold import ForceHold
-from palpate_trajectories.from_file import FromFile
-from palpate_trajectories.grid_points import GridPoints, short_way
+from palpate_trajectories.grid_points import GridPoints, short_order
 from palpate_trajectories.line_sweep import LineSweep
 from palpate_trajectories.load_unload import Compression, LoadUnload
-from palpate_trajectories.moved import Moved
 from palpate_trajectories.point import Point
-from palpate_trajectories.press import Press
 from palpate_trajectories.ramp_hold import RampHold
 from palpate_trajectories.raster import Raster
 from palpate_trajectories.shake import Shake
 from palpate_trajectories.stay import Stay
 from palpate_trajectories.surface import Surface
+from palpate_trajectories.translation import TranslatedTrajectory
+from palpate_trajectories.waypoint_file import FromFile
 from pydantic import ValidationError
 
-PRESS = Press(bias=0.004)
+PRESS = PressShape(bias=0.004)
 TILTED = Surface(height=0.001, tilt_x=0.02, tilt_y=-0.01)
 WAYPOINTS = "time,x,y,z\n0,0,0,0.005\n1,0,0,0.002\n2,0.001,0,-0.002\n4,0.02,0.01,-0.002\n5,0.02,0.01,0.005\n"
 
@@ -53,7 +53,7 @@ EXAMPLES = {
         RampHold(depths=(0.002, 0.004), hold=1.5, speed=0.005, turn=0.2, surface=TILTED, place=(0.01, 0.0)),
     ],
     "multi-sine": [MultiSine(bias=0.004), MultiSine(bias=0.003, amplitudes=(1e-3,), frequencies=(3.0,))],
-    "moved": [Moved(of=Point(bias=0.004), by=(0.01, -0.02))],
+    "moved": [TranslatedTrajectory(of=Point(bias=0.004), by=(0.01, -0.02))],
     "stay": [Stay(), Stay(height=0.02, place=(0.01, 0.0), duration=2.0)],
     "shake": [Shake(), Shake(frequencies=(2.0, 5.0), amplitude=0.001, duration=3.0)],
     "chirp": [Chirp(bias=0.004), Chirp(bias=0.004, first_frequency=5.0, last_frequency=0.5, surface=TILTED)],
@@ -161,7 +161,7 @@ def test_a_chirp_ends_at_its_last_frequency():
 
 def test_a_short_way_is_short():
     places = [(x, y) for x in range(5) for y in range(4)]
-    order = short_way(places)
+    order = short_order(places)
     assert sorted(order) == list(range(20))
     way = sum(np.hypot(*np.subtract(places[a], places[b])) for a, b in itertools.pairwise(order))
     assert way <= 21.0  # 19 is the shortest there is
@@ -177,8 +177,8 @@ def test_a_short_way_is_short():
         (Raster, {"size": (0.06, 0.04), "pitch": 0.005, "first_line": 9, "press": PRESS}, "first_line"),
         (LineSweep, {"end": (0.0, 0.0), "press": PRESS}, "the same place"),
         (LineSweep, {"end": (0.0, 0.01), "speed": 0.1, "press": PRESS}, "periods"),
-        (Press, {"bias": 0.004, "amplitude": 0.004}, "amplitude"),
-        (Press, {"bias": 0.02, "amplitude": 0.01, "frequency": 10.0}, "m/s"),
+        (PressShape, {"bias": 0.004, "amplitude": 0.004}, "amplitude"),
+        (PressShape, {"bias": 0.02, "amplitude": 0.01, "frequency": 10.0}, "m/s"),
         (GridPoints, {"press": PRESS}, "places"),
         (GridPoints, {"size": (0.06, 0.04), "pitch": 1e-5, "press": PRESS}, "points"),
         (GridPoints, {"places": ((0.0, 0.0),), "order": (1,), "press": PRESS}, "order"),

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from palpate import Settings
 from palpate_models.indenters.profile import Profile
+from palpate_trajectories.approach import PressShape
 from palpate_trajectories.grid_points import GridPoints
-from palpate_trajectories.press import Press
 from palpate_trajectories.raster import Raster
 
-PRESS = Press(bias=0.004)
+PRESS = PressShape(bias=0.004)
 WHOLE = [
     Raster(size=(0.02, 0.02), pitch=0.005, settle=0.5, press=PRESS),
     Raster(size=(0.02, 0.02), pitch=0.005, settle=0.5, press=PRESS, boustrophedon=False, angle=0.4),

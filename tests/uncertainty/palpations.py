@@ -1,10 +1,10 @@
 """Palpations written out by hand, and what a diagnosis is given of them."""
 
 import numpy as np
-from palpate import Ending, Problem, Samples, TrackEvidence
+from palpate import Problem, Samples, TrackEnd, TrackEvidence
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.alignment.tare import Tare
-from palpate.result.record import TrackRecord
+from palpate.result.track_record import TrackRecord
 from palpate_filters import KinematicFilter
 from palpate_models import DimensionalityReduction, Sphere
 
@@ -58,7 +58,7 @@ def evidence(lines, late, seed, law=kelvin_voigt, estimator=None, declared=None)
     settings = AlignmentSettings.model_validate({"force": force, "position": "rig.z", "tip_mass": MASS})
     report = AlignmentReport({}, Tare(0.0, 2e-3, 0.05, 1.0), 0.25, (0.0, 0.0), 1, None, n, 0, 0, time[-1], None, True)
     included = frozenset(["timing"] if record.timing_included else [])
-    ending = Ending(tail, last, settings, report, {}, frozenset(), included, 1.0, 10.0, n, False)
+    ending = TrackEnd(tail, last, settings, report, {}, frozenset(), included, 1.0, 10.0, n, False)
     values, std = last.values.mean(axis=0), last.std[-1]
     kept, air = record.keeper.kept, record.keeper.air
     return TrackEvidence("t", MODEL, estimator, MASS, kept, *air, values, std, std, 0.0, None, {}, ending)

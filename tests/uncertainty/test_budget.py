@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.alignment.tare import Tare
-from palpate.config.known import unknown_sources
+from palpate.config.declared_uncertainties import unknown_sources
 from palpate.estimation import Estimates, Samples
 from palpate.registry import load
-from palpate.result import Diagnosable, Judged, TrackRecord, diagnosed, track_result
+from palpate.result import Diagnosable, RunEvidence, TrackRecord, apply_diagnoses, track_result
 from palpate.track_name import TrackName
-from palpate_filters import CasadiFit
+from palpate_fits import CasadiFit
+from palpate_kit.runs.uncertainty_sources import sources_of
 from palpate_models import DimensionalityReduction, Flat, KelvinVoigt, Sphere
-from palpate_uncertainty.sources import sources_of
 from scipy.optimize import least_squares
 
 RADIUS, NU, MASS, E, ETA = 5e-3, 0.5, 0.14, 112.5e3, 362.0
@@ -62,7 +62,7 @@ def result(model=None, declared=None, tare=None, theta=(E, ETA), details=None, *
     own = track_result(TrackName("dr", "fit"), model, record, report, made, 1.0, False)
     diagnoses = {"budget": load().diagnoses["budget"]}
     track = Diagnosable(model, CasadiFit(), record, own)
-    return diagnosed({"dr/fit": track}, diagnoses, Judged(made, report, 1.0, declared or {}))["dr/fit"]
+    return apply_diagnoses({"dr/fit": track}, diagnoses, RunEvidence(made, report, 1.0, declared or {}))["dr/fit"]
 
 
 def budget(found, cause):

@@ -1,11 +1,12 @@
-"""`palpate budget`: the table of a run's uncertainty."""
+"""`palpate report budget`: the table of a run's uncertainty."""
 
 import json
 
 import pytest
 from palpate import ConfigurationError
-from palpate.result import SCHEMA
-from palpate_uncertainty.budget import budget
+from palpate_uncertainty.budget_command import budget
+
+from tests.result_documents import result, track
 
 
 def run_folder(tmp_path, **changes):
@@ -15,8 +16,8 @@ def run_folder(tmp_path, **changes):
         {"source": "estimator", "std": None, "unit": "", "effects": {"viscosity": {**effect, "contribution": 3.0}}},
         {"source": "timing", "std": 2e-4, "unit": "s", "effects": {"viscosity": effect}},
     ]
-    track = {"parameters": {"viscosity": value}, "budget": rows, "flags": [], **changes}
-    document = {"schema": SCHEMA, "tracks": {"dr/fit": track}, "flags": []}
+    found = track(**{"parameters": {"viscosity": value}, "budget": rows, **changes})
+    document = result({"dr/fit": found})
     (tmp_path / "result.json").write_text(json.dumps(document))
     return tmp_path
 

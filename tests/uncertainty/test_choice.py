@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
-from palpate_filters import CasadiFit, KinematicFilter
-from palpate_uncertainty.choice import correlation_time, model_choice, weighed
+from palpate_filters import KinematicFilter
+from palpate_fits import CasadiFit
+from palpate_uncertainty.model_choice import correlation_time, model_choice, weigh_models
 from palpate_uncertainty.outliers import outliers, spikes_of
 from palpate_uncertainty.settings import ChoiceSettings
 
@@ -35,9 +36,9 @@ candidates = ["half-space", "layer", "cylinder"]
 
 def test_independent_residuals_choose_and_correlated_ones_do_not():
     values, stds, bic = np.array([100.0, 150.0]), np.array([1.0, 1.0]), np.array([0.0, 520.0])
-    certain = weighed(values, stds, bic, 4988, 4988)
+    certain = weigh_models(values, stds, bic, 4988, 4988)
     assert certain.value == pytest.approx(100.0)
-    doubtful = weighed(values, stds, bic, 6, 4988)
+    doubtful = weigh_models(values, stds, bic, 6, 4988)
     assert doubtful.weights[1] == pytest.approx(np.exp(-520 * 6 / 4988 / 2) / (1 + np.exp(-520 * 6 / 4988 / 2)))
     for found in (certain, doubtful):
         assert found.spread >= np.std(values, ddof=1)
@@ -46,7 +47,7 @@ def test_independent_residuals_choose_and_correlated_ones_do_not():
 
 def test_the_weights_do_not_depend_on_the_order_or_on_a_shift_of_the_evidence():
     values, stds, bic = np.array([1.0, 2.0, 4.0]), np.full(3, 0.1), np.array([3.0, 0.0, 7.0])
-    found, other = weighed(values, stds, bic, 50, 100), weighed(values[::-1], stds, bic[::-1] + 1e3, 50, 100)
+    found, other = weigh_models(values, stds, bic, 50, 100), weigh_models(values[::-1], stds, bic[::-1] + 1e3, 50, 100)
     assert other.value == pytest.approx(found.value)
     np.testing.assert_allclose(other.weights[::-1], found.weights)
 

@@ -1,10 +1,10 @@
-"""`palpate choose`: the model of the truth is chosen, another is not, and what cannot be is said."""
+"""`palpate fit choose`: the model of the truth is chosen, another is not, and what cannot be is said."""
 
 import json
 
 import numpy as np
 import pytest
-from palpate_uncertainty.choose import Candidate, compared, sentence
+from palpate_uncertainty.choose_command import Candidate, rank_models, sentence
 
 PIPELINE = """
 [run]
@@ -51,7 +51,7 @@ RELAXING = 'elasticity = "100 kPa"\nrelaxing_elasticity = "50 kPa"\nrelaxation_t
 )
 def test_the_truth_is_chosen(palpate, tmp_path, truth, values, others):
     (tmp_path / "p.toml").write_text(PIPELINE.format(truth=truth, values=values, seed=2))
-    done = palpate("choose", tmp_path / "p.toml", "--models", others, "--json")
+    done = palpate("fit", "choose", tmp_path / "p.toml", "--models", others, "--json")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     first, second = found["standings"]
@@ -70,20 +70,20 @@ def made(model, evidence, misfit=False, record="one", blocks=(0.05, 0.05, 0.05, 
 
 def test_records_add_their_evidence_and_a_tie_is_told_as_one():
     two = [made(m, e, record=r) for m, e, r in (("a", 0, "1"), ("b", 4, "1"), ("a", 0, "2"), ("b", 4, "2"))]
-    first, second = compared(two)
+    first, second = rank_models(two)
     assert (first.model, second.behind) == ("a", 8.0)
     assert first.weight == pytest.approx(1 / (1 + np.exp(-4)))
     assert "support a (weight 98 %); less b by 8 of BIC" in sentence([first, second], 2)
-    assert "support a and b alike" in sentence(compared(two[:2]), 1)
+    assert "support a and b alike" in sentence(rank_models(two[:2]), 1)
 
 
 def test_where_every_model_leaves_a_lack_of_fit_none_is_supported():
-    said = sentence(compared([made("a", 0, misfit=True), made("b", 40, misfit=True)]), 1)
+    said = sentence(rank_models([made("a", 0, misfit=True), made("b", 40, misfit=True)]), 1)
     assert said.startswith("None of the models describes the data")
 
 
 def test_a_fit_without_numbers_is_last():
-    first, second = compared([made("a", np.nan, blocks=(np.nan,) * 4), made("b", 40)])
+    first, second = rank_models([made("a", np.nan, blocks=(np.nan,) * 4), made("b", 40)])
     assert (first.model, first.weight, second.weight) == ("b", 1.0, 0.0)
 
 
@@ -92,7 +92,7 @@ def test_a_fit_without_numbers_is_last():
 )
 def test_mistakes_are_one_clear_message(palpate, tmp_path, models, said):
     (tmp_path / "p.toml").write_text(PIPELINE.format(truth="dr", values=DAMPED, seed=1))
-    done = palpate("choose", tmp_path / "p.toml", "--models", models)
+    done = palpate("fit", "choose", tmp_path / "p.toml", "--models", models)
     assert done.returncode == 2
     assert said in done.stderr
     assert "Traceback" not in done.stderr
@@ -107,7 +107,7 @@ def test_the_authors_soft_silicone_wants_memory_and_no_model_is_all_of_it(palpat
     )
     estimator = '[estimator.fit]\ntype = "casadi-fit"\nprofile = false\n'
     (tmp_path / "p.toml").write_text(authors_log("d10mm_soft") + models + estimator)
-    done = palpate("choose", "p.toml")
+    done = palpate("fit", "choose", "p.toml")
     assert done.returncode == 0, done.stderr
     rows = {line.split("│")[1].strip(): line.split("│") for line in done.stdout.splitlines() if line.count("│") > 6}
     assert float(rows["dr"][2]) > 20 > float(rows["sls"][2]) == 0

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from palpate_models import DimensionalityReduction, Sphere
-from palpate_uncertainty.geometry import geometry, stiffer_by
-from palpate_uncertainty.one_frequency import one_frequency
+from palpate_uncertainty.delay.one_frequency import one_frequency
+from palpate_uncertainty.undeclared_thickness import geometry, stiffer_by
 
 spec = importlib.util.spec_from_file_location("palpations", Path(__file__).with_name("palpations.py"))
 palpations = importlib.util.module_from_spec(spec)

@@ -5,14 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from palpate import Estimates, Samples
-from palpate.result.kept import Keeper
-from palpate_filters import CasadiFit, ExtendedKalmanFilter, KinematicFilter, KinematicSmoother
+from palpate.result.sample_store import Keeper
+from palpate_filters import ExtendedKalmanFilter, KinematicFilter, KinematicSmoother
+from palpate_fits import CasadiFit
 from palpate_models import DimensionalityReduction, Sphere
-from palpate_uncertainty.alternatives import Refit, alternatives, refit
-from palpate_uncertainty.course import Course, make_course
+from palpate_uncertainty import lack_of_fit as module
+from palpate_uncertainty.channel_noise import WHITE, null_of
 from palpate_uncertainty.lack_of_fit import LEVEL, lack_of_fit
-from palpate_uncertainty.whiteness import examined, oscillation
-from palpate_uncertainty.whitening import WHITE, null_of
+from palpate_uncertainty.model_alternatives import Refit, alternatives, refit
+from palpate_uncertainty.refit import Course, make_course
+from palpate_uncertainty.whiteness import oscillation, whiteness_tests
 
 E = 282.1e3
 N = 4000
@@ -34,7 +36,7 @@ def judged(track):
 
 def p_values(values, null, seed=0):
     phase = 4 * np.pi * TIME
-    return examined(values, ONE_RUN, TIME, np.sin(phase), phase, null)
+    return whiteness_tests(values, ONE_RUN, TIME, np.sin(phase), phase, null)
 
 
 def test_white_noise_passes_as_often_as_it_should():
@@ -118,6 +120,16 @@ def test_a_clean_record_is_not_flagged(evidence, estimator, colour):
     assert not finding.flags
     assert not finding.terms
     assert finding.table["p"] > LEVEL
+
+
+def test_a_model_without_a_force_at_its_numbers_is_named_and_the_others_are_judged(evidence, monkeypatch):
+    """An adhesive model divides by its modulus, which a fit that diverged may leave at 0."""
+    judge = module._judge
+    monkeypatch.setattr(module, "_judge", lambda track, known: 1 / 0 if track.name == "bad" else judge(track, known))
+    good = evidence("clean", KinematicFilter(), seed=5)
+    found = lack_of_fit([replace(good, name="bad"), good])
+    assert [flag.code for flag in found["bad"].flags] == ["diagnosis-failed"]
+    assert found[good.name].table["p"] > LEVEL
 
 
 def test_a_refit_may_begin_at_nothing(evidence):

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from palpate.result.tail import Tail
-from palpate_uncertainty.lateness import force_lateness
+from palpate.result.track_tail import Tail
+from palpate_uncertainty.delay.passivity import force_lateness
 
 STIFFNESS, MASS = 1500.0, 0.14
 TIME = np.arange(0.0, 3.0, 0.002)
@@ -83,7 +83,7 @@ def test_what_diverges_names_it_too():
     from palpate.estimation import Estimates, Samples, Status
     from palpate.registry import load
     from palpate.result import TrackRecord, track_result
-    from palpate.result.diagnosing import Diagnosable, Judged, diagnosed
+    from palpate.result.diagnoses import Diagnosable, RunEvidence, apply_diagnoses
     from palpate.track_name import TrackName
     from palpate_filters import KinematicFilter
     from palpate_models import DimensionalityReduction, Sphere
@@ -105,7 +105,7 @@ def test_what_diverges_names_it_too():
         settings = AlignmentSettings.model_validate({"force": "f.f", "position": "r.z", "tip_mass": MASS})
         result = track_result(TrackName("dr", "kinematic"), model, record, report, settings, 1.0)
         track = Diagnosable(model, KinematicFilter(), record, result)
-        found = diagnosed({"t": track}, load().diagnoses, Judged(settings, report, 1.0))["t"]
+        found = apply_diagnoses({"t": track}, load().diagnoses, RunEvidence(settings, report, 1.0))["t"]
         return {flag.code: flag.message for flag in found.flags}
 
     assert flags(0.0) == {"diverged": "the estimates stopped being finite or plausible numbers; none can be used"}

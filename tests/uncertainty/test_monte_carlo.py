@@ -8,8 +8,8 @@ import pytest
 from palpate import ConfigurationError
 from palpate.host import load_pipeline, run_pipeline
 from palpate_models import DimensionalityReduction, Sphere
-from palpate_uncertainty.budget import budget
-from palpate_uncertainty.monte_carlo import cases, propagated, with_number
+from palpate_uncertainty.budget_command import budget
+from palpate_uncertainty.monte_carlo import cases, propagate_draws, with_number
 
 PIPELINE = Path(__file__).parents[2] / "pipelines" / "point.toml"
 
@@ -28,15 +28,15 @@ def run(tmp_path_factory):
 def test_the_draws_agree_with_the_formula_and_with_the_budget(run):
     """E goes with R^-0.5: 5 % of the radius are 2.5 % of E; 48 draws know their std to 10 %."""
     (case,) = cases(run, ["dr/fit"])
-    found = propagated(case, 48, seed=1)
+    found = propagate_draws(case, 48, seed=1)
     row = found.table()["elasticity"]
     assert found.lost == 0
     assert row["std"] / row["value"] == pytest.approx(0.025, rel=0.35)
     assert row["std"] == pytest.approx(row["combined"], rel=0.35)
     assert abs(row["mean"] - row["value"]) < 3.5 * row["std"] / np.sqrt(48)
-    again = propagated(case, 10, seed=1, workers=1)
+    again = propagate_draws(case, 10, seed=1, workers=1)
     np.testing.assert_array_equal(again.values, found.values[:10])  # however they are shared out
-    assert not np.array_equal(propagated(case, 2, seed=2, workers=1).values, found.values[:2])
+    assert not np.array_equal(propagate_draws(case, 2, seed=2, workers=1).values, found.values[:2])
 
 
 @pytest.mark.slow

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from palpate_filters import CasadiFit
-from palpate_uncertainty.self_timed import _inflation, is_rich, self_timed
+from palpate_fits import CasadiFit
+from palpate_uncertainty.delay.delay_from_motion import _inflation, diagnose_delay, is_rich
 from scipy.signal import lfilter
 
 spec = importlib.util.spec_from_file_location("palpations", Path(__file__).with_name("palpations.py"))
@@ -21,7 +21,7 @@ ETA, MULTI, SINE, branch, evidence = (
 @pytest.mark.parametrize("late", [0.0, 3e-3])
 def test_a_multi_sine_tells_the_delay_and_the_viscosity_without_it(late):
     """The bound of Cramer and Rao for this motion, surface and both parameters unknown, is 0.535 ms."""
-    found = [self_timed([evidence(MULTI, late, seed)])["t"] for seed in (3, 4)]
+    found = [diagnose_delay([evidence(MULTI, late, seed)])["t"] for seed in (3, 4)]
     for one in found:
         assert one.table["law"] == "kelvin-voigt"
         assert one.table["delay"] == pytest.approx(late, abs=2 * one.table["delay_std"])
@@ -32,21 +32,21 @@ def test_a_multi_sine_tells_the_delay_and_the_viscosity_without_it(late):
 
 def test_the_viscosity_without_the_delay_is_that_of_the_material():
     track = evidence(MULTI, 3e-3, 5)
-    bias = self_timed([track])["t"].biases["viscosity"]
+    bias = diagnose_delay([track])["t"].biases["viscosity"]
     assert bias.shift < -80.0  # 3 ms hide 0.3 of 362 Pa s
     assert track.values[1] - bias.shift == pytest.approx(ETA, abs=2 * np.hypot(track.std[1], bias.std))
 
 
 def test_a_fit_that_looks_for_the_delay_gets_the_spread_of_the_laws():
     track = evidence(MULTI, 3e-3, 6, estimator=CasadiFit(unknowns=("delay",), profile=False))
-    found = self_timed([track])["t"]
+    found = diagnose_delay([track])["t"]
     assert not found.biases
     assert found.table["delay"] == pytest.approx(3e-3, abs=2 * found.table["delay_std"])
 
 
 @pytest.mark.slow
 def test_another_law_is_said_to_be_one_and_covers_the_delay():
-    found = self_timed([evidence(MULTI, 1e-3, 7, law=branch)])["t"]
+    found = diagnose_delay([evidence(MULTI, 1e-3, 7, law=branch)])["t"]
     assert [flag.code for flag in found.flags] == ["delay-by-law"]
     assert not found.settles  # that nobody has declared the timing stays said
     assert "one-branch" in found.flags[0].message
@@ -82,7 +82,7 @@ LAWS = {
 @pytest.mark.parametrize("law", LAWS)
 def test_the_delay_by_another_law_has_the_spread_of_those_that_nearly_describe_the_record(law):
     """By the best law alone it was off by 3 to 6 ms at a stated 1 ms."""
-    found = self_timed([evidence(MULTI, 3e-3, 9, law=LAWS[law])])["t"]
+    found = diagnose_delay([evidence(MULTI, 3e-3, 9, law=LAWS[law])])["t"]
     assert [flag.code for flag in found.flags] == ["delay-by-law"]
     assert not found.biases
     assert found.table["delay"] == pytest.approx(3e-3, abs=2 * found.table["delay_std"])

@@ -5,9 +5,9 @@ from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.alignment.tare import Tare
 from palpate.estimation import Estimates, Samples
 from palpate.result import TrackRecord
-from palpate.result.evidence import Ending
-from palpate.result.flags import alignment_flags
-from palpate.result.tail import Tail
+from palpate.result.record_flags import alignment_flags
+from palpate.result.track_evidence import TrackEnd
+from palpate.result.track_tail import Tail
 from palpate_models import KelvinVoigt
 from palpate_uncertainty.plausibility import ending_flags
 
@@ -54,7 +54,7 @@ def codes(made, touch_force=0.25, tare=None):
     report = AlignmentReport({}, tare, touch_force, None, 1, None, 1500, 0, 0, 3.0, None)
     settings = AlignmentSettings.model_validate({"force": "a.f", "position": "a.z"})
     whole = 1.0, made.tracked, made.samples, made.is_sweep
-    end = Ending(*made.ends(1.0), settings, report, {}, made.held, frozenset(), *whole)
+    end = TrackEnd(*made.ends(1.0), settings, report, {}, made.held, frozenset(), *whole)
     return {flag.code for flag in ending_flags(end, KelvinVoigt(), online=True, fitted=False)}
 
 

@@ -6,8 +6,8 @@ from palpate import Diagnosed, Tail, Term, force_over_time
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.contact import force_slopes
 from palpate.result import TrackResult
-from palpate.result.diagnosing import with_findings
-from palpate.result.found import Found, derived_values
+from palpate.result.diagnoses import with_findings
+from palpate.result.uncertain_value import UncertainValue, derived_values
 from palpate_models import (
     DimensionalityReduction,
     Flat,
@@ -18,11 +18,11 @@ from palpate_models import (
     Sphere,
     StandardLinearSolid,
 )
-from palpate_uncertainty.along import along
+from palpate_uncertainty.delay.timing_shift import delay_shifts
 from palpate_uncertainty.flags import compliance_flags, timing_flags
-from palpate_uncertainty.response import answer
-from palpate_uncertainty.terms import delays, systematic_terms
-from palpate_uncertainty.timing import delay_shifts
+from palpate_uncertainty.force_sensitivity import along
+from palpate_uncertainty.influence import answer
+from palpate_uncertainty.uncertainty_budget import delays, systematic_terms
 
 SPHERE = Sphere(radius=0.005)
 TIME = np.arange(0.0, 2.0, 0.002)
@@ -106,10 +106,10 @@ def test_a_derived_viscosity_says_its_delay():
     """Under a flat tip eta/G follows from K and B, and timing shifts eta by G per second."""
     model, theta = KelvinVoigt(indenter=Flat(radius=0.003)), [900.0, 7.0]
     shifts = model.delay_shift(theta)
-    parameters = {p.name: Found(v, 0.0, p.unit) for p, v in zip(model.parameters, theta, strict=True)}
+    parameters = {p.name: UncertainValue(v, 0.0, p.unit) for p, v in zip(model.parameters, theta, strict=True)}
     term = Term("timing", 1e-3, "s", np.array(shifts) * 1e-3)
     late = dict(delays(model, np.array(theta), np.array(shifts), [term]))
-    nothing = Found(0.0, 0.0, "m")
+    nothing = UncertainValue(0.0, 0.0, "m")
     own = TrackResult("kv", "fit", 1, parameters, nothing, 0.0, 1.0, (), 0.0, derived=derived_values(model, parameters))
     made = with_findings(own, model, "budget", Diagnosed(sources=(term,), delays=late))
     derived = {value.name: value.found for value in made.derived}

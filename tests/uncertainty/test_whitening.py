@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from palpate_filters.fit.uncertainty import mean_uncertainty
-from palpate_uncertainty.whitening import null_of
+from palpate_fits.uncertainty import mean_uncertainty
+from palpate_uncertainty.channel_noise import null_of
 from scipy.signal import lfilter
 
 ONE_RUN = 20_000

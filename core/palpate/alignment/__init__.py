@@ -6,10 +6,10 @@ The samples do not depend on how the streams were cut into batches, so a replaye
 from palpate.alignment.aligner import Aligner, AlignmentReport
 from palpate.alignment.hesitation import Hesitations, hesitations
 from palpate.alignment.intake import Intake
+from palpate.alignment.load_compensation import GRAVITY
 from palpate.alignment.ports import Port, Ports, channels, signals
-from palpate.alignment.series import Health, Series
 from palpate.alignment.settings import SIGNAL_UNITS, AlignmentSettings, Signal
-from palpate.alignment.touch import GRAVITY
+from palpate.alignment.signal_series import Health, Series
 
 __all__ = [
     "GRAVITY",

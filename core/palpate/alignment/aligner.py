@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.alignment.consistency import VelocityCheck
+from palpate.alignment.contact_detector import ContactDetector
 from palpate.alignment.intake import Intake
 from palpate.alignment.ports import Ports
-from palpate.alignment.series import Health
 from palpate.alignment.settings import AlignmentSettings
+from palpate.alignment.signal_series import Health
 from palpate.alignment.tare import Tare
-from palpate.alignment.touch import TouchFinder
+from palpate.alignment.velocity_lag import VelocityCheck
 from palpate.device import Batch
 from palpate.estimation import Samples
 from palpate.vectors import Floats
@@ -49,7 +49,7 @@ class Aligner:
         self._settings = settings
         self._intake = Intake(ports, settings.gap)
         self._roles = self._intake.series
-        self._touch = TouchFinder(settings)
+        self._contact = ContactDetector(settings)
         self._check = VelocityCheck()
         self._origin: int | None = None
         self._previous: tuple[int, float] | None = None  # stamp [ns] and position [m] of the last instant served
@@ -73,7 +73,7 @@ class Aligner:
             return block
         if "velocity" in self._roles and len(block):
             self._check.feed(block)
-        return self._touch.run(block, final)
+        return self._contact.feed(block, final)
 
     def _paired(self, final: bool) -> Samples:
         base = self._roles["position"]
@@ -152,20 +152,20 @@ class Aligner:
     @property
     def report(self) -> AlignmentReport:
         """What has been found out so far."""
-        touch, counts = self._touch, self._counts
+        contact, counts = self._contact, self._counts
         streams = {".".join(part for part in key if part): health for key, health in self._intake.health.items()}
         return AlignmentReport(
             streams,
-            touch.tare,
-            touch.threshold,
-            touch.first_touch,
-            touch.touches,
-            touch.air_force,
+            contact.tare,
+            contact.threshold.force,
+            contact.first_touch,
+            contact.touches,
+            contact.air_force,
             counts["samples"],
             counts["force"],
             counts["velocity"],
             self.reached,
             self._check.delay,
-            touch.by_change_point,
-            touch.pull,
+            contact.by_change_point,
+            contact.pull,
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from palpate.alignment.ports import Ports
-from palpate.alignment.series import Health, Series
+from palpate.alignment.signal_series import Health, Series
 from palpate.device import Batch, Stream
 
 _SECOND = 1_000_000_000  # [ns]

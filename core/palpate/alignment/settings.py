@@ -110,7 +110,7 @@ class AlignmentSettings(Settings):
         try:
             found = to_si(value, "N")
         except ValueError as error:
-            reason = f'{value!r} is none of "free-air", "calibrated", "none" and a force such as "1.8 N"'
+            reason = f'{value!r} is not one of "free-air", "calibrated", "none" and a force such as "1.8 N"'
             raise PydanticCustomError("tare", "{reason}", {"reason": reason}) from error
         if not isinstance(value, str) and (doubt := Quantity("N", most=500.0).doubt(found)):
             raise PydanticCustomError("tare", "{reason}", {"reason": doubt})

@@ -28,7 +28,7 @@ class Tare:
     until: float | None = None  # [s] end of the free air that it comes from
 
 
-def given_tare(settings: AlignmentSettings) -> Tare | None:
+def stated_tare(settings: AlignmentSettings) -> Tare | None:
     """The tare that the settings say; None where it is to be measured."""
     if settings.tare == "none":
         return Tare(0.0, settings.tare_uncertainty, None)

@@ -8,11 +8,20 @@ import sys
 import warnings
 from collections.abc import Iterator, Sequence
 
-from palpate.cli.commands import Invocation, help_text, parsed, version_text
+from palpate.cli.commands import (
+    CommandCall,
+    Invocation,
+    call_of,
+    epilog,
+    group_text,
+    help_text,
+    parse_arguments,
+    version_text,
+)
 from palpate.errors import PalpateError
-from palpate.extensions import function_of
-from palpate.printed import printable
-from palpate.printing import harmless_output
+from palpate.offers import function_of
+from palpate.printable_text import printable
+from palpate.terminal_escape import harmless_output
 from palpate.trust import SWITCH, at_the_command_line
 
 
@@ -63,7 +72,7 @@ def call(arguments: Sequence[str], ends: bool = False) -> None:
 
     Raises PalpateError, and without `ends` also what the reader of the command's own arguments raises.
     """
-    invocation = parsed(arguments)
+    invocation = parse_arguments(arguments)
     with _forbidding(invocation.forbids):
         _do(invocation, ends)
 
@@ -88,19 +97,23 @@ def _do(invocation: Invocation, ends: bool) -> None:
     elif invocation.wants == "help":
         print(help_text(invocation.files))
     else:
-        _call(invocation, ends)
+        _call(call_of(invocation), ends)
 
 
-def _call(invocation: Invocation, ends: bool) -> None:
+def _call(meant: CommandCall, ends: bool) -> None:
     """Call a command's function with its own arguments, read by its annotations."""
     import typer
 
-    command = invocation.command()
+    if meant.notice:
+        print(meant.notice, file=sys.stderr)
+    if meant.command is None:
+        print(group_text(meant))
+        return
     single = typer.Typer(
         add_completion=False,
         pretty_exceptions_enable=False,
         rich_markup_mode="markdown",  # rich's own markup would take [tables] for tags
         context_settings={"help_option_names": ["-h", "--help"]},
     )
-    single.command(name=invocation.name)(function_of(command))
-    single(args=list(invocation.arguments), prog_name=f"palpate {invocation.name}", standalone_mode=ends)
+    single.command(name=meant.name, epilog=epilog(meant))(function_of(meant.command))
+    single(args=list(meant.arguments), prog_name=f"palpate {meant.name}", standalone_mode=ends)

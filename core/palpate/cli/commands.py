@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import shutil
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from palpate.errors import ConfigurationError
-from palpate.extensions import PANELS, Command
+from palpate.errors import ConfigurationError, PluginError, suggest
+from palpate.offers import PANELS, Command
 
 if TYPE_CHECKING:
     from palpate.registry import Registry
 
 _USAGE = "usage: palpate [--plugin FILE]... [--no-plugins] COMMAND [ARGUMENT]..."
+_HELP = ("-h", "--help")
 
 
 @dataclass(frozen=True)
@@ -23,22 +25,28 @@ class Invocation:
     """What the command line asks for."""
 
     wants: Literal["help", "version", "command"]
-    name: str = ""
-    arguments: tuple[str, ...] = ()
+    words: tuple[str, ...] = ()  # the command and its arguments
     files: tuple[Path, ...] = ()  # plugins beside those that are installed
     forbids: bool = False  # plugin files that a pipeline names
 
-    def command(self) -> Command:
-        """The command; raises PluginError where no plugin has it."""
-        return offered(self.files).command(self.name)
+
+@dataclass(frozen=True)
+class CommandCall:
+    """A command with its arguments."""
+
+    name: str
+    command: Command | None  # None for the first word of subcommands that has no command of its own
+    arguments: tuple[str, ...]
+    subcommands: Mapping[str, Command]
+    notice: str = ""  # of a former name
 
 
-def parsed(arguments: Sequence[str]) -> Invocation:
+def parse_arguments(arguments: Sequence[str]) -> Invocation:
     """What the arguments ask for; raises ConfigurationError for an option that is none."""
     rest, files, forbids = list(arguments), list[Path](), False
     while rest and rest[0].startswith("-"):
         word = rest.pop(0)
-        if word in ("-h", "--help"):
+        if word in _HELP:
             return Invocation("help", files=tuple(files))
         if word == "--version":
             return Invocation("version")
@@ -50,10 +58,33 @@ def parsed(arguments: Sequence[str]) -> Invocation:
         files.append(Path(rest.pop(0)))
     if not rest:
         return Invocation("help", files=tuple(files))
-    return Invocation("command", rest[0], tuple(rest[1:]), tuple(files), forbids)
+    return Invocation("command", tuple(rest), tuple(files), forbids)
 
 
-def offered(files: Sequence[Path] = ()) -> Registry:
+def call_of(invocation: Invocation) -> CommandCall:
+    """The command that is meant, a subcommand before a command; raises PluginError where no plugin has it."""
+    registry = command_offers(invocation.files)
+    first, *rest = invocation.words
+    below = registry.subcommands(first)
+    if rest and rest[0] in below:
+        return CommandCall(f"{first} {rest[0]}", below[rest[0]], tuple(rest[1:]), {})
+    for name, command in registry.commands.items():
+        if command.former == first and first not in registry.commands:
+            return CommandCall(name, command, tuple(rest), {}, f"palpate {first} is palpate {name} now")
+    if below and rest and rest[0] not in _HELP:
+        _demand_no_slip(first, rest[0], below, alone=first not in registry.commands)
+    if below and first not in registry.commands:
+        return CommandCall(first, None, tuple(rest), below)
+    return CommandCall(first, registry.command(first), tuple(rest), below)
+
+
+def _demand_no_slip(first: str, word: str, below: Mapping[str, Command], alone: bool) -> None:
+    """Raise PluginError where a word is no subcommand, and can be nothing else or nearly is one."""
+    if alone or (get_close_matches(word, below, cutoff=0.75) and not Path(word).exists()):
+        raise PluginError(f"there is no command '{first} {word}'{suggest(word, below)}")
+
+
+def command_offers(files: Sequence[Path] = ()) -> Registry:
     """The commands of all plugins; raises PluginError where two claim one name."""
     from palpate.registry import load_commands
 
@@ -68,21 +99,56 @@ def version_text() -> str:
 
 
 def help_text(files: Sequence[Path] = ()) -> str:
-    """Usage, and every command with its line, by panels."""
-    registry = offered(files)
-    width = min(shutil.get_terminal_size().columns, 110)
-    indent = max(len(name) for name in registry.commands) + 4
+    """Usage, and every command with its line, by panels; of subcommands the words."""
+    registry = command_offers(files)
     lines = [
         _USAGE,
         "",
         "Elasticity and viscosity of soft material from robotic palpation, each with its uncertainty.",
     ]
     for panel, title in PANELS.items():
-        rows = {name: command.help for name, command in registry.commands.items() if command.panel == panel}
-        lines += ["", f"{title}:"] if rows else []
-        for name, text in rows.items():
-            head = f"  {name:<{indent - 2}}"
-            lines += textwrap.wrap(text, max(width, indent + 20), initial_indent=head, subsequent_indent=" " * indent)
-    lines += ["", "palpate COMMAND --help says more of a command; palpate --version prints the version."]
-    lines += [f"plugin {plugin} could not be loaded: {reason}" for plugin, reason in registry.failures.items()]
+        rows = {
+            name.partition(" ")[0]: _line(name.partition(" ")[0], registry)
+            for name, command in registry.commands.items()
+            if command.panel == panel and (" " not in name or name.partition(" ")[0] not in registry.commands)
+        }
+        lines += ["", f"{title}:", *_table(rows)] if rows else []
+    lines += [
+        "",
+        "palpate COMMAND --help says more, and shows subcommands; palpate --version prints the version.",
+    ]
+    lines += registry.failures.values()
     return "\n".join(lines)
+
+
+def group_text(call: CommandCall) -> str:
+    """Usage and lines of subcommands whose first word has no command of its own."""
+    rows = {name: command.help for name, command in call.subcommands.items()}
+    lines = [f"usage: palpate {call.name} COMMAND [ARGUMENT]...", "", *_table(rows), ""]
+    return "\n".join([*lines, f"palpate {call.name} COMMAND --help says more."])
+
+
+def epilog(call: CommandCall) -> str | None:
+    """What the help of a command says of its subcommands, as Markdown."""
+    if not call.subcommands:
+        return None
+    rows = (f"- `palpate {call.name} {name}`: {command.help}" for name, command in call.subcommands.items())
+    return "\n\n".join(["Subcommands:", *rows])
+
+
+def _line(name: str, registry: Registry) -> str:
+    below = registry.subcommands(name)
+    if name not in registry.commands:
+        return " ".join(f"{word}: {command.help}" for word, command in below.items())
+    also = f" Also: {', '.join(below)}." if below else ""
+    return registry.commands[name].help + also
+
+
+def _table(rows: Mapping[str, str]) -> list[str]:
+    indent = 14
+    width = max(min(shutil.get_terminal_size().columns, 110), indent + 20)
+    lines: list[str] = []
+    for name, text in rows.items():
+        head = f"  {name:<{indent - 3}} "
+        lines += textwrap.wrap(text, width, initial_indent=head, subsequent_indent=" " * indent)
+    return lines

@@ -6,10 +6,10 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from palpate.config.source import Location, Source
+from palpate.config.pipeline_source import Location, Source
 from palpate.errors import ConfigurationError
 from palpate.flags import Flag
-from palpate.migration import Migration
+from palpate.table_migration import Migration
 
 FORMAT = "0.2"  # version of palpate in whose names pipelines are written today
 KEY = "palpate"  # of a pipeline, at the top: the version for which it was written
@@ -25,6 +25,7 @@ MIGRATIONS: tuple[Migration, ...] = (
             "rest_noise": "standstill_noise",
             "rest_speed": "standstill_speed",
             "rest_excess": "standstill_excess",
+            "stale": "sensor_timeout",
         },
     ),
 )

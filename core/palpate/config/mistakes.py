@@ -9,7 +9,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from palpate.config.source import Location, Source
+from palpate.config.pipeline_source import Location, Source
 from palpate.errors import ConfigurationError, suggest
 from palpate.hooks import KINDS
 

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 from pydantic import Field
 
 from palpate.alignment import AlignmentSettings, Ports
-from palpate.config.wiring import ports_of
+from palpate.config.signal_wiring import ports_of
 from palpate.contact import ContactModel, Indenter
 from palpate.device import Device
 from palpate.estimation import Estimator

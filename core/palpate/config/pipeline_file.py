@@ -10,16 +10,16 @@ from typing import Any
 
 from palpate import registry as registries
 from palpate.alignment import AlignmentSettings
-from palpate.config.assumed import still_assumed
-from palpate.config.builder import Builder, unknown_tables
-from palpate.config.calibrated import calibration_of
-from palpate.config.known import unknown_sources
+from palpate.config.assumed_values import assumed_keys
+from palpate.config.calibration import calibration_of
+from palpate.config.declared_uncertainties import unknown_sources
 from palpate.config.migrations import MIGRATIONS, migrate
 from palpate.config.mistakes import Mistake, raise_mistakes
+from palpate.config.part_builder import Builder, unknown_tables
 from palpate.config.pipeline import Pipeline, RunSettings, Track
-from palpate.config.source import Source
-from palpate.config.wired_safety import contradictions, wired
-from palpate.config.wiring import ports_of, wrong_channels, wrong_wiring
+from palpate.config.pipeline_source import Source
+from palpate.config.safety_wiring import contradictions, wire_safety
+from palpate.config.signal_wiring import check_wiring, ports_of, wrong_channels
 from palpate.contact import ContactModel
 from palpate.device import Device
 from palpate.errors import suggest
@@ -28,7 +28,7 @@ from palpate.flags import Flag
 from palpate.registry import Registry
 from palpate.safety import SafetySettings
 from palpate.track_name import TrackName
-from palpate.trust import PluginFile, announce, approved
+from palpate.trust import PluginFile, announce, approved_files
 
 
 def load_pipeline(path: Path, overrides: Iterable[str] = (), estimates: bool = True, named: bool = True) -> Pipeline:
@@ -66,7 +66,7 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
         builder.mistakes += lost
     if safety and alignment and not builder.mistakes:
         builder.mistakes += contradictions(safety, alignment, kinds["device"])
-        safety = wired(safety, alignment, kinds["device"])
+        safety = wire_safety(safety, alignment, kinds["device"])
     raise_mistakes(builder.mistakes, source)
     registry.demand_sound(kinds)
     assert alignment is not None
@@ -91,7 +91,7 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
         stated=stated,
         renamed=renamed,
     )
-    assumed = still_assumed(run.assumed, pipeline, source.overridden)
+    assumed = assumed_keys(run.assumed, pipeline, source.overridden)
     return replace(pipeline, run=run.model_copy(update={"assumed": assumed})) if run.assumed else pipeline
 
 
@@ -121,7 +121,7 @@ def plugin_files(source: Source) -> tuple[PluginFile, ...]:
     builder = Builder(alone, Registry({}))
     settings = builder.settings(RunSettings, ("run",))
     raise_mistakes(builder.mistakes, source)
-    return approved(settings.plugins, source.path, source.has_chosen_plugins)
+    return approved_files(settings.plugins, source.path, source.has_chosen_plugins)
 
 
 def _registry(source: Source) -> Registry:
@@ -140,7 +140,7 @@ def _wrong_signals(
     """Channels that are none, and wires that cannot be; nothing where not all devices could be built."""
     if not alignment or not isinstance(tables.get("device"), dict) or len(devices) != len(tables["device"]):
         return []
-    return wrong_channels(alignment, devices) or wrong_wiring(ports_of(alignment, devices), safety)
+    return wrong_channels(alignment, devices) or check_wiring(ports_of(alignment, devices), safety)
 
 
 def _wrong_uncertainties(run: RunSettings | None, models: Mapping[str, ContactModel]) -> list[Mistake]:

@@ -1,14 +1,16 @@
 """The pipeline at work: devices -> alignment -> tracks -> sinks -> result."""
 
-from palpate.pipeline.concluding import Result
+from palpate.pipeline.arrivals import each
 from palpate.pipeline.device_flags import payloads
-from palpate.pipeline.flow import Flow, each, the_trajectory
-from palpate.pipeline.guard import Guard
+from palpate.pipeline.flow import Flow
 from palpate.pipeline.interrupt import interruptible
-from palpate.pipeline.live import LiveLinks
-from palpate.pipeline.running import run_pipeline
-from palpate.pipeline.standstill import declared_noise
-from palpate.pipeline.start import check_way
+from palpate.pipeline.live.approach import check_approach
+from palpate.pipeline.live.guard import Guard
+from palpate.pipeline.live.links import LiveLinks
+from palpate.pipeline.live.standstill import declared_noise
+from palpate.pipeline.pipeline_run import run_pipeline
+from palpate.pipeline.planned_motion import single_trajectory
+from palpate.pipeline.run_result import Result
 from palpate.pipeline.tracks import start_tracks
 
 __all__ = [
@@ -16,12 +18,12 @@ __all__ = [
     "Guard",
     "LiveLinks",
     "Result",
-    "check_way",
+    "check_approach",
     "declared_noise",
     "each",
     "interruptible",
     "payloads",
     "run_pipeline",
+    "single_trajectory",
     "start_tracks",
-    "the_trajectory",
 ]

@@ -9,7 +9,7 @@ from typing import Any
 from palpate.config import Pipeline
 from palpate.device import Batch
 from palpate.estimation import Estimates, Samples
-from palpate.extensions import function_of
+from palpate.offers import function_of
 from palpate.pipeline.tracks import RunningTrack
 from palpate.sink import EstimatesWriter, Run, TakesResult, Writer
 

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
+from dataclasses import replace
 from threading import Event
-from typing import Any
 
 from palpate.alignment import Aligner, AlignmentReport
 from palpate.config import Pipeline
 from palpate.device import is_live
 from palpate.errors import DeviceError
+from palpate.pipeline.arrivals import Arrivals, Progress
 from palpate.pipeline.data_path import DataPath
-from palpate.pipeline.flow import Arrivals, Flow, Progress, Taken
+from palpate.pipeline.flow import Flow
+from palpate.pipeline.health import HealthReporter
 from palpate.pipeline.interrupt import Interrupt
 from palpate.pipeline.latency import Latency
+from palpate.pipeline.live.live_facts import EstimateFacts, LiveFacts
+from palpate.pipeline.live.standstill import declared_noise
 from palpate.pipeline.outputs import Outputs
-from palpate.pipeline.standstill import declared_noise
-from palpate.pipeline.telling import Telling
 from palpate.pipeline.tracks import Tracks
+
+# Log time [s], total [s] where known, how far the estimates are behind [s].
+Observer = Callable[[float, float | None, float], None]
 
 
 class Session:
@@ -32,7 +37,7 @@ class Session:
         tracks: Tracks,
         outputs: Outputs,
         interrupt: Interrupt,
-        progress: Progress | None,
+        observe: Observer | None,
         begun: Event,
     ) -> None:
         live = is_live(pipeline.devices)
@@ -40,8 +45,8 @@ class Session:
         self._latency = Latency(pipeline.ports["position"]) if live and pipeline.tracks else None
         self._path = DataPath(self._aligner, tracks, outputs, self._latency)
         self._flow = Flow(pipeline, self._take, interrupt, declared_noise(pipeline))
-        self._telling = Telling(outputs.writers, self._flow, self._aligner, tracks, pipeline)
-        self._interrupt, self._progress, self._begun = interrupt, progress, begun
+        self._health = HealthReporter(outputs.writers, self._flow, self._aligner, tracks, pipeline)
+        self._interrupt, self._observe, self._begun = interrupt, observe, begun
 
     def run(self) -> DeviceError | None:
         """Until there are no more batches and no backlog; the failure of a device, where that ended it."""
@@ -52,20 +57,20 @@ class Session:
             self._interrupt.reason, failure = f"stopped by a device: {error}", error
         for _ in self._path.finish(lambda: self._interrupt.reason is not None):
             self._show()
-        self._telling.last({"time": self._aligner.reached, "behind": 0.0})
+        self._health.last({"time": self._aligner.reached, "behind": 0.0})
         return failure
 
-    def _take(self, arrivals: Arrivals) -> Taken:
+    def _take(self, arrivals: Arrivals) -> Progress:
         self._begun.set()
         self._path.step(arrivals)
         return self._show()
 
-    def _show(self) -> Taken:
+    def _show(self) -> Progress:
         reached, behind = self._aligner.reached, self._path.backlog.behind
-        self._telling.look({"time": reached, "behind": behind})
-        if self._progress is not None and reached:
-            self._progress(reached, self._flow.total, behind)
-        return Taken(reached, behind)
+        self._health.look({"time": reached, "behind": behind})
+        if self._observe is not None and reached:
+            self._observe(reached, self._flow.total, behind)
+        return Progress(reached, behind)
 
     @property
     def report(self) -> AlignmentReport:
@@ -73,10 +78,10 @@ class Session:
         return self._aligner.report
 
     @property
-    def facts(self) -> Mapping[str, Any]:
-        """What there is to say of a live run; nothing of another one."""
-        if self._latency is None:
-            return self._flow.facts
+    def live(self) -> LiveFacts | None:
+        """What there is to say of a live run; None of another one."""
+        facts = self._flow.facts
+        if facts is None or self._latency is None:
+            return facts
         backlog = self._path.backlog
-        behind = {"largest_behind": backlog.largest, "until": backlog.given_up}
-        return {**self._flow.facts, "estimates": {"latency": self._latency.table(), **behind}}
+        return replace(facts, estimates=EstimateFacts(self._latency.table(), backlog.largest, backlog.given_up))

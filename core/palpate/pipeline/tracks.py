@@ -12,9 +12,9 @@ from palpate.clocks import clock
 from palpate.config import Pipeline, Track
 from palpate.errors import ConfigurationError, PalpateError, PluginError
 from palpate.estimation import Estimates, Problem, Samples, Tracker
-from palpate.extensions import Diagnosis, function_of
-from palpate.pipeline.failing import Blame, judged
-from palpate.result import Diagnosable, Judged, TrackRecord, TrackResult, diagnosed, track_result
+from palpate.offers import Diagnosis, function_of
+from palpate.pipeline.plugin_failure import PartFailure, check_estimates
+from palpate.result import Diagnosable, RunEvidence, TrackRecord, TrackResult, apply_diagnoses, track_result
 
 _FEW = 10  # tracked samples; before that nothing is said of a track
 _MANY = 256  # samples of a block that are worth a thread
@@ -27,7 +27,7 @@ class RunningTrack:
     track: Track
     tracker: Tracker
     record: TrackRecord
-    blame: Blame
+    part_failure: PartFailure
 
     def run(self, samples: Samples) -> Estimates:
         """Estimates for a block, with the time that they took; none from where the estimator or the model raised."""
@@ -36,12 +36,12 @@ class RunningTrack:
             return Estimates.idle(samples, parameters)
         before = clock().now()
         try:
-            estimates = judged(self.tracker.run(samples), samples, parameters)
+            estimates = check_estimates(self.tracker.run(samples), samples, parameters)
             self.record.add(samples, estimates, clock().now() - before)
         except PalpateError:
             raise  # on purpose: the user can mend it
         except Exception as error:  # whatever third-party code raises: the other tracks continue
-            self.record.failure = self.blame.flag(error, samples)
+            self.record.failure = self.part_failure.flag(error, samples)
             return Estimates.idle(samples, parameters)
         return estimates
 
@@ -53,7 +53,7 @@ class RunningTrack:
         except PalpateError:
             raise
         except Exception as error:  # a model that cannot say what its parameters mean
-            self.record.failure = self.blame.flag(error)
+            self.record.failure = self.part_failure.flag(error)
             return track_result(track.name, track.model, self.record, report, settings, average, online)
 
     def so_far(self, report: AlignmentReport, settings: AlignmentSettings, average: float) -> TrackResult | None:
@@ -129,8 +129,10 @@ class Tracks:
         run = pipeline.run
         return {
             **found,
-            **diagnosed(
-                whole, diagnoses, Judged(pipeline.alignment, report, run.average, run.uncertainties, pipeline.tables)
+            **apply_diagnoses(
+                whole,
+                diagnoses,
+                RunEvidence(pipeline.alignment, report, run.average, run.uncertainties, pipeline.tables),
             ),
         }
 
@@ -154,7 +156,7 @@ def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
     standstill = pipeline.safety.standstill if pipeline.safety else None
     running = []
     for track in pipeline.tracks:
-        blame = Blame(track, pipeline.registry)
+        part_failure = PartFailure(track, pipeline.registry)
         timing = pipeline.alignment.timing_uncertainty
         problem = Problem(
             track.model, pipeline.alignment.tip_mass, timing, standstill, _others(pipeline, track.name.model)
@@ -166,9 +168,9 @@ def start_tracks(pipeline: Pipeline) -> list[RunningTrack]:
         except PalpateError:
             raise
         except Exception as error:  # whatever third-party code raises
-            raise PluginError(f"{pipeline.path}: track {track.name}: {blame.complaint(error)}") from error
+            raise PluginError(f"{pipeline.path}: track {track.name}: {part_failure.complaint(error)}") from error
         # An offline estimate holds for all of its samples, so all of them are looked at.
         summaries = tuple(function_of(summary)() for summary in pipeline.registry.summaries.values())
         record = TrackRecord(keep if track.estimator.online else math.inf, summaries=summaries)
-        running.append(RunningTrack(track, tracker, record, blame))
+        running.append(RunningTrack(track, tracker, record, part_failure))
     return running

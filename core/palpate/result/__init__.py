@@ -1,8 +1,9 @@
 """Results: what a run found, what may be wrong with it, and where it is written."""
 
-from palpate.result.diagnosing import Diagnosable, Judged, diagnosed
-from palpate.result.flags import track_flags
-from palpate.result.folder import (
+from palpate.result.diagnoses import Diagnosable, RunEvidence, apply_diagnoses
+from palpate.result.record_flags import track_flags
+from palpate.result.record_outcome import record_flags, stream_tables, track_result
+from palpate.result.result_folder import (
     GIVEN,
     PIPELINE,
     RESULT,
@@ -10,25 +11,24 @@ from palpate.result.folder import (
     make_folder,
     withdraw_folder,
 )
-from palpate.result.found import Derived, Found, finite, finite_tree
-from palpate.result.outcome import record_flags, stream_tables, track_result
-from palpate.result.record import TrackRecord
-from palpate.result.tail import acceleration
+from palpate.result.track_record import TrackRecord
 from palpate.result.track_result import TrackResult
+from palpate.result.track_tail import acceleration
+from palpate.result.uncertain_value import DerivedValue, UncertainValue, finite, finite_tree
 
 __all__ = [
     "GIVEN",
     "PIPELINE",
     "RESULT",
     "SCHEMA",
-    "Derived",
+    "DerivedValue",
     "Diagnosable",
-    "Found",
-    "Judged",
+    "RunEvidence",
     "TrackRecord",
     "TrackResult",
+    "UncertainValue",
     "acceleration",
-    "diagnosed",
+    "apply_diagnoses",
     "finite",
     "finite_tree",
     "make_folder",

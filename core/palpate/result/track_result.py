@@ -11,7 +11,7 @@ from palpate.estimation import Estimates, Samples
 from palpate.fit_report import BudgetRow, FitReport
 from palpate.flags import Flag, Verdict, verdict
 from palpate.registry import Registry
-from palpate.result.found import Derived, Found, finite, finite_tree
+from palpate.result.uncertain_value import DerivedValue, UncertainValue, finite, finite_tree
 
 
 @dataclass(frozen=True)
@@ -21,13 +21,13 @@ class TrackResult:
     model: str
     estimator: str
     samples: int
-    parameters: Mapping[str, Found]
-    surface: Found
+    parameters: Mapping[str, UncertainValue]
+    surface: UncertainValue
     force_rms: float  # [N]
     nis: float  # mean over the averaging window at the end
     flags: tuple[Flag, ...]
     seconds_per_sample: float
-    derived: tuple[Derived, ...] = ()
+    derived: tuple[DerivedValue, ...] = ()
     details: Mapping[str, Any] = field(default_factory=dict)  # what the estimator says beyond its numbers
     report: FitReport | None = None  # of an offline fit that was made
     budget: tuple[BudgetRow, ...] = ()  # every source with its effect on each parameter

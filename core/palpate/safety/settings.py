@@ -6,7 +6,7 @@ import math
 
 from pydantic import Field
 
-from palpate.limiting import ArmLimits
+from palpate.arm_limits import ArmLimits
 from palpate.parts import Settings
 from palpate.safety.motion_limits import MotionLimits
 from palpate.units import Acceleration, Angle, AngularSpeed, Force, Length, Speed, Stiffness, Time
@@ -48,7 +48,9 @@ class SafetySettings(Settings):
         description="of the sensor's filter; left out: what the force's delay or the device says",
     )
     deceleration: Acceleration = Field(default=1.0, gt=0, description="of braking")
-    stale: Time = Field(default=0.1, gt=0, description="a sensor or robot that is silent for longer stops the motion")
+    sensor_timeout: Time = Field(
+        default=0.1, gt=0, description="a sensor or robot that is silent for longer stops the motion"
+    )
     held_up: Time = Field(
         default=0.5, gt=0, description="this program being held up for longer, by others or by itself, stops the motion"
     )

@@ -15,7 +15,9 @@ def palpate_commands() -> dict[str, Command]:
     """Making a calibration."""
     return {
         "calibrate": Command(
-            "palpate_calibration.command:calibrate", "Calibrate mass, delay, tare and noise of a rig.", "hardware"
+            "palpate_calibration.calibrate_command:calibrate",
+            "Calibrate mass, delay, tare and noise of a rig.",
+            "hardware",
         )
     }
 
@@ -37,7 +39,7 @@ def palpate_migrations() -> tuple[Migration, ...]:
 @plugin
 def palpate_calibrations() -> dict[str, CalibrationReader]:
     """What a run takes from a calibration."""
-    return {"calibration": CalibrationReader("palpate_calibration.applying:calibration_in")}
+    return {"calibration": CalibrationReader("palpate_calibration.calibration_use:calibration_in")}
 
 
 @plugin

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate import Batch, Floats, LogError
 from palpate.host import GRAVITY, Ports
 
-from palpate_calibration.quantity import Measured, RepeatValue
+from palpate_calibration.calibrated_value import MeasuredValue, RepeatValue
 from palpate_calibration.sines import mean_with_std
 from palpate_calibration.statics import WeightFit, weight_fit
 
@@ -75,7 +75,9 @@ def _pose(values: Floats) -> Pose:
     return Pose(np.array([mean for mean, _, _ in means]), np.array([std for _, std, _ in means]))
 
 
-def weighed(repeats: Sequence[Sequence[Pose]], down: Sequence[Sequence[float]], angle: float) -> dict[str, Measured]:
+def weigh_tool(
+    repeats: Sequence[Sequence[Pose]], down: Sequence[Sequence[float]], angle: float
+) -> dict[str, MeasuredValue]:
     """Mass, centre of mass and biases from all repeats, each with one pose for every direction of gravity.
 
     Type B is what directions that are off by `angle` [rad] about each of two axes would do. Raises LogError where the
@@ -95,7 +97,7 @@ def weighed(repeats: Sequence[Sequence[Pose]], down: Sequence[Sequence[float]], 
     table = [dict(_numbers(fit)) for fit in fits]
     units = {"mass": "kg", "centre": "m", "bias": "N", "torque": "N*m"}
     return {
-        name: Measured.of([entry[name] for entry in table], units[name.partition("_")[0]], float(term))
+        name: MeasuredValue.of([entry[name] for entry in table], units[name.partition("_")[0]], float(term))
         for name, term in zip(table[0], terms, strict=True)
     }
 

@@ -10,12 +10,12 @@ import numpy as np
 from palpate import Floats, LogError
 from palpate.host import GRAVITY
 
-from palpate_calibration.quantity import Measured, scaled, summed
-from palpate_calibration.record import CalibrationRecord
-from palpate_calibration.segments import Segment, hesitated, shaking, standing_still
+from palpate_calibration.calibrated_value import MeasuredValue, add_values, scale_value
+from palpate_calibration.calibration_record import CalibrationRecord
+from palpate_calibration.motion_segments import Segment, hesitation_note, shake_segments, standing_still
 from palpate_calibration.settings import CalibrationSettings
-from palpate_calibration.shake import ShakeFit, shake_fit
-from palpate_calibration.standstill import Spectrum, StandstillFit, standstill_fit, standstill_values
+from palpate_calibration.shake_analysis import ShakeFit, shake_fit
+from palpate_calibration.standstill import OctaveNoise, StandstillFit, standstill_fit, standstill_values
 from palpate_calibration.statics import series_compliance, tap_delay
 
 _STUCK = 0.1  # [s] of exactly equal readings
@@ -31,12 +31,12 @@ _UNEXPLAINED = 3.0  # times the noise at standstill, and a tenth of the inertia,
 class StepFindings:
     """Results of all repeats together."""
 
-    values: dict[str, Measured]  # by name, in the order in which people want them
+    values: dict[str, MeasuredValue]  # by name, in the order in which people want them
     shakes: tuple[ShakeFit, ...] = ()
     standstills: tuple[StandstillFit, ...] = ()
     residual: float = 0.0  # [N] the largest of the shakes
     notes: tuple[str, ...] = ()
-    spectra: Mapping[str, Spectrum] = field(default_factory=dict)  # of the noise at standstill, by role
+    spectra: Mapping[str, OctaveNoise] = field(default_factory=dict)  # of the noise at standstill, by role
 
 
 def calibrate(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
@@ -45,8 +45,8 @@ def calibrate(records: Sequence[CalibrationRecord], settings: CalibrationSetting
     Raises LogError with the reason where a record cannot be used: saturated, stuck, in contact, too small a motion.
     """
     if settings.motion == "plate":
-        return joined([tapped(records), pressed(records)], settings)
-    return joined([shaken(records, settings)], settings)
+        return join_steps([delay_from_taps(records), compliance_from_presses(records)], settings)
+    return join_steps([shaken(records, settings)], settings)
 
 
 def shaken(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
@@ -55,13 +55,13 @@ def shaken(records: Sequence[CalibrationRecord], settings: CalibrationSettings) 
     standstills: list[StandstillFit] = []
     for record in records:
         refuse_broken(record)
-        moving, still = shaking(record, settings.settle), standing_still(record)
+        moving, still = shake_segments(record, settings.settle), standing_still(record)
         if not moving:
             count = record.hesitations.count(record.begin, record.end)
             raise LogError(
                 "calibration: the record contains no shake of 2 s or more: no steady oscillation; the tip moves by "
                 f"{1e3 * float(np.ptp(record.position.values)):.3g} mm in {record.end - record.begin:.3g} s"
-                + (f", and {hesitated(count)}" if count else "")
+                + (f", and {hesitation_note(count)}" if count else "")
             )
         fits = [shake_fit(record, segment, settings.frequencies) for segment in moving]
         shakes += fits
@@ -77,16 +77,16 @@ def shaken(records: Sequence[CalibrationRecord], settings: CalibrationSettings) 
     )
 
 
-def tapped(records: Sequence[CalibrationRecord]) -> StepFindings:
+def delay_from_taps(records: Sequence[CalibrationRecord]) -> StepFindings:
     """A second delay, from taps on a stiff plate."""
     delays = []
     for record in records:
         times, readings = _on_plate(record)
         delays.append(tap_delay((times, readings), (record.position.time, record.position.values)))
-    return StepFindings({"tap_delay": Measured.of(delays, "s")})
+    return StepFindings({"tap_delay": MeasuredValue.of(delays, "s")})
 
 
-def pressed(records: Sequence[CalibrationRecord]) -> StepFindings:
+def compliance_from_presses(records: Sequence[CalibrationRecord]) -> StepFindings:
     """The compliance of robot and sensor, from presses on a stiff plate."""
     found = []
     for record in records:
@@ -94,7 +94,7 @@ def pressed(records: Sequence[CalibrationRecord]) -> StepFindings:
         position = record.position
         delay = tap_delay((times, readings), (position.time, position.values)).value
         found.append(series_compliance(readings, np.interp(times - delay, position.time, position.values)))
-    return StepFindings({"compliance": Measured.of(found, "m/N")})
+    return StepFindings({"compliance": MeasuredValue.of(found, "m/N")})
 
 
 def _on_plate(record: CalibrationRecord) -> tuple[Floats, Floats]:
@@ -111,16 +111,16 @@ def _on_plate(record: CalibrationRecord) -> tuple[Floats, Floats]:
     return force.time[inside], free[inside]
 
 
-def joined(sessions: Sequence[StepFindings], settings: CalibrationSettings) -> StepFindings:
+def join_steps(sessions: Sequence[StepFindings], settings: CalibrationSettings) -> StepFindings:
     """All steps together: where several give the same value, the earlier one counts, and disagreement is noted."""
-    values: dict[str, Measured] = {}
+    values: dict[str, MeasuredValue] = {}
     for session in sessions:
         values = session.values | values
     if "mass" not in values and "mass_by_weight" in values:
         values["mass"] = values["mass_by_weight"]
     if settings.gravity and {"mass", "offset"} <= values.keys():
-        values["weight"] = scaled(values["mass"], GRAVITY, "N")
-        values["bias"] = summed(values["offset"], values["weight"])
+        values["weight"] = scale_value(values["mass"], GRAVITY, "N")
+        values["bias"] = add_values(values["offset"], values["weight"])
     shakes = tuple(shake for session in sessions for shake in session.shakes)
     return StepFindings(
         {name: values[name] for name in sorted(values, key=_rank)},
@@ -132,7 +132,7 @@ def joined(sessions: Sequence[StepFindings], settings: CalibrationSettings) -> S
     )
 
 
-def _lasting_notes(sessions: Sequence[StepFindings], values: Mapping[str, Measured]) -> Iterator[str]:
+def _lasting_notes(sessions: Sequence[StepFindings], values: Mapping[str, MeasuredValue]) -> Iterator[str]:
     """The notes that no other step has made good."""
     for session in sessions:
         yield from (note for note in session.notes if "offset" not in values or not note.startswith("no-standstill"))
@@ -145,7 +145,7 @@ def _rank(name: str) -> int:
     return _ORDER.index(name) if name in _ORDER else len(_ORDER)
 
 
-def _disagreements(values: Mapping[str, Measured]) -> Iterator[str]:
+def _disagreements(values: Mapping[str, MeasuredValue]) -> Iterator[str]:
     """Notes on values that were found in two ways which do not agree."""
     for first, second, code in (("mass", "mass_by_weight", "masses-differ"), ("delay", "tap_delay", "delays-differ")):
         if not {first, second} <= values.keys():
@@ -181,7 +181,7 @@ def _refuse_shifted(
         if shake.residual > _UNEXPLAINED * noise + 0.1 * shake.swing:
             why = "the tip is in contact, or the motion is no sine"
             if shake.planned.breaks_up:
-                why = f"{hesitated(shake.planned.count)}; that is over half of the shake"
+                why = f"{hesitation_note(shake.planned.count)}; that is over half of the shake"
             raise LogError(
                 f"calibration: mass and delay leave {shake.residual:.3g} N of the force unexplained where the noise at "
                 f"standstill is {noise:.3g} N: {why}"
@@ -190,20 +190,20 @@ def _refuse_shifted(
 
 def _values(
     shakes: Sequence[ShakeFit], standstills: Sequence[StandstillFit], settings: CalibrationSettings
-) -> dict[str, Measured]:
+) -> dict[str, MeasuredValue]:
     b = settings.type_b
     found = {
-        "mass": Measured.of([shake.mass for shake in shakes], "kg", b.mass),
-        "delay": Measured.of([shake.delay for shake in shakes], "s", b.delay),
+        "mass": MeasuredValue.of([shake.mass for shake in shakes], "kg", b.mass),
+        "delay": MeasuredValue.of([shake.delay for shake in shakes], "s", b.delay),
     }
     lags = [shake.velocity_delay for shake in shakes if shake.velocity_delay is not None]
     if lags:
-        found["velocity_delay"] = Measured.of(lags, "s")
+        found["velocity_delay"] = MeasuredValue.of(lags, "s")
     if standstills:
         found |= standstill_values(standstills, b.offset)
     paper = [shake.paper_velocity_std for shake in shakes if shake.paper_velocity_std is not None]
     if paper:
-        found["paper_velocity_std"] = Measured.of(paper, "m/s")
+        found["paper_velocity_std"] = MeasuredValue.of(paper, "m/s")
     return found
 
 
@@ -221,7 +221,7 @@ def _notes(shakes: Sequence[ShakeFit], standstills: Sequence[StandstillFit]) -> 
     count = sum(shake.planned.count for shake in shakes)
     if count:
         share = np.mean([0.0 if shake.planned.breaks_up else shake.planned.share for shake in shakes])
-        notes.append(f"hesitated: {hesitated(count)}; {share:.0%} of the shakes is left out for it")
+        notes.append(f"hesitated: {hesitation_note(count)}; {share:.0%} of the shakes is left out for it")
     noise = max((item.force_std.value for fit in standstills for item in fit.stretches), default=math.inf)
     left = max(shake.residual for shake in shakes)
     if left > _NOTED * noise:
@@ -231,7 +231,7 @@ def _notes(shakes: Sequence[ShakeFit], standstills: Sequence[StandstillFit]) -> 
         )
     lags = [shake.velocity_delay for shake in shakes if shake.velocity_delay is not None]
     if lags:
-        lag = Measured.of(lags, "s")
+        lag = MeasuredValue.of(lags, "s")
         small = abs(lag.value) <= _SMALL
         if abs(lag.value) > (5 if small else 3) * lag.combined:
             late = f"velocity-late: the velocity is {lag.value * 1e3:.3g} ms later than the position"

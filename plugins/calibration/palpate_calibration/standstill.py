@@ -8,11 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 from palpate import Floats
+from palpate_kit.runs.calibration_file import NoiseSpectrum
 
-from palpate_calibration.file import NoiseSpectrum
-from palpate_calibration.quantity import Measured, RepeatValue
-from palpate_calibration.record import CalibrationRecord
-from palpate_calibration.segments import Segment
+from palpate_calibration.calibrated_value import MeasuredValue, RepeatValue
+from palpate_calibration.calibration_record import CalibrationRecord
+from palpate_calibration.motion_segments import Segment
 from palpate_calibration.sines import mean_with_std
 
 
@@ -51,23 +51,23 @@ def long_standstill_fit(record: CalibrationRecord, segment: Segment) -> Standsti
     return StandstillFit(whole.offset, _drift(parts), (whole,))
 
 
-def standstill_values(fits: Sequence[StandstillFit], offset_type_b: float) -> dict[str, Measured]:
+def standstill_values(fits: Sequence[StandstillFit], offset_type_b: float) -> dict[str, MeasuredValue]:
     """Offset, drift and noises from the standstills of all repeats."""
-    found = {"offset": Measured.of([fit.offset for fit in fits], "N", offset_type_b)}
+    found = {"offset": MeasuredValue.of([fit.offset for fit in fits], "N", offset_type_b)}
     drifts = [fit.drift for fit in fits if fit.drift is not None]
     if drifts:
-        found["drift"] = Measured.of(drifts, "N/s")
+        found["drift"] = MeasuredValue.of(drifts, "N/s")
     single = [item for fit in fits for item in fit.stretches]
-    found["force_std"] = Measured.of([item.force_std for item in single], "N")
-    found["position_std"] = Measured.of([item.position_std for item in single], "m")
+    found["force_std"] = MeasuredValue.of([item.force_std for item in single], "N")
+    found["position_std"] = MeasuredValue.of([item.position_std for item in single], "m")
     speeds = [item.velocity_std for item in single if item.velocity_std is not None]
     if speeds:
-        found["velocity_std"] = Measured.of(speeds, "m/s")
+        found["velocity_std"] = MeasuredValue.of(speeds, "m/s")
     return found
 
 
 @dataclass(frozen=True)
-class Spectrum:
+class OctaveNoise:
     """Noise at standstill by octaves."""
 
     unit: str  # of the density, per root hertz
@@ -75,12 +75,12 @@ class Spectrum:
     densities: tuple[float, ...]  # root of the one-sided power density in it
 
 
-def noise_spectrum(spectrum: Spectrum) -> NoiseSpectrum:
+def noise_spectrum(spectrum: OctaveNoise) -> NoiseSpectrum:
     """A spectrum in a calibration file."""
     return NoiseSpectrum(unit=spectrum.unit, frequencies=spectrum.frequencies, densities=spectrum.densities)
 
 
-def spectra(records: Sequence[CalibrationRecord], segments: Sequence[Segment]) -> dict[str, Spectrum]:
+def spectra(records: Sequence[CalibrationRecord], segments: Sequence[Segment]) -> dict[str, OctaveNoise]:
     """Noise of force, position and velocity at standstill, mean power of one stretch of each record.
 
     The integral of the squared density over frequency is the variance, so `force_std` and its like are the same
@@ -96,7 +96,7 @@ def spectra(records: Sequence[CalibrationRecord], segments: Sequence[Segment]) -
     return found
 
 
-def _spectrum(rates: Sequence[float], values: Sequence[Floats], unit: str) -> Spectrum:
+def _spectrum(rates: Sequence[float], values: Sequence[Floats], unit: str) -> OctaveNoise:
     length = min(len(one) for one in values)
     rate = float(np.mean(rates))
     power = np.mean([_periodogram(one[:length], rate) for one in values], axis=0)
@@ -107,7 +107,7 @@ def _spectrum(rates: Sequence[float], values: Sequence[Floats], unit: str) -> Sp
         inside = (grid > low) & (grid <= high)
         middles.append(float(np.sqrt(low * high)) if low > 0 else float(high / 2))
         densities.append(float(np.sqrt(power[inside].mean())))
-    return Spectrum(f"{unit}/sqrt(Hz)", tuple(middles), tuple(densities))
+    return OctaveNoise(f"{unit}/sqrt(Hz)", tuple(middles), tuple(densities))
 
 
 def _periodogram(values: Floats, rate: float) -> Floats:

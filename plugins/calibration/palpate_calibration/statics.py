@@ -10,7 +10,7 @@ import numpy as np
 from palpate import Floats, LogError
 from palpate.host import GRAVITY
 
-from palpate_calibration.quantity import RepeatValue
+from palpate_calibration.calibrated_value import RepeatValue
 
 _SMOOTHED = 21  # readings
 _CORRELATED = 0.1  # [s]

@@ -7,19 +7,25 @@ from collections.abc import Sequence
 
 from palpate import LogError
 
-from palpate_calibration.protocol import StepFindings, pressed, refuse_broken, shaken, tapped
-from palpate_calibration.quantity import Measured, RepeatValue
-from palpate_calibration.record import CalibrationRecord
-from palpate_calibration.segments import PlannedMotion, Segment, hesitated, longest_standstill, shaking
+from palpate_calibration.calibrated_value import MeasuredValue, RepeatValue
+from palpate_calibration.calibration_record import CalibrationRecord
+from palpate_calibration.motion_segments import (
+    Segment,
+    SteadyMotion,
+    hesitation_note,
+    longest_standstill,
+    shake_segments,
+)
+from palpate_calibration.protocol import StepFindings, compliance_from_presses, delay_from_taps, refuse_broken, shaken
 from palpate_calibration.settings import CalibrationSettings
-from palpate_calibration.shake import against_average
+from palpate_calibration.shake_analysis import against_average
 from palpate_calibration.sines import find_lines, harmonics_of, sine_fit
 from palpate_calibration.standstill import long_standstill_fit, spectra, standstill_values
 
 _ENOUGH = 2.0  # [s] of standstill
 
 
-def evaluated(step: str, records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
+def evaluate_step(step: str, records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
     """Results from the records of one step; raises LogError with the reason where they cannot be used."""
     if step == "standstill":
         return still(records, settings)
@@ -27,7 +33,7 @@ def evaluated(step: str, records: Sequence[CalibrationRecord], settings: Calibra
         return shaken(records, settings)
     if step == "noise":
         return noisy(records, settings)
-    return tapped(records) if step == "tap" else pressed(records)
+    return delay_from_taps(records) if step == "tap" else compliance_from_presses(records)
 
 
 def still(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -> StepFindings:
@@ -61,26 +67,27 @@ def noisy(records: Sequence[CalibrationRecord], settings: CalibrationSettings) -
         refuse_broken(record)
         if record.velocity is None:
             raise LogError("calibration: the noise of the velocity needs [alignment] velocity")
-        segments = shaking(record, settings.settle)
+        segments = shake_segments(record, settings.settle)
         if not segments:
             raise LogError("calibration: the record contains no steady oscillation of 2 s or more")
         for segment in segments:
-            planned = PlannedMotion.of(record, segment)
+            planned = SteadyMotion.of(record, segment)
             if planned.breaks_up:
                 raise LogError(
-                    f"calibration: {hesitated(planned.count)}; that is over half of the motion, and cannot be told "
+                    f"calibration: {hesitation_note(planned.count)}; that is over half of the motion, "
+                    "and cannot be told "
                     "from noise: keep other work from this computer"
                 )
             times, speeds = record.velocity.between(segment.begin, segment.end)
             paper += [rmse for rmse in [against_average(speeds, planned.hold(times))] if rmse is not None]
             moving.append(_scatter(record, segment, planned))
-    values = {"moving_velocity_std": Measured.of(moving, "m/s")}
+    values = {"moving_velocity_std": MeasuredValue.of(moving, "m/s")}
     if paper:
-        values["paper_velocity_std"] = Measured.of(paper, "m/s")
+        values["paper_velocity_std"] = MeasuredValue.of(paper, "m/s")
     return StepFindings(values)
 
 
-def _scatter(record: CalibrationRecord, segment: Segment, planned: PlannedMotion) -> RepeatValue:
+def _scatter(record: CalibrationRecord, segment: Segment, planned: SteadyMotion) -> RepeatValue:
     assert record.velocity is not None
     instants, heights = record.position.between(segment.begin, segment.end)
     lines = find_lines(instants, heights, planned.hold(instants))

@@ -9,7 +9,7 @@ from typing import IO, Any
 _LENGTH = struct.Struct("<I")
 
 
-class _Written:
+class _IndexRecord:
     """A record of the index that is in bytes already."""
 
     def __init__(self, data: bytes) -> None:
@@ -35,10 +35,10 @@ class Index:
         data: bytes = builder.end()  # type: ignore[no-untyped-call]
         self._file.write(_LENGTH.pack(len(data)) + data)
 
-    def __iter__(self) -> Iterator[_Written]:
+    def __iter__(self) -> Iterator[_IndexRecord]:
         self._file.seek(0)
         while head := self._file.read(_LENGTH.size):
-            yield _Written(self._file.read(_LENGTH.unpack(head)[0]))
+            yield _IndexRecord(self._file.read(_LENGTH.unpack(head)[0]))
 
 
 def keep_index_in(writer: Any, file: IO[bytes]) -> None:

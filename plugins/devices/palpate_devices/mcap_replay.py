@@ -12,27 +12,27 @@ from pathlib import Path
 from typing import Any, Self
 
 from palpate import Batch, Channel, File, Link, LogError, Stream, Time
+from palpate_kit.logs.channel_mapping import Clock, MappedSignal
+from palpate_kit.logs.feeds import TopicFeed, raw_feed, untimed_note
+from palpate_kit.logs.joint_kinematics import Kinematics, joint_feeds
+from palpate_kit.logs.log_link import LogLink, described_feeds, distinct, file_facts, tables_of, texts_of, window
+from palpate_kit.logs.mcap_file import McapFile
+from palpate_kit.logs.mcap_recovery import count_messages, recover_mcap
+from palpate_kit.logs.recording import LogAttachments, Recording, Suggestion, Survey
+from palpate_kit.logs.survey import survey_of
+from palpate_kit.logs.topic_suggestion import suggestion_for
+from palpate_kit.logs.topics import Stamps, Topic
 from pydantic import Field, model_validator
 
-from palpate_devices.logs.attachments import attached_to
-from palpate_devices.logs.feeds import Feed, raw_feed, untimed
-from palpate_devices.logs.kinematics import Kinematics, joint_feeds
-from palpate_devices.logs.mapping import Clock, MappedSignal
-from palpate_devices.logs.mcap_file import McapFile
-from palpate_devices.logs.recovery import counted, recover_mcap
-from palpate_devices.logs.replay import LogLink, described_feeds, distinct, file_facts, tables_of, texts_of, window
-from palpate_devices.logs.suggestion import suggestion_for
-from palpate_devices.logs.survey import survey_of
-from palpate_devices.logs.topics import Stamps, Topic
-from palpate_devices.messages import JOINTS, LOG_SCHEMA, UNITS, MessageType, joint_type, known_type
-from palpate_devices.recording import Attached, Recording, Suggestion, Survey
+from palpate_devices.mcap_attachments import attached_to
+from palpate_devices.messages import JOINTS, LOG_SCHEMA, UNITS, MessageType, joint_type, message_type
 
 
 @dataclass(frozen=True)
 class _Usable:
     """A topic that needs no mapping."""
 
-    feed: Feed
+    feed: TopicFeed
     device: str | None  # the device that recorded it, where palpate did
 
 
@@ -79,7 +79,7 @@ class McapReplay(Recording):
         return self
 
     @classmethod
-    def attached(cls, path: Path) -> Attached:
+    def attached(cls, path: Path) -> LogAttachments:
         """Attachments that are texts, and the metadata that palpate writes; of a log that is cut, what is whole."""
         return attached_to(path)
 
@@ -97,7 +97,7 @@ class McapReplay(Recording):
     def warnings(self) -> tuple[str, ...]:
         """Whether the log is cut, or carries no checksums."""
         trouble = (self._log.trouble,) if self._log.trouble else ()
-        return (*trouble, *untimed(self._feeds, self.file.name))
+        return (*trouble, *untimed_note(self._feeds, self.file.name))
 
     @property
     def provenance(self) -> Mapping[str, str]:
@@ -123,7 +123,7 @@ class McapReplay(Recording):
         return McapFile(self.file, self.accept_cut)
 
     @cached_property
-    def _feeds(self) -> list[Feed]:
+    def _feeds(self) -> list[TopicFeed]:
         topics = self._log.topics
         if not self._log.complete and not self.accept_cut:
             raise LogError(self._cut_message())
@@ -136,7 +136,7 @@ class McapReplay(Recording):
         return tip if tip and not found else distinct([*self._all(found), *tip], str(self.file))
 
     def _cut_message(self) -> str:
-        count, duration = counted(self.file)
+        count, duration = count_messages(self.file)
         if not count:
             return f"{self.file}: the log is cut: it has no end, and nothing in it is undamaged"
         return (
@@ -144,7 +144,7 @@ class McapReplay(Recording):
             "whole; set accept_cut = true to use them"
         )
 
-    def _named(self, found: Mapping[str, _Usable]) -> list[Feed]:
+    def _named(self, found: Mapping[str, _Usable]) -> list[TopicFeed]:
         feeds = []
         for name, topic in self.topics.items():
             if topic not in found:
@@ -154,7 +154,7 @@ class McapReplay(Recording):
             feeds.append(replace(feed, stream=replace(feed.stream, name=name)))
         return feeds
 
-    def _all(self, found: Mapping[str, _Usable]) -> list[Feed]:
+    def _all(self, found: Mapping[str, _Usable]) -> list[TopicFeed]:
         raw = {topic: entry for topic, entry in found.items() if not topic.startswith("/palpate/")}
         if self.recorded is not None:
             raw = {topic: entry for topic, entry in raw.items() if entry.device == self.recorded}
@@ -203,7 +203,7 @@ def _usable(topic: Topic) -> _Usable | None:
     """A topic as a stream if it is a header, or nothing, followed by float64 numbers."""
     if (topic.encoding, topic.schema_encoding) != ("cdr", "ros2msg"):
         return None
-    kind = known_type(topic.type, topic.schema.decode(errors="replace"))
+    kind = message_type(topic.type, topic.schema.decode(errors="replace"))
     if kind is None:
         return None
     facts = _facts(topic)

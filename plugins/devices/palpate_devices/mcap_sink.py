@@ -17,7 +17,7 @@ from pydantic import Field
 
 from palpate_devices.mcap_blocks import add_messages
 from palpate_devices.mcap_index import keep_index_in
-from palpate_devices.messages import LOG_SCHEMA, STANDARD, MessageType, numbers_type, packed
+from palpate_devices.messages import LOG_SCHEMA, STANDARD, MessageType, numbers_type, pack_messages
 
 _FLUSH_EVERY = 0.15  # [s]; with what is on its way, a kill costs some 0.05 s more, on a busy machine twice that
 _SYNC_EVERY = 1.0  # [s]; what a power cut can cost
@@ -200,7 +200,7 @@ class _Log:
         numbers: Floats,
         joints: tuple[str, ...] = (),
     ) -> None:
-        add_messages(self._log, channel, logged, stamps, packed(stamps, frame, numbers, joints))
+        add_messages(self._log, channel, logged, stamps, pack_messages(stamps, frame, numbers, joints))
 
     def save(self) -> None:
         """Flush, and sync, where it is time to."""

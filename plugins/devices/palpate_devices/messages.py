@@ -14,8 +14,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
-
-from palpate_devices.logs.topics import column
+from palpate_kit.logs.topics import column
 
 _SECOND = 1_000_000_000  # [ns]
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
@@ -97,7 +96,7 @@ def joint_type(channels: Sequence[str]) -> MessageType:
     return replace(JOINTS, fields=tuple(channels), paths=tuple(paths))
 
 
-def known_type(schema_name: str, definition: str) -> MessageType | None:
+def message_type(schema_name: str, definition: str) -> MessageType | None:
     """The type of a recorded schema if it is of this family, else None."""
     parts = schema_name.split("/")
     name = f"{parts[0]}/msg/{parts[-1]}"  # schema names come with and without /msg/
@@ -115,12 +114,14 @@ def known_type(schema_name: str, definition: str) -> MessageType | None:
 
 def pack(stamps: NDArray[np.int64], frame: str, numbers: Floats, joints: tuple[str, ...] = ()) -> list[bytes]:
     """One CDR message for each stamp [ns] and row of numbers (n, k); of joints (n, 2 j), angles and then speeds."""
-    messages = packed(stamps, frame, numbers, joints)
+    messages = pack_messages(stamps, frame, numbers, joints)
     raw, size = messages.tobytes(), messages.shape[1]
     return [raw[start : start + size] for start in range(0, len(raw), size)]
 
 
-def packed(stamps: NDArray[np.int64], frame: str, numbers: Floats, joints: tuple[str, ...] = ()) -> NDArray[np.uint8]:
+def pack_messages(
+    stamps: NDArray[np.int64], frame: str, numbers: Floats, joints: tuple[str, ...] = ()
+) -> NDArray[np.uint8]:
     """The messages of `pack` in one array (n, bytes)."""
     template, runs = _template(frame, numbers.shape[1], joints)
     messages = np.tile(np.frombuffer(template, np.uint8), (len(stamps), 1))

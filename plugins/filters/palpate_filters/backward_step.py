@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from palpate_filters.kernel import Step
+from palpate_kit.kernel import Step
+
+from palpate_filters.covariance import congruence, mirror, solve_symmetric
 from palpate_filters.kinematic_step import NOISES, KinematicNoise, predicted, process_noise, report
-from palpate_filters.process import KinematicProcess
-from palpate_filters.symmetric import congruence, mirrored, solve_symmetric
+from palpate_filters.process_models import KinematicProcess
 
 
 def backward_step(process: KinematicProcess) -> Step:
@@ -20,15 +21,15 @@ def backward_step(process: KinematicProcess) -> Step:
     n = process.states
     after, after_covariance = ca.SX.sym("xs", n), ca.SX.sym("Ps", n, n)
     mean, square = ca.SX.sym("x", n), ca.SX.sym("P", n, n)
-    covariance, later_covariance = mirrored(square), mirrored(after_covariance)
+    covariance, later_covariance = mirror(square), mirror(after_covariance)
     interval, height, numbers = ca.SX.sym("T"), ca.SX.sym("z"), ca.SX.sym("p", NOISES)
     noise = KinematicNoise(*ca.vertsplit(numbers))
     ahead, ahead_covariance, jacobian = predicted(process, mean, covariance, interval, noise)
     gain = solve_symmetric(ahead_covariance, jacobian @ covariance).T
     x = mean + gain @ (after - ahead)
     kept = ca.SX.eye(n) - gain @ jacobian
-    added = mirrored(process_noise(process, interval, noise) + later_covariance)
-    P = mirrored(congruence(kept, covariance) + congruence(gain, added))
+    added = mirror(process_noise(process, interval, noise) + later_covariance)
+    P = mirror(congruence(kept, covariance) + congruence(gain, added))
     return Step(
         state=ca.vertcat(after, ca.vec(after_covariance)),
         sample=ca.vertcat(mean, ca.vec(square), interval, height),

@@ -7,7 +7,7 @@ from typing import Any
 from palpate import Problem, Tracker
 from pydantic import Field, model_validator
 
-from palpate_filters.fading import PRESET, Preset, StrongFading, preset_below
+from palpate_filters.adaptive_fading import PRESET, Preset, StrongFading, preset_below
 from palpate_filters.inertial_filter import InertialFilter, inertial_tracker
 from palpate_filters.predictions import linearised
 

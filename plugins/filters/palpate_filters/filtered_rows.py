@@ -9,12 +9,12 @@ from itertools import pairwise
 import numpy as np
 from palpate import Floats
 
-from palpate_filters.recursion import Stretch
+from palpate_filters.recursion import ActiveStretch
 
 _MOST = 32  # stretches; of 2000 samples with ten states each, 64 MiB
 
 
-class KeptOutputs:
+class OutputStore:
     """Outputs of stretches, in bounded memory: those that were used last are kept.
 
     A state with its covariance takes a kilobyte a sample, ten times what is made of it. Where a stretch began is known,
@@ -24,15 +24,15 @@ class KeptOutputs:
 
     def __init__(self, most: int = _MOST) -> None:
         self._most = most
-        self._kept: OrderedDict[int, tuple[Stretch, Floats]] = OrderedDict()
+        self._kept: OrderedDict[int, tuple[ActiveStretch, Floats]] = OrderedDict()
 
-    def keep(self, stretch: Stretch, outputs: Floats) -> None:
+    def keep(self, stretch: ActiveStretch, outputs: Floats) -> None:
         """Keep the outputs (m, ny) of a stretch."""
         self._kept[id(stretch)] = stretch, outputs  # which holds it, so that no other has its id
         if len(self._kept) > self._most:
             self._kept.popitem(last=False)
 
-    def of(self, stretch: Stretch) -> Floats:
+    def of(self, stretch: ActiveStretch) -> Floats:
         """The outputs (m, ny) of a stretch, made again where they are not kept."""
         if id(stretch) in self._kept:
             self._kept.move_to_end(id(stretch))
@@ -48,7 +48,7 @@ class KeptOutputs:
 class FilteredRows:
     """Rows of the outputs of stretches, one after the other."""
 
-    def __init__(self, stretches: Sequence[Stretch], kept: KeptOutputs) -> None:
+    def __init__(self, stretches: Sequence[ActiveStretch], kept: OutputStore) -> None:
         self._stretches, self._kept = stretches, kept
         self._begins = np.cumsum([0, *(len(stretch.interval) for stretch in stretches)]).tolist()
 

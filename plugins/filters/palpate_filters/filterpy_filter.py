@@ -9,10 +9,10 @@ import numpy as np
 from palpate import Belief, ConfigurationError, Moment, Problem, Status, Tracker, track_by_step
 from pydantic import Field
 
-from palpate_filters.filterpy_kinds import Filter, ScaledProcess, ensemble, extended, sampled
+from palpate_filters.filterpy_kinds import Filter, ScaledProcess, ensemble, extended_filter, sigma_point_filter
 from palpate_filters.inertial_filter import PaperStart, first_state, moved_mass
 from palpate_filters.predictions import Points
-from palpate_filters.process import InertialProcess
+from palpate_filters.process_models import InertialProcess
 from palpate_filters.starting_fit import PAUSE
 
 _RESUME_STD = 1e-4  # [m]
@@ -51,9 +51,11 @@ class FilterpyFilter(PaperStart):
         start = first_state(self, process, problem)
         rig = ScaledProcess(process, start, self.force_std, self.velocity_std)
         makers: dict[str, Callable[[], Filter]] = {
-            "ekf": lambda: extended(rig),
-            "ukf": lambda: sampled(rig, filterpy.kalman.UnscentedKalmanFilter, points=self._points(process.states)),
-            "ckf": lambda: sampled(rig, filterpy.kalman.CubatureKalmanFilter),
+            "ekf": lambda: extended_filter(rig),
+            "ukf": lambda: sigma_point_filter(
+                rig, filterpy.kalman.UnscentedKalmanFilter, points=self._points(process.states)
+            ),
+            "ckf": lambda: sigma_point_filter(rig, filterpy.kalman.CubatureKalmanFilter),
             "enkf": lambda: ensemble(rig, self.members, self.seed),
         }
         return track_by_step(len(problem.model.parameters), _Stepper(rig, makers[self.filter]))

@@ -10,12 +10,12 @@ from palpate import Floats
 
 from palpate_filters.inertial_filter import Start
 from palpate_filters.predictions import away
-from palpate_filters.process import InertialProcess
+from palpate_filters.process_models import InertialProcess
 
 _BLIND_STD = 1.0  # [N], how little is known of a force that is missing
 
 
-class _Evaluated:
+class _Expression:
     """An expression of a state, a force and an interval, as a function of numbers."""
 
     def __init__(self, given: Any, expression: Any) -> None:
@@ -51,8 +51,8 @@ class ScaledProcess:
         ahead = ca.vertcat(*process.predict(state, driven, t))
         slope = ca.substitute(ca.jacobian(ahead, x), x, away(process, x))
         given, n = ca.vertcat(x, u, t), process.states
-        self._ahead, self._slope = _Evaluated(given, ahead), _Evaluated(given, ca.vec(slope.T))
-        self._force = _Evaluated(given, process.force(state))
+        self._ahead, self._slope = _Expression(given, ahead), _Expression(given, ca.vec(slope.T))
+        self._force = _Expression(given, process.force(state))
         self._shape = (n, n)
 
     def ahead(self, x: Floats, interval: float, force: float) -> Floats:
@@ -100,9 +100,9 @@ class Filter(Protocol):
         ...
 
 
-def extended(rig: ScaledProcess) -> Filter:
+def extended_filter(rig: ScaledProcess) -> Filter:
     """filterpy's extended Kalman filter."""
-    return _Extended(rig)
+    return _ExtendedKind(rig)
 
 
 def ensemble(rig: ScaledProcess, members: int, seed: int) -> Filter:
@@ -110,7 +110,7 @@ def ensemble(rig: ScaledProcess, members: int, seed: int) -> Filter:
     return _Ensemble(rig, members, seed)
 
 
-class _Extended:
+class _ExtendedKind:
     """filterpy.kalman.ExtendedKalmanFilter."""
 
     def __init__(self, rig: ScaledProcess) -> None:
@@ -138,15 +138,15 @@ class _Extended:
         self._filter.update(np.array([[rate]]), lambda x: self._row, self._rig.reading)
 
 
-def sampled(rig: ScaledProcess, kind: Any, **extra: Any) -> Filter:
+def sigma_point_filter(rig: ScaledProcess, kind: Any, **extra: Any) -> Filter:
     """filterpy's unscented or cubature Kalman filter."""
     n = rig.process.states
     filter_ = kind(dim_x=n, dim_z=1, dt=1.0, hx=rig.reading, fx=rig.ahead, **extra)
     filter_.R = np.array([[rig.variance]])
-    return _Sampled(rig, filter_, cubature="points" not in extra)
+    return _SigmaPointKind(rig, filter_, cubature="points" not in extra)
 
 
-class _Sampled:
+class _SigmaPointKind:
     """filterpy.kalman.UnscentedKalmanFilter and CubatureKalmanFilter."""
 
     def __init__(self, rig: ScaledProcess, filter_: Any, cubature: bool) -> None:

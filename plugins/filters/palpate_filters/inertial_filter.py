@@ -23,13 +23,13 @@ from palpate import (
 )
 from pydantic import Field
 
-from palpate_filters.fading import Fading
+from palpate_filters.adaptive_fading import AdaptiveFading
+from palpate_filters.filter_tracker import RecursiveTracker
 from palpate_filters.first_guess import first_guess
 from palpate_filters.inertial_step import Prediction, carried, inertial_step
-from palpate_filters.process import InertialProcess
-from palpate_filters.recursion import Carry, Opening, Recursion
+from palpate_filters.process_models import InertialProcess
+from palpate_filters.recursion import Carry, FilterStart, Recursion
 from palpate_filters.starting_fit import fit_start, fittable
-from palpate_filters.tracking import RecursiveTracker
 
 _RESUME_STD = 1e-4  # [m], what a carry-over by the measured position adds to the uncertainty of the depth
 FIT_SPREAD = 10.0  # the filter sees the fitted samples again, so it takes only a hundredth of their weight from the fit
@@ -125,7 +125,7 @@ def moved_mass(problem: Problem) -> float:
 
 
 def inertial_tracker(
-    settings: InertialFilter, problem: Problem, prediction: Prediction, fading: Fading | None = None
+    settings: InertialFilter, problem: Problem, prediction: Prediction, fading: AdaptiveFading | None = None
 ) -> Tracker:
     """A tracker of a filter on the inertial process, with adaptive fading where it is given.
 
@@ -152,7 +152,7 @@ def inertial_tracker(
     recursion = Recursion(step, len(problem.model.parameters), numbers, begin, _inputs)
     details = {"relief_sensitivity": _RELIEF} if fading is not None and settings.order else {}
     return RecursiveTracker(
-        recursion, Opening(window, settings.noise == "measure", problem.standstill), details=details
+        recursion, FilterStart(window, settings.noise == "measure", problem.standstill), details=details
     )
 
 

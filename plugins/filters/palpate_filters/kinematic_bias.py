@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from palpate import ContactModel, Floats, Layout
+from palpate_kit.kernel import Step, compile_step
 
-from palpate_filters.kernel import Step, compile_step
-from palpate_filters.symmetric import congruence
+from palpate_filters.covariance import congruence
 
 _FIRST = (1e-4, 1e-2, 1.0)  # [m], [m/s], [m/s^2], what the gains begin from
 _MOTION = 3  # height, velocity, acceleration
@@ -26,10 +26,10 @@ def kinematic_bias(
     _, outputs = compile_step(step).run(state, inputs, np.concatenate([values, believed, real]))
     late, q = outputs[int(warm * len(inputs)) :], len(values) + 1
     information = late[:, place["information"]].sum(axis=0).reshape(q, q)
-    return pulled(information, late[:, place["pull"]].sum(axis=0)) if np.isfinite(late).all() else None
+    return pull_on_estimates(information, late[:, place["pull"]].sum(axis=0)) if np.isfinite(late).all() else None
 
 
-def pulled(information: Floats, pull: Floats) -> Floats | None:
+def pull_on_estimates(information: Floats, pull: Floats) -> Floats | None:
     """Where constants (k,) and the surface settle, information^-1 pull, but for the surface; None if unknown."""
     scale = np.sqrt(np.diag(information))
     if not (np.isfinite(pull).all() and np.isfinite(scale).all() and (scale > 0).all()):

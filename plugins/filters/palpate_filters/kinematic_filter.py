@@ -8,13 +8,13 @@ from collections.abc import Callable
 import numpy as np
 from palpate import Floats, Problem, Samples, Tracker
 
+from palpate_filters.filter_tracker import RecursiveTracker
 from palpate_filters.inertial_filter import mass_of
 from palpate_filters.kinematic_settings import KinematicSettings, drift_of, fits, has_bias
 from palpate_filters.kinematic_start import fresh_state, guess_of, resumed_state
 from palpate_filters.kinematic_step import kinematic_step
-from palpate_filters.process import KinematicProcess
-from palpate_filters.recursion import Carry, Opening, Recursion
-from palpate_filters.tracking import RecursiveTracker
+from palpate_filters.process_models import KinematicProcess
+from palpate_filters.recursion import Carry, FilterStart, Recursion
 
 _REFERENCE_SPEED = 4e-3  # [m/s], the sweep for which the densities are given
 _LONGER = 2.0  # start_durations: surface, stiffness and bias are separated by the force's curvature alone
@@ -30,18 +30,18 @@ class KinematicFilter(KinematicSettings):
 
     def start(self, problem: Problem) -> Tracker:
         """A tracker; raises ConfigurationError where no tip mass is declared or a first guess cannot be made."""
-        return RecursiveTracker(kinematic_recursion(self, problem), opening(self, problem), details=known_causes(self))
+        return RecursiveTracker(kinematic_recursion(self, problem), filter_start(self, problem), details=causes(self))
 
 
-def known_causes(settings: KinematicSettings) -> dict[str, list[str]]:
+def causes(settings: KinematicSettings) -> dict[str, list[str]]:
     """What the filter's own standard deviation contains already: the tare, where its offset is a state."""
     return {"included": ["tare"]} if has_bias(settings) else {}
 
 
-def opening(settings: KinematicSettings, problem: Problem) -> Opening:
+def filter_start(settings: KinematicSettings, problem: Problem) -> FilterStart:
     """How the filter gets under way."""
     window = settings.start_duration * (_LONGER if has_bias(settings) else 1.0) if fits(settings) else 0.0
-    return Opening(window, settings.noise == "measure", problem.standstill)
+    return FilterStart(window, settings.noise == "measure", problem.standstill)
 
 
 def kinematic_recursion(

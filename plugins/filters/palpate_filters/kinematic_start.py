@@ -11,7 +11,7 @@ from palpate import ConfigurationError, Floats, Problem, Samples
 from palpate_filters.first_guess import first_guess
 from palpate_filters.kinematic_settings import KinematicSettings, drift_of, fits
 from palpate_filters.kinematic_step import carried
-from palpate_filters.process import KinematicProcess
+from palpate_filters.process_models import KinematicProcess
 from palpate_filters.recursion import Carry
 from palpate_filters.starting_fit import BiasPrior, StartFit, fit_start, fittable
 

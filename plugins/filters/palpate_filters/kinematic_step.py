@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from palpate import Layout
+from palpate_kit.kernel import Step
 
-from palpate_filters.kernel import Step
-from palpate_filters.process import KinematicProcess
-from palpate_filters.symmetric import congruence, entry_update, mirrored, vector_update
+from palpate_filters.covariance import congruence, entry_update, mirror, vector_update
+from palpate_filters.process_models import KinematicProcess
 
 _DEPTH_FLOOR = 1e-5  # [m]; the slope of sqrt(d) has a pole at 0, so Jacobians are taken no nearer
 _LOW_LIMIT = 25  # samples in a row at depth <= 0, in contact, before the filter restarts
@@ -65,7 +65,7 @@ def kinematic_step(
     count = len(process.model.parameters)
     mean, square, low_count = ca.SX.sym("x", n), ca.SX.sym("P", n, n), ca.SX.sym("low")
     centre = ca.SX.sym("b", carried(process)["centre"].stop - carried(process)["centre"].start)
-    covariance = mirrored(square)
+    covariance = mirror(square)
     sample, numbers = ca.SX.sym("w", 4 + n * linearised), ca.SX.sym("p", NOISES)
     fresh, fresh_std = ca.SX.sym("x0", 1 + count), ca.SX.sym("s0", 1 + count)
     force, height, velocity, interval = ca.vertsplit(sample[:4])

@@ -17,16 +17,16 @@ from palpate import (
     Samples,
     TrackEvidence,
 )
+from palpate_kit.kernel import Step, compile_step
+from palpate_kit.numerics.tip_travel import noise_of, zero_phase_motion
 
-from palpate_filters.fit.motion import noise_of, zero_phase_motion
+from palpate_filters.covariance import congruence, mirror
 from palpate_filters.inertial_filter import InertialFilter, PaperStart
-from palpate_filters.kernel import Step, compile_step
 from palpate_filters.kinematic_bias import kinematic_bias
 from palpate_filters.kinematic_settings import KinematicSettings
-from palpate_filters.process import InertialProcess
+from palpate_filters.process_models import InertialProcess
 from palpate_filters.smoother import KinematicSmoother
 from palpate_filters.smoother_bias import smoother_bias
-from palpate_filters.symmetric import congruence, mirrored
 
 _ENOUGH = 500  # samples
 _MOST = 4096  # samples
@@ -183,7 +183,7 @@ def bias_step(process: InertialProcess) -> tuple[Step, Layout]:
     every = ca.kron(ca.SX.eye(1 + k), kept)
     C_after, psi_after, mean_after = congruence(every, C), kept @ psi, kept @ mean
     C_after[:nx, :nx] += K @ K.T * real[1] ** 2
-    P_after = mirrored(congruence(kept, P) + K @ K.T * believed[1] ** 2)
+    P_after = mirror(congruence(kept, P) + K @ K.T * believed[1] ** 2)
     here = ca.vertcat(depth, rate, memory)
     felt = process.force(ca.vertsplit(ca.vertcat(here, theta))) + process.mass * acceleration
     A, F_t, drive, curve, following = ca.substitute(found, [x, t, slopes, push], [here, theta, psi_after, felt])

@@ -8,9 +8,9 @@ from typing import Any, Literal
 import numpy as np
 from palpate import Floats
 
-from palpate_filters.inertial_step import Predicted, Prediction
-from palpate_filters.process import InertialProcess
-from palpate_filters.symmetric import cholesky, congruence, mirrored
+from palpate_filters.covariance import cholesky, congruence, mirror
+from palpate_filters.inertial_step import Predicted, Prediction, input_gain
+from palpate_filters.process_models import InertialProcess
 
 _DEPTH_FLOOR = 1e-5  # [m]; the slope of sqrt(d) has a pole at 0, so Jacobians are taken no nearer
 
@@ -19,29 +19,27 @@ Directions = tuple[Floats, float, float]
 
 
 def linearised(
-    process: InertialProcess, mean: Any, covariance: Any, force: Any, interval: Any, known: Any, force_std: Any
+    process: InertialProcess, mean: Any, covariance: Any, force: Any, interval: Any, known: Any
 ) -> Predicted:
-    """The extended Kalman filter's prediction: F P F^T + B sigma_u^2 B^T with the derived Jacobian F."""
+    """The extended Kalman filter's prediction: f(x) and F P F^T with the derived Jacobian F."""
     import casadi as ca
 
     slope = _force_slope(process, mean)
-    gain = _gain(process, interval)
     ahead = _stepper(process)(mean, force, interval, known)
     if process.model.memory:
         symbols = ca.SX.sym("x", process.states)
         jacobian = ca.jacobian(_stepper(process)(symbols, force, interval, known), symbols)
         jacobian = ca.substitute(jacobian, symbols, away(process, mean))
     else:
-        jacobian = _transition(process, interval) - (gain * known) @ slope.T
-    noisy = congruence(jacobian, covariance) + gain @ gain.T * force_std**2
-    return Predicted(ahead, noisy, None, slope[process.layout.at("depth")], ca.SX(0))
+        jacobian = _transition(process, interval) - (input_gain(process, interval) * known) @ slope.T
+    return Predicted(ahead, congruence(jacobian, covariance), None, slope[process.layout.at("depth")], ca.SX(0))
 
 
 def unscented(points: Points, alpha: float, beta: float, kappa: float, redraw: bool) -> Prediction:
     """The unscented Kalman filter's prediction; with `redraw` the update sees the process noise, as in filterpy."""
 
     def predict(
-        process: InertialProcess, mean: Any, covariance: Any, force: Any, interval: Any, known: Any, force_std: Any
+        process: InertialProcess, mean: Any, covariance: Any, force: Any, interval: Any, known: Any
     ) -> Predicted:
         directions = sigma_directions(points, process.states, alpha, beta, kappa)
         root, repaired = cholesky(covariance)
@@ -50,11 +48,9 @@ def unscented(points: Points, alpha: float, beta: float, kappa: float, redraw: b
             moments = _moments(lambda point: ahead(point, force, interval, known), mean, root, directions)
         else:
             moments = _excess_moments(process, mean, covariance, root, directions, (force, interval, known))
-        gain = _gain(process, interval)
-        noisy = moments[1] + gain @ gain.T * force_std**2
         column = None if redraw else moments[1][:, process.layout.at("rate")]
         stiffness = _force_slope(process, mean)[process.layout.at("depth")]
-        return Predicted(moments[0], noisy, column, stiffness, repaired)
+        return Predicted(moments[0], moments[1], column, stiffness, repaired)
 
     return predict
 
@@ -68,7 +64,7 @@ def _moments(ahead: Callable[[Any], Any], mean: Any, root: Any, directions: Dire
     # Weighting differences to the centre, not the points, loses nothing to the huge weights of a small alpha.
     offsets = ca.horzcat(*(ahead(mean + root @ ca.DM(direction)) - centre for direction in drawn.T))
     shift = ca.sum2(offsets) * weight
-    return centre + shift, mirrored(offsets @ offsets.T * weight + shift @ shift.T * correction)
+    return centre + shift, mirror(offsets @ offsets.T * weight + shift @ shift.T * correction)
 
 
 def _excess_moments(
@@ -95,13 +91,13 @@ def _excess_moments(
         offsets.append(ca.SX(0) if moved[:reached].is_zero() else centre - contact(mean + moved))
     differences = ca.horzcat(*offsets)
     shift = ca.sum2(differences) * weight
-    transition, gain = _transition(process, interval), _gain(process, interval) * known
+    transition, gain = _transition(process, interval), input_gain(process, interval) * known
     cross = transition @ (root @ (ca.DM(drawn) @ differences.T)) * weight
     variance = ca.sumsqr(differences) * weight + shift**2 * correction
     excess = ca.if_else(known, force, 0.0) - centre + shift
     ahead = ca.vertcat(*process.advance(ca.vertsplit(mean), 0.0, interval)) + gain * excess
     mixed = gain @ cross.T
-    return ahead, mirrored(congruence(transition, covariance) + mixed + mixed.T + gain @ gain.T * variance)
+    return ahead, mirror(congruence(transition, covariance) + mixed + mixed.T + gain @ gain.T * variance)
 
 
 def sigma_directions(points: Points, states: int, alpha: float, beta: float, kappa: float) -> Directions:
@@ -167,9 +163,3 @@ def away(process: InertialProcess, mean: Any) -> Any:
     at, inside = process.layout.at("depth"), ca.SX(mean)
     inside[at] = ca.if_else(mean[at] > 0, ca.fmax(mean[at], _DEPTH_FLOOR), mean[at])
     return inside
-
-
-def _gain(process: InertialProcess, interval: Any) -> Any:
-    import casadi as ca
-
-    return ca.vertcat(*process.gain(interval), ca.SX.zeros(process.states - process.layout.span("depth", "rate").stop))

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from palpate import Floats, Layout, Samples, Status
-
-from palpate_filters.kernel import Step
+from palpate_kit.kernel import Step
 
 MARKS = {
     "lifted": Status.LIFTED,
@@ -60,7 +59,7 @@ class Recursion:
 
 
 @dataclass(frozen=True)
-class Opening:
+class FilterStart:
     """How a filter gets under way."""
 
     window: float = 0.0  # [s] of samples gathered before the first estimate
@@ -69,7 +68,7 @@ class Opening:
 
 
 @dataclass(frozen=True)
-class Stretch:
+class ActiveStretch:
     """What a filter did on some samples without a pause between them."""
 
     rows: slice  # in the block

@@ -7,21 +7,21 @@ from typing import ClassVar
 
 import numpy as np
 from palpate import ContactModel, Estimates, Floats, Problem, Samples, Status, Time, Tracker
+from palpate_kit.kernel import Kernel, compile_step
 from pydantic import Field
 
 from palpate_filters.backward_step import backward_step
-from palpate_filters.filtered_rows import FilteredRows, KeptOutputs
-from palpate_filters.kernel import Kernel, compile_step
+from palpate_filters.filter_tracker import PIECE, RecursiveTracker
+from palpate_filters.filtered_rows import FilteredRows, OutputStore
 from palpate_filters.kinematic_filter import (
+    causes,
+    filter_start,
     kinematic_process,
     kinematic_recursion,
-    known_causes,
     noises,
-    opening,
 )
 from palpate_filters.kinematic_settings import KinematicSettings
-from palpate_filters.recursion import Recursion, Stretch, output_layout
-from palpate_filters.tracking import PIECE, RecursiveTracker
+from palpate_filters.recursion import ActiveStretch, Recursion, output_layout
 
 _HOPS = 4  # a fixed-lag smoother looks between one lag and one lag and a quarter ahead
 
@@ -69,16 +69,16 @@ class _SmoothingTracker:
         self._states = process.states
         self._place = output_layout(first.parameters, process.states)
         self._backward: Kernel = compile_step(backward_step(process))
-        self._stretches: list[Stretch] = []
-        self._kept = KeptOutputs()
+        self._stretches: list[ActiveStretch] = []
+        self._kept = OutputStore()
         self._known: list[tuple[Floats, Floats]] = []  # times (m,) [s] and smoothed states (m, n) of each stretch
 
-        def heard(stretch: Stretch, outputs: Floats) -> None:
+        def heard(stretch: ActiveStretch, outputs: Floats) -> None:
             self._kept.keep(stretch, outputs)
             self._stretches.append(stretch)
 
         def forward(recursion: Recursion) -> RecursiveTracker:
-            return RecursiveTracker(recursion, opening(settings, problem), heard, known_causes(settings))
+            return RecursiveTracker(recursion, filter_start(settings, problem), heard, causes(settings))
 
         self._passes = [forward(first)]
         if again := settings.relinearisations(problem.model):
@@ -120,7 +120,7 @@ class _SmoothingTracker:
     def _smooth(
         self,
         block: Samples,
-        stretches: list[Stretch],
+        stretches: list[ActiveStretch],
         noise: tuple[float | None, float | None],
         estimates: Estimates,
     ) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 from palpate import ContactModel, Floats
 from palpate.host import force_slopes
 
-from palpate_filters.kinematic_bias import pulled
+from palpate_filters.kinematic_bias import pull_on_estimates
 
 _FREQUENCIES = 2048
 _STEP = 1e-4  # of depth and rate, for the slopes' own slopes
@@ -52,4 +52,4 @@ def smoother_bias(
         np.sum(across * (force_ / force / whole - told_ / whole**2), axis=0) * float(w[1, 0] - w[0, 0]) / np.pi / force
     )
     information = (psi / (force + by_height**2 * position)[:, None]).T @ psi
-    return pulled(information, len(depth) * pull)
+    return pull_on_estimates(information, len(depth) * pull)

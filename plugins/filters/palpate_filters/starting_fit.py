@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 from palpate import ContactModel, Floats, Layout, Samples, contact_force
+from palpate_kit.numerics.local_cubic import cubic_weights
 
 from palpate_filters.bounded_minimum import bounded_minimum
-from palpate_filters.local_cubic import cubic_weights
 
 PAUSE = 0.02  # [s]; over a longer one the measured position carries the depth, not the process
 _SPAN = 5  # samples to either side over which acceleration is differenced, and the motion smoothed

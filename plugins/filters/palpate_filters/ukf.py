@@ -7,7 +7,7 @@ from typing import Any
 from palpate import Problem, Tracker
 from pydantic import Field, model_validator
 
-from palpate_filters.fading import PRESET, Fading, Preset, preset_below
+from palpate_filters.adaptive_fading import PRESET, AdaptiveFading, Preset, preset_below
 from palpate_filters.inertial_filter import InertialFilter, inertial_tracker
 from palpate_filters.predictions import Points, unscented
 
@@ -50,7 +50,7 @@ class AdaptiveFadingUkf(InertialFilter):
     kappa: float = Field(default=0.0, gt=-2, allow_inf_nan=False, description=_KAPPA)
     redraw: bool = Field(default=True, description=_REDRAW)
     preset: Preset = Field(default="palpate", description=PRESET)
-    fading: Fading = Field(default=Fading(), description="how the covariance is inflated")
+    fading: AdaptiveFading = Field(default=AdaptiveFading(), description="how the covariance is inflated")
     order: int = Field(
         default=2, ge=0, le=4, description="evolution order: number of time derivatives of the parameters as states"
     )

@@ -8,8 +8,9 @@ from palpate import Command, FlagMeaning, plugin
 @plugin
 def palpate_commands() -> dict[str, Command]:
     """Analyses of a press."""
-    where = "palpate_indentation.command:indentation"
-    return {"indentation": Command(where, "A press as a whole: E over depth, contact point, adhesion, large strain.")}
+    where = "palpate_indentation.indentation_command:indentation"
+    text = "A press as a whole: E over depth, contact point, adhesion, large strain."
+    return {"fit indentation": Command(where, text, former="indentation")}
 
 
 @plugin

@@ -10,7 +10,7 @@ import numpy as np
 from palpate import ContactModel, Floats
 from palpate.host import registry as registries
 
-from palpate_indentation.fitting import CurveFit, correlation_time
+from palpate_indentation.approach_fit import CurveFit, correlation_time
 from palpate_indentation.press import Branch
 
 THEORIES = {"dmt": 2.0 * np.pi, "jkr": 1.5 * np.pi}  # largest pull over w R, by the name of the model

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from palpate import Floats, LogError
 
-from palpate_indentation.fitting import CurveFit, correlation_time, fit_curve
-from palpate_indentation.law import Law
+from palpate_indentation.approach_fit import CurveFit, correlation_time, fit_curve
+from palpate_indentation.elastic_law import ElasticLaw
 from palpate_indentation.press import Branch
 
 _TOP = 0.01  # of the way
@@ -19,7 +19,7 @@ _DECISIVE = 10.0  # of BIC, by which a tilt that is a large part of the force mu
 
 
 @dataclass(frozen=True)
-class Fitted:
+class BaselineFit:
     """The fit of a press, with the tilt that its air tells."""
 
     fit: CurveFit
@@ -38,21 +38,21 @@ class Fitted:
         return float(min(max(abs(self.untold.modulus - self.fit.modulus), added), self.fit.modulus))
 
 
-def fit_press(law: Law, branch: Branch, noise: float, name: str, *, tilt: bool, robust: bool) -> Fitted:
+def fit_press(law: ElasticLaw, branch: Branch, noise: float, name: str, *, tilt: bool, robust: bool) -> BaselineFit:
     """The fit with the baseline that the air tells; raises LogError where nothing fits or there is no air."""
     level = fit_curve(law, branch, noise, tilt=False, robust=robust)
     tilted = fit_curve(law, branch, noise, tilt=True, robust=robust) if tilt else None
     if tilted is not None and _sound(tilted) and _begins_in_air(tilted, branch) and _told(law, branch, tilted, level):
-        return Fitted(tilted, None)
+        return BaselineFit(tilted, None)
     if not _sound(level):
         raise LogError(f"{name}: no modulus above 0 explains the force")
     if not _begins_in_air(level, branch):
         bent = ", or its force bends less than the model's" if tilted is not None and _sound(tilted) else ""
         raise LogError(f"{name}: the record begins in contact{bent}: without air there is no contact point")
-    return Fitted(level, tilted)
+    return BaselineFit(level, tilted)
 
 
-def force_of(law: Law, branch: Branch, fit: CurveFit) -> float:
+def force_of(law: ElasticLaw, branch: Branch, fit: CurveFit) -> float:
     """The largest force [N] that the modulus makes."""
     return float(np.max(np.abs(fit.modulus * law.geometry(fit.surface - branch.height))))
 
@@ -65,7 +65,7 @@ def _begins_in_air(fit: CurveFit, branch: Branch) -> bool:
     return fit.surface <= float(branch.height.max() - _TOP * np.ptp(branch.height))
 
 
-def _told(law: Law, branch: Branch, fit: CurveFit, level: CurveFit) -> bool:
+def _told(law: ElasticLaw, branch: Branch, fit: CurveFit, level: CurveFit) -> bool:
     """Whether the tilt is known beyond 10 % of the force from the air, and beyond doubt where it is larger than that.
 
     A press that hardly bends looks like a tilt: so the air alone must tell it, and a tilt that is a large part of the

@@ -21,10 +21,10 @@ def palpate_sinks() -> dict[str, type[Sink]]:
 @plugin
 def palpate_commands() -> dict[str, Command]:
     """The page of what was recorded."""
-    return {"watch": Command("palpate_live.watch:watch", "See a recorded run on the live page.", "logs")}
+    return {"watch": Command("palpate_live.watch_command:watch", "See a recorded run on the live page.", "logs")}
 
 
 @plugin
 def palpate_displays() -> dict[str, Display]:
     """The panel."""
-    return {"panel": Display("palpate_live.terminal:panel")}
+    return {"panel": Display("palpate_live.terminal_panel:panel")}

@@ -22,10 +22,10 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
-from palpate_live.columns import COMMON, PER_TRACK
-from palpate_live.gate import admit_viewer
-from palpate_live.server import given, listen, see_off, work
-from palpate_live.wire import Header, Rows, unpack
+from palpate_live.access import admit_viewer
+from palpate_live.datagrams import Header, Rows, unpack
+from palpate_live.page_server import listen, process_arguments, see_off, work
+from palpate_live.row_columns import COMMON, PER_TRACK
 
 SUBPROTOCOLS = (Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
 _MOST = 16  # viewers
@@ -208,4 +208,4 @@ class Bridge:
 
 
 if __name__ == "__main__":
-    asyncio.run(work(*given(), Bridge, SUBPROTOCOLS, _LARGEST))
+    asyncio.run(work(*process_arguments(), Bridge, SUBPROTOCOLS, _LARGEST))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 
-from palpate_live.wire import Header, Rows, pack, pack_rows, unpack
+from palpate_live.datagrams import Header, Rows, pack, pack_rows, unpack
 
 ROWS = 24_000  # four minutes in full; of a longer run the older part is ever coarser
 ROWS_RECORDED = 240_000

@@ -10,8 +10,8 @@ from palpate import FlagMeaning, Run, Sink, Writer
 from palpate.host import registry
 from pydantic import Field
 
-from palpate_live.child import Child, Served
-from palpate_live.feed import Feed
+from palpate_live.live_feed import PageFeed
+from palpate_live.server_process import PageServer, ServerKind
 
 
 class LiveSink(Sink):
@@ -26,7 +26,7 @@ class LiveSink(Sink):
 
     def open(self, run: Run) -> AbstractContextManager[Writer]:
         """Start the page, and print its address on standard error; raises OutputError where the port is taken."""
-        return _opened(Child(self.port, run.stop), run)
+        return _opened(PageServer(self.port, run.stop), run)
 
 
 class FoxgloveSink(Sink):
@@ -40,17 +40,17 @@ class FoxgloveSink(Sink):
 
     def open(self, run: Run) -> AbstractContextManager[Writer]:
         """Start serving, and print the address on standard error; raises OutputError where the port is taken."""
-        return _opened(Child(self.port, None, served=_FOXGLOVE), run)
+        return _opened(PageServer(self.port, None, served=_FOXGLOVE), run)
 
 
-_FOXGLOVE = Served("Foxglove server", "palpate_live.foxglove", "ws")
+_FOXGLOVE = ServerKind("Foxglove server", "palpate_live.foxglove", "ws")
 
 
 @contextmanager
-def _opened(child: Child, run: Run) -> Iterator[Writer]:
+def _opened(child: PageServer, run: Run) -> Iterator[Writer]:
     try:
         say(f"{child.served.name}: {child.address}")
-        feed = Feed(run, child.send, meanings())
+        feed = PageFeed(run, child.send, meanings())
         yield feed
         feed.flush()
     finally:

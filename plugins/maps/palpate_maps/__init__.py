@@ -6,16 +6,23 @@ from palpate import Command, Summary, plugin
 @plugin
 def palpate_commands() -> dict[str, Command]:
     """Maps, curves, lumps, sites and search."""
+    where = "palpate_maps.commands"
     return {
-        "map": Command("palpate_maps.commands.map:map_run", "Make the map of a run, with its uncertainty."),
-        "curves": Command("palpate_maps.commands.curves:curves", "Draw runs along a line side by side."),
-        "lumps": Command("palpate_maps.commands.lumps:lumps", "Find the lumps in a run, with p-values."),
-        "compare-sites": Command("palpate_maps.commands.lumps:compare", "Test a suspect site against others."),
-        "search": Command("palpate_maps.commands.search:search", "Propose where to palpate next, or go there."),
+        "map": Command(f"{where}.map_command:map_run", "Make the map of a run, with its uncertainty."),
+        "map curves": Command(
+            f"{where}.curves_command:curves", "Draw runs along a line side by side.", former="curves"
+        ),
+        "map lumps": Command(f"{where}.lumps_command:lumps", "Find the lumps in a run, with p-values.", former="lumps"),
+        "map compare": Command(
+            f"{where}.lumps_command:compare", "Test a suspect site against others.", former="compare-sites"
+        ),
+        "map search": Command(
+            f"{where}.search_command:search", "Propose where to palpate next, or go there.", former="search"
+        ),
     }
 
 
 @plugin
 def palpate_summaries() -> dict[str, Summary]:
     """Values of a sweep are means over its places."""
-    return {"places": Summary("palpate_maps.way:Places")}
+    return {"places": Summary("palpate_maps.path_estimates:Places")}

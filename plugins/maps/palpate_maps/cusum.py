@@ -9,9 +9,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from palpate_maps.along import LineCurve
-from palpate_maps.findings import Findings, Lump, LumpSettings
-from palpate_maps.sites import merged
+from palpate_maps.line_peaks import LineCurve
+from palpate_maps.lump_criteria import Findings, Lump, LumpSettings
+from palpate_maps.sites import merge_sites
 
 _CELLS = 40  # of the chain between 0 and the threshold
 _TABLED = 12.0  # largest threshold that the chain is asked for; beyond it the run length grows like exp(2 k h)
@@ -121,7 +121,7 @@ def by_cusum(curve: LineCurve, settings: LumpSettings) -> Findings:
     Blocks of `width` are taken in the order of time, the last stay before the sweep first. Where the lump is, how wide
     and how high, is read off the smoothed curve between the two changes.
     """
-    blocks = merged(curve.sites, settings.width)
+    blocks = merge_sites(curve.sites, settings.width)
     noise = np.sqrt(settings.spread**2 + curve.sites.kept**2 * blocks.std**2)
     along = np.interp(blocks.time, curve.sites.time, curve.along)
     test = Cusum(settings.rate, len(blocks), float(np.log1p(settings.contrast)))

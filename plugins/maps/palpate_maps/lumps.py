@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats, LogError
 
-from palpate_maps.along import by_prominence, curve_along
-from palpate_maps.baseline import Baseline, discoveries, find_baseline, prediction_p
+from palpate_maps.baseline_sites import Baseline, discoveries, find_baseline, prediction_p
 from palpate_maps.cusum import by_cusum
-from palpate_maps.findings import Findings, Lump, LumpSettings
-from palpate_maps.sites import Sites, line_coordinate, merged
+from palpate_maps.line_peaks import by_prominence, curve_along
+from palpate_maps.lump_criteria import Findings, Lump, LumpSettings
+from palpate_maps.sites import Sites, line_coordinate, merge_sites
 
 _FEWEST = 8  # sites; with fewer there are no surroundings
 _TELLING = 3  # points on a lump that place it without the sweeps
@@ -36,7 +36,7 @@ def find_lumps(sites: Sites, settings: LumpSettings | None = None) -> Findings:
 
 def _over(sites: Sites, settings: LumpSettings) -> Findings:
     """Sites outside the prediction interval of the baseline sites, with false-discovery control, joined to lumps."""
-    coarse = merged(sites, settings.width)
+    coarse = merge_sites(sites, settings.width)
     baseline = find_baseline(coarse.log, floor=settings.spread)
     p = prediction_p(coarse.log, baseline)
     height = coarse.log - baseline.mean

@@ -7,7 +7,7 @@ import struct
 
 import numpy as np
 
-from palpate_maps.grid import StiffnessMap
+from palpate_maps.map_grid import StiffnessMap
 
 TOPIC = "/palpate/map"
 _FLOAT64 = 8
@@ -29,7 +29,7 @@ _DEFINITION = _PART.join(
 )
 
 
-class _Cdr:
+class _GridMessage:
     """Common data representation, little-endian: numbers stand at multiples of their size."""
 
     def __init__(self) -> None:
@@ -78,7 +78,7 @@ def grid_message(field: StiffnessMap, parameter: str, stamp: int) -> bytes:
     """The map as one message in CDR."""
     steps = [float(axis[1] - axis[0]) if len(axis) > 1 else 1e-3 for axis in (field.x, field.y)]
     names = (parameter, f"{parameter}_std")
-    cdr = _Cdr()
+    cdr = _GridMessage()
     cdr.number("i", stamp // 1_000_000_000)
     cdr.number("I", stamp % 1_000_000_000)
     cdr.text("work")

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats, LogError
 
-from palpate_maps.path import Path2D
-from palpate_maps.relief import relief_scatter
+from palpate_maps.path_reader import Path2D
+from palpate_maps.relief_scatter import relief_scatter
 
 _LOOK = 0.5  # [s] over which it is decided whether the tip moves
 _SLOW = 5e-4  # [m/s]; below it stands
@@ -147,7 +147,7 @@ def _since(way: Floats, begins: NDArray[np.bool_]) -> Floats:
     return np.asarray(way - way[first])
 
 
-def merged(sites: Sites, width: float) -> Sites:
+def merge_sites(sites: Sites, width: float) -> Sites:
     """Sites of a sweep joined until each has about a given width [m]; those of stays as they are."""
     gap = np.r_[0.0, np.linalg.norm(np.diff(sites.place, axis=0), axis=1)]
     groups, way, group = np.zeros(len(sites), int), 0.0, 0

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate import Command, Diagnosis, FlagMeaning, lazily, plugin
+import lazy_loader
+from palpate import Command, Diagnosis, FlagMeaning, plugin
 
 if TYPE_CHECKING:
     from palpate import Indenter
 
     from palpate_models.adhesion import DerjaguinMullerToporov, JohnsonKendallRoberts
-    from palpate_models.arms import Burgers, GeneralisedMaxwell2, GeneralisedMaxwell3, GeneralisedMaxwell4
-    from palpate_models.compression import Compression
     from palpate_models.dimensionality_reduction import DimensionalityReduction
     from palpate_models.fractional import FractionalKelvinVoigt, PowerLaw
+    from palpate_models.generalised_maxwell import (
+        Burgers,
+        GeneralisedMaxwell2,
+        GeneralisedMaxwell3,
+        GeneralisedMaxwell4,
+    )
     from palpate_models.hunt_crossley import FreeHuntCrossley, HuntCrossley
     from palpate_models.indenters import (
         BluntCone,
@@ -31,30 +36,43 @@ if TYPE_CHECKING:
         TruncatedCone,
     )
     from palpate_models.kelvin_voigt import KelvinVoigt
+    from palpate_models.plate_compression import PlateCompression
     from palpate_models.poroelastic import Poroelastic
-    from palpate_models.relaxation import DimensionalityReductionMaxwell, Maxwell, StandardLinearSolid
+    from palpate_models.relaxing_models import DimensionalityReductionMaxwell, Maxwell, StandardLinearSolid
 
-__getattr__ = lazily(
+__getattr__, _, _ = lazy_loader.attach(
     __name__,
-    {
-        "palpate_models.adhesion": "DerjaguinMullerToporov JohnsonKendallRoberts",
-        "palpate_models.arms": "Burgers GeneralisedMaxwell2 GeneralisedMaxwell3 GeneralisedMaxwell4",
-        "palpate_models.compression": "Compression",
-        "palpate_models.dimensionality_reduction": "DimensionalityReduction",
-        "palpate_models.fractional": "FractionalKelvinVoigt PowerLaw",
-        "palpate_models.hunt_crossley": "FreeHuntCrossley HuntCrossley",
-        "palpate_models.indenters": "BluntCone Cone Ellipsoid ExactSphere Flat NeoHookeanSphere Paraboloid "
-        "Power Profile Quartic Sphere TiltedFlat TruncatedCone",
-        "palpate_models.kelvin_voigt": "KelvinVoigt",
-        "palpate_models.poroelastic": "Poroelastic",
-        "palpate_models.relaxation": "DimensionalityReductionMaxwell Maxwell StandardLinearSolid",
+    submod_attrs={
+        "adhesion": ["DerjaguinMullerToporov", "JohnsonKendallRoberts"],
+        "generalised_maxwell": ["Burgers", "GeneralisedMaxwell2", "GeneralisedMaxwell3", "GeneralisedMaxwell4"],
+        "plate_compression": ["PlateCompression"],
+        "dimensionality_reduction": ["DimensionalityReduction"],
+        "fractional": ["FractionalKelvinVoigt", "PowerLaw"],
+        "hunt_crossley": ["FreeHuntCrossley", "HuntCrossley"],
+        "indenters": [
+            "BluntCone",
+            "Cone",
+            "Ellipsoid",
+            "ExactSphere",
+            "Flat",
+            "NeoHookeanSphere",
+            "Paraboloid",
+            "Power",
+            "Profile",
+            "Quartic",
+            "Sphere",
+            "TiltedFlat",
+            "TruncatedCone",
+        ],
+        "kelvin_voigt": ["KelvinVoigt"],
+        "poroelastic": ["Poroelastic"],
+        "relaxing_models": ["DimensionalityReductionMaxwell", "Maxwell", "StandardLinearSolid"],
     },
 )
 
 __all__ = [
     "BluntCone",
     "Burgers",
-    "Compression",
     "Cone",
     "DerjaguinMullerToporov",
     "DimensionalityReduction",
@@ -73,6 +91,7 @@ __all__ = [
     "Maxwell",
     "NeoHookeanSphere",
     "Paraboloid",
+    "PlateCompression",
     "Poroelastic",
     "Power",
     "PowerLaw",
@@ -126,20 +145,20 @@ def palpate_models() -> dict[str, str]:
     """Contact models."""
     return {
         "dimensionality-reduction": "palpate_models.dimensionality_reduction:DimensionalityReduction",
-        "standard-linear-solid": "palpate_models.relaxation:StandardLinearSolid",
-        "dimensionality-reduction-maxwell": "palpate_models.relaxation:DimensionalityReductionMaxwell",
-        "maxwell": "palpate_models.relaxation:Maxwell",
-        "generalised-maxwell-2": "palpate_models.arms:GeneralisedMaxwell2",
-        "generalised-maxwell-3": "palpate_models.arms:GeneralisedMaxwell3",
-        "generalised-maxwell-4": "palpate_models.arms:GeneralisedMaxwell4",
-        "burgers": "palpate_models.arms:Burgers",
+        "standard-linear-solid": "palpate_models.relaxing_models:StandardLinearSolid",
+        "dimensionality-reduction-maxwell": "palpate_models.relaxing_models:DimensionalityReductionMaxwell",
+        "maxwell": "palpate_models.relaxing_models:Maxwell",
+        "generalised-maxwell-2": "palpate_models.generalised_maxwell:GeneralisedMaxwell2",
+        "generalised-maxwell-3": "palpate_models.generalised_maxwell:GeneralisedMaxwell3",
+        "generalised-maxwell-4": "palpate_models.generalised_maxwell:GeneralisedMaxwell4",
+        "burgers": "palpate_models.generalised_maxwell:Burgers",
         "power-law": "palpate_models.fractional:PowerLaw",
         "fractional-kelvin-voigt": "palpate_models.fractional:FractionalKelvinVoigt",
         "poroelastic": "palpate_models.poroelastic:Poroelastic",
         "kelvin-voigt": "palpate_models.kelvin_voigt:KelvinVoigt",
         "hunt-crossley": "palpate_models.hunt_crossley:HuntCrossley",
         "hunt-crossley-free": "palpate_models.hunt_crossley:FreeHuntCrossley",
-        "compression": "palpate_models.compression:Compression",
+        "compression": "palpate_models.plate_compression:PlateCompression",
         "dmt": "palpate_models.adhesion:DerjaguinMullerToporov",
         "jkr": "palpate_models.adhesion:JohnsonKendallRoberts",
     }
@@ -149,15 +168,21 @@ def palpate_models() -> dict[str, str]:
 def palpate_commands() -> dict[str, Command]:
     """Forces without a palpation."""
     return {
-        "force": Command("palpate_models.force_command:force", "Force of a model and a tip over a ramp or a sine."),
-        "thickness": Command("palpate_models.thickness_command:thickness", "Factor of a specimen's size, as a table."),
+        "model force": Command(
+            "palpate_models.force_command:force", "Force of a model and a tip over a ramp or a sine.", former="force"
+        ),
+        "model thickness": Command(
+            "palpate_models.thickness_command:thickness",
+            "Factor of a specimen's size, as a table.",
+            former="thickness",
+        ),
     }
 
 
 @plugin
 def palpate_diagnoses() -> dict[str, Diagnosis]:
     """What a record determines of a relaxing material."""
-    return {"at-rest": Diagnosis("palpate_models.at_rest:at_rest", quick=True)}
+    return {"at-rest": Diagnosis("palpate_models.modulus_at_rest:at_rest", quick=True)}
 
 
 @plugin

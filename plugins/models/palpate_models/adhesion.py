@@ -14,7 +14,7 @@ from palpate_models.parameters import ADHESION_WORK, ELASTICITY
 _TINY = 1e-30  # keeps w = 0 without a pole; far below any work of adhesion over a modulus
 
 
-class _Sticking(ContactModel):
+class _AdhesiveSphere(ContactModel):
     """Sphere and Poisson's ratio of a contact that sticks."""
 
     parameters: ClassVar[tuple[Parameter, ...]] = (ELASTICITY, ADHESION_WORK)
@@ -38,7 +38,7 @@ class _Sticking(ContactModel):
         return elasticity / (1.0 - self.poisson**2)
 
 
-class DerjaguinMullerToporov(_Sticking):
+class DerjaguinMullerToporov(_AdhesiveSphere):
     """A sphere on a half-space that attracts it from outside of the contact: stiff material, small tip, weak adhesion.
 
     F = 4/3 E* sqrt(R) d^1.5 - 2 pi w R in contact, 0 out of it, with E* = E/(1 - nu^2) and the work of adhesion w. The
@@ -54,7 +54,7 @@ class DerjaguinMullerToporov(_Sticking):
         return hertz - 2.0 * math.pi * self.radius * theta[1] + 0.0 * rate
 
 
-class JohnsonKendallRoberts(_Sticking):
+class JohnsonKendallRoberts(_AdhesiveSphere):
     """A sphere on a half-space that sticks within the contact: soft material, large tip, strong adhesion.
 
     F = 4 E* a^3/(3 R) - sqrt(8 pi w E* a^3) with the contact radius a from d = a^2/R - sqrt(2 pi w a/E*), in closed

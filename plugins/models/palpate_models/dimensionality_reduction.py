@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from palpate import ContactModel, Indenter, MaterialValue, Parameter
+from palpate import ContactModel, Floats, Indenter, MaterialValue, Parameter
 from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
@@ -61,6 +61,12 @@ class DimensionalityReduction(ContactModel):
         area, radius = corrected_contact(self.indenter, self.thickness, depth)
         elastic = 2.0 / (1.0 - self.poisson**2) * elasticity * area
         return elastic + 4.0 / (1.0 - self.poisson) * viscosity * radius * rate
+
+    def loading_cycle_force(self, time: Floats, depth: Floats, theta: Sequence[float], reversal: float) -> Floats:
+        """Force (n,) [N] over one loading and one unloading, see `ting_force`."""
+        from palpate_models.ting_unloading import ting_force
+
+        return ting_force(self, time, depth, theta, reversal)
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
         """The parameters themselves."""

@@ -12,7 +12,7 @@ import numpy as np
 from palpate import ConfigurationError, Floats
 
 from palpate_models import neo_hookean
-from palpate_models.rigid_tip import Overlap, Profile
+from palpate_models.rigid_tip import Overlap, TipProfile
 
 _STIFF = 3e3  # of the contact, over modulus and contact radius
 _GROWTH = 1.25  # of the elements away from the contact
@@ -75,7 +75,7 @@ class SoftCylinder:
         self._x = np.zeros(self._moves.N + self._presses.N)
         self._states = [(0.0, self._x)]  # the last two equilibria under a tip
 
-    def press(self, tip: Profile, depth: float, until: float = math.inf) -> float:
+    def press(self, tip: TipProfile, depth: float, until: float = math.inf) -> float:
         """Force over Young's modulus [m^2] at a depth [m], by steps from the deepest depth so far.
 
         Each step begins at the straight line through the two equilibria before it, and is halved where that leads to
@@ -98,7 +98,7 @@ class SoftCylinder:
         (before, old), (last, new) = self._states[0], self._states[-1]
         return new + (depth - last) / (last - before) * (new - old) if last > before > 0 else new
 
-    def _equilibrium(self, tip: Profile, depth: float, x: Floats, until: float) -> tuple[Floats, float] | None:
+    def _equilibrium(self, tip: TipProfile, depth: float, x: Floats, until: float) -> tuple[Floats, float] | None:
         """State and force at a depth by Newton's method from a state; None where it does not converge."""
         fixed = self._held()
         free = np.setdiff1d(np.arange(len(x)), fixed)
@@ -158,7 +158,7 @@ class SoftCylinder:
         count = self._moves.N
         return {"u": self._moves.interpolate(x[:count]), "p": self._presses.interpolate(x[count:])}
 
-    def _overlap(self, tip: Profile, depth: float) -> Overlap:
+    def _overlap(self, tip: TipProfile, depth: float) -> Overlap:
         return Overlap(tip, depth, _STIFF * neo_hookean.MODULUS / self._scale)
 
     def _whole(self, x: Floats) -> bool:
@@ -167,7 +167,7 @@ class SoftCylinder:
         plane = (1 + F[0, 0]) * (1 + F[1, 1]) - F[0, 1] * F[1, 0]
         return bool(min(plane.min(), 1 + F[2, 2].min()) > _THINNEST)
 
-    def _tangent(self, x: Floats, tip: Profile | None, depth: float) -> Any:
+    def _tangent(self, x: Floats, tip: TipProfile | None, depth: float) -> Any:
         """The residual's derivative, over 2 pi."""
         from scipy.sparse import bmat
 
@@ -180,7 +180,7 @@ class SoftCylinder:
             stiffness = stiffness + fem.BilinearForm(self._overlap(tip, depth).tangent).assemble(self._top, **at)
         return bmat([[stiffness, coupling], [coupling.T, softness]], "csr")
 
-    def _residual(self, x: Floats, tip: Profile | None, depth: float) -> tuple[Floats, float]:
+    def _residual(self, x: Floats, tip: TipProfile | None, depth: float) -> tuple[Floats, float]:
         """What is out of balance, over 2 pi, and the force of the tip."""
         fem, given, force = self._fem, self._given(x), 0.0
         forces = fem.LinearForm(neo_hookean.stress).assemble(self._moves, **given)
@@ -215,9 +215,9 @@ def _graded(fine: float, whole: float, count: int) -> Floats:
     return np.array(edges)
 
 
-def pressed(
+def press_cylinder(
     cylinder: Cylinder,
-    tip: Profile | Callable[[float], Profile],
+    tip: TipProfile | Callable[[float], TipProfile],
     depths: Floats,
     fine: int = 24,
     until: float = math.inf,

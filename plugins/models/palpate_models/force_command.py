@@ -1,4 +1,4 @@
-"""``palpate force``: the forces of a model and a tip over a ramp or a sine, before anything is palpated."""
+"""``palpate model force``: the forces of a model and a tip over a ramp or a sine, before anything is palpated."""
 
 from __future__ import annotations
 
@@ -21,18 +21,10 @@ from palpate import (
     tip_profile,
     to_si,
 )
-from palpate.host import (
-    JsonOption,
-    PluginFiles,
-    Source,
-    build_parts,
-    figure_of,
-    print_json,
-    registry as registries,
-    save_figure,
-    style,
-    suggest,
-)
+from palpate.host import Source, build_parts, registry as registries, suggest
+from palpate_kit.figures import figure_of, save_figure, style
+from palpate_kit.terminal.json_output import print_json
+from palpate_kit.terminal.options import JsonOption, PluginFiles
 
 _SAMPLES = 1001
 
@@ -81,11 +73,11 @@ def force(
     try:
         forces = force_over_time(part, time, depths, rates, theta, pulls=False)
     except ValueError as error:
-        raise ConfigurationError(f"palpate force: {error}") from error
+        raise ConfigurationError(f"palpate model force: {error}") from error
     curve = _ForceCurve(time, depths, rates, forces)
     problem = part.validity(float(np.max(depths)))
     if problem:
-        typer.echo(f"palpate force: {problem}", err=True)
+        typer.echo(f"palpate model force: {problem}", err=True)
     if as_json:
         units = {"time": "s", "depth": "m", "rate": "m/s", "force": "N"}
         print_json({"model": name, "units": units, "warning": problem or None, **vars(curve)})
@@ -107,8 +99,8 @@ def _by_name(
         tables[0] += 'indenter = "tip"\n'
         tables.append(f'[indenter.tip]\ntype = "{indenter}"\n')
     elif indenter is not None:
-        raise ConfigurationError(f"palpate force: the model {model!r} takes no indenter")
-    source = Source("".join(tables), Path("palpate force"))
+        raise ConfigurationError(f"palpate model force: the model {model!r} takes no indenter")
+    source = Source("".join(tables), Path("palpate model force"))
     for assignment in overrides:
         table, _, rest = assignment.partition(".")
         place = {"model": "model.model", "indenter": "indenter.tip"}.get(table)
@@ -147,7 +139,9 @@ def _theta(model: ContactModel, assignments: list[str]) -> list[float]:
         if parameter.name not in given:
             if parameter.start is None:
                 raise ConfigurationError(f"--parameter {parameter.name}=... is missing; it is in {parameter.unit}")
-            typer.echo(f"palpate force: {parameter.name} not given: {parameter.start:g} {parameter.unit}", err=True)
+            typer.echo(
+                f"palpate model force: {parameter.name} not given: {parameter.start:g} {parameter.unit}", err=True
+            )
             theta.append(parameter.start)
             continue
         number = _si(f"--parameter {parameter.name}", given[parameter.name], parameter.unit)

@@ -10,7 +10,7 @@ from palpate import MaterialValue, Parameter, Time
 from pydantic import Field, model_validator
 
 from palpate_models.parameters import ELASTICITY, LASTING_ELASTICITY
-from palpate_models.relaxation import Relaxing, Spectrum
+from palpate_models.relaxing_models import RelaxationSpectrum, RelaxingModel
 
 _STATES = 10
 _BEYOND = 10.0  # the exponentials' times go so far beyond those for which the law is to hold
@@ -40,7 +40,7 @@ def reciprocal_gamma(x: Any) -> Any:
     return x * math.e**t / (math.sqrt(2.0 * math.pi) * t ** (x + 0.5) * series)
 
 
-class _Fractional(Relaxing):
+class _Fractional(RelaxingModel):
     """A power law of time between two times, as a spring, a damper and ten arms."""
 
     memory: ClassVar[tuple[str, ...]] = tuple(f"force_{k}" for k in range(1, _STATES + 1))
@@ -58,7 +58,7 @@ class _Fractional(Relaxing):
             )
         return self
 
-    def _arms(self, strength: Any, power: Any) -> Spectrum:
+    def _arms(self, strength: Any, power: Any) -> RelaxationSpectrum:
         """E_1 (t/1 s)^-alpha as E_1/Gamma(alpha) h sum of x_k^alpha exp(-x_k t), x_k = exp(k h).
 
         The trapezoidal rule on the integral over ln x. What is slower than the slowest arm has not relaxed by `longest`
@@ -72,7 +72,7 @@ class _Fractional(Relaxing):
         slower = scale * rates[0] ** power / (ratio**power - 1.0)
         faster = scale * rates[-1] ** (power - 1.0) / (ratio ** (1.0 - power) - 1.0)
         arms = tuple((scale * rate**power, rate) for rate in rates)
-        return Spectrum(slower, faster / (2.0 * (1.0 + self.poisson)), arms)
+        return RelaxationSpectrum(slower, faster / (2.0 * (1.0 + self.poisson)), arms)
 
 
 class PowerLaw(_Fractional):
@@ -89,7 +89,7 @@ class PowerLaw(_Fractional):
 
     parameters: ClassVar[tuple[Parameter, ...]] = (_ELASTICITY, _POWER)
 
-    def spectrum(self, theta: Sequence[Any]) -> Spectrum:
+    def spectrum(self, theta: Sequence[Any]) -> RelaxationSpectrum:
         """E (t/1 s)^-alpha."""
         return self._arms(theta[0], theta[1])
 
@@ -110,10 +110,10 @@ class FractionalKelvinVoigt(_Fractional):
 
     parameters: ClassVar[tuple[Parameter, ...]] = (LASTING_ELASTICITY, _FADING, _POWER)
 
-    def spectrum(self, theta: Sequence[Any]) -> Spectrum:
+    def spectrum(self, theta: Sequence[Any]) -> RelaxationSpectrum:
         """E + E_f (t/1 s)^-alpha."""
         fading = self._arms(theta[1], theta[2])
-        return Spectrum(theta[0] + fading.lasting, fading.damper, fading.arms)
+        return RelaxationSpectrum(theta[0] + fading.lasting, fading.damper, fading.arms)
 
     def material(self, theta: Sequence[float]) -> tuple[MaterialValue, ...]:
         """E at rest."""

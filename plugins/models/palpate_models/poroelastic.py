@@ -11,7 +11,7 @@ from pydantic import model_validator
 
 from palpate_models.indenters import Cone, Ellipsoid, ExactSphere, Flat, Paraboloid, Sphere
 from palpate_models.parameters import LASTING_ELASTICITY
-from palpate_models.relaxation import Relaxing, Spectrum
+from palpate_models.relaxing_models import RelaxationSpectrum, RelaxingModel
 from palpate_models.thickness import Thickness
 
 # g = w_1 exp(-c_1 sqrt(x)) + w_2 exp(-c_2 x), x = D t/a^2.
@@ -36,7 +36,7 @@ def _master(indenter: Indenter) -> tuple[float, float, float, float]:
     raise ValueError(f"poroelastic: is known for spheres, cones and flat tips, not for a {type(indenter).__name__}")
 
 
-class Poroelastic(Relaxing):
+class Poroelastic(RelaxingModel):
     """A gel or tissue whose solvent moves (Biot's), pressed fast and held, by a sphere, a cone or a flat tip.
 
     At once it is incompressible, F_0 = 8 G A(d), and in the end F_inf = F_0/(2 (1 - nu_s)) = 2 E/(1 - nu_s^2) A(d),
@@ -70,7 +70,7 @@ class Poroelastic(Relaxing):
             raise ValueError("poroelastic: is known for a half-space only, without thickness")
         return self
 
-    def spectrum(self, theta: Sequence[Any]) -> Spectrum:
+    def spectrum(self, theta: Sequence[Any]) -> RelaxationSpectrum:
         """Strengths [Pa], and rates in D/a^2."""
         elasticity, poisson, _ = theta
         per = (1.0 - self.poisson**2) / (1.0 - poisson * poisson)
@@ -82,7 +82,7 @@ class Poroelastic(Relaxing):
         shares = [step * c1 / (2 * math.sqrt(math.pi * x)) * math.exp(-(c1**2) / (4 * x)) for x in rates]
         shares[-1] += 1.0 - sum(shares)  # what is faster than the fastest
         arms = [(w1 * share * fading, rate) for share, rate in zip(shares, rates, strict=True)]
-        return Spectrum(per * elasticity, None, (*arms, (w2 * fading, c2)))
+        return RelaxationSpectrum(per * elasticity, None, (*arms, (w2 * fading, c2)))
 
     def pace(self, radius: Any, theta: Sequence[Any]) -> Any:
         """D/a^2 [1/s]."""

@@ -14,7 +14,7 @@ _ROUND = 1.2  # radii out to which a rounded flat tip may touch
 
 
 @dataclass(frozen=True)
-class Profile:
+class TipProfile:
     """A rigid tip: height f(r) [m] over its lowest point, and its derivative, on arrays of radii (n,) [m]."""
 
     height: Callable[[Floats], Floats]
@@ -23,7 +23,7 @@ class Profile:
     sticking: bool = False  # the surface does not slide on it
 
 
-def rounded_flat(radius: float, depth: float, sticking: bool = False) -> tuple[Profile, float]:
+def rounded_flat(radius: float, depth: float, sticking: bool = False) -> tuple[TipProfile, float]:
     """A flat tip whose rounded edge touches out to a radius [m] at a depth [m] of a half-space, and its area A [m^2].
 
     An edge makes the pressure endless, which no elements bear: f(r) = (r - b)^2/(2 e) beyond the face of radius b,
@@ -48,14 +48,14 @@ def rounded_flat(radius: float, depth: float, sticking: bool = False) -> tuple[P
     def slope(r: Floats) -> Floats:
         return np.asarray(np.sign(r) * np.maximum(np.abs(r) - face, 0.0) / edge)
 
-    return Profile(height, slope, _ROUND * radius, sticking), area
+    return TipProfile(height, slope, _ROUND * radius, sticking), area
 
 
 @dataclass(frozen=True)
 class Overlap:
     """The energy k/2 <overlap>^2 of a surface in a tip, overlap along the axis; its derivatives are the traction."""
 
-    tip: Profile
+    tip: TipProfile
     depth: float
     stiff: float
 

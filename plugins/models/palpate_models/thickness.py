@@ -54,8 +54,8 @@ class Thickness(Settings):
     `finite-cylinder` (paraboloid `sphere`; free side, diameter/height 50/22): with e = d/R and X,
     (1 - 0.15 e)(1 + a X + b X^2 + f X e + g e), fitted to finite elements of a neo-Hookean cylinder within 0.9 %; it
     holds the exact shape of the sphere and large strain, too.
-    `table` (any smooth tip and size): what `palpate thickness` has written, finite elements of the specimen under the
-    tip, as 1 + a polynomial of degree 4 in sqrt(d).
+    `table` (any smooth tip and size): finite elements of the specimen under the tip, from
+    `palpate model thickness`, 1 + a polynomial of degree 4 in sqrt(d).
     None of the sources treats speed. By the correspondence principle for a material of Kelvin-Voigt type, the viscous
     force follows from the derivative of the corrected elastic one, d/dd [A(d) c(d)], in place of a(d); so it is here.
     Source: Dimitriadis et al. 2002, eqs. 12 and 13; Garcia and Garcia 2018.
@@ -64,7 +64,9 @@ class Thickness(Settings):
     law: Literal["dimitriadis", "garcia", "finite-cylinder", "table"] = Field(
         default="table", description="which correction"
     )
-    table: InputFile | None = Field(default=None, description="table: file of `palpate thickness`, depths and factors")
+    table: InputFile | None = Field(
+        default=None, description="table: file of `palpate model thickness`, depths and factors"
+    )
     height: Depth = Field(default=0.0, ge=0, description="height h of the layer; of a table it is in the file")
     bonded: bool = Field(default=True, description="whether the layer is glued to its base, or may slide")
     sticking: bool = Field(default=False, description="finite-cylinder: whether the tip sticks to the surface")

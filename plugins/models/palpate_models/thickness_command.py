@@ -1,4 +1,4 @@
-"""``palpate thickness``: the factor of a specimen of any size under a tip, by finite elements, as a table."""
+"""``palpate model thickness``: the factor of a specimen of any size under a tip, by finite elements, as a table."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 from palpate import ConfigurationError, Floats, Indenter, tip_profile, to_si
-from palpate.host import JsonOption, Source, build_parts, print_json, write_new
+from palpate.host import Source, build_parts, write_new
+from palpate_kit.terminal.json_output import print_json
+from palpate_kit.terminal.options import JsonOption
 
 from palpate_models.indenters import Flat
 
 if TYPE_CHECKING:
     from palpate_models.finite_elements import Cylinder
-    from palpate_models.rigid_tip import Profile
+    from palpate_models.rigid_tip import TipProfile
 
 _BEYOND = 1.6  # contact radii out to which the surface is looked at
 _FIRST = 0.3  # contact radius of the first row, over that of the last: less, and it spans few elements
@@ -49,7 +51,7 @@ def thickness(
     at the last depth that was reached, and this is said.
     """
     from palpate_models.finite_elements import Cylinder
-    from palpate_models.thickness_table import smoothed, table_text, tip_facts
+    from palpate_models.thickness_table import smooth_table, table_text, tip_facts
 
     if out.exists():
         raise ConfigurationError(f"{out}: exists already, and nothing is ever overwritten")
@@ -60,9 +62,11 @@ def thickness(
     cylinder = Cylinder(sizes["diameter"], sizes["height"], bonded)
     factors, stopped = _rows(cylinder, indenter, profile, depths, fine, _seconds(limit))
     reached = depths[: len(factors)]
-    smooth, scatter, at_touch = smoothed(reached, factors, isinstance(indenter, Flat))
+    smooth, scatter, at_touch = smooth_table(reached, factors, isinstance(indenter, Flat))
     if scatter > _SCATTER:
-        raise ConfigurationError(f"palpate thickness: the rows scatter by {scatter:.1%}; take more elements (--fine)")
+        raise ConfigurationError(
+            f"palpate model thickness: the rows scatter by {scatter:.1%}; take more elements (--fine)"
+        )
     facts = {
         "tip": tip_facts(indenter), "diameter": sizes["diameter"], "height": sizes["height"], "bonded": bonded,
         "sticking": sticking, "elements": fine, "scatter": float(f"{scatter:.2g}"),
@@ -77,7 +81,7 @@ def thickness(
     typer.echo(f'written to {out}; use it with thickness = {{ table = "{out}" }}', err=as_json)
 
 
-def _fitting(tip: Indenter, sizes: dict[str, float], sticking: bool) -> Profile:
+def _fitting(tip: Indenter, sizes: dict[str, float], sticking: bool) -> TipProfile:
     """The tip's shape, where it fits the specimen; raises ConfigurationError."""
     if sizes["depth"] > 0.5 * sizes["height"]:
         raise ConfigurationError("--depth: more than half of the height")
@@ -88,7 +92,7 @@ def _fitting(tip: Indenter, sizes: dict[str, float], sticking: bool) -> Profile:
 
 
 def _rows(
-    cylinder: Cylinder, tip: Indenter, profile: Profile, depths: Floats, fine: int, seconds: float
+    cylinder: Cylinder, tip: Indenter, profile: TipProfile, depths: Floats, fine: int, seconds: float
 ) -> tuple[Floats, str]:
     """Factors of as many depths as were reached, and why not of all; raises ConfigurationError where they are few."""
     from palpate_models.thickness_table import FEWEST
@@ -101,20 +105,20 @@ def _rows(
             found.append(one)
     if len(found) < FEWEST:
         raise ConfigurationError(
-            f"palpate thickness: {stopped}, and {len(found)} rows are no table ({FEWEST} are needed); take less "
+            f"palpate model thickness: {stopped}, and {len(found)} rows are no table ({FEWEST} are needed); take less "
             "--depth, more --points, more --limit, or another number of elements (--fine)"
         )
     return np.array(found), stopped
 
 
 def _factors(
-    cylinder: Cylinder, tip: Indenter, profile: Profile, depths: Floats, fine: int, seconds: float
+    cylinder: Cylinder, tip: Indenter, profile: TipProfile, depths: Floats, fine: int, seconds: float
 ) -> Iterator[float | str]:
     """Factors, reported as they come; last, where not all are found, why."""
-    from palpate_models.finite_elements import NoEquilibriumError, pressed
+    from palpate_models.finite_elements import NoEquilibriumError, press_cylinder
 
     began = time.monotonic()
-    forces = pressed(cylinder, lambda depth: _shape(tip, profile, depth)[0], depths, fine, began + seconds)
+    forces = press_cylinder(cylinder, lambda depth: _shape(tip, profile, depth)[0], depths, fine, began + seconds)
     for number, depth in enumerate(depths.tolist(), start=1):
         try:
             factor = next(forces) / (8.0 / 3.0 * _shape(tip, profile, depth)[1])
@@ -126,7 +130,7 @@ def _factors(
         yield factor
 
 
-def _shape(tip: Indenter, profile: Profile, depth: float) -> tuple[Profile, float]:
+def _shape(tip: Indenter, profile: TipProfile, depth: float) -> tuple[TipProfile, float]:
     """The tip as the elements take it at a depth, and its area A [m^2]: on a half-space the force is 2 E* A."""
     from palpate_models.rigid_tip import rounded_flat
 
@@ -156,7 +160,7 @@ def _length(name: str, text: str) -> float:
 
 
 def _tip(name: str, overrides: list[str]) -> Indenter:
-    source = Source(f'[indenter.tip]\ntype = "{name}"\n', Path("palpate thickness"))
+    source = Source(f'[indenter.tip]\ntype = "{name}"\n', Path("palpate model thickness"))
     for assignment in overrides:
         source.override(f"indenter.tip.{assignment}")
     found: Indenter = build_parts(source, "indenter")["tip"]
@@ -165,11 +169,11 @@ def _tip(name: str, overrides: list[str]) -> Indenter:
     return found
 
 
-def _profile(indenter: Indenter, depth: float, sticking: bool) -> Profile:
+def _profile(indenter: Indenter, depth: float, sticking: bool) -> TipProfile:
     """The tip's shape out to where it may touch, straight on beyond what is known of it."""
     from scipy.interpolate import CubicSpline
 
-    from palpate_models.rigid_tip import Profile, rounded_flat
+    from palpate_models.rigid_tip import TipProfile, rounded_flat
 
     if isinstance(indenter, Flat):
         return rounded_flat(indenter.radius, depth, sticking)[0]
@@ -184,4 +188,4 @@ def _profile(indenter: Indenter, depth: float, sticking: bool) -> Profile:
     def slope(r: Any) -> Any:
         return np.sign(r) * np.where(np.abs(r) < last, shape(np.clip(np.abs(r), 0.0, last), 1), rise)
 
-    return Profile(height, slope, reach, sticking)
+    return TipProfile(height, slope, reach, sticking)

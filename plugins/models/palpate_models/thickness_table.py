@@ -91,7 +91,7 @@ def read_table(path: Path) -> ThicknessTable:
     return _fitted(facts, depth, factor, path)
 
 
-def smoothed(depths: Floats, factors: Floats, flat: bool = False) -> tuple[Floats, float, float]:
+def smooth_table(depths: Floats, factors: Floats, flat: bool = False) -> tuple[Floats, float, float]:
     """The curve of a table at the depths of its rows, by how much, relatively, it misses the worst, and c_0.
 
     A flat tip touches with all of its face at once: its c_0 is what the rows go to, by a line in the depth.

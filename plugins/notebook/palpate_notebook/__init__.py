@@ -4,39 +4,40 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate import lazily, plugin
+import lazy_loader
+from palpate import plugin
 
 if TYPE_CHECKING:
     from palpate import Device
 
-    from palpate_notebook.draft import Draft, load, run
-    from palpate_notebook.finished import FinishedRun, open_run
-    from palpate_notebook.fitted import Fit
-    from palpate_notebook.fitting import compare, fit
-    from palpate_notebook.mapped import MapView
-    from palpate_notebook.memory import MemoryRecord
-    from palpate_notebook.picture import Picture
-    from palpate_notebook.quantity import Quantity
-    from palpate_notebook.reading import read
-    from palpate_notebook.records import Record, record
-    from palpate_notebook.sweeping import Sweep, sweep
-    from palpate_notebook.track import TrackView
+    from palpate_notebook.figure_object import Picture
+    from palpate_notebook.fit_functions import compare, fit
+    from palpate_notebook.fit_object import Fit
+    from palpate_notebook.map_object import MapView
+    from palpate_notebook.memory_device import MemoryRecord
+    from palpate_notebook.pipeline_changes import Draft, load, run
+    from palpate_notebook.quantity import UncertainQuantity
+    from palpate_notebook.record_from_log import read
+    from palpate_notebook.record_object import Record, record
+    from palpate_notebook.run_object import FinishedRun, open_run
+    from palpate_notebook.sweep_functions import Sweep, sweep
+    from palpate_notebook.track_object import TrackView
 
-__getattr__ = lazily(
+__getattr__, _, _ = lazy_loader.attach(
     __name__,
-    {
-        "palpate_notebook.draft": "Draft load run",
-        "palpate_notebook.finished": "FinishedRun open_run",
-        "palpate_notebook.fitted": "Fit",
-        "palpate_notebook.fitting": "compare fit",
-        "palpate_notebook.mapped": "MapView",
-        "palpate_notebook.memory": "MemoryRecord",
-        "palpate_notebook.picture": "Picture",
-        "palpate_notebook.quantity": "Quantity",
-        "palpate_notebook.reading": "read",
-        "palpate_notebook.records": "Record record",
-        "palpate_notebook.sweeping": "Sweep sweep",
-        "palpate_notebook.track": "TrackView",
+    submod_attrs={
+        "pipeline_changes": ["Draft", "load", "run"],
+        "run_object": ["FinishedRun", "open_run"],
+        "fit_object": ["Fit"],
+        "fit_functions": ["compare", "fit"],
+        "map_object": ["MapView"],
+        "memory_device": ["MemoryRecord"],
+        "figure_object": ["Picture"],
+        "quantity": ["UncertainQuantity"],
+        "record_from_log": ["read"],
+        "record_object": ["Record", "record"],
+        "sweep_functions": ["Sweep", "sweep"],
+        "track_object": ["TrackView"],
     },
 )
 
@@ -47,10 +48,10 @@ __all__ = [
     "MapView",
     "MemoryRecord",
     "Picture",
-    "Quantity",
     "Record",
     "Sweep",
     "TrackView",
+    "UncertainQuantity",
     "compare",
     "fit",
     "load",
@@ -65,6 +66,6 @@ __all__ = [
 @plugin
 def palpate_devices() -> dict[str, type[Device]]:
     """Readings that are in memory already."""
-    from palpate_notebook.memory import MemoryRecord
+    from palpate_notebook.memory_device import MemoryRecord
 
     return {"memory-record": MemoryRecord}

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from palpate import Samples
-from palpate.host import TrackTable
+from palpate_kit.runs.run_folder import TrackTable
 
-from palpate_notebook.wanted import library
+from palpate_notebook.optional_imports import library
 
 if TYPE_CHECKING:
     import xarray

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from palpate import ConfigurationError, Floats, Samples
-from palpate.host import acceleration, common_limits, display_unit, figure_of, legend_outside, style, suggest
+from palpate.host import acceleration, display_unit, suggest
+from palpate_kit.figures import common_limits, figure_of, legend_outside, style
 
-from palpate_notebook.picture import Picture
+from palpate_notebook.figure_object import Picture
 
 if TYPE_CHECKING:
-    from palpate_notebook.finished import FinishedRun
+    from palpate_notebook.run_object import FinishedRun
 
 _MOST = 20_000  # points in a curve
 _PANELS = 2  # beside each other

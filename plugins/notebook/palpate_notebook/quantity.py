@@ -8,14 +8,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from palpate import ConfigurationError, to_si
-from palpate.host import display_unit, measured
+from palpate.host import display_unit
+from palpate_kit.terminal.quantities import value_with_uncertainty
 
 
 @dataclass(frozen=True)
-class Quantity:
+class UncertainQuantity:
     """A value and its standard uncertainties, in SI; printed in display units.
 
-    >>> print(Quantity("elasticity", 112840.0, 160.0, 200.0, "Pa"))
+    >>> print(UncertainQuantity("elasticity", 112840.0, 160.0, 200.0, "Pa"))
     112.84 ± 0.20 kPa
     """
 
@@ -28,7 +29,7 @@ class Quantity:
     caveat: str = ""  # what has to hold where it follows from other parameters
 
     @classmethod
-    def of(cls, name: str, table: Mapping[str, Any], budget: Mapping[str, float] | None = None) -> Quantity:
+    def of(cls, name: str, table: Mapping[str, Any], budget: Mapping[str, float] | None = None) -> UncertainQuantity:
         """From a value's table in ``result.json``."""
         value, std, combined = (math.nan if table.get(key) is None else table[key] for key in _NUMBERS)
         return cls(name, value, std, combined, table["unit"], dict(budget or {}), table.get("caveat", ""))
@@ -53,7 +54,7 @@ class Quantity:
     def number(self) -> str:
         """The value and its combined uncertainty in display units, without that unit."""
         factor = display_unit(self.unit)[1]
-        return measured(self.value * factor, self.combined * factor)
+        return value_with_uncertainty(self.value * factor, self.combined * factor)
 
 
 _NUMBERS = ("value", "std", "combined")

@@ -9,15 +9,19 @@ from palpate import Command, Diagnosis, Report, plugin
 def palpate_commands() -> dict[str, Command]:
     """Report and pictures."""
     return {
-        "report": Command("palpate_report.command:report", "Write one page on a run, or on many runs, to hand on."),
-        "plot": Command("palpate_report.plot:plot", "Draw pictures of a run, fit for a paper, with their data."),
+        "report": Command(
+            "palpate_report.report_command:report", "Write one page on a run, or on many runs, to hand on."
+        ),
+        "plot": Command(
+            "palpate_report.plot_command:plot", "Draw pictures of a run, fit for a paper, with their data."
+        ),
     }
 
 
 @plugin
 def palpate_reports() -> dict[str, Report]:
     """What `palpate run --report` writes."""
-    return {"report": Report("palpate_report.command:write_report")}
+    return {"report": Report("palpate_report.report_command:write_report")}
 
 
 @plugin

@@ -6,7 +6,7 @@ import io
 import re
 from typing import Any
 
-from palpate.host import style
+from palpate_kit.figures import style
 
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
 _PATH = re.compile(r' d="[^"]*"')

@@ -9,5 +9,7 @@ from palpate import Command, plugin
 def palpate_commands() -> dict[str, Command]:
     """One command."""
     return {
-        "reproduce": Command("palpate_reproduction.command:reproduce", "The paper's tables and figures, reproduced."),
+        "reproduce": Command(
+            "palpate_reproduction.reproduce_command:reproduce", "The paper's tables and figures, reproduced."
+        ),
     }

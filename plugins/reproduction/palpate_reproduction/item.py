@@ -23,7 +23,7 @@ class _Strict(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class Recording(_Strict):
+class AuthorsRecording(_Strict):
     """A public file of the paper's authors, with the delays that its time-stamps do not contain."""
 
     repository: str
@@ -41,7 +41,7 @@ class Recording(_Strict):
         return f"https://raw.githubusercontent.com/{self.repository}/{self.commit}/{self.path}"
 
 
-class Published(_Strict):
+class PublishedNumber(_Strict):
     """One number of the paper, and how it is reproduced."""
 
     row: str  # what it is of, such as "S2, R 5 mm"
@@ -72,7 +72,7 @@ class Published(_Strict):
         return self
 
 
-class Missing(_Strict):
+class MissingNumber(_Strict):
     """What of a table or figure cannot be reproduced, and why."""
 
     what: str
@@ -85,8 +85,8 @@ class Item(_Strict):
     label: str  # in the paper's source
     title: str
     note: str = ""
-    published: tuple[Published, ...] = ()
-    missing: tuple[Missing, ...] = ()
+    published: tuple[PublishedNumber, ...] = ()
+    missing: tuple[MissingNumber, ...] = ()
 
     @property
     def name(self) -> str:
@@ -106,14 +106,14 @@ def load_items(paper: Path, names: Sequence[str] = ()) -> list[Item]:
     return [item for item in items if not names or {item.name, item.label} & set(names)]
 
 
-def load_recordings(paper: Path) -> dict[str, Recording]:
+def load_recordings(paper: Path) -> dict[str, AuthorsRecording]:
     """The recordings that items may ask for, by name; raises ConfigurationError."""
     path = paper / "recordings.toml"
     tables = _tables(path) if path.is_file() else {}
-    return {name: _checked(path, Recording, table) for name, table in tables.items()}
+    return {name: _checked(path, AuthorsRecording, table) for name, table in tables.items()}
 
 
-def demand_known(items: Sequence[Item], recordings: Mapping[str, Recording]) -> None:
+def check_recordings(items: Sequence[Item], recordings: Mapping[str, AuthorsRecording]) -> None:
     """Raise ConfigurationError where an item asks for a recording that is not described."""
     for item in items:
         for row in item.published:

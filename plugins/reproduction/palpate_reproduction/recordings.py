@@ -11,12 +11,12 @@ from pathlib import Path
 
 from palpate import LogError
 
-from palpate_reproduction.item import Recording
+from palpate_reproduction.item import AuthorsRecording
 
 _BLOCK = 1 << 20
 
 
-def find(folder: Path, wanted: Mapping[str, Recording]) -> dict[str, Path]:
+def find(folder: Path, wanted: Mapping[str, AuthorsRecording]) -> dict[str, Path]:
     """Which file in a folder, plain or gzipped, is which recording; those that are not there are left out.
 
     Raises LogError where the folder cannot be read.
@@ -34,7 +34,7 @@ def find(folder: Path, wanted: Mapping[str, Recording]) -> dict[str, Path]:
     return found
 
 
-def how_to_get(recordings: Iterable[Recording]) -> str:
+def how_to_get(recordings: Iterable[AuthorsRecording]) -> str:
     """A line for each recording, for a person with a network."""
     return "\n".join(f"  {recording.url}" for recording in recordings)
 

@@ -9,10 +9,12 @@ from palpate import Command, FlagMeaning, plugin
 def palpate_commands() -> dict[str, Command]:
     """Their commands."""
     return {
-        "relaxation": Command(
-            "palpate_spectra.transient.command:relaxation", "Relaxation modulus or creep compliance."
+        "spectrum": Command("palpate_spectra.spectrum_command:spectrum", "Storage and loss modulus over frequency."),
+        "spectrum relaxation": Command(
+            "palpate_spectra.transient.relaxation_command:relaxation",
+            "Relaxation modulus or creep compliance.",
+            former="relaxation",
         ),
-        "spectrum": Command("palpate_spectra.command:spectrum", "Storage and loss modulus over frequency."),
     }
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from palpate import Floats
 
-from palpate_spectra.moduli import Answer, Line
+from palpate_spectra.complex_moduli import ModulusLine, RecordingModuli
 
 _PER_DECADE = 6  # relaxation times of the test
 _BEYOND = 30.0  # times the frequencies' range, to either side
@@ -43,14 +43,14 @@ class Harmonic:
     p: float
 
 
-def stacked(lines: Sequence[Line], delay: float = 0.0) -> Floats:
+def stack_moduli(lines: Sequence[ModulusLine], delay: float = 0.0) -> Floats:
     """G' of all lines, then G'' (2 n,) [Pa], of a force that is late by `delay` [s]."""
     values = np.array([line.delayed(delay) if delay else line.shear for line in lines], np.complex128)
     return np.concatenate([values.real, values.imag])
 
 
-def covariance_of(lines: Sequence[Line], without: Sequence[str] = ()) -> Floats:
-    """Covariance (2 n, 2 n) [Pa^2] of `stacked`; what is not exactly known is common to all lines.
+def covariance_of(lines: Sequence[ModulusLine], without: Sequence[str] = ()) -> Floats:
+    """Covariance (2 n, 2 n) [Pa^2] of `stack_moduli`; what is not exactly known is common to all lines.
 
     But for the skin, which each recording has its own uncertainty of.
     """
@@ -66,7 +66,7 @@ def covariance_of(lines: Sequence[Line], without: Sequence[str] = ()) -> Floats:
     return np.asarray(total.reshape(2 * n, 2 * n))
 
 
-def kramers_kronig(lines: Sequence[Line]) -> Consistency:
+def kramers_kronig(lines: Sequence[ModulusLine]) -> Consistency:
     """Whether G' and G'' belong to one causal, passive, linear material.
 
     Every such material is a spring, a dashpot and Maxwell arms of positive strengths side by side, so that least
@@ -84,7 +84,7 @@ def kramers_kronig(lines: Sequence[Line]) -> Consistency:
     half = np.linalg.cholesky(covariance_of(lines))
     white = np.linalg.solve(half, np.vstack([basis.real, basis.imag]))
     sizes = np.linalg.norm(white, axis=0)
-    strengths, rest = nnls(white / sizes, np.linalg.solve(half, stacked(lines)))
+    strengths, rest = nnls(white / sizes, np.linalg.solve(half, stack_moduli(lines)))
     # Neighbouring times share a strength: together they are one arm, of a time between theirs.
     active = strengths[:2] > 0
     arms = np.flatnonzero(np.diff(np.concatenate([[0], (strengths[2:] > 0).astype(int)])) == 1)
@@ -92,7 +92,7 @@ def kramers_kronig(lines: Sequence[Line]) -> Consistency:
     return Consistency(float(rest**2), freedom, float(chi2.sf(rest**2, freedom)) if freedom else math.nan)
 
 
-def harmonics(answer: Answer) -> list[Harmonic]:
+def harmonics(answer: RecordingModuli) -> list[Harmonic]:
     """The force at the sums and differences of the lines; nothing of a motion whose frequency changes.
 
     The tip's own law makes F^ = 4/(1 - nu) G* A^ there, too, G* taken between the lines.
@@ -123,7 +123,7 @@ def harmonics(answer: Answer) -> list[Harmonic]:
     return found
 
 
-def _between(lines: Sequence[Line], frequency: float) -> list[complex]:
+def _between(lines: Sequence[ModulusLine], frequency: float) -> list[complex]:
     """G* [Pa] at a frequency by the lines next to it; of one line as a solid, and as one of constant loss angle."""
     known = np.log([line.frequency for line in lines])
     if len(lines) == 1:
@@ -145,7 +145,7 @@ def _power(low: complex, high: complex, share: float) -> complex:
     return complex(*parts)
 
 
-def unexplained(answer: Answer) -> list[Harmonic]:
+def unexplained_harmonics(answer: RecordingModuli) -> list[Harmonic]:
     """Harmonics beyond those of the tip's own law that are clear of noise and large enough to matter."""
     tried = harmonics(answer)
     largest = max((abs(line.shear) * 4 / (1 - line.poisson) * line.area for line in answer.lines), default=0.0)

@@ -14,11 +14,24 @@ if TYPE_CHECKING:
 def palpate_commands() -> dict[str, Command]:
     """Studies."""
     return {
-        "compare": Command("palpate_studies.compare:compare", "Run every model with every estimator on one log."),
-        "sweep": Command("palpate_studies.sweep.command:sweep", "Run every combination of settings, on all cores."),
-        "repeat": Command("palpate_studies.repeat:repeat", "Statistics over many runs, and tests between groups."),
-        "review": Command("palpate_studies.review:review", "Rate runs, and mark those to leave out."),
-        "design": Command("palpate_studies.design.command:design", "Bounds of a palpation, and its best settings."),
+        "compare": Command(
+            "palpate_studies.compare_command:compare", "Run every model with every estimator on one log."
+        ),
+        "sweep": Command(
+            "palpate_studies.sweep.sweep_command:sweep", "Run every combination of settings, on all cores."
+        ),
+        "repeat": Command(
+            "palpate_studies.repeat_command:repeat", "Statistics over many runs, and tests between groups."
+        ),
+        "repeat review": Command(
+            "palpate_studies.review_command:review", "Rate runs, and mark those to leave out.", former="review"
+        ),
+        "plan design": Command(
+            "palpate_studies.design.design_command:design",
+            "Bounds of a palpation, and its best settings.",
+            "run",
+            "design",
+        ),
     }
 
 
@@ -26,7 +39,7 @@ def palpate_commands() -> dict[str, Command]:
 def palpate_tables() -> dict[str, type[Settings]]:
     """Settings of a sweep, of a design, and of repeats."""
     from palpate_studies.design.settings import DesignSettings
-    from palpate_studies.repeating import RepeatSettings
+    from palpate_studies.repeated_runs import RepeatSettings
     from palpate_studies.sweep.settings import SweepSettings
 
     return {"sweep": SweepSettings, "design": DesignSettings, "repeat": RepeatSettings}

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from palpate import Floats, LogError
-from palpate.host import RunFolder
+from palpate_kit.runs.run_folder import RunFolder
 
 _LEAST = 10  # rows of a run
 
@@ -45,8 +44,8 @@ def _error(folder: Path, track: str) -> tuple[Floats, Floats] | None:
     run = RunFolder(folder)
     try:
         table = next((table for table in run.tables if track in table.tracks), None)
-        settings = tomllib.loads(run.pipeline.read_text(encoding="utf-8"))
-    except (LogError, tomllib.TOMLDecodeError):
+        settings = run.settings
+    except LogError:
         return None
     if table is None:
         return None

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from palpate.host import display_unit, measured
+from palpate.host import display_unit
+from palpate_kit.terminal.quantities import value_with_uncertainty
 
 _BAR = 40  # characters of the tallest bar
 _CAUTION = (
@@ -60,7 +61,7 @@ def _statistics(found: dict[str, Any], factor: float) -> list[str]:
     std = (found["std"] or 0.0) * factor
     trend = found["correlation_with_order"]
     return [
-        measured(found["mean"] * factor, (found["std_of_mean"] or 0.0) * factor),
+        value_with_uncertainty(found["mean"] * factor, (found["std_of_mean"] or 0.0) * factor),
         f"{std:.3g}",
         f"{(found['std_of_mean'] or 0.0) * factor:.3g}",
         "-" if found["correlation"] is None else f"{found['correlation']:+.2f}",

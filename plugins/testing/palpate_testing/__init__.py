@@ -12,23 +12,24 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate import Check, lazily, plugin
+import lazy_loader
+from palpate import Check, plugin
 
 if TYPE_CHECKING:
-    from palpate_testing.contact import check_indenter, check_model
-    from palpate_testing.device import check_device
-    from palpate_testing.estimation import check_estimator, synthetic_samples
-    from palpate_testing.simulated_time import check_simulated_time
-    from palpate_testing.trajectory import check_trajectory
+    from palpate_testing.contact_checks import check_indenter, check_model
+    from palpate_testing.device_checks import check_device
+    from palpate_testing.estimator_checks import check_estimator, synthetic_samples
+    from palpate_testing.simulated_time_checks import check_simulated_time
+    from palpate_testing.trajectory_checks import check_trajectory
 
-__getattr__ = lazily(
+__getattr__, _, _ = lazy_loader.attach(
     __name__,
-    {
-        "palpate_testing.contact": "check_indenter check_model",
-        "palpate_testing.device": "check_device",
-        "palpate_testing.estimation": "check_estimator synthetic_samples",
-        "palpate_testing.simulated_time": "check_simulated_time",
-        "palpate_testing.trajectory": "check_trajectory",
+    submod_attrs={
+        "contact_checks": ["check_indenter", "check_model"],
+        "device_checks": ["check_device"],
+        "estimator_checks": ["check_estimator", "synthetic_samples"],
+        "simulated_time_checks": ["check_simulated_time"],
+        "trajectory_checks": ["check_trajectory"],
     },
 )
 
@@ -46,4 +47,4 @@ __all__ = [
 @plugin
 def palpate_checks() -> dict[str, Check]:
     """Every tip, and third-party contact models, before anything moves."""
-    return {"conformance": Check("palpate_testing.loading:check_parts")}
+    return {"conformance": Check("palpate_testing.third_party_checks:check_parts")}

@@ -4,37 +4,38 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate import Command, Migration, lazily, plugin
+import lazy_loader
+from palpate import Command, Migration, plugin
 
 if TYPE_CHECKING:
     from palpate_trajectories.excitation import Chirp, MultiSine
     from palpate_trajectories.force_hold import ForceHold
-    from palpate_trajectories.from_file import FromFile
     from palpate_trajectories.grid_points import GridPoints
     from palpate_trajectories.line_sweep import LineSweep
     from palpate_trajectories.load_unload import Compression, LoadUnload
-    from palpate_trajectories.moved import Moved
     from palpate_trajectories.point import Point
     from palpate_trajectories.ramp_hold import RampHold
     from palpate_trajectories.raster import Raster
     from palpate_trajectories.shake import Shake
     from palpate_trajectories.stay import Stay
+    from palpate_trajectories.translation import TranslatedTrajectory
+    from palpate_trajectories.waypoint_file import FromFile
 
-__getattr__ = lazily(
+__getattr__, _, _ = lazy_loader.attach(
     __name__,
-    {
-        "palpate_trajectories.excitation": "Chirp MultiSine",
-        "palpate_trajectories.force_hold": "ForceHold",
-        "palpate_trajectories.from_file": "FromFile",
-        "palpate_trajectories.grid_points": "GridPoints",
-        "palpate_trajectories.line_sweep": "LineSweep",
-        "palpate_trajectories.load_unload": "Compression LoadUnload",
-        "palpate_trajectories.moved": "Moved",
-        "palpate_trajectories.point": "Point",
-        "palpate_trajectories.ramp_hold": "RampHold",
-        "palpate_trajectories.raster": "Raster",
-        "palpate_trajectories.shake": "Shake",
-        "palpate_trajectories.stay": "Stay",
+    submod_attrs={
+        "excitation": ["Chirp", "MultiSine"],
+        "force_hold": ["ForceHold"],
+        "waypoint_file": ["FromFile"],
+        "grid_points": ["GridPoints"],
+        "line_sweep": ["LineSweep"],
+        "load_unload": ["Compression", "LoadUnload"],
+        "translation": ["TranslatedTrajectory"],
+        "point": ["Point"],
+        "ramp_hold": ["RampHold"],
+        "raster": ["Raster"],
+        "shake": ["Shake"],
+        "stay": ["Stay"],
     },
 )
 
@@ -46,13 +47,13 @@ __all__ = [
     "GridPoints",
     "LineSweep",
     "LoadUnload",
-    "Moved",
     "MultiSine",
     "Point",
     "RampHold",
     "Raster",
     "Shake",
     "Stay",
+    "TranslatedTrajectory",
 ]
 
 
@@ -70,10 +71,10 @@ def palpate_trajectories() -> dict[str, str]:
         "line-sweep": "palpate_trajectories.line_sweep:LineSweep",
         "raster": "palpate_trajectories.raster:Raster",
         "grid-points": "palpate_trajectories.grid_points:GridPoints",
-        "from-file": "palpate_trajectories.from_file:FromFile",
+        "from-file": "palpate_trajectories.waypoint_file:FromFile",
         "shake": "palpate_trajectories.shake:Shake",
         "stay": "palpate_trajectories.stay:Stay",
-        "moved": "palpate_trajectories.moved:Moved",
+        "moved": "palpate_trajectories.translation:TranslatedTrajectory",
     }
 
 
@@ -89,4 +90,6 @@ def palpate_migrations() -> tuple[Migration, ...]:
 @plugin
 def palpate_commands() -> dict[str, Command]:
     """Motions looked at before they are made."""
-    return {"plan": Command("palpate_trajectories.plan.command:plan", "Look at a motion before running it.", "run")}
+    return {
+        "plan": Command("palpate_trajectories.plan.plan_command:plan", "Look at a motion before running it.", "run")
+    }

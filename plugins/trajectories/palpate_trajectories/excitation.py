@@ -8,9 +8,9 @@ from typing import Any
 from palpate import Depth, Floats, Frequency, Length, Setpoint, Speed, Time, Trajectory
 from pydantic import Field, model_validator
 
-from palpate_trajectories.motion import PlannedMotion, Wave
+from palpate_trajectories.motion_parts import PlannedMotion, Wave
 from palpate_trajectories.oscillation import ChirpPhase, Oscillation, together
-from palpate_trajectories.profile import Knot, profile, resting
+from palpate_trajectories.smooth_profile import Knot, profile, rest_profile
 from palpate_trajectories.surface import Surface
 
 _TOP_SPEED = 0.25  # [m/s]
@@ -115,5 +115,5 @@ def shaken(settings: MultiSine | Chirp, wave: Wave) -> PlannedMotion:
     depths = (-settings.clearance, settings.bias, settings.bias, -settings.clearance)
     depth = profile([Knot(t, d) for t, d in zip(times, depths, strict=True)])
     swell = profile([Knot(t, s) for t, s in zip(times, (0.0, 1.0, 1.0, 0.0), strict=True)])
-    x, y = (resting(value) for value in settings.place)
+    x, y = (rest_profile(value) for value in settings.place)
     return PlannedMotion(end + transfer, x, y, depth, ((begin, end),), settings.surface, swell, wave, begin)

@@ -8,8 +8,8 @@ from typing import Any
 from palpate import Acceleration, Depth, Floats, Force, ForceLaw, Length, Setpoint, Speed, Stiffness, Time, Trajectory
 from pydantic import Field, model_validator
 
-from palpate_trajectories.motion import PlannedMotion, through
-from palpate_trajectories.profile import Knot, resting
+from palpate_trajectories.motion_parts import PlannedMotion, through
+from palpate_trajectories.smooth_profile import Knot, rest_profile
 from palpate_trajectories.surface import Surface
 
 _PEAK = 2.0  # a turn takes at least so many times what constant acceleration would
@@ -82,7 +82,7 @@ class ForceHold(Trajectory):
             Knot(up + self._way_time - turn, top + part, -self.speed),
             Knot(up + self._way_time, top),
         ]
-        x, y = (resting(value) for value in self.place)
+        x, y = (rest_profile(value) for value in self.place)
         end = knots[-1].time + self.standstill
         return PlannedMotion(end, x, y, through(knots), ((law.begin, law.end),), self.surface)
 

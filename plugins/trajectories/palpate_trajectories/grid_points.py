@@ -12,9 +12,9 @@ import numpy as np
 from palpate import Angle, Floats, Length, Setpoint, Speed, Time, Trajectory
 from pydantic import Field, model_validator
 
-from palpate_trajectories.motion import PlannedMotion, line_knots, line_time
-from palpate_trajectories.press import Press, Touch, pressed
-from palpate_trajectories.profile import Knot
+from palpate_trajectories.approach import PressShape, Touch, press_motion
+from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_time
+from palpate_trajectories.smooth_profile import Knot
 from palpate_trajectories.surface import Surface
 
 _MOST_POINTS = 2000
@@ -40,7 +40,7 @@ class GridPoints(Trajectory):
     settle: Time = Field(default=0.5, ge=0, description="sine before the measured part of each visit")
     travel_speed: Speed = Field(default=0.05, gt=0, le=0.25, description="speed from point to point, in free air")
     first_point: int = Field(default=0, ge=0, description="first visit, counted from 0; to continue a run")
-    press: Press = Field(description="depth, sine, approach")
+    press: PressShape = Field(description="depth, sine, approach")
     surface: Surface = Field(default=Surface(), description="nominal surface that it follows")
 
     @model_validator(mode="after")
@@ -70,7 +70,7 @@ class GridPoints(Trajectory):
     def visits(self) -> tuple[Place, ...]:
         """The places in the order of their visits."""
         places = self.places or self._grid
-        order = self.order if self.order is not None else short_way(places)
+        order = self.order if self.order is not None else short_order(places)
         return tuple(places[i] for i in order)
 
     @property
@@ -108,7 +108,7 @@ class GridPoints(Trajectory):
                 speed = self.travel_speed * abs(b[axis] - a[axis]) / way if way > 0 else self.travel_speed
                 knots += [Knot(leave, a[axis]), *line_knots(leave, a[axis], b[axis], max(speed, 1e-9), _RAMP)]
         measuring = [(touch.begin + self.settle, touch.end) for touch in touches]
-        return pressed(self.press, touches, x, y, measuring, self.surface)
+        return press_motion(self.press, touches, x, y, measuring, self.surface)
 
     @property
     def total_duration(self) -> float:
@@ -125,7 +125,7 @@ class GridPoints(Trajectory):
         return self.model_copy(update={"first_point": done}) if done < len(self.visits) else None
 
 
-def short_way(places: Sequence[Place]) -> list[int]:
+def short_order(places: Sequence[Place]) -> list[int]:
     """An order in which the way through all places is short: nearest neighbour from the first, then 2-opt."""
     points = np.array(places)
     distance = np.linalg.norm(points[:, None] - points[None], axis=2)

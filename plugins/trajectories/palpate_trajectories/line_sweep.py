@@ -9,8 +9,8 @@ from typing import Any
 from palpate import Floats, Length, Setpoint, Speed, Time, Trajectory
 from pydantic import Field, model_validator
 
-from palpate_trajectories.motion import PlannedMotion, line_knots, line_time
-from palpate_trajectories.press import Press, Touch, pressed, refuse_hasty
+from palpate_trajectories.approach import PressShape, Touch, press_motion, refuse_hasty
+from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_time
 from palpate_trajectories.surface import Surface
 
 
@@ -26,7 +26,7 @@ class LineSweep(Trajectory):
     speed: Speed = Field(default=0.004, gt=0, description="speed along the line")
     settle: Time = Field(default=10.0, ge=0, description="palpation at the beginning, before it moves")
     ramp: Time = Field(default=0.25, gt=0, description="time of acceleration, and of deceleration")
-    press: Press = Field(description="depth, sine, approach")
+    press: PressShape = Field(description="depth, sine, approach")
     surface: Surface = Field(default=Surface(), description="nominal surface that it follows")
 
     @model_validator(mode="after")
@@ -50,7 +50,7 @@ class LineSweep(Trajectory):
             for a, b, part in zip(self.start, self.end, share, strict=True)
         )
         arrive = leave + line_time(self._way, self.speed, self.ramp)
-        return pressed(self.press, [Touch(begin, arrive)], x, y, [(begin, arrive)], self.surface)
+        return press_motion(self.press, [Touch(begin, arrive)], x, y, [(begin, arrive)], self.surface)
 
     @property
     def total_duration(self) -> float:

@@ -8,8 +8,8 @@ from typing import Any
 from palpate import Depth, Floats, Length, Setpoint, Speed, Time, Trajectory
 from pydantic import Field, model_validator
 
-from palpate_trajectories.motion import PlannedMotion, through
-from palpate_trajectories.profile import TURN, Knot, resting
+from palpate_trajectories.motion_parts import PlannedMotion, through
+from palpate_trajectories.smooth_profile import TURN, Knot, rest_profile
 from palpate_trajectories.surface import Surface
 
 
@@ -38,7 +38,7 @@ class LoadUnload(Trajectory):
 
     @cached_property
     def _motion(self) -> PlannedMotion:
-        return cycled(self, [speed for speed in self.speeds for _ in range(self.cycles)], self.depth, 0.0)
+        return loading_cycles(self, [speed for speed in self.speeds for _ in range(self.cycles)], self.depth, 0.0)
 
     @property
     def total_duration(self) -> float:
@@ -73,7 +73,7 @@ class Compression(Trajectory):
 
     @cached_property
     def _motion(self) -> PlannedMotion:
-        return cycled(self, [self.speed], self.thickness * self.strain, self.hold)
+        return loading_cycles(self, [self.speed], self.thickness * self.strain, self.hold)
 
     @property
     def total_duration(self) -> float:
@@ -94,7 +94,7 @@ def refuse_speeds(speeds: tuple[float, ...], way: float, turn: float) -> None:
             raise ValueError(f"speed {speed:g} m/s is never reached: its turns of {turn:g} s take all of {way:g} m")
 
 
-def cycled(settings: LoadUnload | Compression, speeds: list[float], depth: float, hold: float) -> PlannedMotion:
+def loading_cycles(settings: LoadUnload | Compression, speeds: list[float], depth: float, hold: float) -> PlannedMotion:
     """Cycles down to a depth, with a hold at the bottom, from and to rest at the clearance."""
     turn, top = settings.turn, -settings.clearance
     now = settings.standstill
@@ -115,5 +115,5 @@ def cycled(settings: LoadUnload | Compression, speeds: list[float], depth: float
         knots.append(Knot(now, top + way, -speed))
         now += turn
         knots.append(Knot(now, top))
-    x, y = (resting(value) for value in settings.place)
+    x, y = (rest_profile(value) for value in settings.place)
     return PlannedMotion(now, x, y, through(knots), ((settings.standstill, now),), settings.surface)

@@ -10,8 +10,8 @@ from palpate import Depth, Floats, Length, Setpoint, Speed, Time, Trajectory
 from pydantic import Field, model_validator
 
 from palpate_trajectories.load_unload import refuse_speeds
-from palpate_trajectories.motion import PlannedMotion, through
-from palpate_trajectories.profile import Knot, resting
+from palpate_trajectories.motion_parts import PlannedMotion, through
+from palpate_trajectories.smooth_profile import Knot, rest_profile
 from palpate_trajectories.surface import Surface
 
 
@@ -53,7 +53,7 @@ class RampHold(Trajectory):
             knots.append(Knot(now, level))
         held = now
         knots += _line(now, level, -self.clearance, -self.speed, self.turn)
-        x, y = (resting(value) for value in self.place)
+        x, y = (rest_profile(value) for value in self.place)
         return PlannedMotion(
             knots[-1].time + self.standstill, x, y, through(knots), ((self.standstill, held),), self.surface
         )

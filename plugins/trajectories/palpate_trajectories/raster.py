@@ -10,9 +10,9 @@ from typing import Any
 from palpate import Angle, Floats, Length, Setpoint, Speed, Time, Trajectory
 from pydantic import Field, model_validator
 
-from palpate_trajectories.motion import PlannedMotion, line_knots, line_time
-from palpate_trajectories.press import Press, Touch, pressed, refuse_hasty
-from palpate_trajectories.profile import Knot
+from palpate_trajectories.approach import PressShape, Touch, press_motion, refuse_hasty
+from palpate_trajectories.motion_parts import PlannedMotion, line_knots, line_time
+from palpate_trajectories.smooth_profile import Knot
 from palpate_trajectories.surface import Surface
 
 _MOST_LINES = 2000
@@ -36,7 +36,7 @@ class Raster(Trajectory):
     settle: Time = Field(default=2.0, ge=0, description="palpation at the beginning of the first line")
     ramp: Time = Field(default=0.25, gt=0, description="time of acceleration, and of deceleration")
     first_line: int = Field(default=0, ge=0, description="first line, counted from 0; to continue a raster")
-    press: Press = Field(description="depth, sine, approach")
+    press: PressShape = Field(description="depth, sine, approach")
     surface: Surface = Field(default=Surface(), description="nominal surface that it follows")
 
     @model_validator(mode="after")
@@ -90,7 +90,7 @@ class Raster(Trajectory):
         ]
         edges = [begin, *(edge for pause in way.pauses for edge in pause), way.now]
         measuring = list(zip(edges[::2], edges[1::2], strict=True))
-        return pressed(self.press, [Touch(begin, way.now)], x, y, measuring, self.surface)
+        return press_motion(self.press, [Touch(begin, way.now)], x, y, measuring, self.surface)
 
     @property
     def total_duration(self) -> float:

@@ -16,16 +16,16 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
     return {
         "plausibility": Diagnosis("palpate_uncertainty.plausibility:plausibility", order=0, quick=True),
         # What others judge by holds its terms.
-        "budget": Diagnosis("palpate_uncertainty.terms:budgets", order=10, quick=True),
-        "late-force": Diagnosis("palpate_uncertainty.late_force:late_force", order=10, quick=True, lost=True),
+        "budget": Diagnosis("palpate_uncertainty.uncertainty_budget:budgets", order=10, quick=True),
+        "late-force": Diagnosis("palpate_uncertainty.delay.late_force:late_force", order=10, quick=True, lost=True),
         # Settles what the budget states of undeclared timing.
-        "self-timed": Diagnosis("palpate_uncertainty.self_timed:self_timed", order=11),
+        "self-timed": Diagnosis("palpate_uncertainty.delay.delay_from_motion:diagnose_delay", order=11),
         "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),
-        "model-choice": Diagnosis("palpate_uncertainty.choice:model_choice"),
+        "model-choice": Diagnosis("palpate_uncertainty.model_choice:model_choice"),
         # Last, since a filter's bias that is predicted is no distance.
         "identifiability": Diagnosis("palpate_uncertainty.identifiability:identifiability", order=60),
-        "one-frequency": Diagnosis("palpate_uncertainty.one_frequency:one_frequency"),
-        "geometry": Diagnosis("palpate_uncertainty.geometry:geometry", quick=True),
+        "one-frequency": Diagnosis("palpate_uncertainty.delay.one_frequency:one_frequency"),
+        "geometry": Diagnosis("palpate_uncertainty.undeclared_thickness:geometry", quick=True),
         "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),
         "unloading": Diagnosis("palpate_uncertainty.unloading:unloading"),
     }
@@ -41,10 +41,15 @@ def palpate_tables() -> dict[str, type[Settings]]:
 
 @plugin
 def palpate_commands() -> dict[str, Command]:
-    """What the uncertainty of a run is made of."""
+    """What the uncertainty of a run is made of, and the choice of a model."""
+    where = "palpate_uncertainty"
     return {
-        "budget": Command("palpate_uncertainty.budget:budget", "The uncertainty budget of a run's values."),
-        "choose": Command("palpate_uncertainty.choose:choose", "Which of several models the data support."),
+        "report budget": Command(
+            f"{where}.budget_command:budget", "The uncertainty budget of a run's values.", former="budget"
+        ),
+        "fit choose": Command(
+            f"{where}.choose_command:choose", "Which of several models the data support.", former="choose"
+        ),
     }
 
 

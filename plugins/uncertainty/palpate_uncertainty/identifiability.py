@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
-from palpate_uncertainty.alternatives import Refit, refit
-from palpate_uncertainty.course import APART, Course, make_course, possible, sweeps
+from palpate_uncertainty.model_alternatives import Refit, refit
 from palpate_uncertainty.plausibility import determines_all, weak_force, weak_force_flag
+from palpate_uncertainty.refit import APART, Course, make_course, possible, sweeps
 
 _ENOUGH = 300  # samples
 _MOST = 3000  # samples that slopes are taken at

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
-from palpate_uncertainty.alternatives import Refit, alternatives, refit
-from palpate_uncertainty.course import Course, hesitating, make_course, possible, runs_of, sweeps
-from palpate_uncertainty.whiteness import Tested, examined, oscillation
-from palpate_uncertainty.whitening import ENOUGH, WHITE, Null, null_of
+from palpate_uncertainty.channel_noise import ENOUGH, WHITE, Null, null_of
+from palpate_uncertainty.model_alternatives import Refit, alternatives, refit
+from palpate_uncertainty.refit import Course, hesitation_samples, make_course, possible, runs_of, sweeps
+from palpate_uncertainty.whiteness import WhitenessTest, oscillation, whiteness_tests
 
 LEVEL = 1e-3  # of the family's p
 _ENOUGH = 300  # samples
@@ -29,13 +29,13 @@ _NAMED = 0.2  # the same, for a reason that is worth naming though it does not e
 
 
 def lack_of_fit(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
-    """Diagnoseds on all tracks; see docs/uncertainty.md."""
-    known: dict[Any, _Base] = {}
+    """Findings on all tracks; see docs/uncertainty.md."""
+    known: dict[Any, _NullBase] = {}
     found = {}
     for track in tracks:
         try:
             finding = _judge(track, known)
-        except ValueError as error:  # one model that has no force at such numbers does not keep the others from theirs
+        except (ValueError, ArithmeticError) as error:  # a model without a force at such numbers; the others are judged
             finding = Diagnosed((Flag("diagnosis-failed", f"lack-of-fit: {error}"),))
         if finding is not None:
             found[track.name] = finding
@@ -43,7 +43,7 @@ def lack_of_fit(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 @dataclass(frozen=True)
-class _Base:
+class _NullBase:
     """A model fitted to what a track used, and how it is tested."""
 
     course: Course
@@ -52,19 +52,21 @@ class _Base:
     phase: Floats | None  # (n,) [rad] of the fitted samples
     frequency: float | None  # [Hz] of the oscillation
 
-    def test(self, residual: Floats) -> Tested:
+    def test(self, residual: Floats) -> WhitenessTest:
         rows, course = self.course.used, self.course
-        found = examined(residual, course.runs[rows], course.time[rows], -course.height[rows], self.phase, self.null)
+        found = whiteness_tests(
+            residual, course.runs[rows], course.time[rows], -course.height[rows], self.phase, self.null
+        )
         return self.by_motion(found, float(np.var(residual)))
 
-    def by_motion(self, found: Tested, power: float) -> Tested:
+    def by_motion(self, found: WhitenessTest, power: float) -> WhitenessTest:
         """Findings on residuals of this power [N^2]: nothing where the noise of the motion makes such a pattern."""
         made = self.course.motion_noise(self.fit.theta, self.fit.surface)
         return replace(found, p=1.0) if found.misfit * power < _BY_MOTION * made else found
 
 
-def _judge(track: TrackEvidence, known: dict[Any, _Base]) -> Diagnosed | None:
-    if np.count_nonzero(track.kept.used & ~hesitating(track)) < _ENOUGH or not possible(track):
+def _judge(track: TrackEvidence, known: dict[Any, _NullBase]) -> Diagnosed | None:
+    if np.count_nonzero(track.kept.used & ~hesitation_samples(track)) < _ENOUGH or not possible(track):
         return None
     if track.report is not None and np.isfinite(track.kept.innovation).any():
         found = _by_innovations(track)
@@ -102,7 +104,7 @@ def _along_a_sweep(track: TrackEvidence) -> Diagnosed | None:
     fit = refit(local, track.values, float(np.median(course.height[here])) + _DEEP)
     rhythm = oscillation(local.time[here], local.height[here])
     frequency, phase = rhythm or (None, None)
-    base = _Base(local, fit, _null(track, fit.residual, phase), phase, frequency)
+    base = _NullBase(local, fit, _null(track, fit.residual, phase), phase, frequency)
     if base.test(fit.residual).p >= LEVEL:  # the stretch alone does not show what it is
         names = [parameter.name for parameter in track.model.parameters]
         flag = Flag("lack-of-fit", _sentence(found, [], False, False, found.null, {}))
@@ -124,7 +126,7 @@ def standstill(track: TrackEvidence) -> Floats:
     return track.air_force[: int(np.argmax(moving)) if moving.any() else len(place)]
 
 
-def _base(track: TrackEvidence, known: dict[Any, _Base]) -> _Base:
+def _base(track: TrackEvidence, known: dict[Any, _NullBase]) -> _NullBase:
     """The model fitted to the track's samples; once for all tracks that share them."""
     used = track.kept.used
     key = id(track.model), int(np.count_nonzero(used)), float(track.kept.time[used][0])
@@ -133,7 +135,7 @@ def _base(track: TrackEvidence, known: dict[Any, _Base]) -> _Base:
         fit = refit(course, track.values, track.surface)
         rhythm = oscillation(course.time[course.used], course.height[course.used])
         frequency, phase = rhythm or (None, None)
-        known[key] = _Base(course, fit, _null(track, fit.residual, phase), phase, frequency)
+        known[key] = _NullBase(course, fit, _null(track, fit.residual, phase), phase, frequency)
     return known[key]
 
 
@@ -152,21 +154,21 @@ def _null(track: TrackEvidence, residual: Floats, phase: Floats | None) -> Null:
     return null_of(rest, "residual")
 
 
-def _by_innovations(track: TrackEvidence) -> Tested:
+def _by_innovations(track: TrackEvidence) -> WhitenessTest:
     """The tests of what the estimator itself left."""
     kept = track.kept
-    rows = kept.used & np.isfinite(kept.innovation) & np.isfinite(kept.position) & ~hesitating(track)
+    rows = kept.used & np.isfinite(kept.innovation) & np.isfinite(kept.position) & ~hesitation_samples(track)
     time, height, values = kept.time[rows], kept.position[rows], kept.innovation[rows]
     rhythm = oscillation(time, height)
     phase = rhythm[1] if rhythm else None
-    return examined(values, runs_of(track)[rows], time, -height, phase, _null(track, values, phase))
+    return whiteness_tests(values, runs_of(track)[rows], time, -height, phase, _null(track, values, phase))
 
 
-def _table(found: Tested) -> Diagnosed:
+def _table(found: WhitenessTest) -> Diagnosed:
     return Diagnosed(table={"p": found.p, "tests": dict(found.tests), "null": found.null})
 
 
-def _explained(track: TrackEvidence, found: Tested, base: _Base) -> Diagnosed:
+def _explained(track: TrackEvidence, found: WhitenessTest, base: _NullBase) -> Diagnosed:
     """The reason shown by the pattern, and by how much each parameter may be off for it."""
     first = base.test(base.fit.residual)
     others = _others(base, first)
@@ -201,12 +203,12 @@ def _explained(track: TrackEvidence, found: Tested, base: _Base) -> Diagnosed:
     return Diagnosed((Flag("lack-of-fit", text),), terms, frozenset() if known else frozenset(names), table)
 
 
-def _left(others: Sequence[tuple[Refit, Tested]], first: Tested) -> dict[str, float]:
+def _left(others: Sequence[tuple[Refit, WhitenessTest]], first: WhitenessTest) -> dict[str, float]:
     """What share of the misfit each reason leaves."""
     return {other.reason: _ratio(test.misfit, first.misfit) for other, test in others if other.reason}
 
 
-def _others(base: _Base, first: Tested) -> list[tuple[Refit, Tested]]:
+def _others(base: _NullBase, first: WhitenessTest) -> list[tuple[Refit, WhitenessTest]]:
     """What else the record may be, tested; the model as it is where that is right and the track is far from it."""
     if first.p >= LEVEL:
         return [(base.fit, first)]
@@ -228,7 +230,7 @@ def _ratio(part: float, whole: float) -> float:
     return part / whole if whole > 0 else 1.0
 
 
-def _removes(test: Tested, first: Tested) -> bool:
+def _removes(test: WhitenessTest, first: WhitenessTest) -> bool:
     """Whether an alternative takes the pattern away, which more than a p just beyond the level is needed for."""
     if test.misfit > _NAMED * first.misfit + test.chance:
         return first.p >= LEVEL
@@ -236,7 +238,7 @@ def _removes(test: Tested, first: Tested) -> bool:
 
 
 def _sentence(
-    found: Tested, reasons: list[str], explained: bool, known: bool, null: str, effects: Mapping[str, float]
+    found: WhitenessTest, reasons: list[str], explained: bool, known: bool, null: str, effects: Mapping[str, float]
 ) -> str:
     level = f"p {found.p:.0e}" if found.p > 1e-99 else "p < 1e-99"
     sizes = [f"{name} by {_percent(effect)}" for name, effect in effects.items() if effect > _SMALL]
@@ -254,7 +256,7 @@ def _percent(share: float) -> str:
     return f"{100 * share:.2g} %" if share < 10 else "more than tenfold"
 
 
-def _by_size(base: _Base, misfit: float) -> Floats:
+def _by_size(base: _NullBase, misfit: float) -> Floats:
     """Shift (k,) of each parameter by a force as large as the pattern, along the parameter's own slope.
 
     The slope is what is left of it when the other parameters and the surface have taken their share: what a residual

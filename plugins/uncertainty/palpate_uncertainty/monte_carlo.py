@@ -14,17 +14,11 @@ from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, ContactModel, Estimator, Floats, Part, Problem, Samples
-from palpate.host import (
-    KeptSamples,
-    Pipeline,
-    RunFolder,
-    build_pipeline,
-    carried_by,
-    progress,
-    progressed,
-    replay_source,
-    run_pipeline,
-)
+from palpate.host import Pipeline, build_pipeline, run_pipeline
+from palpate_kit.runs.replay_source import read_run_log, replay_source
+from palpate_kit.runs.run_folder import RunFolder
+from palpate_kit.runs.sample_observer import SampleObserver
+from palpate_kit.terminal.progress import progress, report_progress
 
 _UNDECLARED = " (not declared)"
 _HALF_WIDTH = math.sqrt(3)  # of a rectangular distribution, in standard deviations
@@ -56,7 +50,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Propagated:
+class PropagatedDraws:
     """Results of the draws of one track."""
 
     name: str
@@ -83,13 +77,13 @@ class Propagated:
 
 def cases(run: Path, tracks: Sequence[str]) -> list[Case]:
     """The tracks of a run with the samples of its log; raises ConfigurationError for a run without one."""
-    carried = carried_by(run)
+    carried = read_run_log(run)
     if carried is None:
         raise ConfigurationError(f"{run}: holds no log of its own; add a [sink.*] to the pipeline, and run it again")
     pipeline = build_pipeline(replay_source(carried, list(tracks)))
-    kept = KeptSamples()
+    kept = SampleObserver()
     with tempfile.TemporaryDirectory() as folder, progress(str(run), "s"):
-        run_pipeline(pipeline, Path(folder) / "replay", progressed, kept)
+        run_pipeline(pipeline, Path(folder) / "replay", report_progress, kept)
     samples = Samples.joined(kept.blocks)
     results = RunFolder(run).result["tracks"]
     return [_case(pipeline, track.name, results[str(track.name)], samples) for track in pipeline.tracks]
@@ -114,9 +108,9 @@ def _case(pipeline: Pipeline, name: Any, result: Mapping[str, Any], samples: Sam
     )  # fmt: skip
 
 
-def propagated(
+def propagate_draws(
     case: Case, draws: int, seed: int, workers: int | None = None, report: Callable[[int], None] = lambda done: None
-) -> Propagated:
+) -> PropagatedDraws:
     """So many draws of a track, the same for the same seed however many processes share them."""
     chunks = [range(first, min(first + _CHUNK, draws)) for first in range(0, draws, _CHUNK)]
     found: list[Floats] = []
@@ -124,7 +118,7 @@ def propagated(
         for values in pool.map(partial(_chunk, case, seed), chunks):
             found.append(values)
             report(sum(map(len, found)))
-    return Propagated(case.name, np.concatenate(found), case.parameters)
+    return PropagatedDraws(case.name, np.concatenate(found), case.parameters)
 
 
 def _lightly() -> None:

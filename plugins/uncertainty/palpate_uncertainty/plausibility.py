@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence, Set
 
 import numpy as np
-from palpate import ContactModel, Diagnosed, Ending, Flag, FlagMeaning, Tail, TrackEvidence, contact_force
+from palpate import ContactModel, Diagnosed, Flag, FlagMeaning, Tail, TrackEnd, TrackEvidence, contact_force
 from palpate.host import AlignmentReport
 
-from palpate_uncertainty.telling import bounds_at_best, correlation, slope_by_chance, steady, white_noise
+from palpate_uncertainty.information_bound import bounds_at_best, correlation, slope_by_chance, steady, white_noise
 
 _STILL_MOVING = 0.02  # of a value: slope times time tracked
 _BY_CHANCE = 3.5  # standard deviations of a slope; of two parameters one is beyond that once in a thousand tracks
@@ -53,14 +53,14 @@ def plausibility(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     return {track.name: Diagnosed(_judged(track, track.ending)) for track in tracks if track.ending is not None}
 
 
-def _judged(track: TrackEvidence, end: Ending) -> tuple[Flag, ...]:
+def _judged(track: TrackEvidence, end: TrackEnd) -> tuple[Flag, ...]:
     try:
         return tuple(ending_flags(end, track.model, track.estimator.online, track.report is not None))
     except Exception as error:  # of a model that cannot say more than its force: the other tracks are judged
         return (Flag("diagnosis-failed", f"plausibility: {type(error).__name__}: {error}"),)
 
 
-def ending_flags(end: Ending, model: ContactModel, online: bool, fitted: bool) -> Iterator[Flag]:
+def ending_flags(end: TrackEnd, model: ContactModel, online: bool, fitted: bool) -> Iterator[Flag]:
     """Findings on the end of one track.
 
     An offline estimate is one of the whole record: it does not drift, and its first seconds are those that settle.
@@ -89,7 +89,7 @@ def _bound_flags(last: Tail, model: ContactModel, held: Set[str]) -> Iterator[Fl
             yield Flag("implausible", f"{found}: are force and height in the units that are declared?")
 
 
-def _convergence_flags(end: Ending, model: ContactModel) -> Iterator[Flag]:
+def _convergence_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
     """Whether the estimates have settled, and the innovations are what the filter expects.
 
     On a sweep they follow the material from place to place and never settle.
@@ -127,14 +127,14 @@ def _colour_flags(tail: Tail) -> Iterator[Flag]:
         yield Flag("coloured-innovations", f"{found}: the model misses something, or the data are filtered")
 
 
-def _force_flags(end: Ending, model: ContactModel) -> Iterator[Flag]:
+def _force_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
     """Whether the force swings enough to determine the track's values."""
     weak = weak_force(end)
     if weak is not None and not determines_all(end, model, weak[1]):
         yield weak_force_flag(*weak)
 
 
-def weak_force(end: Ending) -> tuple[float, float] | None:
+def weak_force(end: TrackEnd) -> tuple[float, float] | None:
     """By how much a force swings and its noise [N], where that is too little to be taken for granted."""
     tare, last = end.report.tare, end.last
     noise = tare.noise if tare and tare.noise else white_noise(last)
@@ -147,7 +147,7 @@ def weak_force_flag(swing: float, noise: float) -> Flag:
     return Flag("not-identifiable", f"the force swings by {swing:.2g} N against a noise of {noise:.2g} N")
 
 
-def determines_all(end: Ending, model: ContactModel, noise: float) -> bool:
+def determines_all(end: TrackEnd, model: ContactModel, noise: float) -> bool:
     """Whether the record can determine every parameter estimated."""
     values, bounds = np.abs(end.last.values.mean(axis=0)), bounds_at_best(end.tail, model, noise, end.samples)
     free = [i for i, parameter in enumerate(model.parameters) if parameter.name not in end.held]

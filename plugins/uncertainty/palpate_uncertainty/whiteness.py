@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 
+from palpate_uncertainty.channel_noise import Null, Runs
 from palpate_uncertainty.chi_square import chance_of_more
-from palpate_uncertainty.whitening import Null, Runs
 
 LAGS, PHASES, BLOCKS, DEPTHS = 50, 32, 20, 10
 # Lags that say nothing of the model: the tip's inertia is taken off by a slope of the velocity over 11 samples, which
@@ -24,7 +24,7 @@ _CYCLES = 4.0
 
 
 @dataclass(frozen=True)
-class Tested:
+class WhitenessTest:
     """p-values of one track."""
 
     p: float  # of the family: the smallest after Holm
@@ -34,7 +34,9 @@ class Tested:
     null: str = "assumed"  # where the noise comes from: "standstill", "residual", or white noise "assumed"
 
 
-def examined(values: Floats, runs: Runs, time: Floats, depth: Floats, phase: Floats | None, null: Null) -> Tested:
+def whiteness_tests(
+    values: Floats, runs: Runs, time: Floats, depth: Floats, phase: Floats | None, null: Null
+) -> WhitenessTest:
     """The tests of residuals or innovations (n,) of any scale, against the noise that `null` gives.
 
     `runs` (n,) numbers the stretches without a gap, `phase` (n,) [rad] is that of the oscillation, None where there is
@@ -47,7 +49,7 @@ def examined(values: Floats, runs: Runs, time: Floats, depth: Floats, phase: Flo
     white, runs, time, depth = white[known], runs[known], time[known], depth[known]
     scale = float(np.median(np.abs(white - np.median(white)))) * 1.4826 if len(white) else 0.0
     if len(white) < 4 * LAGS or scale == 0.0:
-        return Tested(1.0, {}, 0.0, 0.0, null.source)
+        return WhitenessTest(1.0, {}, 0.0, 0.0, null.source)
     white = np.clip(white, -_CLIPPED * scale, _CLIPPED * scale)
     white = white / np.sqrt(np.mean(white**2))
     tests, patterns = {}, {}
@@ -62,7 +64,7 @@ def examined(values: Floats, runs: Runs, time: Floats, depth: Floats, phase: Flo
         tests[name], patterns[name] = _means(white, places, count, null.excess)
     tests["depth"] = _means(np.sign(white), *bins["depth"], null.excess)[0]
     chance = 2.0 * float(np.sqrt(2.0 * PHASES)) * null.excess / len(white)
-    return Tested(min(1.0, len(tests) * min(tests.values())), tests, max(patterns.values()), chance, null.source)
+    return WhitenessTest(min(1.0, len(tests) * min(tests.values())), tests, max(patterns.values()), chance, null.source)
 
 
 def _memory(white: Floats, runs: Runs, null: Null) -> tuple[float, float]:

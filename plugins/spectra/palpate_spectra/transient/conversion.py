@@ -10,7 +10,7 @@ from palpate import Floats
 _SHARE = 1e-9  # of the largest compliance; smaller parts are none
 
 
-def relaxing(instant: float, fluidity: float, strengths: Floats, times: Floats, at: Floats) -> Floats:
+def relaxation_of_creep(instant: float, fluidity: float, strengths: Floats, times: Floats, at: Floats) -> Floats:
     """E(t) (m,) [Pa] at times (m,) [s] of J(t) = J + f t + sum of J_k (1 - exp(-t/tau_k)).
 
     s J^(s) = J + f/s + sum of J_k/(1 + s tau_k) is 1/(s E^(s)), so that E(t) fades with the zeros of it, which lie

@@ -10,7 +10,7 @@ import numpy as np
 from palpate import ContactModel, Floats
 from palpate.host import force_slopes
 
-from palpate_studies.design.path import DepthPath
+from palpate_studies.design.tip_path import DepthPath
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Nuisances:
 
 
 @dataclass(frozen=True)
-class Bound:
+class CramerRaoBound:
     """The smallest standard deviations that any unbiased estimator can reach."""
 
     parameters: Mapping[str, float]  # [SI] by name; infinite where the data do not tell them
@@ -44,7 +44,7 @@ def cramer_rao(
     nuisances: Nuisances,
     slopes: tuple[Floats, Floats, Floats, Floats] | None = None,
     error: Floats | None = None,
-) -> Bound:
+) -> CramerRaoBound:
     """Bounds from the force along a motion, u = F(d, d'; theta) + m d'' + bias, with white `noise` [N] (n,) or one.
 
     Fisher information J^T J/sigma^2 + priors, with columns dF/dtheta, dF/dd (the surface), 1 (bias), du/dt (skew) and
@@ -71,7 +71,7 @@ def cramer_rao(
         moved = (np.linalg.lstsq(jacobian / scale, error, rcond=None)[0] / scale)[: len(theta)]
     names = [parameter.name for parameter in model.parameters]
     std_of, bias_of = (dict(zip(names, values.tolist(), strict=False)) for values in (std, moved))
-    return Bound(std_of, float(std[len(theta)]), bias_of)
+    return CramerRaoBound(std_of, float(std[len(theta)]), bias_of)
 
 
 def _stds(jacobian: Floats, priors: Floats) -> Floats:

@@ -11,10 +11,10 @@ import numpy as np
 from palpate import ContactModel
 from palpate.host import Reach, force_slopes
 
-from palpate_studies.design.bounds import Bound, Nuisances, cramer_rao
-from palpate_studies.design.path import DepthPath, sine_path
-from palpate_studies.design.sensing import Sensing
+from palpate_studies.design.bounds import CramerRaoBound, Nuisances, cramer_rao
+from palpate_studies.design.measurement_noise import MeasurementNoise
 from palpate_studies.design.settings import DesignSettings
+from palpate_studies.design.tip_path import DepthPath, sine_path
 
 Case = Literal["known", "unknown skew", "unknown bias", "unknown both"]
 
@@ -26,7 +26,7 @@ class Palpation:
     frequencies: tuple[float, ...]  # [Hz]
     amplitude: float  # [m] of each sine, as commanded
     travel: float  # [m] the tip's real swing about the mean depth
-    bounds: Mapping[Case, Bound]
+    bounds: Mapping[Case, CramerRaoBound]
     refused: str | None  # the limit that it breaks
 
     def relative(self, case: Case, theta: Mapping[str, float]) -> dict[str, float]:
@@ -53,7 +53,7 @@ def palpations(
     tip_mass: float,
     depth: float,
     duration: float,
-    sensing: Sensing,
+    sensing: MeasurementNoise,
 ) -> list[Palpation]:
     """Every frequency and multi-sine with every amplitude."""
     cases: dict[Case, Nuisances] = {
@@ -70,7 +70,7 @@ def palpations(
             slopes = force_slopes(model, path.depth, path.rate, theta)
             noise = sensing.noise(path, slopes[2], slopes[3])
             error = sensing.interpolation(path, slopes[0] + tip_mass * path.acceleration, slopes[3], settings.loop.lag)
-            bounds: dict[Case, Bound] = {
+            bounds: dict[Case, CramerRaoBound] = {
                 case: cramer_rao(model, theta, path, tip_mass, noise, nuisances, slopes, error)
                 for case, nuisances in cases.items()
             }

@@ -10,7 +10,7 @@ from palpate.host import MotionLimits
 from pydantic import Field, model_validator
 
 
-class PositionLoop(Settings):
+class DesignLoop(Settings):
     """A position loop: speed command gain (z_d - z) + damping (z_d' - z'), which the speed follows with a lag."""
 
     gain: float = Field(default=20.0, gt=0, allow_inf_nan=False, description="proportional gain, in 1/s")
@@ -66,7 +66,7 @@ class DesignSettings(Settings):
         description="uncertainty of the timing once it is known; left out: that of [run] calibration, or none",
     )
     unknown_skew: Time = Field(default=0.3e-3, gt=0, description="uncertainty of the timing without calibration")
-    loop: PositionLoop = Field(default=PositionLoop(), description="how the robot follows its command")
+    loop: DesignLoop = Field(default=DesignLoop(), description="how the robot follows its command")
     deepest: Length = Field(default=0.01, gt=0, description="limit of the depth")
     top_speed: Speed = Field(default=0.25, gt=0, description="limit of the speed, as commanded")
     top_acceleration: Acceleration = Field(default=5.0, gt=0, description="limit of the acceleration, as commanded")

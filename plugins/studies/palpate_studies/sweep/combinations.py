@@ -10,8 +10,7 @@ from typing import Any
 
 from palpate import ConfigurationError, UserError
 from palpate.host import Source
-
-from palpate_studies.jobs import Job, Written
+from palpate_kit.jobs.job import Job, PortablePipeline
 
 
 @dataclass(frozen=True)
@@ -23,7 +22,7 @@ class Combination:
     job: Job
 
     @classmethod
-    def of(cls, number: int, values: Mapping[str, Any], plan: Written, folder: Path) -> Combination:
+    def of(cls, number: int, values: Mapping[str, Any], plan: PortablePipeline, folder: Path) -> Combination:
         """The combination of a number, whose run goes into a folder of the sweep's."""
         return cls(number, values, Job(f"combination {number}", plan, folder / f"{number:05d}"))
 
@@ -66,7 +65,7 @@ def combinations_of(source: Source) -> list[dict[str, Any]]:
         tuples = itertools.product(*lists.values())
     else:
         raise ConfigurationError(
-            f'{source.where(("sweep", "combine"))}: [sweep] combine: {combine!r} is none of "grid", "list"'
+            f'{source.where(("sweep", "combine"))}: [sweep] combine: {combine!r} is not one of "grid", "list"'
         )
     return [dict(zip(lists, values, strict=True)) for values in tuples]
 

@@ -5,7 +5,10 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from palpate.host import Result, RunFolder, Table, console, recorded_pipeline
+from palpate.host import Result
+from palpate_kit.runs.continuation import recorded_pipeline
+from palpate_kit.runs.run_folder import RunFolder
+from palpate_kit.terminal.table import Table, console
 
 from palpate_histogram import HistogramSettings
 

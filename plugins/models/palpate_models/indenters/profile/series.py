@@ -15,7 +15,7 @@ _NARROWEST = 1 / 64  # piece, in units of the whole range of depth^(1/4)
 
 
 @dataclass(frozen=True)
-class Piece:
+class SeriesPiece:
     """Polynomials in t = (w - start)/width, clamped to 0..1, without their constants; lowest power first."""
 
     start: float
@@ -35,7 +35,7 @@ class RadiusSeries:
     depth: float  # D [m]
     face: float  # a(0+) [m]
     edge: float  # a(D) [m]
-    pieces: tuple[Piece, ...]
+    pieces: tuple[SeriesPiece, ...]
     error: float  # largest deviation of a(d) from the exact root, relative
 
     def contact_radius(self, depth: Any) -> Any:
@@ -50,7 +50,7 @@ class RadiusSeries:
         return within + self.edge * select(depth, self.depth, depth - self.depth, 0.0 * depth)
 
 
-def _clamped(w: Any, piece: Piece) -> Any:
+def _clamped(w: Any, piece: SeriesPiece) -> Any:
     t = (w - piece.start) / piece.width
     t = select(t, 0.0, t, 0.0 * t)
     return select(t, 1.0, 1.0 + 0.0 * t, t)
@@ -93,10 +93,10 @@ def _fitted(exact: ContactRadius, start: float, width: float, floor: float) -> t
     return coefficients, float(np.max(np.abs(fitted - wanted) / np.maximum(wanted, floor)))
 
 
-def _piece(start: float, width: float, radius: Floats, depth: float) -> Piece:
+def _piece(start: float, width: float, radius: Floats, depth: float) -> SeriesPiece:
     """The area's polynomial is the integral of a over d, with d = D w^4 and w = start + width t."""
     polynomial = np.polynomial.polynomial
     w = np.array([start, width])
     slope = 4.0 * depth * width * polynomial.polymul(polynomial.polypow(w, 3), radius)
     area = polynomial.polyint(slope)
-    return Piece(start, width, tuple(radius[1:].tolist()), tuple(area[1:].tolist()))
+    return SeriesPiece(start, width, tuple(radius[1:].tolist()), tuple(area[1:].tolist()))

@@ -1,0 +1,93 @@
+"""What an arm monitors itself, in the process that commands it: the limits of its motion, and the force."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from palpate.repeated_readings import Repeats
+
+
+@dataclass(frozen=True)
+class ArmLimits:
+    """What every command of an arm has to keep, wherever it comes from; positions in the work frame."""
+
+    low: tuple[float, ...]  # (3,) [m]
+    high: tuple[float, ...]  # (3,) [m]
+    speed: float  # [m/s]
+    acceleration: float  # [m/s^2]
+    orientation: float  # [rad] between the tool and the work frame, at most
+    angular_speed: float  # [rad/s]
+
+
+@dataclass(frozen=True)
+class SharedReadings:
+    """Readings of a stream in shared memory, where another process reads them directly.
+
+    The memory begins with `head` 64-bit whole numbers, the first of which counts the rows that were written; then
+    come `rows` rows of `columns` 64-bit floats, row n in place n modulo `rows`. The stream's channels begin at column
+    `first`; an invalid reading is NaN.
+    """
+
+    descriptor: int
+    head: int
+    rows: int
+    columns: int
+    first: int
+
+
+@dataclass(frozen=True)
+class ForceWatch:
+    """The force at which an arm stops on its own, and what its readings have to be like to be believed."""
+
+    readings: SharedReadings
+    channels: tuple[int, ...]  # of the stream
+    tare: tuple[float, ...]  # [N] of each
+    stop: float  # [N]
+    name: str
+    normal: int = 0  # which of the channels is the force along the normal
+    sign: float = 1.0  # of that channel, where the tip is pushed out
+    ranges: tuple[tuple[float, float], ...] = ()  # [N] of each channel: at its ends it is no reading; none declared
+    repeats: Repeats | None = None  # of a sound sensor; None: equal readings are of no account
+
+
+@runtime_checkable
+class SupportsLimits(Protocol):
+    """An arm that checks its commands against limits itself, and stops itself at a force."""
+
+    def limit(self, limits: ArmLimits, trip: Callable[[str], None]) -> None:
+        """Keep these limits from now on; `trip` is called with the reason of a stop."""
+        ...
+
+    def watch_force(self, watch: ForceWatch) -> None:
+        """Stop without the host where a channel differs by more than `stop` from its tare, or is not to be believed."""
+        ...
+
+
+@runtime_checkable
+class SupportsRetreat(Protocol):
+    """An arm that can feel whether it touches: by a retreat, never by an advance."""
+
+    def retreat(self, way: float, speed: float) -> float:
+        """Go outwards along the normal by at most `way` [m] at `speed` [m/s] and hold there; how long [s] it takes."""
+        ...
+
+
+@runtime_checkable
+class SupportsSharing(Protocol):
+    """A link whose readings another process can look at."""
+
+    def shared(self, stream: str) -> SharedReadings | None:
+        """Where the readings of a stream are."""
+        ...
+
+
+@runtime_checkable
+class Shareable(Protocol):
+    """A device whose links share some of their streams."""
+
+    @property
+    def shared_streams(self) -> tuple[str, ...]:
+        """Their names."""
+        ...

@@ -1,0 +1,58 @@
+"""The pipeline as resolved: every setting with the value that was used, written back as TOML."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from palpate.config.migrations import FORMAT, KEY
+from palpate.config.pipeline import Pipeline
+from palpate.config.unit_plausibility import UNCHECKED, implausible_units
+from palpate.parts import Part, Settings
+from palpate.registry import Registry
+
+
+def resolved_text(pipeline: Pipeline) -> str:
+    """The pipeline as a TOML text in SI units, with every default spelled out and every reference in place.
+
+    Paths are absolute, so that the text means the same wherever it is kept.
+    """
+    tables: dict[str, Any] = {
+        KEY: FORMAT,
+        "run": plain_settings(pipeline.run, pipeline.registry),
+        "alignment": plain_settings(pipeline.alignment, pipeline.registry),
+    }
+    if pipeline.safety is not None:
+        tables["safety"] = plain_settings(pipeline.safety, pipeline.registry)
+    kinds = {
+        "device": pipeline.devices,
+        "trajectory": pipeline.trajectories,
+        "indenter": pipeline.indenters,
+        "model": pipeline.models,
+        "estimator": pipeline.estimators,
+        "sink": pipeline.sinks,
+        "twin": pipeline.twins,
+    }
+    for kind, parts in kinds.items():
+        tables[kind] = {name: plain_settings(part, pipeline.registry) for name, part in parts.items()}
+    tables |= {name: plain_settings(table, pipeline.registry) for name, table in pipeline.tables.items()}
+    return tomli_w.dumps({name: table for name, table in tables.items() if table})
+
+
+def plain_settings(value: Any, registry: Registry) -> Any:
+    """Settings and parts as TOML can hold them, each part with its type."""
+    if isinstance(value, Settings):
+        head: dict[str, Any] = {"type": registry.name_of(type(value))} if isinstance(value, Part) else {}
+        fields = {name: getattr(value, name) for name in type(value).model_fields}
+        # What is unlikely without a unit was checked when it was read.
+        meant = sorted(implausible_units(type(value), fields))
+        head |= {UNCHECKED: meant} if meant else {}
+        fields |= value.model_extra or {}
+        return head | {name: plain_settings(field, registry) for name, field in fields.items() if field is not None}
+    if isinstance(value, dict):
+        return {name: plain_settings(item, registry) for name, item in value.items() if item is not None}
+    if isinstance(value, tuple | list):
+        return [plain_settings(item, registry) for item in value]
+    return str(value.absolute()) if isinstance(value, Path) else value

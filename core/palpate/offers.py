@@ -1,0 +1,151 @@
+"""What a plugin adds besides parts: commands, report sections, templates; plain data, nothing is imported for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from palpate.errors import PalpateError, PluginError
+
+PANELS = {
+    "run": "Run",
+    "logs": "Look at logs",
+    "analyse": "Analyse",
+    "hardware": "Hardware",
+    "extend": "Extend and look up",
+}
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command of ``palpate``: a function with typer annotations, imported when it is called.
+
+    A name of two words, such as ``map lumps``, is a subcommand: `palpate map --help` shows it. The first word needs no
+    command of its own, and may belong to another plugin.
+    """
+
+    target: str  # "module:function"
+    help: str  # one line for `palpate --help`
+    panel: str = "analyse"  # key of PANELS
+    former: str = ""  # the name before a renaming; it still works, and says the new one
+
+
+@dataclass(frozen=True)
+class ReportSection:
+    """A part of what is shown of a result: ``function(result)`` answers tables and texts, none where it has none."""
+
+    target: str  # "module:function"
+    order: int = 50  # sections are shown by increasing order
+
+
+@dataclass(frozen=True)
+class Report:
+    """What is made of a run that has ended: ``function(folder)`` writes a file and answers where it is."""
+
+    target: str  # "module:function"
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A judge of results: ``function(evidence of all tracks)`` answers findings by track; see `TrackEvidence`.
+
+    Judges of one order are given the same evidence; what those of a lower order said is part of it.
+    """
+
+    target: str | Callable[..., Any]  # "module:function", imported when a run has ended; or the function
+    order: int = 50
+    quick: bool = False  # it is asked once a second while a run goes on, too
+    lost: bool = False  # it is asked of tracks whose numbers are lost (NaN), too
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What is gathered of each track while a run goes on: ``function()`` answers a `TrackSummary`."""
+
+    target: str | Callable[..., Any]  # "module:function", imported when a run begins; or the function
+
+
+@dataclass(frozen=True)
+class Recorder:
+    """What writes down the estimates of every run: ``function(folder, parameters by track, pipeline, offline)``.
+
+    It answers a context with an `EstimatesWriter`. `pipeline` has what its own table says, and ``[run]
+    estimates_interval``; `offline` tracks, which speak when the record has ended, are opened apart.
+    """
+
+    target: str | Callable[..., Any]  # "module:function", imported when a run begins; or the function
+
+
+@dataclass(frozen=True)
+class Check:
+    """A check of parts before anything moves: ``function(parts by kind, registry)`` raises PluginError for a wrong one.
+
+    `parts` holds for each kind of part those of a pipeline by their names.
+    """
+
+    target: str | Callable[..., Any]  # "module:function", imported when a pipeline is built; or the function
+
+
+@dataclass(frozen=True)
+class Fact:
+    """What ``palpate info`` says of an installation: ``function()`` answers one line, such as which kernel runs."""
+
+    target: str  # "module:function"
+
+
+@dataclass(frozen=True)
+class CalibrationReader:
+    """What reads the file of ``[run] calibration``: ``function(path, valid for [s])`` answers what is taken from it."""
+
+    target: str  # "module:function"
+
+
+@dataclass(frozen=True)
+class Display:
+    """What shows a run on the terminal: ``function(pipeline)`` answers a context with a writer that has `progress`."""
+
+    target: str  # "module:function"
+
+
+@dataclass(frozen=True)
+class Template:
+    """A text that `palpate` writes for a user to fill in, from a plugin's package data."""
+
+    package: str  # of the plugin: "my_filters"
+    path: str  # within the package: "templates/point.toml"
+    help: str  # one line
+
+    def text(self) -> str:
+        """The text; raises PluginError where the package lacks it."""
+        from importlib.resources import files
+
+        try:
+            return files(self.package).joinpath(self.path).read_text(encoding="utf-8")
+        except (OSError, ImportError) as error:
+            raise PluginError(f"template {self.path} of {self.package} cannot be read: {error}") from error
+
+
+Offer = Command | Report | ReportSection | Diagnosis | Summary | Recorder | Check | CalibrationReader | Display | Fact
+
+
+def function_of(offer: Offer) -> Callable[..., Any]:
+    """The function that an offer names; raises PluginError where it cannot be imported."""
+    return import_target(offer.target) if isinstance(offer.target, str) else offer.target
+
+
+def import_target(target: str) -> Callable[..., Any]:
+    """What ``module:name`` names; raises PluginError where it cannot be imported."""
+    module, colon, name = target.partition(":")
+    if not (module and colon and name):
+        raise PluginError(f"{target!r} is no MODULE:FUNCTION")
+    try:
+        found: Callable[..., Any] = getattr(import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise PluginError(f"{target} cannot be imported: {error}") from error
+    except PalpateError:
+        raise
+    except Exception as error:  # whatever a third-party import raises
+        raise PluginError(f"{target} cannot be imported: {type(error).__name__}: {error}") from error
+    return found

@@ -1,0 +1,59 @@
+"""Whether this program is held up: it must come to look at the batches of each device in time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from palpate.clocks import Event, clock
+
+_LOOK_EVERY = 0.02  # [s]
+
+
+class HostWatch:
+    """A thread that looks whether the others do: one that is held up cannot notice it by itself."""
+
+    def __init__(self, limit: float | None, over: Event, trip: Callable[[str], None]) -> None:
+        self._limit, self._over, self._trip = limit, over, trip  # [s]
+        self._looked: dict[str, float] = {}  # by device: when its batches were last asked for, monotonic [s]
+        self._thread = clock().thread(self._watch, "guard")
+
+    @property
+    def is_watching(self) -> bool:
+        """Whether it has been started."""
+        return self._thread.ident is not None
+
+    def expect(self, devices: Iterable[str]) -> None:
+        """From now on, batches of these devices must be looked at, and of no others."""
+        now = clock().now()
+        self._looked = dict.fromkeys(devices, now)
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def join(self) -> None:
+        """Wait for the thread, once it is over."""
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    def has_looked(self, device: str) -> bool:
+        """Take note that batches of a device are looked at; whether they must be."""
+        if device not in self._looked:
+            return False
+        self._looked[device] = clock().now()
+        return True
+
+    def forget(self, device: str) -> None:
+        """The device has sent its last batch."""
+        self._looked.pop(device, None)
+
+    def _watch(self) -> None:
+        while not self._over.wait(_LOOK_EVERY):
+            if self._limit is None:
+                continue
+            for device, looked in list(self._looked.items()):
+                if (late := clock().now() - looked) > self._limit:
+                    self._trip(
+                        f"this program was held up: it has not come to look at {device} for {1e3 * late:.0f} ms, more "
+                        f"than [safety] held_up = {1e3 * self._limit:.0f} ms; is the computer too busy?"
+                    )

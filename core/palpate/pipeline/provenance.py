@@ -1,0 +1,97 @@
+"""Provenance: what it takes to redo a run."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import platform
+import socket
+import sys
+import threading
+from concurrent.futures import Future
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from palpate.config import Pipeline
+from palpate.device import is_live
+from palpate.parts import input_files
+from palpate.sink import Extent
+
+_LIBRARIES = ("casadi", "numpy", "scipy", "pydantic", "pluggy", "mcap")
+_LOOK = 0.01  # [s] between the places that count for the box of a motion
+
+
+def run_facts(pipeline: Pipeline) -> dict[str, Any]:
+    """Name, pipeline, command, seed, versions, plugins, hashes of the inputs, host."""
+    versions = {"palpate": _version("palpate"), "python": platform.python_version()}
+    versions |= {name: _version(name) for name in _LIBRARIES}
+    inputs = {f"{name}.{key}": text for name, d in pipeline.devices.items() for key, text in d.provenance.items()}
+    for plugin in pipeline.registry.plugins:
+        if plugin.digest:
+            inputs[f"plugin.{Path(plugin.name).name}.sha256"] = plugin.digest
+    if pipeline.run.calibration is not None:
+        with pipeline.run.calibration.open("rb") as file:
+            inputs["calibration.sha256"] = hashlib.file_digest(file, "sha256").hexdigest()
+        inputs["calibration.file"] = str(pipeline.run.calibration)
+    for path in _input_files(pipeline):
+        inputs[f"file.{path}.sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
+    return {
+        "name": pipeline.run.name,
+        "pipeline": str(pipeline.path),
+        "command": sys.argv,
+        "seed": pipeline.run.seed,
+        "versions": versions,
+        "plugins": [plugin.name for plugin in pipeline.registry.plugins],
+        "inputs": inputs,
+        "host": socket.gethostname(),
+    }
+
+
+def _input_files(pipeline: Pipeline) -> list[Path]:
+    """The files, other than logs, that parts and tables take data from."""
+    parts = (pipeline.devices, pipeline.indenters, pipeline.models, pipeline.trajectories, pipeline.tables)
+    return list(dict.fromkeys(file for named in parts for part in named.values() for file in input_files(part)))
+
+
+def facts_beside(pipeline: Pipeline) -> Future[dict[str, Any]]:
+    """What `run_facts` says, by a thread: hashing a log takes as long as compiling. Nobody waits for it at exit."""
+    found: Future[dict[str, Any]] = Future()
+
+    def work() -> None:
+        try:
+            found.set_result(run_facts(pipeline))
+        except BaseException as error:  # raised where the facts are asked for
+            found.set_exception(error)
+
+    threading.Thread(target=work, name="facts", daemon=True).start()
+    return found
+
+
+_version = cache(importlib.metadata.version)
+
+
+def flat_facts(facts: dict[str, Any]) -> dict[str, str]:
+    """The facts that a log carries: versions, input hashes and seed, as texts by name."""
+    return {**facts["versions"], **facts["inputs"], "seed": str(facts["seed"])}
+
+
+def planned_duration(pipeline: Pipeline) -> float | None:
+    """How long the record will be [s]: that of a log, or of standstill and motion; None where that is unknown."""
+    logs = [device.duration for device in pipeline.devices.values() if device.duration is not None]
+    if logs or len(pipeline.trajectories) != 1:
+        return max(logs, default=None)
+    (trajectory,) = pipeline.trajectories.values()
+    live = is_live(pipeline.devices)
+    return trajectory.total_duration + (pipeline.safety.standstill if live and pipeline.safety else 0.0)
+
+
+def planned_extent(pipeline: Pipeline) -> Extent | None:
+    """Box [m] of the planned motion; None where nothing moves, or more than one motion is planned."""
+    if len(pipeline.trajectories) != 1:
+        return None
+    (trajectory,) = pipeline.trajectories.values()
+    places = trajectory.at(np.arange(0.0, trajectory.total_duration + _LOOK, _LOOK)).position
+    return tuple(places.min(axis=0).tolist()), tuple(places.max(axis=0).tolist())

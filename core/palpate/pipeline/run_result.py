@@ -1,0 +1,137 @@
+"""The end of a run: its result, with the facts of the alignment and every flag that concerns all tracks."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from palpate.alignment import AlignmentReport, AlignmentSettings
+from palpate.config import Pipeline, values_on_trust
+from palpate.device import truth_of
+from palpate.errors import StoppedError
+from palpate.flags import Flag
+from palpate.pipeline.device_flags import device_flags
+from palpate.pipeline.interrupt import Interrupt
+from palpate.pipeline.live.live_facts import EstimateFacts, LiveFacts
+from palpate.result import SCHEMA, TrackResult, finite, record_flags, stream_tables
+
+_BEHIND = 1.0  # [s]; estimates that were less late at worst have kept up
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a run found, and where it is written."""
+
+    folder: Path
+    run: Mapping[str, Any]
+    streams: Mapping[str, Any]
+    tracks: Mapping[str, TrackResult]
+    flags: tuple[Flag, ...]  # those that concern every track
+    truth: Mapping[str, float]
+    interrupted: str | None
+    signal: int = signal.SIGINT  # that interrupted it
+
+    def demand_whole(self) -> None:
+        """Raise StoppedError, with the exit code of the signal, where the run was stopped before its end."""
+        if self.interrupted is not None:
+            raise StoppedError(f"{self.interrupted}: partial, in {self.folder}", self.signal)
+
+    def table(self) -> dict[str, Any]:
+        """The contents of ``result.json``."""
+        tracks = {name: track.table() for name, track in self.tracks.items()}
+        for track in tracks.values():
+            track["flags"] = [*(flag.table() for flag in self.flags), *track["flags"]]
+        return {
+            "schema": SCHEMA,
+            "palpate": self.run["versions"]["palpate"],
+            "run": dict(self.run),
+            "streams": dict(self.streams),
+            "truth": dict(self.truth),
+            "tracks": tracks,
+        }
+
+
+def build_result(
+    pipeline: Pipeline,
+    folder: Path,
+    facts: Mapping[str, Any],
+    live: LiveFacts | None,
+    report: AlignmentReport,
+    found: Mapping[str, TrackResult],
+    interrupt: Interrupt,
+) -> Result:
+    """The result of a run that has ended: what its tracks found, judged together with what concerns all of them."""
+    run_flags = [*_rehearsal(facts), *_run_flags(pipeline, live, report, interrupt.reason)]
+    flags = pipeline.registry.judged(run_flags)
+    return Result(
+        folder,
+        {key: finite(value) for key, value in {**facts, **_alignment_facts(report, pipeline.alignment)}.items()},
+        stream_tables(report),
+        {name: track.judged(pipeline.registry, flags) for name, track in found.items()},
+        flags,
+        truth_of(pipeline.devices),
+        interrupt.reason,
+        interrupt.signal,
+    )
+
+
+def _alignment_facts(report: AlignmentReport, settings: AlignmentSettings) -> dict[str, Any]:
+    """What alignment saw of the record: its length, tare, delay of the velocity and first touch."""
+    tare, touch, late = report.tare, report.first_touch, report.velocity_delay
+    offset = tare and {"offset": tare.offset, "std": tare.offset_std, "noise": tare.noise, "until": tare.until}
+    by = "change-point" if report.by_change_point else "threshold"
+    return {
+        "samples": report.samples,
+        "log_duration": report.duration,
+        "tare": offset,
+        "velocity_delay": late and {"value": late[0], "std": late[1]},
+        "first_touch": touch and {"time": touch[0], "position": touch[1], "by": by, "lag": settings.touch_lag},
+    }
+
+
+def _run_flags(
+    pipeline: Pipeline, live: LiveFacts | None, report: AlignmentReport, interrupted: str | None
+) -> Iterator[Flag]:
+    """Flags that concern every track."""
+    motion = live.motion if live is not None else None
+    health = motion.devices if motion is not None else {}
+    yield from pipeline.renamed
+    yield from _assumed(pipeline)
+    yield from (Flag("device", text) for device in pipeline.devices.values() for text in device.warnings)
+    if pipeline.calibration is not None:
+        yield from pipeline.calibration.flags(pipeline, health)
+    yield from _backlog(live.estimates if live is not None else None)
+    for name in motion.ended_early if motion is not None else ():
+        yield Flag("ended-early", f"{name} sent its last reading before the motion was over")
+    yield from device_flags(pipeline.alignment, pipeline.ports, health)
+    yield from record_flags(report, pipeline.alignment, interrupted)
+
+
+def _rehearsal(facts: Mapping[str, Any]) -> Iterator[Flag]:
+    """That nothing was measured."""
+    if (rehearsal := facts.get("rehearsal")) is not None:
+        twin = rehearsal["twin"]
+        yield Flag("rehearsal", f"simulated time, twin {twin}: the numbers are of its specimen, and of no real one")
+
+
+def _assumed(pipeline: Pipeline) -> Iterator[Flag]:
+    """The values that the run assumed although they were not stated."""
+    known = values_on_trust(pipeline)
+    if assumed := [f"{key} = {known.get(key, '? (there is no such setting)')}" for key in pipeline.run.assumed]:
+        yield Flag("assumed", f"not stated, but assumed: {', '.join(assumed)}")
+
+
+def _backlog(estimates: EstimateFacts | None) -> Iterator[Flag]:
+    """Whether the estimates of a live run kept up."""
+    if estimates is None or estimates.largest_behind < _BEHIND:
+        return
+    behind = f"the estimates were up to {estimates.largest_behind:.1f} s behind the readings"
+    if (until := estimates.until) is None:
+        yield Flag("backlog", f"{behind}; all of them were made in the end")
+    else:
+        yield Flag(
+            "backlog", f"{behind} and end at {until:.2f} s; the recording is whole, and its replay makes the rest"
+        )

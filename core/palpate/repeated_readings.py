@@ -1,0 +1,102 @@
+"""Equal readings in a row: how often a sound sensor repeats itself, and when it no longer measures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.vectors import Floats
+
+_STUCK, _TIMES = 0.1, 5  # [s], and of the longest run at standstill: beyond both, a sensor no longer measures
+_SUSPECT = 0.03  # [s] in place of 0.1
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """The longest runs of readings that are equal in every digit, with a sound sensor in free air.
+
+    Columns count in groups: all axes together, and each force whose noise exceeds its resolution by itself, because a
+    clipped axis stands still while the others go on.
+    """
+
+    names: tuple[str, ...]  # of the groups
+    groups: tuple[tuple[int, ...], ...]  # columns of the stream
+    longest: tuple[int, ...]  # readings in a row, of each group
+    rate: float  # [Hz]
+
+    @classmethod
+    def of(cls, rows: Floats, rate: float, axes: Mapping[int, str], forces: tuple[int, ...], stream: str) -> Repeats:
+        """From the readings (n, columns) of a standstill; `axes`: columns with their names, `forces` among them."""
+        fine = [column for column in forces if _exceeds_resolution(rows[:, column])]
+        names = [f"every axis of {stream}", *(axes[column] for column in fine)]
+        groups = (tuple(axes), *((column,) for column in fine))
+        count = RepeatCount(cls(tuple(names), groups, (0,) * len(groups), rate))
+        count.add(rows)
+        return cls(tuple(names), groups, tuple(count.longest.tolist()), rate)
+
+    def most(self, span: float) -> Floats:
+        """So many readings in a row (groups,) are believed, where a run of a time [s] is of no account."""
+        return np.maximum(span * self.rate, _TIMES * np.array(self.longest, np.float64))
+
+
+class RepeatCount:
+    """Counts equal readings in a row, however the readings are cut into batches."""
+
+    def __init__(self, usual: Repeats, first: int = 0) -> None:
+        self._usual = usual
+        self._columns = sorted({first + column for group in usual.groups for column in group})
+        self._groups = [[self._columns.index(first + column) for column in group] for group in usual.groups]
+        self._stuck, self._suspect = usual.most(_STUCK), usual.most(_SUSPECT)
+        self._before: Floats | None = None
+        self._runs = np.zeros(len(self._groups), np.int64)  # that go on
+        self.longest = self._runs.copy()  # of the latest readings
+
+    def add(self, rows: Floats) -> None:
+        """Readings (n, columns), in their order."""
+        if not len(rows):
+            return
+        rows = rows[:, self._columns]
+        before = np.full((1, rows.shape[1]), np.inf) if self._before is None else self._before
+        joined = np.concatenate([before, rows])
+        changed = (joined[1:] != joined[:-1]) & ~(np.isnan(joined[1:]) & np.isnan(joined[:-1]))
+        self._before = joined[-1:]
+        if changed.all():  # as a rule, and in each period of a servo loop
+            self.longest, self._runs = np.maximum(self._runs, 1), np.ones_like(self._runs)
+            return
+        for i, columns in enumerate(self._groups):
+            self._runs[i], self.longest[i] = _runs(changed[:, columns].any(axis=1), int(self._runs[i]))
+
+    @property
+    def suspect(self) -> bool:
+        """Whether a run that goes on is so long that the force may not be what is read."""
+        return bool((self._runs > self._suspect).any())
+
+    @property
+    def fault(self) -> str | None:
+        """Why the latest readings are not believed; None where they are."""
+        over = np.flatnonzero(self.longest > self._stuck)
+        if not len(over):
+            return None
+        group, usual = int(over[0]), self._usual
+        lasted, still = (1e3 * runs[group] / usual.rate for runs in (self.longest, usual.longest))
+        return (
+            f"{usual.names[group]} repeats its reading in every digit for {lasted:.0f} ms (at standstill for "
+            f"{still:.0f} ms at most): the sensor is stuck or clipped, and the force is unknown"
+        )
+
+
+def _runs(changed: NDArray[np.bool_], before: int) -> tuple[int, int]:
+    """The run that goes on at the end, and the longest; `changed` (n,): whether a reading differs from the last."""
+    edges = np.concatenate([[-before], np.flatnonzero(changed), [len(changed)]])
+    runs = np.diff(edges)
+    return int(runs[-1]), int(runs.max())
+
+
+def _exceeds_resolution(values: Floats) -> bool:
+    """Whether the noise of readings (n,) is larger than the smallest step between two of them."""
+    finite = values[np.isfinite(values)]
+    steps = np.diff(np.unique(finite))
+    return len(steps) > 0 and float(finite.std()) >= float(steps.min())

@@ -1,0 +1,151 @@
+"""The units that people write: names, prefixes and what they are in SI."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from functools import cache
+from typing import NamedTuple
+
+# One unit: names, multiplied and divided, each with one small exponent.
+_NAME = r"[A-Za-zµμΩ°%_][A-Za-z0-9µμΩ°%_]*"
+_POWER = r"(?:(?:\*\*|\^)\s*[+-]?\d(?:\.5)?)?"
+_FACTOR = rf"\(*{_NAME}{_POWER}\)*"
+_UNIT = re.compile(rf"{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*")
+_TOKEN = re.compile(rf"({_NAME})(?:\s*(?:\*\*|\^)\s*([+-]?\d(?:\.5)?))?|([/()])")
+_SQUARE_ROOT = re.compile(r"sqrt\((\w+)\)")
+
+_SYMBOLS = {"p": -12, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
+_WORDS = {"pico": -12, "nano": -9, "micro": -6, "milli": -3, "centi": -2, "kilo": 3, "mega": 6, "giga": 9}
+_PI = math.pi.as_integer_ratio()
+
+
+class UnknownUnitError(ValueError):
+    """A name that is no unit."""
+
+
+class Unit(NamedTuple):
+    """What one of a unit is in SI."""
+
+    factor: float
+    dimensions: Mapping[str, float]  # base unit -> its power, none of them 0
+
+
+class _Base(NamedTuple):
+    """A unit under one name."""
+
+    over: int  # what one of it is in SI, as a ratio of whole numbers
+    under: int
+    dimensions: Mapping[str, int]
+
+
+def _table() -> tuple[dict[str, _Base], dict[str, _Base], dict[str, _Base]]:
+    """Units by the symbols and the words that take prefixes, and by the names that take none."""
+    symbols, words, others = dict[str, _Base](), dict[str, _Base](), dict[str, _Base]()
+    force, pressure = {"kg": 1, "m": 1, "s": -2}, {"kg": 1, "m": -1, "s": -2}
+    for symbol, spelled, dimensions in (
+        ("m", ("meter", "metre"), {"m": 1}),
+        ("g", ("gram",), {"kg": 1}),
+        ("s", ("second", "sec"), {"s": 1}),
+        ("N", ("newton",), force),
+        ("Pa", ("pascal",), pressure),
+        ("Hz", ("hertz",), {"s": -1}),
+        ("rad", ("radian",), {"rad": 1}),
+        ("J", ("joule",), {"kg": 1, "m": 2, "s": -2}),
+        ("W", ("watt",), {"kg": 1, "m": 2, "s": -3}),
+        ("A", ("ampere",), {"A": 1}),
+        ("V", ("volt",), {"kg": 1, "m": 2, "s": -3, "A": -1}),
+        ("Ω", ("ohm",), {"kg": 1, "m": 2, "s": -3, "A": -2}),
+        ("K", ("kelvin",), {"K": 1}),
+    ):
+        base = _Base(1, 1000 if symbol == "g" else 1, dimensions)
+        symbols[symbol] = base
+        words |= {word: base for name in spelled for word in (name, f"{name}s")}
+    symbols["bar"] = _Base(100_000, 1, pressure)
+    symbols["P"] = words["poise"] = _Base(1, 10, {"kg": 1, "m": -1, "s": -1})
+    gravity, pound = 980_665, 45_359_237  # 1e-5 m/s^2, 1e-8 kg
+    for names, over, under, dimensions in (
+        (("min", "minute", "minutes"), 60, 1, {"s": 1}),
+        (("h", "hr", "hour", "hours"), 3600, 1, {"s": 1}),
+        (("d", "day", "days"), 86_400, 1, {"s": 1}),
+        (("deg", "degree", "degrees", "°"), _PI[0], 180 * _PI[1], {"rad": 1}),
+        (("rpm",), 2 * _PI[0], 60 * _PI[1], {"rad": 1, "s": -1}),
+        (("in", "inch", "inches"), 254, 10_000, {"m": 1}),
+        (("ft", "foot", "feet"), 3048, 10_000, {"m": 1}),
+        (("micron", "microns"), 1, 10**6, {"m": 1}),
+        (("lb", "pound", "pounds"), pound, 10**8, {"kg": 1}),
+        (("gf",), gravity, 10**8, force),
+        (("kgf",), gravity, 10**5, force),
+        (("lbf",), pound * gravity, 10**13, force),
+        (("dyn", "dyne"), 1, 10**5, force),
+        (("psi",), pound * gravity * 10_000**2, 10**13 * 254**2, pressure),
+        (("%", "percent"), 1, 100, {}),
+    ):
+        others |= dict.fromkeys(names, _Base(over, under, dimensions))
+    return symbols, words, others
+
+
+_BY_SYMBOL, _BY_WORD, _WITHOUT_PREFIX = _table()
+
+
+def is_one_unit(written: str) -> bool:
+    """Whether a text has the form of a unit; what its names mean is not looked at.
+
+    >>> is_one_unit("N*s/mm"), is_one_unit("mm**9**9")
+    (True, False)
+    """
+    return _UNIT.fullmatch(_SQUARE_ROOT.sub(r"\1^0.5", written)) is not None
+
+
+@cache
+def read_unit(written: str) -> Unit:
+    """The unit that a text of the form of one means; raises UnknownUnitError.
+
+    From left to right: N/m*s is (N/m)*s. The factor is a ratio of whole numbers, rounded once, but for square roots.
+
+    >>> read_unit("mm/min").factor, dict(read_unit("N/sqrt(h)").dimensions)
+    (1.6666666666666667e-05, {'kg': 1.0, 'm': 1.0, 's': -2.5})
+    """
+    over, under, root, dimensions = 1, 1, 1.0, dict[str, float]()
+    sign, signs = 1, [1]
+    for name, exponent, mark in _TOKEN.findall(_SQUARE_ROOT.sub(r"\1^0.5", written)):
+        if mark == "(":
+            signs.append(sign * signs[-1])
+        elif mark == ")" and len(signs) > 1:
+            signs.pop()
+        elif mark == ")":
+            raise UnknownUnitError(written)
+        if mark:
+            sign = -1 if mark == "/" else 1
+            continue
+        base, power = _base(name), sign * signs[-1] * float(exponent or 1)
+        up, down = (base.over, base.under) if power > 0 else (base.under, base.over)
+        whole, half = divmod(abs(power), 1.0)
+        over, under = over * up ** int(whole), under * down ** int(whole)
+        root *= math.sqrt(up / down) if half else 1.0
+        for unit, one in base.dimensions.items():
+            dimensions[unit] = dimensions.get(unit, 0.0) + one * power
+        sign = 1
+    if len(signs) > 1:
+        raise UnknownUnitError(written)
+    return Unit(over / under * root, {unit: power for unit, power in dimensions.items() if power})
+
+
+def _base(name: str) -> _Base:
+    """The unit of a name, with its prefix if it has one; raises UnknownUnitError."""
+    for table in (_BY_SYMBOL, _BY_WORD, _WITHOUT_PREFIX):
+        if found := table.get(name):
+            return found
+    for prefixes, units in ((_SYMBOLS, _BY_SYMBOL), (_WORDS, _BY_WORD)):
+        for prefix, exponent in prefixes.items():
+            base = units.get(name.removeprefix(prefix)) if name.startswith(prefix) else None
+            if base:
+                up, down = (10**exponent, 1) if exponent > 0 else (1, 10**-exponent)
+                return _Base(base.over * up, base.under * down, base.dimensions)
+    raise UnknownUnitError(name)
+
+
+def unit_names() -> list[str]:
+    """Every name without its prefix."""
+    return [*_BY_SYMBOL, *_BY_WORD, *_WITHOUT_PREFIX]

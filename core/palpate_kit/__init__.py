@@ -1,0 +1,1 @@
+"""What several plugin families use, below all of them: imports `palpate` and `palpate.host` only."""

@@ -1,0 +1,1 @@
+"""Acquisition: processes of devices, shared rings, clocks of devices, lateness."""

@@ -1,0 +1,184 @@
+"""The two ends of a device process: the parent's `Child`, and what the child does with what it is given."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import subprocess
+from typing import Any, Self
+
+from palpate import DeviceError, clock
+
+from palpate_kit.acquisition.computer import host
+from palpate_kit.acquisition.ring import Ring, ring_size, shared_memory
+
+_BEAT_EVERY = 0.025  # [s]
+
+
+class Child:
+    """A process that runs one module of a device, as its parent sees it: a ring to read, a socket for the rest.
+
+    The process gets its settings as JSON. When the parent goes, however it goes, the socket closes, and the child
+    is to put the device at rest and leave. When the child goes or stops beating, the parent kills it and says so.
+    """
+
+    def __init__(
+        self, name: str, role: str, module: str, settings: dict[str, Any], columns: int, hint: str = ""
+    ) -> None:
+        self.name = name
+        self._hint = hint  # what a sudden end means
+        ours, theirs = socket.socketpair()
+        memory = shared_memory(ring_size(columns))
+        try:
+            self._process = host().start(role, module, (theirs.fileno(), memory), json.dumps(settings))
+            self.ring = Ring(memory, columns)
+            self.memory = os.dup(memory)  # to hand on
+        finally:
+            theirs.close()
+            os.close(memory)
+        self._socket = ours
+        self._text = b""
+        self._closing = clock().event()
+        self.fault: str | None = None
+        self._beating = clock().thread(self._beat, f"{name} heartbeat")
+        self._beating.start()
+
+    def _beat(self) -> None:
+        while not self._closing.wait(_BEAT_EVERY):
+            self.ring.beat(clock().now_ns(), host=True)
+
+    def messages(self, timeout: float = 0.0) -> list[dict[str, Any]]:
+        """Messages of the child since the last call, waiting up to `timeout` [s] for something."""
+        found = []
+        with contextlib.suppress(ConnectionError):
+            while clock().wait([self._socket], timeout):
+                timeout = 0.0
+                data = self._socket.recv(65536)
+                if not data:
+                    break
+                self._text += data
+        *lines, self._text = self._text.split(b"\n")
+        for line in lines:
+            message = json.loads(line)
+            if message.get("say") == "fault":
+                self.fault = str(message["text"])
+            found.append(message)
+        return found
+
+    def wait_for(self, word: str, timeout: float) -> dict[str, Any]:
+        """The first message of a kind; raises DeviceError on a fault, on death and after `timeout` [s]."""
+        deadline = clock().now() + timeout
+        while clock().now() < deadline:
+            for message in self.messages(0.02):
+                if message["say"] == word:
+                    return message
+            self.check()
+        self.kill()
+        raise DeviceError(f"{self.name}: is not ready within {timeout:g} s")
+
+    def check(self, beat_limit: float | None = None) -> None:
+        """Raise DeviceError where the child has reported a fault, has died, or has not beaten for so long [s]."""
+        if self.fault is None and self._process.poll() is not None:
+            self.messages()
+        if self.fault is not None:
+            raise DeviceError(f"{self.name}: {self.fault}")
+        if self._process.poll() is not None:
+            raise DeviceError(f"{self.name}: its process ended ({_ending(self._process.poll() or 0)}){self._hint}")
+        beat = self.ring.last_beat()
+        if beat_limit is not None and beat and (age := (clock().now_ns() - beat) / 1e9) > beat_limit:
+            self.kill()
+            raise DeviceError(f"{self.name}: its process gave no sign of life for {1e3 * age:.0f} ms and was killed")
+
+    def tell(self, word: str, **facts: Any) -> None:
+        """Send the child a message."""
+        with contextlib.suppress(OSError):
+            self._socket.sendall(json.dumps({"say": word, **facts}).encode() + b"\n")
+
+    def hand_over(self, word: str, descriptor: int, **facts: Any) -> None:
+        """Send the child a message with an open file, such as shared memory."""
+        data = json.dumps({"say": word, **facts}).encode() + b"\n"
+        with contextlib.suppress(OSError):
+            socket.send_fds(self._socket, [data], [descriptor])
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process runs."""
+        return self._process.poll() is None
+
+    @property
+    def pid(self) -> int:
+        """The process's number."""
+        return self._process.pid
+
+    def kill(self) -> None:
+        """End the process without asking it."""
+        with contextlib.suppress(ProcessLookupError):
+            self._process.kill()
+        self._process.wait()
+
+    def close(self, timeout: float = 2.0) -> None:
+        """Let the process end on its own, and end it where it does not."""
+        self.tell("close")
+        with contextlib.suppress(OSError):
+            self._socket.shutdown(socket.SHUT_WR)
+        try:
+            self._process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            self.kill()
+        self.messages()
+        self._closing.set()
+        self._beating.join()
+        self._socket.close()
+        os.close(self.memory)
+
+
+class Parent:
+    """The parent, as the child sees it."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._socket = socket.socket(fileno=descriptor)
+        self._socket.setblocking(False)
+        self._text = b""
+        self.gone = False
+        self.descriptors: list[int] = []  # of the files that came with messages, in their order
+        self._received: list[int] = []  # all of them
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for descriptor in self._received:
+            os.close(descriptor)
+        self._socket.close()
+
+    def fileno(self) -> int:
+        """Of what to wait for messages at."""
+        return self._socket.fileno()
+
+    def tell(self, word: str, **facts: Any) -> None:
+        """Send the parent a message; one that is gone does not matter."""
+        with contextlib.suppress(OSError):
+            self._socket.sendall(json.dumps({"say": word, **facts}).encode() + b"\n")
+
+    def messages(self) -> list[dict[str, Any]]:
+        """Messages of the parent since the last call; sets `gone` where it has closed its end or died."""
+        try:
+            data, descriptors, _, _ = socket.recv_fds(self._socket, 65536, 4)
+            self.descriptors += descriptors
+            self._received += descriptors
+            self.gone = self.gone or not data
+        except BlockingIOError:
+            return []
+        except OSError:
+            self.gone = True
+            return []
+        self._text += data
+        *lines, self._text = self._text.split(b"\n")
+        return [json.loads(line) for line in lines]
+
+
+def _ending(code: int) -> str:
+    return f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"

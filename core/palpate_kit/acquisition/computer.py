@@ -1,0 +1,192 @@
+"""The computer that a device's process runs on: processes, serial ports, robots, networks.
+
+Devices reach all of these through `host()`, so that a simulation can put software in their place.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NoReturn, Protocol
+
+from palpate import DeviceError
+
+
+class Process(Protocol):
+    """A process that was started, as `subprocess.Popen`."""
+
+    returncode: int | None
+
+    @property
+    def pid(self) -> int:
+        """Its number."""
+        ...
+
+    def poll(self) -> int | None:
+        """Its exit code; None while it runs."""
+        ...
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end for up to `timeout` [s]; raises subprocess.TimeoutExpired."""
+        ...
+
+    def kill(self) -> None:
+        """End it without asking it."""
+
+
+class Host(Protocol):
+    """What devices need of the computer."""
+
+    def start(self, role: str, module: str, descriptors: Sequence[int], settings: str) -> Process:
+        """Run a module as a process of its own, for a "robot" or a "sensor"; arguments: open files, settings (JSON)."""
+        ...
+
+    def enter(self, priority: int) -> str:
+        """Make the present process one of a device; a sentence on its scheduling."""
+        ...
+
+    def run_without_collection(self) -> None:
+        """Switch the garbage collector off in the present process."""
+
+    def leave(self, code: int) -> NoReturn:
+        """End the present process at once."""
+        ...
+
+    def serial_port(self, path: str, baud: int) -> Any:
+        """A serial port, as `serial.Serial`; raises DeviceError."""
+        ...
+
+    def datagrams(self, address: str, port: int) -> socket.socket:
+        """A connected socket for datagrams."""
+        ...
+
+    def controller_facts(self, address: str, probe: Callable[[str], dict[str, str]]) -> dict[str, str]:
+        """What `probe` learns from a robot's controller; raises DeviceError where it does not answer."""
+        ...
+
+    def robot_states(self, address: str, variables: Sequence[str]) -> Any:
+        """A robot's states, as `rtde_receive.RTDEReceiveInterface`; raises ImportError, RuntimeError."""
+        ...
+
+    def robot_commands(self, address: str) -> Any:
+        """A robot's commands, as `rtde_control.RTDEControlInterface`; raises ImportError, RuntimeError."""
+        ...
+
+    def read_back(self, address: str, connect: Callable[[str], Any]) -> Any:
+        """The commands that the controller has taken, by the connection that `connect` makes; raises RuntimeError."""
+        ...
+
+
+class Computer:
+    """The real one."""
+
+    def start(self, role: str, module: str, descriptors: Sequence[int], settings: str) -> Process:
+        """A child process, with an interpreter of its own."""
+        command = [sys.executable, "-m", module, *map(str, descriptors), settings]
+        output = sys.stderr.fileno() if _has_descriptor(sys.stderr) else subprocess.DEVNULL
+        return subprocess.Popen(command, pass_fds=tuple(descriptors), stdin=subprocess.DEVNULL, stdout=output)
+
+    def enter(self, priority: int) -> str:
+        """Leave Ctrl-C and the end of a terminal to the parent, and ask for real-time scheduling."""
+        for number in (signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)
+        return real_time(priority)
+
+    def run_without_collection(self) -> None:
+        """From now on nothing is collected."""
+        gc.freeze()
+        gc.disable()
+
+    def leave(self, code: int) -> NoReturn:
+        """Without destructors: those of a client library sleep, hang or crash."""
+        os._exit(code)
+
+    def serial_port(self, path: str, baud: int) -> Any:
+        """The port, ours alone, with the least delay that its driver offers."""
+        try:
+            import serial
+        except ImportError as error:
+            raise DeviceError("pyserial is missing: pip install pyserial") from error
+        try:
+            port = serial.Serial(path, baud, timeout=0, exclusive=True)
+        except (OSError, ValueError) as error:
+            number = getattr(error, "errno", None)
+            reason = os.strerror(number) if number else str(error)
+            raise DeviceError(f"{path} cannot be opened: {reason}") from error
+        # A pseudo-terminal has no latency timer, a chip by another maker none that can be set.
+        with contextlib.suppress(OSError, ValueError, NotImplementedError, AttributeError):
+            port.set_low_latency_mode(True)
+        return port
+
+    def datagrams(self, address: str, port: int) -> socket.socket:
+        """A UDP socket."""
+        link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            link.connect((address, port))
+        except OSError:
+            link.close()
+            raise
+        link.setblocking(False)
+        return link
+
+    def controller_facts(self, address: str, probe: Callable[[str], dict[str, str]]) -> dict[str, str]:
+        """By the probe itself."""
+        return probe(address)
+
+    def robot_states(self, address: str, variables: Sequence[str]) -> Any:
+        """By the client library."""
+        import rtde_receive
+
+        return rtde_receive.RTDEReceiveInterface(address, 500.0, list(variables))
+
+    def robot_commands(self, address: str) -> Any:
+        """By the client library."""
+        import rtde_control
+
+        return rtde_control.RTDEControlInterface(address, 500.0)
+
+    def read_back(self, address: str, connect: Callable[[str], Any]) -> Any:
+        """By the connection itself."""
+        return connect(address)
+
+
+_hosts: list[Host] = [Computer()]
+
+
+def host() -> Host:
+    """The computer that this process runs on."""
+    return _hosts[-1]
+
+
+@contextmanager
+def use_host(other: Host) -> Iterator[None]:
+    """Put another computer in its place within the context."""
+    _hosts.append(other)
+    try:
+        yield
+    finally:
+        _hosts.remove(other)
+
+
+def real_time(priority: int) -> str:
+    """Ask for real-time scheduling of this process; a sentence on what came of it."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except (AttributeError, OSError) as error:
+        return f"no real-time scheduling ({error.__class__.__name__}: not permitted)"
+    return f"real-time scheduling, SCHED_FIFO {priority}"
+
+
+def _has_descriptor(stream: Any) -> bool:
+    try:
+        stream.fileno()
+    except (AttributeError, OSError, ValueError):
+        return False
+    return True

@@ -1,0 +1,86 @@
+"""The process that reads a sensor, so that no busy thread of the main job delays a reading."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import json
+import sys
+import termios
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from palpate import DeviceError, UserError, clock
+
+from palpate_kit.acquisition.child import Parent
+from palpate_kit.acquisition.computer import host
+from palpate_kit.acquisition.ring import WORDS, Ring
+from palpate_kit.acquisition.sensor_reader import SensorReader
+
+MODULE = "palpate_kit.acquisition.sensor_worker"
+_IDLE = 0.02  # [s]
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Read until the parent goes, the sensor goes, or it falls silent."""
+    task, scheduling = json.loads(arguments[2]), host().enter(40)
+    with Parent(int(arguments[0])) as parent:
+        try:
+            reader: SensorReader = _reader_class(task["reader"])(task["settings"])
+            _serve(parent, Ring(int(arguments[1]), task["columns"]), reader, task["silence"], scheduling)
+        except (DeviceError, UserError) as error:
+            parent.tell("fault", text=str(error))
+
+
+def _reader_class(place: Mapping[str, Any]) -> Any:
+    """The class at its place; raises UserError where its plugin file has changed since the parent executed it."""
+    if place["file"] is None:
+        module = importlib.import_module(place["module"])
+    else:
+        from palpate.host import approved_files, import_plugin_file, inherited_approval
+
+        with inherited_approval([place["sha256"]]):
+            (file,) = approved_files([Path(place["file"])], Path(), named=False)
+        module = import_plugin_file(file)
+    return getattr(module, place["name"])
+
+
+def _serve(parent: Parent, ring: Ring, reader: SensorReader, silence: float, scheduling: str) -> None:
+    line, problem = None, "cannot be reached"
+    try:
+        line = reader.open()
+        host().run_without_collection()
+        parent.tell("ready", **reader.start(line), scheduling=scheduling)
+        problem = "is disconnected"
+        _read(line, ring, parent, reader, silence)
+    except (OSError, termios.error) as error:  # termios.error is no OSError
+        raise DeviceError(f"the sensor {problem} ({getattr(error, 'strerror', None) or error})") from error
+    finally:
+        if line is not None:
+            with contextlib.suppress(Exception):  # whatever a line that has gone raises
+                reader.stop(line)
+            with contextlib.suppress(OSError):
+                line.close()
+
+
+def _read(line: Any, ring: Ring, parent: Parent, reader: SensorReader, silence: float) -> None:
+    number, last = line.fileno(), clock().now_ns()
+    while not parent.gone:
+        ready = clock().wait([number, parent], _IDLE)
+        now = clock().now_ns()
+        ring.beat(now)
+        if number in ready:
+            for values, stamp in reader.read(line):
+                ring.write((now, stamp), values)
+                last = now
+            for word, count in enumerate(reader.counts.values(), WORDS):
+                ring.head[word] = count
+        if (now - last) / 1e9 > silence:
+            raise DeviceError(f"the sensor is silent: no valid reading for {(now - last) / 1e6:.0f} ms")
+        if any(message["say"] == "close" for message in parent.messages()):
+            return
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

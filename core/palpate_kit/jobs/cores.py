@@ -1,0 +1,68 @@
+"""The engine of this machine: jobs in processes of their own."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections import deque
+from collections.abc import Generator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+
+from palpate import UserError
+
+from palpate_kit.jobs.job import Job, Outcome, Parcel, RunAnswer, cached_result, run_job, run_parcel
+
+_DEATHS = 3  # processes that a job may take with it
+
+
+def on_all_cores(jobs: Sequence[Job], workers: int | None = None) -> Generator[tuple[Job, Outcome]]:
+    """The engine of this machine: as many processes as cores.
+
+    Where a process is killed, as the kernel does when memory is short, what is unfinished is run again in fresh ones:
+    jobs that ran beside it one by one, so that the one that kills its process is known and given up after three.
+    """
+    count = min(workers or len(os.sched_getaffinity(0)), len(jobs))
+    if count <= 1:
+        yield from ((job, run_job(job)) for job in jobs)
+        return
+    left: deque[Job] = deque(jobs)
+    suspects: deque[tuple[Job, int]] = deque()  # and how many processes died while each ran
+    while left or suspects:
+        if left:
+            suspects.extend([(job, 1) for job in (yield from _pooled(left, count))])
+            continue
+        job, deaths = suspects.popleft()
+        if (found := cached_result(job)) is not None:  # it was done, only its answer was lost
+            yield job, RunAnswer(found)
+        elif (yield from _pooled(deque([job]), 1)):
+            if deaths + 1 < _DEATHS:
+                suspects.append((job, deaths + 1))
+            else:
+                reason = f"its process was killed {_DEATHS} times: is the memory enough?"
+                yield job, UserError(f"lost: {reason}")
+
+
+def _pooled(left: deque[Job], count: int) -> Generator[tuple[Job, Outcome], None, list[Job]]:
+    """Run what is left, in so many processes, until one of them dies; the jobs that were running then."""
+    context = multiprocessing.get_context("spawn")  # forking a process with threads is asking for trouble
+    running: dict[Future[Outcome], Job] = {}
+    with ProcessPoolExecutor(count, mp_context=context) as pool:
+        try:
+            while left or running:
+                while left and len(running) < count:
+                    running[pool.submit(run_parcel, Parcel.of(left[0]))] = left[0]
+                    left.popleft()
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    error = future.exception()
+                    if isinstance(error, BrokenProcessPool):
+                        continue
+                    job = running.pop(future)
+                    yield job, future.result() if error is None else UserError(f"lost: {error}")
+                if any(future.done() for future in running):
+                    break
+        except BrokenProcessPool:
+            pass  # it died before it was given anything more
+        finally:
+            pool.shutdown(cancel_futures=True)
+    return list(running.values())

@@ -1,0 +1,193 @@
+"""Jobs: runs that any process on any machine can make, each into a folder of its own, and none of them twice."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from palpate import ConfigurationError, OutputError, PalpateError, UserError
+from palpate.host import (
+    Pipeline,
+    Result,
+    Source,
+    announce,
+    approved_files,
+    approved_plugins,
+    build_pipeline,
+    inherited_approval,
+    plugin_files,
+    registry,
+    resolved_text,
+    run_pipeline,
+)
+
+from palpate_kit.jobs.result_cache import read_cached, write_cache
+from palpate_kit.runs.pipeline_diff import differences
+from palpate_kit.runs.run_folder import RunFolder
+
+
+class OtherSettingsError(OutputError):
+    """What is in a folder was made with other settings."""
+
+
+@dataclass(frozen=True)
+class RunAnswer:
+    """What a run has found, and what else whoever asked for it wants of it."""
+
+    result: Result
+    more: Any = None
+
+
+Outcome = RunAnswer | PalpateError  # StoppedError where somebody stopped the run, which then says nothing of the job
+
+
+def run_or_find(job: Job) -> RunAnswer:
+    """The result of a run that nobody has stopped: found where an earlier attempt has made it. Raises PalpateError."""
+    if (found := cached_result(job)) is not None:
+        return RunAnswer(found)
+    result = run_pipeline(job.pipeline(), unused_folder(job.folder))
+    result.demand_whole()
+    write_cache(result)
+    return RunAnswer(result)
+
+
+@dataclass(frozen=True)
+class PortablePipeline:
+    """A pipeline as plain data, built where it is wanted."""
+
+    text: str  # of the pipeline file
+    path: Path  # where the file stands: what is relative in it is relative to here
+    overrides: tuple[str, ...] = ()  # "table.key=value"
+    named: bool = False  # by a person; see `Source`
+
+    @property
+    def source(self) -> Source:
+        """The text with the overrides; raises ConfigurationError."""
+        source = Source(self.text, self.path, self.named)
+        for assignment in self.overrides:
+            source.override(assignment)
+        return source
+
+    def pipeline(self) -> Pipeline:
+        """The pipeline; raises UserError where it has a mistake."""
+        return build_pipeline(self.source)
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run, to be made by any process into a folder that no earlier attempt has used."""
+
+    name: str  # no other job of an engine has it
+    plan: Pipeline | PortablePipeline
+    folder: Path
+    work: Callable[[Job], RunAnswer] = run_or_find  # raises PalpateError
+
+    def pipeline(self) -> Pipeline:
+        """The pipeline; raises UserError where it has a mistake."""
+        return self.plan.pipeline() if isinstance(self.plan, PortablePipeline) else self.plan
+
+    def placed(self) -> Job:
+        """The job with paths that mean the same wherever it runs."""
+        plan = (
+            replace(self.plan, path=self.plan.path.resolve()) if isinstance(self.plan, PortablePipeline) else self.plan
+        )
+        return replace(self, plan=plan, folder=self.folder.resolve())
+
+
+Engine = Callable[[Sequence[Job]], Generator[tuple[Job, Outcome]]]  # outcomes in any order
+
+
+def run_job(job: Job) -> Outcome:
+    """What a job comes to, or why to nothing."""
+    try:
+        return job.work(job)
+    except PalpateError as error:
+        return error
+    except Exception as error:  # one broken plugin must not end a night's sweep
+        return PalpateError(f"{type(error).__name__}: {error}")
+
+
+def cached_result(job: Job) -> Result | None:
+    """What an earlier attempt has found, where it is whole.
+
+    Raises OtherSettingsError where that was with other settings.
+    """
+    for folder in _attempts(job.folder):
+        if not folder.exists():
+            return None
+        if (run := RunFolder(folder)).finished and (found := read_cached(folder)) is not None:
+            demand_same(job.pipeline(), run, job.name)
+            return found
+    return None
+
+
+def unused_folder(folder: Path) -> Path:
+    """The folder, or one beside it where an earlier attempt has left something, as a process does that was killed."""
+    return next(path for path in _attempts(folder) if not path.exists())
+
+
+def _attempts(folder: Path) -> Iterator[Path]:
+    yield folder
+    yield from (folder.with_name(f"{folder.name}.{attempt}") for attempt in count(2))
+
+
+def demand_same(pipeline: Pipeline, run: RunFolder, name: str) -> None:
+    """Raise OtherSettingsError where a run, `name`, was made with other settings than a pipeline has now."""
+    told = differences(resolved_text(pipeline), run.pipeline_text, pipeline.registry.tables)
+    if told:
+        raise OtherSettingsError(
+            f"{run.path}: {name} was run with other settings: {told}; nothing is mixed: give --out another folder, or "
+            "the settings of then"
+        )
+
+
+@dataclass(frozen=True)
+class Parcel:
+    """A job on its way to another process, which imports the plugin files that its parts are of before it unpacks.
+
+    The process decides nothing: it executes the content that was approved where the parcel was made, and no other.
+    """
+
+    name: str
+    plugins: tuple[Path, ...]
+    approved: frozenset[str]  # SHA-256
+    content: bytes
+
+    @classmethod
+    def of(cls, job: Job) -> Parcel:
+        """A job, packed; raises ConfigurationError where it cannot be."""
+        plugins: tuple[Path, ...] = ()
+        if isinstance(job.plan, PortablePipeline):
+            with suppress(UserError):  # of which the job, which cannot be done, tells
+                announce(plugin_files(job.plan.source))
+        else:
+            plugins = job.plan.run.plugins
+        try:
+            return cls(job.name, plugins, approved_plugins(), pickle.dumps(job))
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            raise ConfigurationError(
+                f"{job.name}: cannot be sent to another process: {error}; install what is in a plugin file as a "
+                "distribution"
+            ) from error
+
+    @contextmanager
+    def unpacked(self) -> Iterator[Job]:
+        """The job, to be done within the context; raises PluginError where a plugin file is missing or has changed."""
+        with inherited_approval(self.approved):
+            if self.plugins:
+                registry.load(approved_files(self.plugins, Path(), named=False))
+            yield pickle.loads(self.content)
+
+
+def run_parcel(parcel: Parcel) -> Outcome:
+    """What the job in a parcel comes to; for any process on any machine."""
+    try:
+        with parcel.unpacked() as job:
+            return run_job(job)
+    except PalpateError as error:
+        return error

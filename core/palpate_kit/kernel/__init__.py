@@ -1,0 +1,107 @@
+"""Kernels: one symbolic step of a filter, run fast over many samples."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any, Protocol
+
+from palpate import ConfigurationError, Floats
+
+from palpate_kit.kernel.llvm import CompiledStep
+from palpate_kit.kernel.translation import Untranslatable
+from palpate_kit.kernel.virtual_machine import VirtualMachine
+
+__all__ = ["Kernel", "LazyKernel", "Step", "compile_step", "kernel_choice", "step_function"]
+
+_VARIABLE = "PALPATE_KERNEL"
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a filter as expressions in CasADi symbols (SX columns): state, sample, settings -> state, output."""
+
+    state: Any  # (ns,) mean, covariance and what else is carried along
+    sample: Any  # (nw,) one sample
+    settings: Any  # (np,) numbers that may differ from run to run
+    next_state: Any  # (ns,)
+    output: Any  # (ny,)
+
+
+class Kernel(Protocol):
+    """Runs a step over a block of samples."""
+
+    name: str
+
+    def run(self, state: Floats, samples: Floats, settings: Floats) -> tuple[Floats, Floats]:
+        """State (ns,) after, and outputs (n, ny) of, the samples (n, nw); the same bits however they are cut."""
+        ...
+
+
+def kernel_choice() -> tuple[str, str]:
+    """Which kernel steps are run by, "llvm" or "vm", and why."""
+    wanted = os.environ.get(_VARIABLE, "auto")
+    if wanted not in ("auto", "llvm", "vm"):
+        raise ConfigurationError(f'environment variable {_VARIABLE}: {wanted!r} is not one of "auto", "llvm", "vm"')
+    try:
+        found = version("llvmlite")
+    except PackageNotFoundError:
+        if wanted == "llvm":
+            raise ConfigurationError(
+                f'{_VARIABLE}=llvm: llvmlite is not installed; pip install "palpate[fast]"'
+            ) from None
+        return "vm", 'llvmlite is not installed; pip install "palpate[fast]" makes filters some ten times faster'
+    if wanted == "vm":
+        return "vm", f"{_VARIABLE}=vm asks for it"
+    return "llvm", f"llvmlite {found} is installed"
+
+
+def step_function(step: Step) -> Any:
+    """The CasADi function that every kernel is made from."""
+    import casadi
+
+    outputs = [casadi.densify(step.next_state), casadi.densify(step.output)]
+    return casadi.Function("step", [step.state, step.sample, step.settings], outputs, {"cse": True})
+
+
+def compile_step(step: Step) -> Kernel:
+    """The fastest kernel that this machine has, for a step; all of them give the same bits."""
+    function = step_function(step)
+    if kernel_choice()[0] == "llvm":
+        try:
+            return CompiledStep(function)
+        except (Untranslatable, ImportError, AttributeError, OSError, RuntimeError):  # an old llvmlite, too
+            if os.environ.get(_VARIABLE) == "llvm":
+                raise
+    return VirtualMachine(function)
+
+
+class LazyKernel:
+    """A kernel that is compiled once it has run over so many samples that this pays; the same bits before and after."""
+
+    _PAYS = 20_000  # samples, which the virtual machine takes longer over than LLVM over what it finds compiled
+
+    def __init__(self, step: Step) -> None:
+        self._step, self._samples = step, 0
+        self._kernel: Kernel = VirtualMachine(step_function(step))
+
+    @property
+    def name(self) -> str:
+        """Of the kernel that is used now."""
+        return self._kernel.name
+
+    def run(self, state: Floats, samples: Floats, settings: Floats) -> tuple[Floats, Floats]:
+        """See `Kernel.run`."""
+        before, self._samples = self._samples, self._samples + len(samples)
+        if before < self._PAYS <= self._samples:
+            self._kernel = compile_step(self._step)
+        return self._kernel.run(state, samples, settings)
+
+
+def kernel_description() -> str:
+    """The kernel that a step really gets, not the one that it should, and why."""
+    import casadi
+
+    x, w, p = (casadi.SX.sym(name) for name in "xwp")
+    return f"kernel: {compile_step(Step(x, w, p, x + p * w, x * w)).name} ({kernel_choice()[1]})"

@@ -1,0 +1,78 @@
+"""Machine code kept on disk from one run to the next, in a folder that no other user can write to.
+
+Code is executed, so that only what this user wrote is read: the folder is the user's own and closed to all others,
+a file is no link, and its first bytes are the SHA-256 of the rest. Whatever is not so is as if it were not there. A
+file's name is the SHA-256 of all that the code follows from, the processor among it: a home that machines share is
+no danger.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import stat
+import tempfile
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+
+_VARIABLE = "PALPATE_CACHE"
+_MOST = 512  # files; the oldest go
+_SUM = sha256().digest_size
+
+
+def cached_code(causes: tuple[str, ...], make: Callable[[], bytes]) -> bytes:
+    """Code that follows from its causes: read where it is kept, else made, and kept where that can be."""
+    folder = _folder()
+    if folder is None:
+        return make()
+    file = folder / sha256("\0".join(causes).encode()).hexdigest()
+    if (code := _read(file)) is None:
+        code = make()
+        _write(file, code)
+    return code
+
+
+def _folder() -> Path | None:
+    """The user's own folder, closed to others; None where there is none, or ``PALPATE_CACHE=off``."""
+    wanted = os.environ.get(_VARIABLE)
+    if wanted == "off":
+        return None
+    try:
+        base = Path(wanted) if wanted else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "palpate"
+        folder = base / "kernels"
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = folder.lstat()
+    except (OSError, RuntimeError):  # a disk that cannot be written to; no home
+        return None
+    own = stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid() and not found.st_mode & 0o077
+    return folder if own else None
+
+
+def _read(file: Path) -> bytes | None:
+    """The code of a file; None where there is none, or it is another's, a link, or not what was written."""
+    try:
+        with open(os.open(file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as opened:
+            found = os.fstat(opened.fileno())
+            if not stat.S_ISREG(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o077:
+                return None
+            stated, code = opened.read(_SUM), opened.read()
+    except OSError:
+        return None
+    return code if sha256(code).digest() == stated else None
+
+
+def _write(file: Path, code: bytes) -> None:
+    """Keep code, whole or not at all."""
+    with contextlib.suppress(OSError):  # a full disk
+        handle, beside = tempfile.mkstemp(dir=file.parent)  # 0600
+        try:
+            with open(handle, "wb") as opened:
+                opened.write(sha256(code).digest() + code)
+            os.replace(beside, file)
+        except OSError:
+            os.unlink(beside)
+            raise
+        files = sorted(file.parent.iterdir(), key=lambda path: path.lstat().st_mtime)
+        for old in files[:-_MOST]:
+            old.unlink(missing_ok=True)

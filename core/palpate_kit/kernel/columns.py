@@ -1,0 +1,141 @@
+"""A function of samples and settings over whole columns: its values, or the sum of their products.
+
+The sum over n samples of y y^T is all that least squares needs of a residual and its slopes y, in memory that does not
+grow. Four samples are worked on at a time, each of them in one of four sums, in LLVM as in CasADi's virtual machine, so
+that both give the same bits.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from palpate import Floats
+
+from palpate_kit.kernel.half_powers import with_roots
+from palpate_kit.kernel.translation import Untranslatable
+from palpate_kit.kernel.virtual_machine import VirtualMachine
+
+LANES = 4
+_BLOCK = 8192  # samples in one sum; sums of sums keep the rounding small
+_PAYS = 20_000  # samples, which the virtual machine takes longer over than LLVM over what it finds compiled
+
+
+class ColumnTable:
+    """Columns (nw times (n,)) of samples, as a function over columns reads them: contiguous, never changed."""
+
+    def __init__(self, columns: Sequence[Floats]) -> None:
+        self.columns = tuple(np.ascontiguousarray(column, np.float64) for column in columns)
+        self._addresses: dict[int, list[tuple[int, Any, int]]] = {}
+
+    def __len__(self) -> int:
+        return len(self.columns[0])
+
+    def part(self, begin: int, end: int) -> ColumnTable:
+        """Rows from begin to end; shares their memory."""
+        return ColumnTable([column[begin:end] for column in self.columns])
+
+    def addresses(self, length: int) -> list[tuple[int, Any, int]]:
+        """Of each block of `length` rows at most: how many they are, where the columns begin, and where that stands."""
+        if length not in self._addresses:
+            begins = np.array([column.ctypes.data for column in self.columns], np.uintp)
+            count = len(self)
+            starts = range(0, count, length)
+            places = [begins + np.uintp(8 * start) for start in starts] if count > length else [begins]
+            self._addresses[length] = [
+                (min(length, count - start), place, place.ctypes.data)
+                for start, place in zip(starts, places, strict=False)
+            ]
+        return self._addresses[length]
+
+
+class ColumnKernel(Protocol):
+    """A function over columns, its settings (np,) or (m, np) contiguous."""
+
+    def values(self, table: ColumnTable, settings: Floats) -> Floats:
+        """Values (ny, n)."""
+        ...
+
+    def lanes(self, table: ColumnTable, settings: Floats, length: int) -> Floats:
+        """Of each settings and each block of `length` rows the sums (m, blocks, q, LANES) of products of values."""
+        ...
+
+
+class ColumnFunction:
+    """y (ny,) of a sample (nw,) and settings (np,), given as CasADi symbols; compiled once it has been used enough."""
+
+    def __init__(self, sample: Any, settings: Any, output: Any) -> None:
+        import casadi
+
+        none = casadi.SX.sym("none")
+        outputs = [none, casadi.densify(output)]
+        function = casadi.Function("columns", [none, sample, settings], outputs, {"cse": True})
+        self._function = with_roots(function)
+        self._used, self._width = 0, int(output.numel())
+        self._kernel: ColumnKernel = _OnVirtualMachine(self._function)
+        self._upper = np.zeros((self._width, self._width), np.intp)  # which of the sums stands where
+        first, second = np.triu_indices(self._width)
+        self._upper[first, second] = self._upper[second, first] = np.arange(len(first))
+
+    def values(self, table: ColumnTable, settings: Floats) -> Floats:
+        """Values (ny, n) at every row of a table."""
+        return self._used_for(len(table)).values(table, np.ascontiguousarray(settings, np.float64))
+
+    def products(self, table: ColumnTable, settings: Floats) -> Floats:
+        """Sum of y y^T over a table: (ny, ny) for settings (np,), (m, ny, ny) for settings (m, np)."""
+        many = np.ascontiguousarray(settings, np.float64).reshape(-1, settings.shape[-1])
+        lanes = self._used_for(len(table) * len(many)).lanes(table, many, _BLOCK)
+        blocks = (lanes[..., 0] + lanes[..., 1]) + (lanes[..., 2] + lanes[..., 3])
+        total = blocks[:, 0] if blocks.shape[1] == 1 else blocks.sum(axis=1)
+        return total.take(self._upper, axis=1) if settings.ndim == 2 else total[0].take(self._upper)
+
+    def _used_for(self, samples: int) -> ColumnKernel:
+        before, self._used = self._used, self._used + samples
+        if before < _PAYS <= self._used:
+            self._kernel = _compiled(self._function) or self._kernel
+        return self._kernel
+
+
+def _compiled(function: Any) -> ColumnKernel | None:
+    from palpate_kit.kernel import kernel_choice
+
+    if kernel_choice()[0] != "llvm":
+        return None
+    from palpate_kit.kernel.llvm import CompiledColumns
+
+    try:
+        return CompiledColumns(function)
+    except (Untranslatable, ImportError, AttributeError, OSError, RuntimeError):
+        if os.environ.get("PALPATE_KERNEL") == "llvm":
+            raise
+        return None
+
+
+class _OnVirtualMachine:
+    """The function by CasADi's virtual machine."""
+
+    def __init__(self, function: Any) -> None:
+        self._machine = VirtualMachine(function)
+        self._upper = np.triu_indices(int(function.numel_out(1)))
+
+    def values(self, table: ColumnTable, settings: Floats) -> Floats:
+        """See `ColumnKernel`."""
+        return np.ascontiguousarray(self._machine.run(np.zeros(1), np.column_stack(table.columns), settings)[1].T)
+
+    def lanes(self, table: ColumnTable, settings: Floats, length: int) -> Floats:
+        """See `ColumnKernel`."""
+        starts = range(0, len(table), length)
+        found = [[self._sums(table.part(start, start + length), one) for start in starts] for one in settings]
+        return np.array(found).reshape(len(settings), len(starts), len(self._upper[0]), LANES)
+
+    def _sums(self, table: ColumnTable, settings: Floats) -> Floats:
+        values = self.values(table, settings)
+        first, second = self._upper
+        with np.errstate(all="ignore"):  # what is not finite is the caller's to see
+            products = np.ascontiguousarray((values[first] * values[second]).T)
+            whole = len(products) // LANES * LANES
+            sums = np.add.reduce(products[:whole].reshape(-1, LANES, len(first)), axis=0)
+            sums[: len(products) - whole] += products[whole:]
+        return np.asarray(sums.T)

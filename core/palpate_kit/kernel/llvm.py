@@ -1,0 +1,164 @@
+"""LLVM through llvmlite: a step as machine code, the loop over the samples inside."""
+
+from __future__ import annotations
+
+import ctypes
+import ctypes.util
+import threading
+from collections.abc import Callable
+from functools import cache
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from palpate import Floats
+
+from palpate_kit.kernel import column_translation, translation
+from palpate_kit.kernel.code_cache import cached_code
+from palpate_kit.kernel.column_translation import ColumnTranslation
+from palpate_kit.kernel.columns import LANES, ColumnTable
+from palpate_kit.kernel.translation import LIBRARY, Translation
+
+_ENGINES: list[Any] = []
+_COMPILING = threading.Lock()
+
+
+class CompiledStep:
+    """A step as machine code, over a block of samples or one of them."""
+
+    name = "LLVM"
+
+    def __init__(self, function: Any) -> None:
+        self.outputs = int(function.numel_out(1))
+        with _COMPILING:
+            self._scalar, self._single = _compiled(function.serialize())
+        # One sample at a time, passing the arrays' addresses takes longest: these stay where they are.
+        widths = [function.numel_in(i) for i in range(3)]
+        shapes = [widths[0], (1, widths[1]), widths[2], (1, self.outputs)]
+        self._held = [np.zeros(shape) for shape in shapes]
+        self._places = np.array([array.ctypes.data for array in self._held], np.uint64)
+        self._where: int = self._places.ctypes.data
+
+    def run(self, state: Floats, samples: Floats, settings: Floats) -> tuple[Floats, Floats]:
+        """State (ns,) after, and outputs (n, ny) of, the samples (n, nw)."""
+        if len(samples) == 1:
+            held_state, held_sample, held_settings, output = self._held
+            held_state[...], held_sample[...], held_settings[...] = state, samples, settings
+            self._single(self._where)
+            return held_state.copy(), output.copy()
+        arrays = [np.array(state, float), *(np.ascontiguousarray(array, float) for array in (samples, settings))]
+        arrays.append(np.empty((len(samples), self.outputs)))
+        self._scalar(len(samples), *(array.ctypes.data for array in arrays))
+        return arrays[0], arrays[3]
+
+
+class CompiledColumns:
+    """A function over columns as machine code; see `columns.Kernel`."""
+
+    def __init__(self, function: Any) -> None:
+        self._width = int(function.numel_out(1))
+        self._each = np.arange(self._width, dtype=np.uintp)
+        with _COMPILING:
+            self._values, self._products = _compiled_columns(function.serialize())
+
+    def values(self, table: ColumnTable, settings: Floats) -> Floats:
+        """See `columns.Kernel`."""
+        count = len(table)
+        found = np.empty((self._width, count))
+        if count:
+            columns = found.ctypes.data + self._each * np.uintp(8 * count)
+            ((_, _, places),) = table.addresses(count)
+            self._values(count, places, settings.ctypes.data, columns.ctypes.data)
+        return found
+
+    def lanes(self, table: ColumnTable, settings: Floats, length: int) -> Floats:
+        """See `columns.Kernel`."""
+        blocks = table.addresses(length)
+        sums = np.zeros((len(settings), len(blocks), self._width * (self._width + 1) // 2, LANES))
+        out, step = sums.ctypes.data, 8 * sums.shape[2] * LANES
+        first, width = settings.ctypes.data, 8 * settings.shape[1]
+        for one in range(first, first + width * len(settings), width):
+            for count, _, places in blocks:
+                self._products(count, places, one, out)
+                out += step
+        return sums
+
+
+@cache
+def _compiled(text: str) -> tuple[Callable[..., None], Callable[[int], None]]:
+    """Machine code of a serialised step, over a block and of one sample; one for each step in a process."""
+    address = _addresses("step", text, Translation)
+    pointer = ctypes.c_void_p
+    block = ctypes.CFUNCTYPE(None, ctypes.c_int64, *([pointer] * 4))
+    single = ctypes.PYFUNCTYPE(None, pointer)  # over before another thread could make use of the interpreter
+    return block(address("run")), single(address("single"))
+
+
+@cache
+def _compiled_columns(text: str) -> tuple[Callable[..., None], Callable[..., None]]:
+    """Machine code of a serialised function over columns: its values, and the sums of their products."""
+    address = _addresses("columns", text, ColumnTranslation)
+    kind = ctypes.CFUNCTYPE(None, ctypes.c_int64, *([ctypes.c_void_p] * 3))
+    return kind(address("values")), kind(address("products"))
+
+
+def _addresses(kind: str, text: str, translator: type[Translation]) -> Callable[[str], int]:
+    """Where the functions of a serialised function's machine code are, whether it was made now or kept."""
+    import llvmlite.binding as binding
+
+    machine = _machine()
+    processor = binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten(), machine.triple
+    causes = (kind, text, version("llvmlite"), _translator(), *processor)
+    code = cached_code(causes, lambda: _translated(text, machine, translator))
+    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), machine)
+    engine.add_object_file(binding.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    _ENGINES.append(engine)  # the code lives as long as its engine
+    found: Callable[[str], int] = engine.get_function_address
+    return found
+
+
+def _translated(text: str, machine: Any, translator: type[Translation]) -> bytes:
+    """Machine code of a serialised function, as an object file."""
+    import casadi
+    import llvmlite.binding as binding
+
+    module = binding.parse_assembly(str(translator(casadi.Function.deserialize(text)).module()))
+    module.verify()
+    tuning = binding.create_pipeline_tuning_options(speed_level=2)
+    builder = binding.create_pass_builder(machine, tuning)
+    builder.getModulePassManager().run(module, builder)
+    return bytes(machine.emit_object(module))
+
+
+@cache
+def _translator() -> str:
+    """What stands for the way from a step to its code."""
+    return sha256(
+        b"".join(Path(file).read_bytes() for file in (__file__, translation.__file__, column_translation.__file__))
+    ).hexdigest()
+
+
+def _machine() -> Any:
+    """This machine, with all that its processor can do."""
+    import llvmlite.binding as binding
+
+    _library()
+    target = binding.Target.from_default_triple()
+    features = binding.get_host_cpu_features().flatten()
+    return target.create_target_machine(opt=2, cpu=binding.get_host_cpu_name(), features=features, jit=True)
+
+
+@cache
+def _library() -> None:
+    """Start LLVM, and register the functions of the C library."""
+    import llvmlite.binding as binding
+
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    library = ctypes.CDLL(ctypes.util.find_library("m"))
+    for name in set(LIBRARY.values()):
+        address = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
+        binding.add_symbol(f"palpate_{name}", address)  # LLVM does not rewrite calls of these names

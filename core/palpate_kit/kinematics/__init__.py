@@ -1,0 +1,1 @@
+"""Kinematics: the arm of a robot, and the frame of the work."""

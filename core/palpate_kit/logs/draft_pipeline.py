@@ -1,0 +1,102 @@
+"""From a log to a pipeline that reads it: what the log's device suggests, and a template for the rest."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from palpate import LogError, PluginError, printable
+from palpate.host import Registry, registry as registries
+
+from palpate_kit.logs.recording import Recording, Suggestion, SupportsSurvey, SystemSurvey
+
+_ADDRESS = re.compile(r"^[a-z]\w*:/{1,2}")  # a path loses one of two slashes
+_ASSUMED = ("indenter.*", "model.*", "alignment.tip_mass", "alignment.tare", "alignment.*.delay")
+ANALYSIS = "log-analysis"  # the template of tip, model and estimators
+
+
+def recording_of(log: Path, registry: Registry | None = None) -> type[Recording]:
+    """The device that reads logs of this format; raises LogError where there is none."""
+    if not log.exists():
+        raise LogError(f"{log}: there is no such file")
+    readers = readers_of(registry or registries.load())
+    for part in readers.values():
+        if part.recognises(log):
+            return part
+    raise LogError(f"{log}: no device reads such a log (those that read logs: {', '.join(sorted(readers))})")
+
+
+def system_at(address: str) -> SystemSurvey | None:
+    """The running system at an address such as ``ros2://0``; None where the text is not an address of any device."""
+    if not _ADDRESS.match(address):
+        return None
+    parts: Iterator[Any] = (entry.part for entry in registries.load().parts["device"].values())
+    systems = (part.system_at(address) for part in parts if isinstance(part, SupportsSurvey))
+    return next((system for system in systems if system is not None), None)
+
+
+def readers_of(registry: Registry) -> dict[str, type[Recording]]:
+    """The devices that read logs, by name; one that cannot be imported reads none."""
+    usable = {name: entry.part for name, entry in registry.parts["device"].items() if entry.problem is None}
+    return {name: part for name, part in usable.items() if issubclass(part, Recording)}
+
+
+def suggestion_of(log: Path, choices: dict[str, str]) -> Suggestion:
+    """Which of a log's numbers are what; `choices` settles roles. Raises LogError where no device reads the log."""
+    return recording_of(log).suggest(log, choices)
+
+
+def pipeline_of(suggestion: Suggestion, log: Path, beside: Path | None = None) -> str:
+    """A pipeline in TOML with its reasons; for a file in the folder `beside`, with the log's path right from there."""
+    templates = registries.load().templates
+    if ANALYSIS not in templates:
+        raise PluginError(f"no plugin offers the template {ANALYSIS!r} of tip, model and estimators")
+    if beside is not None:
+        device = {**suggestion.device, "file": os.path.relpath(log.resolve(), beside.resolve())}
+        suggestion = replace(suggestion, device=device)
+    return pipeline_text(suggestion, log, templates[ANALYSIS].text())
+
+
+def pipeline_text(suggestion: Suggestion, log: Path, rest: str) -> str:
+    """A whole pipeline in TOML: what is suggested with its reasons, then the `rest` of the tables."""
+    words = [f"A pipeline for {log.name}. What was found, and why:", *(f"  {text}" for text in suggestion.reasons)]
+    words += [f"FILL IN {text}" for text in suggestion.blanks]
+    words += [f"CHECK {text}" for text in suggestion.doubts]
+    words += suggestion.hints
+    lines = [f"# {printable(text)}" for text in words]
+    lines += ["", "[run]", f"name = {_toml(log.name)}"]
+    lines += ["# Not stated anywhere: correct these below, and take them out of this list."]
+    lines += [f"assumed = {_toml(list(_ASSUMED))}", "", "[device.log]"]
+    tables = {key: value for key, value in suggestion.device.items() if key in ("signals", "columns")}
+    for key, value in suggestion.device.items():
+        if key not in tables:
+            blank = any(text.startswith(f"{key}:") for text in suggestion.blanks)
+            lines.append(f"{key} = {_toml(value)}{'    # FILL IN' if blank else ''}")
+    for key, table in tables.items():
+        lines += ["", f"[device.log.{key}]", *(f"{name} = {_toml(item)}" for name, item in table.items())]
+    lines += [
+        "",
+        '# Timing shifts the viscosity: declare what is known of it, as in delay = "0 ms", uncertainty = "1 ms".',
+    ]
+    lines += ["[alignment]"]
+    lines += [f"{key} = {_toml(value)}" for key, value in suggestion.alignment.items()]
+    lines += ['tip_mass = "140 g"                     # everything mounted behind the sensor: weigh it']
+    return "\n".join(lines) + "\n\n" + rest
+
+
+def _toml(value: Any) -> str:
+    """A value on one line."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_toml(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(value)
+    escaped = str(value).replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{printable(escaped)}"'

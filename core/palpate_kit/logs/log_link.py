@@ -1,0 +1,188 @@
+"""What the log devices share: the link, windows of time, and whole topics as tables."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from palpate import Batch, Floats, LogError
+
+from palpate_kit.acquisition.prefetch import ahead
+from palpate_kit.logs.channel_mapping import Clock, MappedSignal
+from palpate_kit.logs.decoders import decoder_of
+from palpate_kit.logs.feeds import TopicFeed, mapped_feeds, name_the_log
+from palpate_kit.logs.joint_kinematics import Kinematics, joint_feeds
+from palpate_kit.logs.log_files import readable, regular
+from palpate_kit.logs.memory_budget import Budget
+from palpate_kit.logs.readings import SECOND, FieldReading, MessageDecoder
+from palpate_kit.logs.survey import columns_of
+from palpate_kit.logs.topics import Container, Messages, Stamps
+from palpate_kit.logs.turning_frames import FrameOrientations
+
+HostTime = Callable[[TopicFeed, Stamps, Stamps], Stamps]
+_COLUMNS = 100_000  # of the table of a topic
+_AHEAD = 4  # batches that are read before they are asked for
+
+
+class MessageReader:
+    """Messages on their way to batches: whatever gives them, a log or a network."""
+
+    def __init__(self, feeds: Sequence[TopicFeed], log: str) -> None:
+        self._log = log
+        self._feeds: dict[str, list[TopicFeed]] = {}
+        for feed in feeds:
+            self._feeds.setdefault(feed.topic, []).append(feed)
+        self._turned = [(feed, FrameOrientations()) for feed in feeds if feed.orientation is not None]
+        self.topics = self._feeds.keys() | {feed.orientation.topic for feed, _ in self._turned if feed.orientation}
+
+    def read(self, topic: str, messages: Messages, clock: HostTime | None = None) -> Iterator[Batch]:
+        """The batches that a block of one topic's messages makes ready; `clock` maps stamps [ns] by their arrival."""
+        for feed in self._feeds.get(topic, ()):
+            stamps, received, values = self._numbers(feed, messages, clock)
+            if feed.orientation is not None:
+                next(turning for other, turning in self._turned if other is feed).add(stamps, received, values)
+            elif len(stamps):
+                yield Batch(feed.stream.name, stamps, received, values)
+        for feed, turning in self._turned:
+            if feed.orientation is not None and feed.orientation.topic == topic:
+                stamps, _, quaternions = self._numbers(feed.orientation, messages, clock)
+                turning.learn(stamps, quaternions)
+        yield from self.turned()
+
+    def turned(self, final: bool = False) -> Iterator[Batch]:
+        """Vectors whose orientation has come; with `final`, all that wait for one."""
+        for feed, turning in self._turned:
+            for stamps, received, values, quaternions in turning.ready(final):
+                if len(stamps):
+                    yield Batch(feed.stream.name, stamps, received, feed.along(values, quaternions))
+
+    def _numbers(self, feed: TopicFeed, messages: Messages, clock: HostTime | None) -> tuple[Stamps, Stamps, Floats]:
+        with name_the_log(self._log):
+            stamps, received, values = feed.numbers(messages, self._log)
+        return stamps if clock is None else clock(feed, stamps, received), received, values
+
+
+class LogLink:
+    """An open log at work."""
+
+    def __init__(
+        self, container: Container, feeds: Sequence[TopicFeed], window: tuple[int | None, int | None], log: str
+    ):
+        self._container, self._feeds, self._window, self._log = container, feeds, window, log
+
+    def batches(self) -> Iterator[Batch]:
+        """Every block of the log, as a batch of each stream that it feeds; a thread reads ahead."""
+        return ahead(self._read(), _AHEAD)
+
+    def _read(self) -> Generator[Batch]:
+        for feed in self._feeds:
+            feed.left_out.clear()
+        reader = MessageReader(self._feeds, self._log)
+        for topic, messages in self._container.blocks(reader.topics, *self._window):
+            yield from reader.read(topic, messages)
+        yield from reader.turned(final=True)
+
+
+def described_feeds(
+    container: Container, signals: Mapping[str, MappedSignal], kinematics: Kinematics | None, clock: Clock, log: str
+) -> list[TopicFeed]:
+    """The streams that signals and a robot's kinematics describe; raises LogError."""
+    tip, turn = ([], None) if kinematics is None else joint_feeds(container, kinematics, clock, log)
+    return distinct([*mapped_feeds(container, signals, clock, log, turn), *tip], log)
+
+
+def distinct(feeds: list[TopicFeed], log: str) -> list[TopicFeed]:
+    """The feeds, if no two of them make streams of one name; raises LogError."""
+    names = [feed.stream.name for feed in feeds]
+    for feed in feeds:
+        if names.count(feed.stream.name) > 1:
+            topics = " and ".join(f.topic for f in feeds if f.stream.name == feed.stream.name)
+            raise LogError(
+                f"{log}: two streams would be {feed.stream.name!r}: of {topics}; the kinematics make tip and "
+                "twist: name others in topics"
+            )
+    return feeds
+
+
+def window(container: Container, begin: float | None, end: float | None) -> tuple[int | None, int | None]:
+    """Log times [ns] of a window given in seconds since the log's first message."""
+    if begin is None and end is None:
+        return None, None
+    span = container.span
+    if span is None:
+        return None, None
+    return (
+        None if begin is None else span[0] + round(begin * SECOND),
+        None if end is None else span[0] + round(end * SECOND),
+    )
+
+
+def tables_of(container: Container) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
+    """Every topic that contains numbers, in blocks, as recorded; a topic that cannot be decoded is left out."""
+    plans: dict[str, tuple[tuple[str, ...], list[FieldReading]] | None] = {}
+    decoders = {}
+    for topic, messages in container.blocks(set(container.topics)):
+        try:
+            if topic not in decoders:
+                plans[topic] = None
+                decoders[topic] = decoder_of(container.topics[topic])
+                names = tuple(islice(columns_of(decoders[topic].fields(messages.payload(0))), _COLUMNS + 1))
+                if len(names) > _COLUMNS:
+                    raise LogError(f"topic {topic} has more than {_COLUMNS} numbers in a message")
+                plans[topic] = names, [FieldReading.parse(name) for name in names]
+            plan = plans[topic]
+            if plan is None:
+                continue
+            _charge_table(topic, messages, len(plan[0]))
+            table = decoders[topic].read(messages, plan[1])
+        except LogError:
+            plans[topic] = None
+            continue
+        logged = messages.logged[table.rows]
+        yield topic, plan[0], Batch(topic, logged if table.stamps is None else table.stamps, logged, table.values)
+
+
+def _charge_table(topic: str, messages: Messages, columns: int) -> None:
+    """Raise LogError where a table has far more cells than its messages have bytes: one long message, many short."""
+    Budget(f"topic {topic}", int(messages.lengths.sum()), per_byte=8).charge(8 * len(messages) * columns)
+
+
+def texts_of(container: Container) -> Iterator[tuple[str, tuple[str, ...], Stamps, list[tuple[str, ...]]]]:
+    """Every topic that contains texts, in blocks: its name, the names of the texts, stamps [ns] and texts."""
+    plans: dict[str, tuple[MessageDecoder, tuple[str, ...]] | None] = {}
+    for topic, messages in container.blocks(set(container.topics)):
+        try:
+            if topic not in plans:
+                plans[topic] = None
+                decoder = decoder_of(container.topics[topic])
+                plans[topic] = decoder, tuple(decoder.texts(messages.payload(0)))
+            plan = plans[topic]
+            if plan is None or not plan[1]:
+                continue
+            _charge_table(topic, messages, len(plan[1]))
+            stamps = plan[0].read(messages, ()).stamps
+            found = [plan[0].texts(messages.payload(row)) for row in range(len(messages))]
+        except LogError:
+            plans[topic] = None
+            continue
+        rows = [tuple(texts.get(name, "") for name in plan[1]) for texts in found]
+        yield topic, plan[1], messages.logged if stamps is None else stamps, rows
+
+
+def file_facts(path: Path, files: Sequence[Path]) -> Mapping[str, str]:
+    """The log and the SHA-256 of its bytes, for a record that can be redone."""
+    digest = hashlib.sha256()
+    for file in files:
+        with readable(regular(file)) as opened:
+            while block := opened.read(1 << 20):
+                digest.update(block)
+    return {"file": str(path), "sha256": digest.hexdigest()}
+
+
+def join_batches(blocks: Sequence[Batch]) -> Batch:
+    """One batch from several of a topic."""
+    columns = (np.concatenate([getattr(block, name) for block in blocks]) for name in ("time", "received", "values"))
+    return Batch(blocks[0].stream, *columns)

@@ -1,0 +1,151 @@
+"""Recordings: devices that are logs, which can be inspected before a pipeline maps their topics."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Batch, Device, LogError
+
+
+@dataclass(frozen=True)
+class FieldSurvey:
+    """What one number of the messages of a topic does over the record, as recorded."""
+
+    name: str
+    low: float
+    high: float
+    std: float
+    noise: float  # of what is left when all that is smooth is taken away
+    odd: int = 0  # values that are not finite
+    course: str = ""  # its course in a few characters
+
+
+@dataclass(frozen=True)
+class TopicSurvey:
+    """Contents of one topic of a log."""
+
+    name: str
+    type: str
+    encoding: str
+    messages: int
+    first: int  # [ns] log time
+    last: int  # [ns]
+    interval: tuple[float, float, float] | None = None  # [s] between messages: 1st percentile, median, 99th
+    gaps: int = 0  # pauses of more than ten usual intervals
+    longest: float = 0.0  # [s] the longest pause
+    lateness: tuple[float, float] | None = None  # [s] log time minus stamp: median, 99th percentile
+    fields: tuple[str, ...] = ()  # numbers that a mapping can name
+    numbers: tuple[FieldSurvey, ...] = ()  # statistics of those
+    note: str = ""  # why it cannot be read, or what is odd about it
+
+
+@dataclass(frozen=True)
+class Survey:
+    """Contents of a log."""
+
+    path: Path
+    format: str
+    topics: tuple[TopicSurvey, ...]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """Tables of a pipeline that read a log: which topic serves as what, and why."""
+
+    device: Mapping[str, Any]
+    alignment: Mapping[str, Any]
+    reasons: tuple[str, ...]
+    doubts: tuple[str, ...] = ()  # what is a guess, and what else it could be
+    blanks: tuple[str, ...] = ()  # what no file can say, and a person must fill in
+    hints: tuple[str, ...] = ()  # what else was found, such as a delay
+    views: Mapping[str, Any] = field(default_factory=dict)  # by role: times [s], values as recorded, unit, sign
+
+
+@dataclass(frozen=True)
+class LogAttachments:
+    """What a log carries besides its messages: texts, never code."""
+
+    documents: Mapping[str, str] = field(default_factory=dict)  # by name: the pipeline as run and as given
+    facts: Mapping[str, str] = field(default_factory=dict)  # versions, seed, hashes
+
+
+class SystemSurvey(Protocol):
+    """A running system whose topics can be looked at as those of a log."""
+
+    @property
+    def name(self) -> str:
+        """As in messages."""
+        ...
+
+    def survey(self) -> Survey:
+        """What is published for a while."""
+        ...
+
+    def suggest(self, choices: Mapping[str, str]) -> Suggestion:
+        """A device that reads what is published; raises LogError where nothing in it can be force or position."""
+        ...
+
+
+@runtime_checkable
+class SupportsSurvey(Protocol):
+    """Ability of a type of device to look at a running system before a pipeline maps its topics."""
+
+    @classmethod
+    def system_at(cls, address: str) -> SystemSurvey | None:
+        """The system at an address; None where it is not one of this kind. Raises ConfigurationError."""
+        ...
+
+
+class Recording(Device, ABC):
+    """A log as a device; the class itself can open any log of its format."""
+
+    @classmethod
+    @abstractmethod
+    def recognises(cls, path: Path) -> bool:
+        """Whether a file or folder looks like a log of this format."""
+
+    @classmethod
+    @abstractmethod
+    def survey(cls, path: Path) -> Survey:
+        """Contents of a log; raises LogError where it cannot be read."""
+
+    @classmethod
+    @abstractmethod
+    def suggest(cls, path: Path, choices: Mapping[str, str]) -> Suggestion:
+        """Which of a log's numbers are force, position and velocity.
+
+        `choices` settles a role by ``topic`` or ``topic:field``. Raises LogError where a role has no candidate, or
+        several: with their names.
+        """
+
+    @classmethod
+    @abstractmethod
+    def tables(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
+        """Every topic that contains numbers, in blocks: its name, the names of its columns, the numbers as recorded."""
+
+    @classmethod
+    def attached(cls, path: Path) -> LogAttachments:
+        """The texts that a log carries; none where the format, or this log, has none. Raises LogError."""
+        return LogAttachments()
+
+    @classmethod
+    def playback(cls, path: Path, device: str) -> dict[str, Any]:
+        """The table of a device that plays back what the device of that name has recorded in a log."""
+        raise LogError(f"{path}: a log of this format cannot replace the devices of a pipeline")
+
+    @classmethod
+    def texts(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], NDArray[np.int64], list[tuple[str, ...]]]]:
+        """Every topic that contains texts, in blocks: its name, the names of the texts, stamps [ns] (n,), n rows."""
+        return iter(())
+
+    @classmethod
+    def recover(cls, path: Path, out: Path) -> str:
+        """Write what is whole of a damaged log into a new one; what was saved and what is missing, in words."""
+        raise LogError(f"{path}: logs of this format cannot be recovered")

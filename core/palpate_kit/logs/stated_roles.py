@@ -1,0 +1,51 @@
+"""Roles that something states: a message's type, or the name of a number in it."""
+
+from __future__ import annotations
+
+import numpy as np
+from palpate import Floats
+
+from palpate_kit.logs.definitions import short_name
+
+UNITS = {"force": "N", "position": "m", "velocity": "m/s"}
+_TYPED = {
+    "geometry_msgs/WrenchStamped": ("force", "wrench.force.z"),
+    "geometry_msgs/Wrench": ("force", "force.z"),
+    "geometry_msgs/PoseStamped": ("position", "pose.position.z"),
+    "geometry_msgs/Pose": ("position", "position.z"),
+    "geometry_msgs/PointStamped": ("position", "point.z"),
+    "geometry_msgs/TransformStamped": ("position", "transform.translation.z"),
+    "geometry_msgs/TwistStamped": ("velocity", "twist.linear.z"),
+    "geometry_msgs/Twist": ("velocity", "linear.z"),
+}
+_ENDS = {
+    "force": ("force.z", "force_z", "fz"),
+    "position": ("position.z", "translation.z", "position_z"),
+    "velocity": ("linear.z", "velocity.z", "velocity_z", "vz"),
+}
+_NONE = ("stamp", "header", "orientation", "rotation", "covariance", "layout", "torque", "angular", "acceleration")
+
+
+def role_of_type(topic: str, type_name: str) -> tuple[str, str] | None:
+    """The role of a topic of a known type, and its number; None where the type gives none."""
+    return _TYPED.get(short_name(type_name))
+
+
+def role_of_name(name: str) -> tuple[str | None, str, str | None]:
+    """The role that a number's name states, by what, and its unit, which names do not state; "other" is no role."""
+    words = name.lower()
+    if any(word in words for word in _NONE):
+        return "other", "", None
+    for role, ends in _ENDS.items():
+        if any(words == end or words.endswith((f".{end}", f"_{end}")) for end in ends):
+            return role, "by its name", None
+    return None, "", None
+
+
+def runs_with(values: Floats, logged: Floats) -> bool:
+    """Whether a column is the time in seconds: it always grows, as fast as the log time."""
+    steps = np.diff(values)
+    span = logged[-1] - logged[0]
+    return bool(
+        len(steps) > 10 and span > 0 and (steps > 0).all() and abs((values[-1] - values[0]) / span - 1.0) < 0.02
+    )

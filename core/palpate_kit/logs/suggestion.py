@@ -1,0 +1,140 @@
+"""A suggestion out of what was found: signs, tare, delay, doubts; the same for every kind of log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from palpate import Floats
+
+from palpate_kit.logs import role_evidence as evidence
+from palpate_kit.logs.delay_from_free_air import air_delay
+from palpate_kit.logs.readings import LARGEST
+from palpate_kit.logs.recording import Suggestion
+from palpate_kit.logs.role_guess import ROLES, NumberColumn, Pick, RoleGuess, Search
+
+_TARE = 0.9  # [s]
+_FREE = 0.05  # of the force's range by which its rest may be away from where it touches nothing
+_RADIUS = 0.005  # [m] of the tip by which a unit's plausibility is judged
+_LENGTHS = (("um", 200.0), ("mm", 0.2), ("m", 0.0))  # unit, and the least way of a palpation in it
+_STIFFEST, _SOFTEST = 5e7, 50.0  # [Pa] beyond which another unit of force is likelier
+
+
+def options(role: str, others: Sequence[NumberColumn]) -> str:
+    """What else a role could be, as the command line takes it."""
+    return ", ".join(f"--{role} {s.label.removeprefix('column ')}" for s in others)
+
+
+def doubtful_points(found: RoleGuess) -> list[str]:
+    """What is not certain about the roles and their signs, in words."""
+    said = []
+    for role, pick in found.picks.items():
+        if not pick.sure:
+            others = f"; it could be {options(role, pick.others)}" if pick.others else ""
+            said.append(f"{role}: {pick.series.label} is a guess ({pick.why}){others}")
+    unsure = [role for role, sign in found.signs.items() if not sign.sure]
+    if "force" in unsure:
+        said.append(
+            f"sign of the force: {found.signs['force'].value:+d} is a guess ({found.signs['force'].why}); if it is "
+            "wrong, so are the signs of position and velocity"
+        )
+    elif unsure:
+        named = " and ".join(unsure)
+        said.append(f"sign of {named}: a guess, since the position explains little of the force")
+    return said
+
+
+def reasons_of(found: RoleGuess) -> list[str]:
+    """Why each role was chosen, and which way it counts."""
+    said = []
+    for role, pick in found.picks.items():
+        sign = found.signs[role]
+        others = f"; else {options(role, pick.others)}" if pick.others else ""
+        said.append(f"{role}: {pick.series.label} ({pick.why}; sign {sign.value:+d}: {sign.why}{others})")
+    if "velocity" not in found.picks:
+        said.append("velocity: none is recorded; it is the derivative of the position")
+    return said
+
+
+def find_roles(series: Sequence[NumberColumn], chosen: Mapping[str, NumberColumn]) -> RoleGuess | None:
+    """The roles of a log's numbers."""
+    return Search(series, chosen).found()
+
+
+def scale_column(pick: Pick, factor: float, sign: int) -> tuple[Floats, Floats]:
+    """Times [s] and values [SI], as they count."""
+    good = (np.abs(pick.series.values) < LARGEST) & np.isfinite(pick.series.time)
+    return pick.series.time[good], sign * factor * pick.series.values[good]
+
+
+def no_tare(time: Floats, force: Floats) -> str | None:
+    """Why the first moments give no tare: the force moves, or the tip touches already; None where they do."""
+    window = force[time - time[0] <= _TARE]
+    if len(window) < 10:
+        return f"there are too few readings in the first {_TARE} s"
+    spread, noise = float(window.std(ddof=1)), evidence.noise(window)
+    if spread > 3.0 * max(noise, 1e-300) and spread > 1e-3 and spread > 0.01 * float(np.ptp(force)):
+        return f"the force moves in the first {_TARE} s"
+    low = float(np.percentile(force, 0.5))
+    if float(window.mean()) - low > _FREE * float(np.ptp(force)):
+        return f"the tip touches in the first {_TARE} s"
+    return None
+
+
+def length_unit(span: float) -> str:
+    """The likeliest unit of a position by how far it moves, which is some millimetres in a palpation."""
+    return next(unit for unit, least in _LENGTHS if span > least or unit == "m")
+
+
+def force_unit(force: float, way: float) -> tuple[str, float]:
+    """The likeliest unit of a force by its range and the way [m], and the elasticity [Pa] that it would mean."""
+    elasticity = 9.0 / 16.0 * force / (_RADIUS**0.5 * max(way, 1e-6) ** 1.5)
+    if elasticity > _STIFFEST:
+        return "mN", elasticity * 1e-3
+    return ("kN", elasticity * 1e3) if elasticity < _SOFTEST else ("N", elasticity)
+
+
+def assemble_suggestion(
+    found: RoleGuess,
+    device: Mapping[str, Any],
+    channels: Mapping[str, str],
+    factors: Mapping[str, float],
+    extra: Mapping[str, Sequence[str]],
+    seconds: float = 1.0,
+) -> Suggestion:
+    """The tables and the words.
+
+    `factors` are SI per recorded unit, `extra` more reasons, doubts and blanks, `seconds` how long the unit of time is.
+    """
+    alignment: dict[str, Any] = {
+        role: {"channel": channels[role], "sign": found.signs[role].value} for role in ROLES if role in found.picks
+    }
+    reasons = [*reasons_of(found), *extra.get("reasons", ())]
+    raw = {r: scale_column(found.picks[r], factors[r], found.signs[r].value) for r in found.picks}
+    series = {r: (seconds * time, values) for r, (time, values) in raw.items()}
+    why = no_tare(*series["force"])
+    if why is not None:
+        alignment["tare"] = "none"
+        reasons.append(f"tare: {why}, which therefore gives none")
+    hints = [*extra.get("hints", ()), *delay_hint(series)]
+    views = {r: (*series[r], {"force": "N", "position": "m", "velocity": "m/s"}[r]) for r in series}
+    doubts = (*doubtful_points(found), *extra.get("doubts", ()))
+    return Suggestion(device, alignment, tuple(reasons), doubts, tuple(extra.get("blanks", ())), tuple(hints), views)
+
+
+def delay_hint(series: Mapping[str, tuple[Floats, Floats]]) -> list[str]:
+    """The delay between force and motion, where something swings in free air; in contact it cannot be determined."""
+    found = air_delay(*series["force"], *series["position"])
+    if found is None:
+        return [
+            "delay: nothing moves enough in free air to determine it; in contact it cannot be distinguished "
+            "from viscosity"
+        ]
+    delay, std, mass = found
+    late = "force" if delay > 0 else "position"
+    return [
+        f"delay: in free air the {late} is {abs(delay) * 1e3:.1f} +- {std * 1e3:.1f} ms late against the other, by the "
+        f'inertia of {mass * 1e3:.0f} g; to declare it: {late}.delay = "{abs(delay) * 1e3:.1f} ms", '
+        f'{late}.uncertainty = "{std * 1e3:.1f} ms"'
+    ]

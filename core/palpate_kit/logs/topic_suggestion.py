@@ -1,0 +1,167 @@
+"""A ready mapping for a log without a description."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from palpate import Floats, LogError, printable
+
+from palpate_kit.logs import stated_roles as roles
+from palpate_kit.logs.feeds import stream_names
+from palpate_kit.logs.log_link import join_batches, tables_of
+from palpate_kit.logs.readings import LARGEST, SECOND, FieldReading, si_unit
+from palpate_kit.logs.recording import Suggestion
+from palpate_kit.logs.role_guess import ROLES, NumberColumn, RoleGuess
+from palpate_kit.logs.suggestion import assemble_suggestion, find_roles, force_unit, length_unit
+from palpate_kit.logs.topics import Container
+
+_TAIL = 0.5  # [s]
+_ROWS = 400_000  # of one topic that are looked into
+_COLUMNS = 40
+_NAMED = 24  # numbers that a message names
+_LEAST = 20  # fewest messages to conclude from
+
+Looked = Mapping[str, tuple[tuple[str, ...], Floats, Floats]]  # by topic: columns, time [s], values
+
+
+def suggestion_for(container: Container, path: Path, kind: str, choices: Mapping[str, str]) -> Suggestion:
+    """Tables that read a log; raises LogError where nothing in it can be a force or a position."""
+    if "rate" in choices or "time" in choices:
+        raise LogError(f"{path}: --time and --rate are for CSV files; its messages have times of their own")
+    looked = _looked(container)
+    every = {topic: _all_of(container, topic, looked) for topic in looked}
+    series = [s for found in every.values() for s in found]
+    chosen = {role: _chosen(role, choices[role], series, looked, path) for role in ROLES if role in choices}
+    found = find_roles([s for s in series if s.role != "other"], chosen)
+    if found is None:
+        raise LogError(f"{path}: {_nothing_found(series)}")
+    keys = {role: pick.series.key for role, pick in found.picks.items()}
+    names = dict(zip(*_streams([topic for topic, _ in keys.values()]), strict=True))
+    units = {role: pick.series.unit or roles.UNITS[role] for role, pick in found.picks.items()}
+    extra: dict[str, list[str]] = {"reasons": [], "doubts": []}
+    _guess_units(found, units, extra["doubts"])
+    signals = {role: {"topic": topic, **_field(name), "unit": units[role]} for role, (topic, name) in keys.items()}
+    device: dict[str, Any] = {"type": kind, "file": str(path), "signals": signals}
+    device |= dict(_times(found, keys, looked, extra["reasons"]))
+    channels = {role: f"log.{names[topic]}.{role}" for role, (topic, _) in keys.items()}
+    factors = {role: si_unit(unit)[1] for role, unit in units.items()}
+    return assemble_suggestion(found, device, channels, factors, extra)
+
+
+def _nothing_found(series: Sequence[NumberColumn]) -> str:
+    known = ", ".join(printable(s.label) for s in series[:_NAMED]) or "no numbers"
+    more = ", ..." if len(series) > _NAMED else ""
+    choose = "choose with --force TOPIC:FIELD and --position"
+    return f"no two numbers can be force and position; {choose} (there are: {known}{more})"
+
+
+def _times(
+    found: RoleGuess, keys: Mapping[str, tuple[str, str]], looked: Looked, reasons: list[str]
+) -> Iterator[tuple[str, Any]]:
+    """Keys of the device for the end of reading, and its clock."""
+    end = _last_contact(found.picks["force"].series, found.signs["force"].value)
+    if end is not None:
+        reasons.append(f"end: the result is the filter's last estimate, and after {end:.1f} s the load is gone")
+        yield "end", f"{end:.1f} s"
+    clock = _clock(keys, looked)
+    if clock is not None:
+        reasons.append(f"time: {clock} (runs with the clock of the recorder)")
+        yield "time", {**_field(clock), "unit": "s"}
+
+
+def _guess_units(found: RoleGuess, units: dict[str, str], doubts: list[str]) -> None:
+    """Units of numbers whose type gives none: SI by the convention of ROS, doubted where unlikely."""
+    if all(pick.series.unit for role, pick in found.picks.items() if role != "velocity"):
+        return
+    spans = {r: float(np.subtract(*np.nanpercentile(p.series.values, (99.8, 0.2)))) for r, p in found.picks.items()}
+    if not found.picks["position"].series.unit:
+        units["position"] = length_unit(spans["position"])
+    way = spans["position"] * si_unit(units["position"])[1]
+    if not found.picks["force"].series.unit:
+        units["force"], _ = force_unit(spans["force"], way)
+    if "velocity" in units and found.gain and not found.picks["velocity"].series.unit:
+        scale = si_unit(units["position"])[1]
+        units["velocity"] = min(
+            ("m/s", "mm/s", "um/s"), key=lambda u: abs(np.log(abs(found.gain or 1.0) * si_unit(u)[1] / scale))
+        )
+    guessed = [f"{unit} for the {role}" for role, unit in units.items() if not found.picks[role].series.unit]
+    doubts.append(f"units: {', '.join(guessed)}: nothing states them; they are guesses from the range of each")
+
+
+def _clock(keys: Mapping[str, tuple[str, str]], looked: Looked) -> str | None:
+    """The number in the messages that is the time, where all roles are in one topic."""
+    topics = {topic for topic, _ in keys.values()}
+    if len(topics) > 1:
+        return None
+    names, logged, values = looked[topics.pop()]
+    return next((name for k, name in enumerate(names) if roles.runs_with(values[:, k], logged)), None)
+
+
+def _streams(topics: list[str]) -> tuple[list[str], list[str]]:
+    unique = list(dict.fromkeys(topics))
+    return unique, stream_names(unique)
+
+
+def _field(text: str) -> dict[str, Any]:
+    reading = FieldReading.parse(text)
+    return {"field": reading.path, **({} if reading.index is None else {"index": reading.index})}
+
+
+def _looked(container: Container) -> Looked:
+    """The beginning of every topic that contains numbers; what palpate computed or commanded is no measurement."""
+    blocks: dict[str, Any] = {}
+    names: dict[str, tuple[str, ...]] = {}
+    for topic, columns, batch in tables_of(container):
+        commanded = topic.endswith("/setpoint") and container.topics[topic].type.startswith("palpate_msgs")
+        if topic.startswith("/palpate/") or commanded or len(columns) > _COLUMNS:
+            continue
+        names[topic] = columns
+        kept = blocks.setdefault(topic, [])
+        if sum(len(block.time) for block in kept) < _ROWS:
+            kept.append(batch)
+    tables = {topic: join_batches(kept) for topic, kept in blocks.items()}
+    origin = container.span[0] if container.span else 0
+    return {topic: (names[topic], (t.received - origin) / SECOND, t.values) for topic, t in tables.items()}
+
+
+def _all_of(container: Container, topic: str, looked: Looked) -> list[NumberColumn]:
+    """Every number of a topic, with the role that its type or its name states."""
+    known = roles.role_of_type(topic, container.topics[topic].type)
+    columns, time, values = looked[topic]
+    found = []
+    for k, name in enumerate(columns):
+        role, why, unit = roles.role_of_name(name)
+        if known is not None:
+            role, why, unit = (
+                (known[0], f"a {container.topics[topic].type}", roles.UNITS[known[0]])
+                if name == known[1]
+                else ("other", "", None)
+            )
+        if len(time) >= _LEAST and not roles.runs_with(values[:, k], time):
+            found.append(NumberColumn(f"{topic}:{name}", time, values[:, k], role, why, unit, (topic, name)))
+    return found
+
+
+def _chosen(role: str, choice: str, series: list[NumberColumn], looked: Looked, path: Path) -> NumberColumn:
+    topic, _, name = choice.partition(":")
+    if topic not in looked:
+        there = printable(", ".join(looked))
+        raise LogError(f"{path}: --{role}: topic {topic!r} holds no numbers (there are: {there})")
+    mine = [s for s in series if s.key[0] == topic and (s.key[1] == name or (not name and s.role == role))]
+    if len(mine) == 1:
+        return replace(mine[0], role=role, why="chosen")
+    there = printable(", ".join(looked[topic][0][:_COLUMNS]))
+    raise LogError(f"{path}: --{role}: {topic} has no number {name!r} (there are: {there})")
+
+
+def _last_contact(force: NumberColumn, sign: int) -> float | None:
+    """When [s] the force was last at half of its peak, where the record continues for a while after that."""
+    good = np.isfinite(force.values) & (np.abs(force.values) < LARGEST)
+    time, values = force.time[good], sign * force.values[good]
+    low, high = (float(x) for x in np.percentile(values, (1.0, 99.8)))
+    last = float(time[np.flatnonzero(values >= 0.5 * (low + high))[-1]])
+    return last if time[-1] - last > _TAIL else None

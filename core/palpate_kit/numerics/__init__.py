@@ -1,0 +1,1 @@
+"""Numerical methods: least squares, local cubics, contact point, holds."""

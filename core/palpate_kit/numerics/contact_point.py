@@ -1,0 +1,147 @@
+"""Where the surface is, by methods that look at the force alone; and where it may be by the paper's constraint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from palpate import Floats, Samples, change_point
+
+from palpate_kit.numerics.segments import RecordCourse
+from palpate_kit.numerics.tip_travel import median, third_differences
+
+CONTACT_METHODS = ("threshold", "deviation-from-baseline", "gradient")
+_SMOOTH = 0.03  # [s] that the force is averaged over for the baseline method
+_BINS = 150  # of height on the way down
+_DEVIATION = 3.0  # standard deviations of the averaged force
+_GRADIENT = 0.1  # of the steepest rise
+_LEAST_AIR = 20  # samples
+_NEAR = 15.0  # standard deviations of the force
+_IN_ALL = 3  # samples beyond, which one alone may be by chance
+_SIGMAS = 5.0  # of the threshold, where none is given
+
+
+@dataclass(frozen=True)
+class ContactPoint:
+    """A height at which a method sees the surface."""
+
+    surface: float  # [m]
+    std: float  # [m] from noise and spacing of the samples; what the method gets wrong by nature is not in it
+
+
+@dataclass(frozen=True)
+class Approach:
+    """The first way down: heights falling, force rising at the end."""
+
+    height: Floats  # (n,) [m]
+    force: Floats  # (n,) [N]
+    air: int  # samples before touch
+    interval: float  # [s]
+
+    @cached_property
+    def noise(self) -> float:
+        """Standard deviation [N] of one sample in the air."""
+        return float(self.force[: self.air].std(ddof=1))
+
+
+def first_approach(samples: Samples, course: RecordCourse) -> Approach | None:
+    """The first approach with enough air before it; None where the record has no such thing."""
+    known = np.isfinite(samples.force) & (course.cycle <= 1)
+    touched = int(np.argmax(samples.contact))
+    deepest = np.where(known[touched:] & samples.contact[touched:], samples.position[touched:], np.inf).argmin()
+    known[touched + int(deepest) + 1 :] = False
+    near = samples.position < course.touch + max(2.0 * course.travel, 1e-12)
+    rows = np.flatnonzero(known & near)
+    air = int(np.count_nonzero(rows < touched))
+    if air < _LEAST_AIR or len(rows) - air < 5:
+        return None
+    interval = median(np.diff(samples.time[rows]))
+    return _ended(Approach(samples.position[rows], samples.force[rows], air, interval))
+
+
+def _ended(approach: Approach) -> Approach:
+    """The approach with its air ending where contact begins, which a threshold passes later.
+
+    A slow ramp is in contact long before its force shows in a single sample; contact is looked for where the force is
+    still near its noise, as only there the law of a change point is good for every tip.
+    """
+    noise = float(np.sqrt(np.mean(third_differences(approach.force) ** 2) / 20.0))
+    beyond = np.flatnonzero(approach.force[approach.air :] - median(approach.force[: approach.air]) > _NEAR * noise)
+    end = approach.air + (int(beyond[_IN_ALL - 1]) if len(beyond) >= _IN_ALL else len(approach.force))
+    found = change_point(approach.height[:end], approach.force[:end])
+    if found is None:
+        return approach
+    below = approach.height[: approach.air] < found.surface
+    air = approach.air - (int(np.argmin(below[::-1])) if not below.all() else 0)
+    return replace(approach, air=air) if air >= _LEAST_AIR else approach
+
+
+def contact_point(method: str, approach: Approach, threshold: float | None) -> ContactPoint | None:
+    """The surface by one of CONTACT_METHODS; None where the method finds none."""
+    noise = approach.noise
+    if method == "threshold":
+        level = threshold if threshold is not None else _SIGMAS * noise
+        return _crossing(approach, approach.force - approach.force[: approach.air].mean(), level, noise)
+    if method == "deviation-from-baseline":
+        width = max(int(_SMOOTH / approach.interval) // 2 * 2 + 1, 1)
+        line = np.polyfit(np.arange(approach.air), approach.force[: approach.air], 1)
+        lifted = approach.force - np.polyval(line, np.minimum(np.arange(len(approach.force)), approach.air))
+        smooth = np.convolve(np.pad(lifted, width // 2, mode="edge"), np.full(width, 1.0 / width), mode="valid")
+        spread = float(smooth[: approach.air].std(ddof=1))
+        return _crossing(approach, smooth, _DEVIATION * spread, spread)
+    return _by_gradient(approach)
+
+
+def _crossing(approach: Approach, force: Floats, level: float, noise: float) -> ContactPoint | None:
+    """The last sample on the way down at or below a level, seen from the deepest one back."""
+    below = np.flatnonzero(force <= level)
+    if not len(below) or below[-1] >= len(force) - 2:
+        return None
+    at = int(below[-1])
+    beyond = slice(at, min(at + 20, len(force)))
+    rise = np.polyfit(approach.height[beyond], force[beyond], 1)[0] if np.ptp(approach.height[beyond]) > 0 else 0.0
+    step = abs(float(approach.height[at + 1] - approach.height[at]))
+    height = 0.5 * float(approach.height[at + 1] + approach.height[at])
+    return ContactPoint(height, float(np.hypot(step / np.sqrt(12.0), noise / abs(rise) if rise else np.inf)))
+
+
+def _by_gradient(approach: Approach) -> ContactPoint | None:
+    edges, means = bin_force(approach)
+    if len(means) < 10:
+        return None
+    centres = 0.5 * (edges[1:] + edges[:-1])
+    rise = -np.gradient(np.convolve(np.pad(means, 2, mode="edge"), np.full(5, 0.2), mode="valid"), centres)
+    air = centres > approach.height[: approach.air].min()
+    spread = float(rise[air].std()) if air.sum() > 5 else 0.0
+    peak = int(np.argmax(rise))
+    level = max(_GRADIENT * rise[peak], _DEVIATION * spread)
+    below = np.flatnonzero(rise[: peak + 1] <= level)
+    if not len(below) or rise[peak] <= level:
+        return None
+    width = abs(float(centres[1] - centres[0]))
+    return ContactPoint(float(centres[below[-1]]), float(np.hypot(width, width * spread / rise[peak])))
+
+
+def bin_force(approach: Approach) -> tuple[Floats, Floats]:
+    """Edges (m + 1,) of height [m], falling, and mean force (m,) [N] between them; empty bins are joined."""
+    top, bottom = float(approach.height.max()), float(approach.height.min())
+    edges = np.linspace(top, bottom, _BINS + 1)
+    place = np.clip(((top - approach.height) / (top - bottom) * _BINS).astype(int), 0, _BINS - 1)
+    counts = np.bincount(place, minlength=_BINS)
+    sums = np.bincount(place, approach.force, minlength=_BINS)
+    filled = np.flatnonzero(counts)
+    return np.concatenate([edges[filled], [bottom]]), sums[filled] / counts[filled]
+
+
+def constrained_surface(approach: Approach, force_uncertainty: float) -> float:
+    """The lowest height [m] at which the measured force on the way down is still within the sensor's uncertainty.
+
+    The paper's constraint -F_unc <= F(z_surf) <= F_unc (eq. minprob): as F is measured, it depends on z_surf alone, and
+    what it allows is an interval of heights from here upwards.
+    """
+    edges, means = bin_force(approach)
+    beyond = np.abs(means) > force_uncertainty
+    # From the bottom up: the contact is the last stretch of heights that are all beyond.
+    last = len(beyond) - int(np.argmin(beyond[::-1])) if not beyond.all() else 0
+    return float(edges[min(last, len(edges) - 1)])

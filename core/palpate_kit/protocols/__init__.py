@@ -1,0 +1,1 @@
+"""Wire protocols that a driver and its twin share."""

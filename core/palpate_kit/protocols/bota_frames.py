@@ -1,0 +1,124 @@
+"""Frames of the SensONE in RUN mode: 37 bytes, little-endian, packed."""
+
+from __future__ import annotations
+
+import binascii
+import struct
+from dataclasses import dataclass
+
+FRAME = struct.Struct("<BH6fIfH")  # header, status, wrench [N, Nm], time-stamp [us], temperature [deg C], CRC
+LENGTH = FRAME.size
+HEADER = 0xAA
+THROTTLED, OVERRANGE, INVALID, RAW = 1, 2, 4, 8  # bits of the status
+UNUSABLE = OVERRANGE | INVALID | RAW
+
+_REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
+_REMAINDER = 0x1D0F  # of a message that is followed by its own CRC
+_WRAP = 1 << 32
+_FOLLOWS = 2_000_000  # [us] between frames that belong together
+_RESTART = 5_000_000  # [us]; a pause so long is none
+_PLAUSIBLE_WRENCH, _PLAUSIBLE_TEMPERATURE = 1e5, (-55.0, 150.0)
+
+
+def crc_x25(data: bytes) -> int:
+    """CRC-16/X-25 (reflected polynomial 0x8408, start and final xor 0xFFFF).
+
+    >>> hex(crc_x25(b"123456789"))
+    '0x906e'
+    """
+    # hqx is the same polynomial unreflected: turn the bits of every byte, and of the answer.
+    raw = binascii.crc_hqx(data.translate(_REVERSED), 0xFFFF) ^ 0xFFFF
+    return int(f"{raw:016b}"[::-1], 2)
+
+
+def pack_frame(status: int, wrench: tuple[float, ...], stamp: int, temperature: float) -> bytes:
+    """A frame with its CRC."""
+    body = FRAME.pack(HEADER, status, *wrench, stamp % _WRAP, temperature, 0)[:-2]
+    return body + crc_x25(body[1:]).to_bytes(2, "little")
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One reading."""
+
+    status: int
+    wrench: tuple[float, ...]  # (6,) [N, Nm]
+    stamp: int  # [us] of the sensor's 32-bit counter
+    temperature: float  # [deg C]
+
+
+class FrameDecoder:
+    """Finds the frames in a stream of bytes, whatever else is in it, and loses no frame that is intact.
+
+    In step, a frame needs its header and CRC. Out of step every 0xAA may begin a frame: it needs plausible content and
+    a time-stamp that follows the last one as well, or an intact frame right behind it.
+    """
+
+    def __init__(self) -> None:
+        self._bytes = bytearray()
+        self._in_step = False
+        self._last: int | None = None
+        self.damaged = 0  # times that the stream fell out of step
+        self.skipped = 0  # bytes that belonged to no frame
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """The frames that have become whole."""
+        buffer = self._bytes
+        buffer += data
+        frames: list[Frame] = []
+        at = 0
+        while len(buffer) - at >= LENGTH:
+            frame = _intact(buffer, at)
+            if frame is not None and not self._in_step and not self._follows(frame):
+                if len(buffer) - at < 2 * LENGTH:
+                    break  # only the frame behind it decides
+                frame = frame if _intact(buffer, at + LENGTH) else None
+            if frame is not None:
+                frames.append(frame)
+                self._in_step, self._last = True, frame.stamp
+                at += LENGTH
+                continue
+            self.damaged += self._in_step
+            self._in_step = False
+            beginning = buffer.find(HEADER, at + 1)
+            beginning = len(buffer) if beginning < 0 else beginning
+            self.skipped += beginning - at
+            at = beginning
+        del buffer[:at]
+        return frames
+
+    def _follows(self, frame: Frame) -> bool:
+        return self._last is not None and 0 < (frame.stamp - self._last) % _WRAP <= _FOLLOWS
+
+
+def _intact(buffer: bytearray, at: int) -> Frame | None:
+    if buffer[at] != HEADER:
+        return None
+    turned = buffer[at + 1 : at + LENGTH].translate(_REVERSED)
+    if len(turned) != LENGTH - 1 or binascii.crc_hqx(turned, 0xFFFF) != _REMAINDER:
+        return None
+    _, status, *wrench, stamp, temperature, _ = FRAME.unpack_from(buffer, at)
+    low, high = _PLAUSIBLE_TEMPERATURE
+    if status >> 4 or not low <= temperature <= high:
+        return None
+    if not status & (INVALID | RAW) and not all(abs(value) < _PLAUSIBLE_WRENCH for value in wrench):
+        return None
+    return Frame(status, tuple(wrench), stamp, temperature)
+
+
+class TimestampUnwrapper:
+    """A 32-bit counter of microseconds, unwrapped; distinguishes a restart from a wrap."""
+
+    def __init__(self) -> None:
+        self._last: int | None = None
+        self._total = 0
+
+    def add(self, stamp: int) -> int | None:
+        """Microseconds since the first stamp; None where the counter restarted."""
+        if self._last is not None:
+            step = (stamp - self._last) % _WRAP
+            if step > _RESTART:
+                return None
+            self._total += step
+        self._last = stamp
+        return self._total

@@ -1,0 +1,103 @@
+"""Asking a controller's ports before the client library is let near them: it hangs where they do not answer."""
+
+from __future__ import annotations
+
+import re
+import socket
+from collections.abc import Callable, Mapping
+
+from palpate import DeviceError
+
+RTDE, SCRIPT, DASHBOARD = 30004, 30003, 29999
+_TIMEOUT = 1.0  # [s]
+_VERSION_2 = b"\x00\x05\x56\x00\x02"
+
+
+def reports_payload(facts: Mapping[str, str]) -> bool:
+    """Whether the controller's software can report the payload: from 5.6 on."""
+    match = re.search(r"(\d+)\.(\d+)", facts.get("software", ""))
+    return match is not None and (int(match[1]), int(match[2])) >= (5, 6)
+
+
+def reported_model(facts: Mapping[str, str]) -> str:
+    """The name of the arm that the dashboard gives: "UR3" is a UR3e, where the software is of an e-Series."""
+    return facts.get("robot", "").lower().rstrip("e") + "e"
+
+
+def probe(host: str) -> dict[str, str]:
+    """The controller's facts; raises DeviceError where one of its ports does not answer as it should."""
+    _asked(host, RTDE, "RTDE", lambda link: _rtde(link, host))
+    facts = _asked(host, DASHBOARD, "dashboard", _dashboard)
+    refuse_unready(facts, host)
+    _asked(host, SCRIPT, "script", lambda link: {})
+    return facts
+
+
+def _asked(host: str, port: int, name: str, talk: Callable[[socket.socket], dict[str, str]]) -> dict[str, str]:
+    try:
+        with socket.create_connection((host, port), timeout=_TIMEOUT) as link:
+            return talk(link)
+    except TimeoutError as error:
+        raise DeviceError(f"{host}: the {name} port {port} does not answer within {_TIMEOUT:g} s") from error
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise DeviceError(
+            f"{host}: the {name} port {port} cannot be reached ({reason}); is the robot on, and is the address right?"
+        ) from error
+
+
+def _rtde(link: socket.socket, host: str) -> dict[str, str]:
+    link.sendall(_VERSION_2)
+    if _read(link, 4)[2:] != b"V\x01":
+        raise DeviceError(f"{host}: the controller does not speak RTDE version 2")
+    return {}
+
+
+def _dashboard(link: socket.socket) -> dict[str, str]:
+    lines = link.makefile("rw", encoding="utf-8", newline="\n")
+    lines.readline()
+
+    def answer(question: str) -> str:
+        lines.write(question + "\n")
+        lines.flush()
+        return lines.readline()
+
+    return dashboard_facts(answer)
+
+
+def dashboard_facts(answer: Callable[[str], str]) -> dict[str, str]:
+    """The facts of a controller whose dashboard answers questions."""
+    questions = {
+        "software": "PolyscopeVersion",
+        "robot": "get robot model",
+        "serial": "get serial number",
+        "remote": "is in remote control",
+        "robot_mode": "robotmode",
+        "safety": "safetystatus",
+    }
+    answers = {fact: answer(question).strip() for fact, question in questions.items()}
+    return {
+        fact: text.partition(": ")[2] if fact in ("robot_mode", "safety") else text for fact, text in answers.items()
+    }
+
+
+def refuse_unready(facts: Mapping[str, str], host: str) -> None:
+    """Raise DeviceError where a robot with these facts cannot be moved."""
+    if facts["remote"] == "false":
+        raise DeviceError(f"{host}: the robot is not in remote control; switch it on the pendant")
+    if facts["robot_mode"] and facts["robot_mode"] != "RUNNING":
+        raise DeviceError(
+            f"{host}: the robot is {facts['robot_mode']}, not RUNNING; power it on and release its brakes"
+        )
+    if facts["safety"] and facts["safety"] not in ("NORMAL", "REDUCED"):
+        raise DeviceError(f"{host}: the robot's safety status is {facts['safety']}; clear it on the pendant")
+
+
+def _read(link: socket.socket, count: int) -> bytes:
+    data = b""
+    while len(data) < count:
+        chunk = link.recv(count - len(data))
+        if not chunk:
+            raise ConnectionResetError("connection closed")
+        data += chunk
+    return data

@@ -1,0 +1,1 @@
+"""Run folders: their files, their tables of estimates, replay of their records."""

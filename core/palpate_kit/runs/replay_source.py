@@ -1,0 +1,163 @@
+"""Replay: the pipeline that a run or its log carries, with its devices replaced by the log."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from palpate import ConfigurationError, LogError, Part, printable
+from palpate.host import Enclosure, Source, registry as registries
+
+from palpate_kit.logs.draft_pipeline import readers_of, recording_of
+from palpate_kit.logs.recording import LogAttachments, Recording, Suggestion
+from palpate_kit.runs.run_folder import RunFolder, pipeline_among
+
+_CHOSEN = "chosen"  # the device of channels that were chosen
+
+
+@dataclass(frozen=True)
+class RunLog:
+    """A log that carries the pipeline of its run."""
+
+    log: Path
+    reader: type[Recording]
+    attached: LogAttachments
+    name: str  # of the attachment that is the pipeline
+
+
+def read_run_log(path: Path) -> RunLog | None:
+    """What a log, or a run folder with a log, carries; None where it is another's log. Raises LogError."""
+    log = log_in(path)
+    reader = recording_of(log)
+    attached = reader.attached(log)
+    name = pipeline_among(attached.documents)
+    return RunLog(log, reader, attached, name) if name is not None else None
+
+
+def log_in(path: Path) -> Path:
+    """The log itself, or the one log in a run folder; raises LogError where there is none, or several."""
+    if not path.is_dir() or not RunFolder(path).began:
+        return path
+    readers = readers_of(registries.load()).values()
+    logs = [file for file in sorted(path.iterdir()) if file.is_file() and any(r.recognises(file) for r in readers)]
+    logs = [file for file in logs if file.suffix != ".csv"]  # its tables of estimates are no logs
+    if len(logs) != 1:
+        found = ", ".join(file.name for file in logs) or "none"
+        raise LogError(f"{path}: one log is wanted in a run folder ({found}); add a [sink.*] to the pipeline")
+    return logs[0]
+
+
+def replay_source(
+    carried: RunLog, tracks: Sequence[str] = (), estimators: Iterable[str] = (), models: Iterable[str] = ()
+) -> Source:
+    """The pipeline of a recorded run that reads the log in place of its devices, as a source to be built.
+
+    Nothing that a log carries is executed: plugin files are those of this machine, only where their hash is that of the
+    recording, and, when the source is built, only with consent. Relative paths are those beside the log. Raises
+    ConfigurationError where a plugin file is missing or another one, LogError for what is not a pipeline.
+    """
+    where = carried.log.with_name(f"{carried.log.name}:{carried.name}")
+    enclosure = Enclosure(carried.log, frozenset(carried.attached.facts.values()))
+    source = Source(carried.attached.documents[carried.name], where, enclosure=enclosure)
+    tables = source.tables
+    run = tables.setdefault("run", {})
+    if not isinstance(run, dict) or not isinstance(tables.get("device"), dict):
+        raise LogError(f"{where}: is not a pipeline: [run] and [device.*] must be tables")
+    _refuse_other_plugins(run, carried)
+    tables["device"] = {name: carried.reader.playback(carried.log.absolute(), name) for name in tables["device"]}
+    for name in ("sink", "twin"):
+        tables.pop(name, None)
+    calibration = run.get("calibration")
+    file = _beside(carried.log, calibration) if isinstance(calibration, str) else None
+    if file is not None and (not file.exists() or (file.is_file() and not enclosure.admits(file))):
+        run.pop("calibration")  # what it gave is in the resolved settings
+    for kind, types in (("model", models), ("estimator", estimators)):
+        for name in types:
+            tables.setdefault(kind, {}).setdefault(name, added_table(kind, name, tables))
+    if tracks:
+        run["tracks"] = list(tracks)
+    elif "tracks" in run:
+        run["tracks"] = [*run["tracks"], *(f"*/{name}" for name in estimators), *(f"{name}/*" for name in models)]
+    return source
+
+
+def with_other_channels(carried: RunLog, suggestion: Suggestion, choices: Iterable[str]) -> Source:
+    """The pipeline of a recorded run whose roles in `choices` are read where a suggestion reads them.
+
+    What their channels of the run were late by says nothing of these; such delays are noted in ``[run] assumed``.
+    """
+    source = replay_source(carried)
+    tables = source.tables
+    name = next(name for name in (_CHOSEN, *(f"{_CHOSEN}_{k}" for k in range(2, 99))) if name not in tables["device"])
+    # Which part of the record is measured its run has said: the window that a suggestion guesses is for other logs.
+    reader = {key: value for key, value in suggestion.device.items() if key not in ("begin", "end")}
+    tables["device"][name] = {**reader, "file": str(carried.log.absolute())}
+    run, changed = tables.setdefault("run", {}), [role for role in choices if role in suggestion.alignment]
+    for role in changed:
+        signal = dict(suggestion.alignment[role])
+        signal["channel"] = f"{name}.{signal['channel'].partition('.')[2]}"
+        tables["alignment"][role] = signal
+    run["assumed"] = [*run.get("assumed", ()), *(f"alignment.{role}.delay" for role in changed)]
+    return source
+
+
+def run_log_text(source: Source, log: Path) -> str:
+    """The pipeline of a log that begins from what the log carries, as TOML."""
+    head = f"# A pipeline for {printable(log.name)}: that of its run, as the log carries it.\n"
+    return head + tomli_w.dumps(source.tables)
+
+
+def _beside(log: Path, text: str) -> Path:
+    return log.parent / os.path.expanduser(text)  # which, other than that of pathlib, never raises
+
+
+def _refuse_other_plugins(run: dict[str, Any], carried: RunLog) -> None:
+    listed = run.get("plugins")
+    for text in listed if isinstance(listed, list) else ():
+        if not isinstance(text, str):
+            continue  # which the builder says
+        path, known = _beside(carried.log, text), carried.attached.facts.get(f"plugin.{Path(text).name}.sha256")
+        if not path.is_file():
+            raise ConfigurationError(
+                f"{carried.log}: was recorded with the plugin file {text}, which is not on this machine; a log has "
+                "no code: get the file from where it was recorded"
+            )
+        if known is not None and hashlib.sha256(path.read_bytes()).hexdigest() != known:
+            raise ConfigurationError(
+                f"{carried.log}: was recorded with another version of the plugin file {text} (SHA-256 {known[:12]}...)"
+            )
+
+
+def added_table(kind: str, name: str, tables: dict[str, Any]) -> dict[str, Any]:
+    """The table of one more part: on the pipeline's tip if it needs one, of a model with what its models share.
+
+    Other numbers are defaults; they are noted in ``[run] assumed``.
+    """
+    part = registries.load().find(kind, name)
+    table: dict[str, Any] = {"type": name}
+    if kind == "model":
+        others = [other for other in tables.get(kind, {}).values() if isinstance(other, dict)]
+        for key in _unstated(part, {}):
+            said = [other[key] for other in others if key in other]
+            if said and all(one == said[0] for one in said):
+                table[key] = said[0]
+        run = tables.setdefault("run", {})
+        run["assumed"] = [*run.get("assumed", ()), *(f"{kind}.{name}.{key}" for key in _unstated(part, table))]
+    field = part.model_fields.get("indenter")
+    if field is not None and field.is_required():
+        known = next((m["indenter"] for m in tables.get("model", {}).values() if "indenter" in m), None)
+        known = known or next(iter(tables.get("indenter", {})), None)
+        if known is None:
+            raise ConfigurationError(f"{kind} {name!r} wants a tip, and the recorded pipeline has none")
+        table["indenter"] = known
+    return table
+
+
+def _unstated(part: type[Part], table: Mapping[str, Any]) -> list[str]:
+    """Numbers of a part that its table leaves to their defaults."""
+    return [name for name, field in part.model_fields.items() if field.annotation is float and name not in table]

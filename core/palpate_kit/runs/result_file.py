@@ -1,0 +1,125 @@
+"""Reading ``result.json`` and ``fit.json``, of this version or an older one, checked key by key."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from palpate import Flag, LogError
+from palpate.host import SCHEMA, registry as registries, verdict
+
+from palpate_kit.runs.result_model import FitFileDocument, ResultDocument, problems
+from palpate_kit.runs.run_model import Document
+
+# What versions of an older schema did not write yet, by the tables that have it now.
+_SINCE_TRACK: dict[str, Any] = {"derived": {}, "budget": []}
+_SINCE_TOUCH = {"by": "threshold", "lag": 0.0}
+_SINCE_TARE = {"until": None}
+
+
+@dataclass(frozen=True)
+class Results:
+    """The results in a file: that of a run, or those of every log of a fit."""
+
+    by_log: Mapping[str, dict[str, Any]]  # under "" that of a run
+    cycles: Sequence[Mapping[str, Any]]  # fits of single cycles; see `CycleDocument`
+
+
+def read_result(path: Path) -> dict[str, Any]:
+    """The contents of ``result.json`` as this version writes them; raises LogError with the key that is damaged."""
+    return _result(_document(path), path)
+
+
+def read_results(path: Path) -> Results:
+    """The results in a ``result.json`` or ``fit.json``; raises LogError with the key that is damaged."""
+    document = _document(path)
+    if "logs" not in document:
+        return Results({"": _result(document, path)}, ())
+    for cycle in _tables(document.get("cycles")):
+        _upgrade_flags(cycle)
+    _demand_valid(document, FitFileDocument, path)
+    return Results(
+        {log: _result(result, path, f"logs.{log}.") for log, result in document["logs"].items()},
+        document.get("cycles", ()),
+    )
+
+
+def is_whole(path: Path) -> bool:
+    """Whether a result can be read as a document at all; half a file, or none, means that the run is not done."""
+    try:
+        return isinstance(json.loads(path.read_text(encoding="utf-8")), dict)
+    except (OSError, ValueError, RecursionError):
+        return False
+
+
+def read_flags(tables: Iterable[Mapping[str, Any]]) -> tuple[Flag, ...]:
+    """The flags of a result that was read."""
+    return tuple(Flag(table["code"], table["message"], table["severity"]) for table in tables)
+
+
+def _document(path: Path) -> dict[str, Any]:
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
+    except (ValueError, RecursionError) as error:
+        raise LogError(f"{path}: is not a result of palpate: {error}") from error
+    if not isinstance(document, dict) or not document.keys() & {"tracks", "logs"}:
+        raise LogError(f"{path}: is not a result of palpate: it has no tracks")
+    return document
+
+
+def _result(document: Any, path: Path, place: str = "") -> dict[str, Any]:
+    """A result's document as this version writes it."""
+    if isinstance(document, dict):
+        schema = document.get("schema", 1)
+        if schema not in range(1, SCHEMA + 1):
+            by = document.get("palpate", "another version")
+            reads = f"this palpate reads up to {SCHEMA}: update it"
+            raise LogError(f"{path}: {place}schema is {schema} (of palpate {by}); {reads}")
+        if schema < SCHEMA:
+            _upgrade(document)
+            document["schema"] = SCHEMA
+    _demand_valid(document, ResultDocument, path, place)
+    checked: dict[str, Any] = document
+    return checked
+
+
+def _demand_valid(document: Any, model: type[Document], path: Path, place: str = "") -> None:
+    if found := problems(document, model):
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        raise LogError(f"{path}: is a damaged result of palpate: {place}{found[0]}{more}")
+
+
+def _upgrade(document: dict[str, Any]) -> None:
+    """Name and complete what versions before this one wrote; what is damaged is left as it is."""
+    for run in _tables([document.get("run")]):
+        for live in _tables([run.get("live")]):
+            if "rest" in live:
+                live["standstill"] = live.pop("rest")
+        for key, since in (("tare", _SINCE_TARE), ("first_touch", _SINCE_TOUCH)):
+            for table in _tables([run.get(key)]):
+                run[key] = {**since, **table}
+    tracks = document.get("tracks")
+    for track in _tables([*tracks.values()] if isinstance(tracks, dict) else []):
+        _upgrade_flags(track)
+        for key, value in _SINCE_TRACK.items():
+            track.setdefault(key, value)
+
+
+def _upgrade_flags(table: dict[str, Any]) -> None:
+    """Flags that are texts ``code: sentence``, as in schema 1, as tables, and the verdict that they amount to."""
+    entries = table.get("flags")
+    if isinstance(entries, list) and all(isinstance(entry, str) for entry in entries):
+        texts = [entry.partition(": ") for entry in entries]
+        flags = registries.load().judged(Flag(code, message) for code, _, message in texts)
+        table["flags"] = [flag.table() for flag in flags]
+        table.setdefault("verdict", verdict(flags))
+
+
+def _tables(entries: Any) -> list[dict[str, Any]]:
+    """Those of a document's entries that are tables; none where there is no list of any."""
+    return [entry for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []

@@ -1,0 +1,169 @@
+"""The tables of a track in ``result.json``: its values, budget, flags and fit."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field, JsonValue, model_validator
+
+from palpate_kit.runs.run_model import Absent, Count, Document, Number, Open
+
+_SHARE = "systematic_"
+_SHARE_SCHEMA: dict[str, JsonValue] = {
+    "type": "number",
+    "description": "share of `systematic` from the source that the name ends with",
+}
+
+
+class PlacesDocument(Document):
+    """Of a sweep: the values of its places."""
+
+    places: Count = Field(description="how many there are")
+    low: Number = Field(description="their 1 % quantile")
+    median: Number = Field(description="their median")
+    high: Number = Field(description="their 99 % quantile")
+    spread: Number = Field(description="their standard deviation")
+
+
+class LastDocument(Document):
+    """Of a sweep: the estimate at its end."""
+
+    value: Number = Field(description="its value")
+    std: Number = Field(description="its standard deviation")
+
+
+class ValueDocument(Document):
+    """A value with its uncertainty."""
+
+    model_config = ConfigDict(json_schema_extra={"patternProperties": {f"^{_SHARE}[a-z_]+$": _SHARE_SCHEMA}})
+
+    value: Number = Field(
+        description="mean over the last [run] average of the estimates; of a sweep over its places of 1 mm [SI]"
+    )
+    std: Number = Field(description="standard deviation at the end, as the estimator gives it [SI]")
+    unit: str = Field(description="SI unit of all numbers of this table")
+    settling: Number = Field(description="standard uncertainty from an estimate that has not come to rest")
+    systematic: Number = Field(
+        None,
+        description="standard uncertainty of everything that is taken for known; absent where nothing is declared",
+    )
+    combined: Number = Field(description="standard uncertainty of all parts together; null where it is not known")
+    equivalent_delay: Number = Field(
+        None, description="lateness of the force that would explain the whole value [s]; eta/G for a viscosity"
+    )
+    bias: Number = Field(None, description="known bias of the value, with its sign")
+    bias_std: Number = Field(
+        None, description="standard uncertainty of that bias; null where the bias is too large to be predicted"
+    )
+    corrected: Number = Field(None, description="value less its known bias")
+    corrected_combined: Number = Field(None, description="combined uncertainty of the corrected value")
+    places: PlacesDocument | Absent = None
+    last: LastDocument | Absent = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _shares_are_numbers(cls, table: Any) -> Any:
+        for key, share in table.items() if isinstance(table, dict) else ():
+            if key.startswith(_SHARE) and not isinstance(share, int | float | None):
+                raise ValueError(f"{key} must be a valid number")
+        return table
+
+
+class DerivedValueDocument(ValueDocument):
+    """A value that follows from the parameters, with its uncertainty."""
+
+    caveat: str = Field(description="what has to hold for it to be a property of the material")
+
+
+class FlagDocument(Document):
+    """A failed assumption."""
+
+    code: str = Field(
+        pattern="^[a-z0-9]+(-[a-z0-9]+)*$", description="for programs; `palpate describe CODE` says what it means"
+    )
+    message: str = Field(description="a sentence for readers")
+    severity: Literal["note", "doubtful", "invalid"] | None = Field(
+        description="what it means for the numbers; null where the code is not registered"
+    )
+
+
+class EffectDocument(Document):
+    """What a source does to one unknown."""
+
+    sensitivity: Number = Field(description="unit of the unknown per unit of the source")
+    contribution: Number = Field(description="standard uncertainty; null where that of the source is not known")
+    percent: Number = Field(description="of the value")
+
+
+class BudgetDocument(Document):
+    """One source of uncertainty."""
+
+    source: str = Field(description="its name")
+    std: Number = Field(description="its standard uncertainty; null where it is not declared")
+    unit: str = Field(description="unit of `std`")
+    effects: dict[str, EffectDocument] = Field(description="by unknown")
+
+
+class CorrelationDocument(Document):
+    """One pair of unknowns."""
+
+    first: str = Field(description="an unknown")
+    second: str = Field(description="another")
+    value: Number = Field(description="correlation, -1 to 1")
+
+
+class UnknownDocument(Document):
+    """One unknown of a fit."""
+
+    value: Number = Field(description="[SI]")
+    unit: str = Field(description="SI unit")
+    free: bool = Field(description="whether it was looked for, not held")
+    std: Number = Field(description="standard uncertainty without timing")
+    random: Number = Field(description="of it, from the residuals")
+    systematic: Number = Field(description="of it, from what was declared")
+    interval: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = Field(description="interval of 95 %")
+
+
+class FitDocument(Document):
+    """Residual and unknowns of an offline fit."""
+
+    rss: Number = Field(description="sum of the squared residuals [N^2]")
+    samples: Count = Field(description="that were fitted")
+    unknowns: dict[str, UnknownDocument] = Field(description="by name")
+    correlations: list[CorrelationDocument] = Field(description="of pairs of free unknowns")
+    aic: Number = Field(description="Akaike's criterion")
+    bic: Number = Field(description="Bayes' criterion")
+    basis: str = Field(description="what was fitted; evidence compares fits of one basis")
+    autocorrelation: Number = Field(description="of neighbouring residuals")
+    effective_samples: Number = Field(description="independent samples that the correlated ones are worth")
+    bias: Number = Field(description="that the force reads too much at the middle of the fitted samples [N]")
+    drift: Number = Field(description="by which that grows [N/s]")
+    cycles: Count = Field(description="of the motion that can be fitted by themselves")
+    budget: list[BudgetDocument] = Field(description="sources of uncertainty of the unknowns")
+    rms: Number = Field(description="root mean square of the residuals [N]")
+
+
+class TrackDocument(Document):
+    """What one track found."""
+
+    model: str = Field(description="name of its contact model")
+    estimator: str = Field(description="name of its estimator")
+    verdict: Literal["good", "note", "doubtful", "invalid"] = Field(
+        description="worst severity of its flags; numbers of an invalid track must not be used"
+    )
+    samples: Count = Field(description="that it tracked")
+    parameters: dict[str, ValueDocument] = Field(description="of the contact model, by name")
+    derived: dict[str, DerivedValueDocument] = Field(
+        description="elasticity or viscosity that follows from parameters that are something else, by name"
+    )
+    surface: ValueDocument = Field(description="height of the undeformed surface")
+    force_rms: Number = Field(description="root mean square of measured force less inertia less the model's force [N]")
+    nis: Number = Field(
+        description="normalised innovation squared, mean over the end; 1 where model and noise are right"
+    )
+    budget: list[BudgetDocument] = Field(description="every source of uncertainty with its effect on each parameter")
+    flags: list[FlagDocument] = Field(description="what speaks against it; those of the record come first")
+    seconds_per_sample: float = Field(description="of computing [s]")
+    fit: FitDocument | Absent = Field(None, description="of an offline fit")
+    details: Open = Field({}, description="what the estimator says beyond its numbers; each fills it as it likes")
+    diagnoses: dict[str, Open] = Field({}, description="what diagnoses say, by name; each fills its own as it likes")

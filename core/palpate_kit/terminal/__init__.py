@@ -1,0 +1,1 @@
+"""Commands at the terminal: options, tables, progress, JSON, quantities with units."""

@@ -1,0 +1,33 @@
+"""Options that several commands share, so that each means the same everywhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from palpate_kit.terminal.layout import Layout, choose
+
+Overrides = Annotated[
+    list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE", help="Override a setting; can be repeated.")
+]
+PluginFiles = Annotated[
+    list[Path] | None, typer.Option("--plugin", metavar="FILE", help="A Python file with parts of your own.")
+]
+Points = Annotated[
+    Path | None,
+    typer.Option(
+        help="Point palpations on the same line, to compare the sweep with: a run, or a pipeline file to run."
+    ),
+]
+TrackOption = Annotated[str | None, typer.Option(help="Track, as model/estimator. [default: the best]")]
+FolderOption = Annotated[
+    Path | None,
+    typer.Option("--out", "-o", help="Folder to write to; must be new or empty. [default: runs/DATE_TIME_NAME]"),
+]
+FormatOption = Annotated[
+    Layout,
+    typer.Option("--format", callback=choose, help="Print the tables as they are, as CSV, or as LaTeX (booktabs)."),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON in place of the table.")]

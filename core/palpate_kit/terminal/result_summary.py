@@ -1,0 +1,132 @@
+"""What people see of a result."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from palpate import Flag, ReportSection
+from palpate.host import Result, TrackResult, UncertainValue, display_unit, function_of
+
+from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
+from palpate_kit.terminal.table import Table as Cells
+
+_ALONG = "ranges along the path of the tip; by place: palpate map {folder}"
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+
+def result_view(result: Result, sections: Mapping[str, ReportSection] | None = None) -> RenderableType:
+    """The table of tracks, the truth where it is known, sections, flags, and where the run folder is."""
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    units: dict[str, str] = {}
+    for track in result.tracks.values():
+        units |= {name: found.unit for name, found in track.parameters.items()}
+    table = Table(title=result.run["name"], title_justify="left")
+    table.add_column("track")
+    for name, unit in units.items():
+        table.add_column(f"{name}\n{display_unit(unit)[0]}", justify="right")
+    for heading in ("eta/G\nms", "surface\nmm", "residual\nN", "NIS\n"):
+        table.add_column(heading, justify="right")
+    for label, track in result.tracks.items():
+        table.add_row(label, *_cells(track, list(units)))
+    if result.truth:
+        known = [_scaled(result.truth.get(name, math.nan), unit) for name, unit in units.items()]
+        surface = _scaled(result.truth.get("surface", math.nan), "m")
+        table.add_row("truth", *(_plain(v) for v in known), "", _plain(surface), "", "", style="dim")
+    lines = [f"  every track: {flag}" for flag in result.flags]
+    lines += list(_track_lines(result))
+    flags = [Text(line, style="yellow") for line in lines]
+    head = [Text("flags")] if flags else [Text("no flags")]
+    said = [Text(_ALONG.format(folder=result.folder))] if any(map(_swept, result.tracks.values())) else []
+    return Group(
+        table,
+        *said,
+        *_more(result, sections or {}),
+        *_derived(result),
+        *head,
+        *flags,
+        Text(f"written to {result.folder}"),
+    )
+
+
+def _derived(result: Result) -> list[RenderableType]:
+    """Elasticity and viscosity that follow from other parameters, with their conditions."""
+    from rich.text import Text
+
+    lines = [
+        Text(f"  {label}: {value.name} {_shown(value.found)} {display_unit(value.found.unit)[0]} ({value.caveat})")
+        for label, track in result.tracks.items()
+        for value in track.derived
+        if math.isfinite(value.found.value)
+    ]
+    return [Text("derived"), *lines] if lines else []
+
+
+def _more(result: Result, sections: Mapping[str, ReportSection]) -> Iterator[RenderableType]:
+    """What plugins have to show of a result, in the order that they ask for."""
+    from rich.text import Text
+
+    for name, section in sorted(sections.items(), key=lambda item: (item[1].order, item[0])):
+        try:
+            parts = list(function_of(section)(result))
+        except Exception as error:  # whatever a third-party function raises
+            parts = [f"the section {name!r} could not be made: {type(error).__name__}: {error}"]
+        for shown in parts:
+            yield shown.view() if isinstance(shown, Cells) else Text(shown)
+
+
+def _track_lines(result: Result) -> Iterator[str]:
+    """Flags by track; an undeclared timing, which concerns most of them, is said once, with their names."""
+    undeclared = {label: flag for label, track in result.tracks.items() for flag in track.flags if _undeclared(flag)}
+    for flag in list(undeclared.values())[:1]:
+        yield f"  {', '.join(undeclared)}: {flag}"
+    for label, track in result.tracks.items():
+        yield from (f"  {label}: {flag}" for flag in track.flags if not _undeclared(flag))
+
+
+def _undeclared(flag: Flag) -> bool:
+    return flag.code == "timing-undeclared"
+
+
+def _range(track: TrackResult, name: str) -> str:
+    """Where a parameter goes along the way of the tip."""
+    if name not in track.parameters:
+        return ""
+    found = track.parameters[name]
+    return " to ".join(f"{_scaled(found.places[end], found.unit):.4g}" for end in ("low", "high"))
+
+
+def _swept(track: TrackResult) -> bool:
+    return any(found.places for found in track.parameters.values())
+
+
+def _scaled(value: float, unit: str) -> float:
+    return value * display_unit(unit)[1]
+
+
+def _plain(value: float) -> str:
+    return round_number(value) if math.isfinite(value) else ""
+
+
+def _shown(found: UncertainValue) -> str:
+    return value_with_uncertainty(_scaled(found.value, found.unit), _scaled(found.combined, found.unit))
+
+
+def _cells(track: TrackResult, names: list[str]) -> list[str]:
+    if not track.usable:
+        reason = next((flag.code for flag in track.flags if flag.severity == "invalid"), "invalid")
+        return [*([reason.replace("-", " ")] * len(names)), "", "", "", ""]
+    cells = [_shown(track.parameters[name]) if name in track.parameters else "" for name in names]
+    if _swept(track):  # one value says nothing of all places
+        cells = [_range(track, name) for name in names]
+        return [*cells, "", "", f"{track.force_rms:.3f}", f"{track.nis:.2f}"]
+    every = [*track.parameters.values(), *(value.found for value in track.derived)]
+    delays = [found.per_shear for found in every if found.per_shear is not None]
+    delay = f"{delays[0] * 1e3:.2f}" if delays else ""
+    return [*cells, delay, _shown(track.surface), f"{track.force_rms:.3f}", f"{track.nis:.2f}"]

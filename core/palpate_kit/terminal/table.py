@@ -1,0 +1,96 @@
+"""What people see: a console, and tables of cells for a terminal, a report or a file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from palpate_kit.terminal.layout import layout, tables_in, text_of
+
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
+
+
+@dataclass(frozen=True)
+class Table:
+    """Headings and rows of texts; a heading or cell may have several lines."""
+
+    title: str
+    headings: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    left: tuple[str, ...] = ()  # headings of the columns that are texts; all others are numbers, to the right
+
+    @classmethod
+    def of(cls, title: str, headings: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[str] = ()) -> Table:
+        """A table from any sequences."""
+        return cls(title, tuple(headings), tuple(tuple(row) for row in rows), tuple(left))
+
+    def view(self) -> RenderableType:
+        """The table for a terminal; its texts are never taken as markup."""
+        from rich.table import Table as View
+        from rich.text import Text
+
+        view = View(title=Text(self.title), title_justify="left")
+        for heading in self.headings:
+            text = heading in self.left
+            view.add_column(Text(heading), justify="left" if text else "right", no_wrap=text)
+        for row in self.rows:
+            view.add_row(*(Text(cell) for cell in row))
+        return view
+
+
+def console(width: int = 120) -> Console:
+    """A console on standard output: as wide as the terminal, or of a given width where there is none.
+
+    Texts are never taken as markup: names come from users, logs and plugins. A table that the terminal is too narrow
+    for is printed row by row, so that nothing of it is cut.
+    """
+    from rich.console import Console
+
+    class WholeTables(Console):
+        """Prints tables whole; in another format all that is no table goes to standard error."""
+
+        def print(self, *objects: Any, **options: Any) -> None:
+            """As rich does, but for tables that do not fit."""
+            if (form := layout()) != "table":
+                for item in objects:
+                    tables = list(tables_in(item))
+                    typer.echo("\n".join(text_of(table, form) for table in tables), nl=False)
+                    if not tables:
+                        Console(stderr=True, markup=False, emoji=False).print(item, **options)
+                return
+            super().print(*(_fitting(item, self) for item in objects), **options)
+
+    found = WholeTables(markup=False, emoji=False)
+    return found if found.is_terminal else WholeTables(width=width, markup=False, emoji=False)
+
+
+def _fitting(shown: Any, console: Console) -> Any:
+    from rich.console import Group
+    from rich.measure import Measurement
+    from rich.table import Table as View
+
+    if isinstance(shown, Group):
+        return Group(*(_fitting(item, console) for item in shown.renderables))
+    if isinstance(shown, View):
+        least = Measurement.get(console, console.options.update(width=10_000), shown).minimum
+        return shown if least <= console.width else _row_by_row(shown)
+    return shown
+
+
+def _row_by_row(table: Any) -> RenderableType:
+    """A table as lines "heading: cell", one block for each row."""
+    from rich.text import Text
+
+    def plain(cell: Any) -> str:
+        return " ".join(cell.plain.split() if isinstance(cell, Text) else str(cell).split())
+
+    headings = [plain(column.header) for column in table.columns]
+    lines = [plain(table.title)] if table.title else []
+    for row in zip(*(list(column.cells) for column in table.columns), strict=True):
+        cells = [(heading, plain(cell)) for heading, cell in zip(headings, row, strict=True)]
+        lines += ["", *(f"{heading}: {cell}" if heading else cell for heading, cell in cells if cell)]
+    return Text("\n".join(lines))

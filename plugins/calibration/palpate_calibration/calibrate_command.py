@@ -1,0 +1,196 @@
+"""``palpate calibrate``: mass, timing, tare and noise of a rig, into a small file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from palpate import ConfigurationError, OutputError
+from palpate.host import write_whole
+from palpate_kit.terminal.json_output import print_aside, print_json
+from palpate_kit.terminal.options import JsonOption, Overrides
+from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
+from palpate_kit.terminal.table import console
+
+from palpate_calibration.plan import load_plan
+
+if TYPE_CHECKING:
+    from palpate_kit.runs.calibration_file import Calibration
+
+    from palpate_calibration.guided_calibration import Guide
+    from palpate_calibration.protocol import StepFindings
+
+# SI unit -> what people write, and how many of it one SI unit is.
+_PEOPLE = {
+    "kg": ("g", 1e3),
+    "s": ("ms", 1e3),
+    "m": ("µm", 1e6),
+    "N*m": ("mN m", 1e3),
+    "m/s": ("mm/s", 1e3),
+    "N/s": ("mN/s", 1e3),
+    "m/N": ("µm/N", 1e6),
+}
+_MEANING = {
+    "mass": "mass behind the sensor",
+    "delay": "force later than position",
+    "velocity_delay": "velocity later than position",
+    "offset": "reading at standstill",
+    "weight": "mass times gravity",
+    "bias": "reading at standstill without the weight",
+    "drift": "of the reading at standstill",
+    "force_std": "noise of one force reading",
+    "position_std": "noise of one position",
+    "velocity_std": "noise of one velocity, at standstill",
+    "tap_delay": "force later than position, on a plate",
+    "compliance": "of robot and sensor, with that of the plate",
+    "mass_by_weight": "mass behind the sensor, from its weight",
+    "centre_x": "centre of that mass, in the sensor's frame",
+    "centre_y": "the same",
+    "centre_z": "the same",
+    "bias_x": "reading without the weight",
+    "bias_y": "the same",
+    "bias_z": "the same",
+    "torque_bias_x": "the same",
+    "torque_bias_y": "the same",
+    "torque_bias_z": "the same",
+    "moving_velocity_std": "noise of one velocity, while moving",
+    "paper_velocity_std": "RMSE to the 21-sample mean, while moving",
+}
+
+
+def calibrate(
+    file: Annotated[Path, typer.Argument(help="A pipeline file, or one with devices and [alignment] only.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="The calibration file; must be new. [default: FILE.calibration.toml]"),
+    ] = None,
+    overrides: Overrides = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Draw force and inertia into this file (.png, .svg or .pdf).")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Write over an older calibration file.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: the rig has been prepared.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Calibrate mass, force-motion delay, tare and noise from a shake in free air; write them with uncertainties.
+
+    The tip must hang free. A robot stands still, shakes the tip up and down, and stands still; three times by default.
+    A recorded log of such a motion works as well. [calibration.standstill], orientations, shake, noise, tap
+    and press are steps that are done one after the other, each with what it found.
+    """
+    from palpate_calibration.guided_calibration import run_calibration
+
+    target = out if out is not None else file.with_suffix(".calibration.toml")
+    plan = load_plan(file, overrides or [])
+    _refuse_target(target, force)
+    part = target.with_suffix(".part.toml")
+    calibration, session, records = run_calibration(plan, _guide(part, yes))
+    write_whole(target, calibration.text())
+    part.unlink(missing_ok=True)
+    with print_aside(as_json):
+        terminal = console()
+        if not as_json:
+            terminal.print(_table(calibration))
+        for line in _lines(calibration, target, file):
+            terminal.print(line, highlight=False, markup=False)
+    if as_json:
+        print_json({"file": target, **calibration.model_dump(mode="json")})
+    if picture is not None and session.shakes:
+        from palpate_calibration.shake_figure import draw
+
+        draw(records[0], session, plan.settings.settle, picture)
+
+
+def _guide(part: Path, yes: bool) -> Guide:
+    """Guides a user at the rig from step to step, and keeps the results of each in a file."""
+    from rich.console import Console
+
+    from palpate_calibration.guided_calibration import Guide
+
+    errors = Console(stderr=True, markup=False, emoji=False)
+
+    def say(text: str) -> None:
+        errors.print(text, highlight=False, markup=False, soft_wrap=True)
+
+    def found(step: str, session: StepFindings) -> None:
+        for line in _found(session):
+            say(line)
+
+    def keep(calibration: Calibration) -> None:
+        write_whole(part, calibration.text())
+        say(f"  kept in {part}")
+
+    return Guide(say, _ask(say, yes), found, keep)
+
+
+def _refuse_target(target: Path, force: bool) -> None:
+    """Before anybody has spent time at the rig."""
+    if target.exists() and not force:
+        raise OutputError(f"{target}: exists already; --force writes over it, --out writes elsewhere")
+    if not target.parent.is_dir():
+        raise OutputError(f"{target}: there is no folder {target.parent}")
+
+
+def _ask(say: Callable[[str], None], yes: bool) -> Callable[[str], None]:
+    """Asks the person at the rig, and waits."""
+
+    def ask(text: str) -> None:
+        if yes:
+            say(text)
+            return
+        try:
+            typer.prompt(f"{text}; then press Enter", default="", show_default=False, prompt_suffix=" ", err=True)
+        except (EOFError, typer.Abort) as error:
+            raise ConfigurationError("no answer; --yes continues without asking") from error
+
+    return ask
+
+
+def _found(session: StepFindings) -> Iterator[str]:
+    """Results of a step, a line for each value."""
+    for name, value in session.values.items():
+        unit, scale = _PEOPLE.get(value.unit, (value.unit, 1.0))
+        text = value_with_uncertainty(value.value * scale, value.combined * scale)
+        yield f"  {name}: {text} {unit}  ({_MEANING.get(name, '')})"
+    for note in session.notes:
+        yield f"  {note}"
+
+
+def _table(calibration: Calibration) -> object:
+    from rich.table import Table
+
+    table = Table(title=calibration.name, title_justify="left")
+    for heading in ("", "value", "95 % interval", "unit", "fit", "repeats", "type B"):
+        table.add_column(heading, justify="left" if heading in ("", "unit") else "right")
+    for name, value in calibration.values.items():
+        unit, scale = _PEOPLE.get(value.unit, (value.unit, 1.0))
+        low, high = (round_number(edge * scale) for edge in value.interval)
+        scatter = "" if value.type_a is None else f"{value.type_a * scale:.2g}"
+        table.add_row(
+            f"{name}: {_MEANING.get(name, '')}",
+            value_with_uncertainty(value.value * scale, value.std * scale),
+            f"{low} to {high}",
+            unit,
+            f"{value.fit * scale:.2g}",
+            scatter,
+            f"{value.type_b * scale:.2g}" if value.type_b else "",
+        )
+    return table
+
+
+def _lines(calibration: Calibration, target: Path, file: Path) -> Iterator[str]:
+    shake = calibration.shake
+    if shake:
+        yield _shaken(shake)
+    yield from calibration.notes
+    named = target.name if target.resolve().parent == file.resolve().parent else target.resolve()
+    yield f'written to {target}; a pipeline takes it by [run] calibration = "{named}"'
+
+
+def _shaken(shake: Mapping[str, Any]) -> str:
+    sines = ", ".join(
+        f"{f:.3g} Hz {a * 1e3:.3g} mm" for f, a in zip(shake["frequencies"], shake["amplitudes"], strict=True)
+    )
+    return f"{shake['count']} shakes of {sines}; residual {shake['residual']:.3g} N"

@@ -1,0 +1,118 @@
+"""A calibrated value: repeats, fits and declared terms become one standard uncertainty and a 95 % interval."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from palpate_kit.runs.calibration_file import CalibratedValue
+
+_PLENTY = 1e6  # degrees of freedom that count as infinitely many
+
+
+@dataclass(frozen=True)
+class RepeatValue:
+    """One repeat's value with the standard uncertainty that its own fit gives it."""
+
+    value: float
+    std: float
+    freedom: float = _PLENTY  # degrees of freedom of the uncertainty
+
+
+@dataclass(frozen=True)
+class MeasuredValue:
+    """A value with its uncertainty, by where it comes from [SI].
+
+    Combined as the GUM (JCGM 100:2008) does: the repeats are averaged with the weights of their fits, 1/u^2;
+    fit = (sum 1/u^2)^(-1/2); type A is the scatter of the repeats over the square root of their number. What the
+    repeats scatter beyond their fits, max(0, A^2 - fit^2), is added: combined^2 = fit^2 + excess + B^2. The 95 %
+    interval takes Student's factor for the degrees of freedom of Welch and Satterthwaite.
+    """
+
+    value: float
+    unit: str
+    repeats: tuple[float, ...]  # the value of each repeat
+    fit: float  # standard uncertainty from the fits
+    type_a: float | None  # standard uncertainty from the scatter of the repeats; None for a single one
+    type_b: float  # declared standard uncertainty
+    combined: float  # standard uncertainty of all of them
+    factor: float  # half of the 95 % interval is so many times the combined standard uncertainty
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The 95 % interval."""
+        half = self.factor * self.combined
+        return self.value - half, self.value + half
+
+    @classmethod
+    def of(cls, repeats: Sequence[RepeatValue], unit: str, type_b: float = 0.0) -> MeasuredValue:
+        """One value from repeats; at least one is needed."""
+        values = np.array([repeat.value for repeat in repeats])
+        # A record without noise has a fit without uncertainty; it must not divide by zero.
+        std = np.maximum([repeat.std for repeat in repeats], 1e-9 * np.abs(values) + 1e-30)
+        weights = std**-2 / (std**-2).sum()
+        mean = float((weights * values).sum())
+        fit = float((std**-2).sum() ** -0.5)
+        freedom = sum(repeat.freedom for repeat in repeats)
+        type_a = float(values.std(ddof=1) / math.sqrt(len(values))) if len(values) > 1 else None
+        excess = max(0.0, (type_a or 0.0) ** 2 - fit**2)
+        combined = math.sqrt(fit**2 + excess + type_b**2)
+        spread = fit**4 / freedom + (excess**2 / (len(values) - 1) if excess else 0.0)
+        factor = _student(combined**4 / spread)
+        return cls(mean, unit, tuple(values.tolist()), fit, type_a, type_b, combined, factor)
+
+
+def calibrated_value(measured: MeasuredValue) -> CalibratedValue:
+    """A measured value in a calibration file."""
+    return CalibratedValue(
+        value=measured.value,
+        unit=measured.unit,
+        std=measured.combined,
+        interval=measured.interval,
+        fit=measured.fit,
+        type_a=measured.type_a,
+        type_b=measured.type_b,
+        repeats=measured.repeats,
+    )
+
+
+def scale_value(measured: MeasuredValue, by: float, unit: str) -> MeasuredValue:
+    """A value times a number that is known, in another unit."""
+    type_a = measured.type_a * by if measured.type_a is not None else None
+    return MeasuredValue(
+        measured.value * by,
+        unit,
+        tuple(value * by for value in measured.repeats),
+        measured.fit * by,
+        type_a,
+        measured.type_b * by,
+        measured.combined * by,
+        measured.factor,
+    )
+
+
+def add_values(first: MeasuredValue, second: MeasuredValue) -> MeasuredValue:
+    """The sum of two values that know nothing of each other."""
+
+    def joined(a: float, b: float) -> float:
+        return float((a**2 + b**2) ** 0.5)
+
+    repeats = tuple(a + b for a, b in zip(first.repeats, second.repeats, strict=False))
+    return MeasuredValue(
+        first.value + second.value,
+        first.unit,
+        repeats,
+        joined(first.fit, second.fit),
+        joined(first.type_a or 0.0, second.type_a or 0.0),
+        joined(first.type_b, second.type_b),
+        joined(first.combined, second.combined),
+        max(first.factor, second.factor),
+    )
+
+
+def _student(freedom: float) -> float:
+    from scipy.stats import t
+
+    return float(t.ppf(0.975, min(max(freedom, 1.0), _PLENTY)))

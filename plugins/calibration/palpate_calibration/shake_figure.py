@@ -1,0 +1,45 @@
+"""The picture of a calibration: a shake's force, and what mass and delay make of its motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from palpate_kit.figures import figure_of, legend_outside, save_figure, style
+
+from palpate_calibration.calibration_record import CalibrationRecord
+from palpate_calibration.motion_segments import shake_segments
+from palpate_calibration.protocol import StepFindings
+from palpate_calibration.sines import sine_fit
+
+_SHOWN = 0.5  # [s]
+
+
+@style()
+def draw(record: CalibrationRecord, session: StepFindings, settle: float, path: Path) -> None:
+    """Half a second of force in the first shake, -m z'' with and without the delay, and the residual."""
+    shake, segment = session.shakes[0], shake_segments(record, settle)[0]
+    middle = (segment.begin + segment.end) / 2
+    motion = sine_fit(*record.position.between(segment.begin, segment.end), shake.frequencies, middle)
+    time, force = record.force.between(segment.begin, segment.begin + _SHOWN)
+    omega = 2 * np.pi * np.array(shake.frequencies)
+
+    def inertia(delay: float) -> np.ndarray:
+        turns = np.exp(1j * np.outer(time - middle - delay, omega))
+        return np.asarray((turns * (session.values["mass"].value * omega**2 * motion.phasors)).sum(axis=1).real)
+
+    tau = session.values["delay"].value
+    level = force - shake.offset
+    figure, axes = figure_of(1, 2, width=120.0, height=40.0)
+    upper, lower = axes[:, 0]
+    shown = 1e3 * (time - time[0])
+    upper.plot(shown, level, ".", markersize=2, color="0.5", label="force less its mean")
+    upper.set_prop_cycle(None)
+    upper.plot(shown, inertia(tau), label=f"mass times acceleration, {tau * 1e3:.2f} ms later")
+    upper.plot(shown, inertia(0.0), label="the same as stamped")
+    upper.set_ylabel("force [N]")
+    legend_outside(upper, 2)
+    lower.plot(shown, level - inertia(tau))
+    lower.plot(shown, level - inertia(0.0))
+    lower.set(xlabel="time [ms]", ylabel="left over [N]")
+    save_figure(figure, path)

@@ -1,0 +1,65 @@
+"""The commands for one pipeline, for a rig, and for looking parts up."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from palpate import Command, Recorder, Template, plugin
+
+if TYPE_CHECKING:
+    from palpate import Settings
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """What is done with one pipeline or rig, and what there is to build it of."""
+    offered = (
+        ("run", "run:run", "Run a pipeline; print what was found.", "run"),
+        ("replay", "replay:replay", "Estimate again from the log of a run.", "run"),
+        ("resume", "resume:resume", "Continue a run that was interrupted.", "run"),
+        ("check", "check:check", "Show every mistake in a pipeline, without running it.", "run"),
+        ("init", "init:init", "Write a pipeline or a plugin to start from.", "run"),
+        ("doctor", "doctor:doctor", "Look at robot and sensor; nothing moves.", "hardware"),
+        ("twin", "twin:twin", "Serve the rig of a pipeline in software.", "hardware"),
+        ("list", "list_parts:list_parts", "List every part, with its plugin.", "extend"),
+        ("describe", "describe:describe", "Describe a part: formula, source, every key.", "extend"),
+        ("trust", "trust:trust", "Approve a plugin file of a recording, or list what is approved.", "extend"),
+    )
+    schema = "Print the JSON schema of pipeline files, or of result.json."
+    return {
+        **{name: Command(f"palpate_commands.{target}", text, panel) for name, target, text, panel in offered},
+        "describe schema": Command("palpate_commands.schema:schema", schema, "extend", "schema"),
+        "init completion": Command(
+            "palpate_commands.completion:completion",
+            "Print the completion of palpate for a shell.",
+            "run",
+            "completion",
+        ),
+    }
+
+
+@plugin
+def palpate_recorders() -> dict[str, Recorder]:
+    """The tables of estimates of every run, as ``[estimates]`` says."""
+    return {"estimates": Recorder("palpate_kit.runs.estimates_file:estimates_file")}
+
+
+@plugin
+def palpate_tables() -> dict[str, type[Settings]]:
+    """How the tables of estimates are written."""
+    from palpate_kit.runs.estimates_settings import EstimatesSettings
+
+    return {"estimates": EstimatesSettings}
+
+
+@plugin
+def palpate_templates() -> dict[str, Template]:
+    """Whole pipelines, each of which runs as it is."""
+    package, folder = "palpate_commands", "templates"
+    return {
+        "point": Template(package, f"{folder}/point.toml", "a point palpation on a simulated rig"),
+        "log": Template(package, f"{folder}/log.toml", "your own log; comes with an example"),
+        "ur3e": Template(package, f"{folder}/point_ur3e.toml", "a UR3e and a SensONE, or their twins"),
+        "raster": Template(package, f"{folder}/raster.toml", "a map of 60 mm x 40 mm, simulated"),
+        "calibrate": Template(package, f"{folder}/guided.toml", "a calibration step by step, simulated"),
+    }

@@ -1,0 +1,40 @@
+"""``palpate check``: every mistake in a pipeline, without running it."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate.host import load_pipeline, resolved_text, start_tracks
+from palpate_kit.terminal.json_output import print_json
+from palpate_kit.terminal.options import JsonOption, Overrides
+
+
+def check(
+    file: Annotated[Path, typer.Argument(help="The pipeline file.")],
+    overrides: Overrides = None,
+    resolved: Annotated[bool, typer.Option("--resolved", help="Print the pipeline with every default, in SI.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Check a pipeline without running it: every mistake at once, each with its line."""
+    pipeline = load_pipeline(file, overrides or [])
+    names = [running.track.name for running in start_tracks(pipeline)]
+    tracks = ", ".join(names)
+    if as_json:
+        plugins = [{"name": plugin.name, "place": plugin.place} for plugin in pipeline.registry.plugins]
+        notices = [*map(str, pipeline.renamed), *pipeline.registry.notices]
+        found = {"file": file, "devices": list(pipeline.devices), "tracks": names, "plugins": plugins}
+        print_json({**found, "notices": notices, "resolved": tomllib.loads(resolved_text(pipeline))})
+    elif resolved:
+        typer.echo(resolved_text(pipeline), nl=False)
+    else:
+        devices = ", ".join(pipeline.devices)
+        for flag in pipeline.renamed:
+            typer.echo(f"{flag}", err=True)
+        for notice in pipeline.registry.notices:
+            typer.echo(notice, err=True)
+        typer.echo(f"{file} is in order: devices {devices}; tracks {tracks}")
+        for plugin in pipeline.registry.plugins:
+            typer.echo(f"plugin {plugin.name}" + (f" from {plugin.place}" if plugin.place != plugin.name else ""))

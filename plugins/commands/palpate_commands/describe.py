@@ -1,0 +1,160 @@
+"""``palpate describe``: what a part is, with every key, and what a flag means."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import types
+import typing
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from palpate import ConfigurationError, Settings
+from palpate.host import (
+    SEVERITIES,
+    AlignmentSettings,
+    FlagEntry,
+    Quantity,
+    RunSettings,
+    dimension,
+    nested_settings,
+    part_kind,
+    registry as registries,
+    suggest,
+)
+from palpate_kit.terminal.json_output import print_json
+from palpate_kit.terminal.options import JsonOption, PluginFiles
+
+_TABLES: dict[str, type[Settings]] = {"run": RunSettings, "alignment": AlignmentSettings}
+
+
+def describe(
+    part: Annotated[
+        str, typer.Argument(help="Name of a part, as in `palpate list`; or run, alignment; or a flag's code.")
+    ],
+    plugin: PluginFiles = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Describe a part: what it is, and every key with unit, default and meaning; or a flag: what it means."""
+    registry = registries.load(plugin or [])
+    found: list[tuple[str, str, type[Settings]]] = []
+    for kind, entries in registry.parts.items():
+        if part in entries:
+            found.append((kind, f"{part}: a type of [{kind}.*]", entries[part].part))
+    if part in _TABLES:
+        found.append(("table", f"[{part}]: a table of every pipeline", _TABLES[part]))
+    if as_json and (found or part in registry.flags):
+        flags = [registry.flags[part].meaning] if part in registry.flags else []
+        print_json({"name": part, "parts": [_plain(kind, settings) for kind, _, settings in found], "flags": flags})
+        return
+    texts = ["\n".join(_description(title, settings)) for _, title, settings in found]
+    if part in registry.flags:
+        texts.append("\n".join(_flag_description(part, registry.flags[part])))
+    if not texts:
+        names = [*_TABLES, *(name for entries in registry.parts.values() for name in entries), *registry.flags]
+        raise ConfigurationError(f"there is no part or flag {part!r}{suggest(part, names)}")
+    typer.echo("\n\n".join(texts))
+
+
+def _flag_description(code: str, entry: FlagEntry) -> Iterator[str]:
+    yield f"{code}: a flag, {entry.meaning.severity} ({SEVERITIES[entry.meaning.severity]})"
+    yield ""
+    yield entry.meaning.meaning
+    yield f"What to do: {entry.meaning.remedy}"
+    yield f"Registered by {entry.plugin.name}."
+
+
+def _description(title: str, part: type[Settings]) -> Iterator[str]:
+    yield title
+    yield ""
+    yield inspect.getdoc(part) or ""
+    parameters = getattr(part, "parameters", ())
+    if parameters:
+        yield ""
+        yield "Parameters:"
+        yield from (f"  {p.name} ({p.symbol}) [{p.unit}]: {p.meaning}" for p in parameters)
+    if part.model_fields:
+        yield ""
+        yield "Keys:"
+        yield from _keys(part, "  ")
+    nested = {n.__name__: n for f in part.model_fields.values() if (n := nested_settings(f.annotation)) is not None}
+    for name, settings in nested.items():
+        yield ""
+        yield f"{name.lower()}: {inspect.getdoc(settings) or ''}"
+        yield ""
+        yield f"Keys of the table {name.lower()}:"
+        yield from _keys(settings, "  ")
+
+
+def _plain(kind: str, part: type[Settings]) -> dict[str, Any]:
+    """A part as plain data: what it is, the parameters of a model, its keys and those of tables within."""
+    parameters = [
+        {"name": p.name, "symbol": p.symbol, "unit": p.unit, "meaning": p.meaning}
+        for p in getattr(part, "parameters", ())
+    ]
+    keys = {}
+    for key, field in part.model_fields.items():
+        unit = next((item.unit for item in field.metadata if isinstance(item, Quantity)), None)
+        required, default = field.is_required(), None
+        if not required:
+            default = json.loads(json.dumps(field.get_default(call_default_factory=True), default=str))
+        nested = nested_settings(field.annotation)
+        keys[key] = {"type": _type(field.annotation, field.metadata), "unit": unit, "required": required}
+        keys[key] |= {"default": default, "meaning": field.description}
+        keys[key] |= {"keys": _plain("table", nested)["keys"]} if nested is not None else {}
+    return {"kind": kind, "text": inspect.getdoc(part) or "", "parameters": parameters, "keys": keys}
+
+
+def _keys(settings: type[Settings], indent: str) -> Iterator[str]:
+    for key, field in settings.model_fields.items():
+        default = "must be given" if field.is_required() else _default(field.get_default(), field.metadata)
+        yield f"{indent}{key}: {_type(field.annotation, field.metadata)}, {default}"
+        if field.description:
+            yield f"{indent}    {field.description}"
+
+
+def _default(value: Any, metadata: list[Any]) -> str:
+    if value is None:
+        return "optional"
+    unit = next((f" {item.unit}" for item in metadata if isinstance(item, Quantity)), "")
+    return f"default {value:.6g}{unit}" if isinstance(value, float) else f"default {json.dumps(value, default=str)}"
+
+
+_PLAIN = {float: "number", int: "whole number", str: "text", bool: "true or false", Path: "path"}
+
+
+def _type(annotation: Any, metadata: list[Any]) -> str:
+    """What may be written for a field, in words."""
+    quantity = next((item for item in metadata if isinstance(item, Quantity)), None)
+    if quantity is not None:
+        return dimension(quantity.unit)
+    kind, nested = part_kind(annotation), nested_settings(annotation)
+    if kind is not None:
+        return f"name of a [{kind}.*] or a table"
+    if nested is not None:
+        return f"table {nested.__name__.lower()}"
+    if getattr(annotation, "__metadata__", None):
+        return _type(annotation.__origin__, list(annotation.__metadata__))
+    return _of_several(annotation) or _PLAIN.get(annotation, "value")
+
+
+def _of_several(annotation: Any) -> str:
+    """A type that is made of others, in words; empty for one that is not."""
+    origin = typing.get_origin(annotation)
+    arguments = tuple(argument for argument in typing.get_args(annotation) if argument is not type(None))
+    if origin is dict:
+        return f"table of names, each a {_type(arguments[1], [])}"
+    if origin is typing.Literal:
+        return " or ".join(json.dumps(choice) for choice in arguments)
+    for argument in arguments:  # optional quantities carry their unit inside the union
+        if getattr(argument, "__metadata__", None):
+            return _type(argument.__origin__, list(argument.__metadata__))
+    if origin is tuple:
+        return "list"
+    if len(arguments) == 1:
+        return _type(arguments[0], [])
+    if origin in (typing.Union, types.UnionType):
+        return " or ".join(_type(argument, []) for argument in arguments)
+    return ""

@@ -1,0 +1,89 @@
+"""``palpate init``: a pipeline, or a distribution with a part of one's own, to start from."""
+
+from __future__ import annotations
+
+import re
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate import ConfigurationError, OutputError, Template
+from palpate.host import registry, suggest, write_new
+
+from palpate_commands.distribution import KINDS, distribution
+
+_PACKAGE = "palpate_commands"
+_VERSION = 'palpate = "0.2"                        # the version for which this is written'
+_NEXT = {
+    "ur3e": "palpate twin {0}   # in another terminal: robot and sensor in software\npalpate run {0}",
+    "raster": "palpate run {0} --out raster\npalpate map raster",
+    "calibrate": "palpate calibrate {0} --yes",
+}
+_DEVICE = re.compile(r"^\[device\.", re.MULTILINE)
+_BESIDE = {"log": ("log.csv",)}
+
+
+def init(
+    what: Annotated[
+        str, typer.Argument(metavar="[WHAT]", help="point, log, ur3e, raster or calibrate; with --plugin its name.")
+    ] = "point",
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="File, or folder of a plugin. [default: named after it]")
+    ] = None,
+    plugin: Annotated[
+        str | None, typer.Option(metavar="KIND", help="A distribution with one: tip, model, filter, device, ...")
+    ] = None,
+) -> None:
+    """Write a commented pipeline that runs as it is; with --plugin a distribution of your own, with its test.
+
+    Kinds of plugins: tip, model, filter, device, trajectory, analysis.
+    """
+    if plugin is not None:
+        _plugin(plugin, what, out)
+    else:
+        _pipeline(what, out)
+
+
+def _pipeline(what: str, out: Path | None) -> None:
+    offers = registry.offers("palpate_templates", Template)
+    texts = {name: offer.text() for name, offer in offers.items()}
+    known = {name: text for name, text in texts.items() if _DEVICE.search(text)}  # others are parts of one
+    if what not in known:
+        raise ConfigurationError(f"there is no pipeline {what!r} to start from{suggest(what, known)}")
+    file = out or Path(f"{what}.toml")
+    text = _written(known[what], Path(offers[what].path).name, str(file))
+    beside = {name: file.parent / name for name in _BESIDE.get(what, ())}
+    for path in (file, *beside.values()):
+        if path.exists():
+            raise OutputError(f"{path}: exists already, and nothing is ever overwritten; give another one with -o FILE")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_new(file, text)
+    for name, path in beside.items():
+        write_new(path, files(_PACKAGE).joinpath("templates", name).read_text(encoding="utf-8"))
+    written = ", ".join(str(path) for path in (file, *beside.values()))
+    typer.echo(f"written: {written}; now:\n{_NEXT.get(what, 'palpate run {0}').format(file)}")
+
+
+def _written(text: str, name: str, file: str) -> str:
+    """A pipeline of the repository as one of a user's: by its own name, with the version that it is for."""
+    lines = [line for line in text.splitlines() if not line.startswith("#:schema")]
+    lines = [line.replace(f"pipelines/{name}", file) for line in lines]
+    head = next(i for i, line in enumerate(lines) if not line.startswith("#"))
+    return "\n".join([*lines[:head], "", _VERSION, *lines[head:]]) + "\n"
+
+
+def _plugin(kind: str, name: str, out: Path | None) -> None:
+    if kind not in KINDS:
+        raise ConfigurationError(f"--plugin: there is no kind {kind!r}{suggest(kind, KINDS)}")
+    if not re.fullmatch(r"[a-z][a-z0-9]*(-[a-z0-9]+)*", name):
+        raise ConfigurationError(
+            f"{name!r}: a plugin's name is of small letters, digits and hyphens, such as palpate-funnel"
+        )
+    folder = out or Path(name)
+    if folder.exists():
+        raise OutputError(f"{folder}: exists already, and nothing is ever overwritten; give another one with -o FOLDER")
+    for path, text in distribution(kind, name).items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        write_new(folder / path, text)
+    typer.echo(f"written: {folder}; now:\npip install -e {folder} pytest\npytest {folder}\npalpate list")

@@ -1,0 +1,21 @@
+"""``palpate resume``: continue a run that was interrupted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate_kit.runs.run_folder import RunFolder
+
+from palpate_commands.remaining_motion import remaining_pipeline
+from palpate_commands.run import execute
+
+
+def resume(run: Annotated[Path, typer.Argument(help="The folder of the run that was interrupted.")]) -> None:
+    """Do the rest of an interrupted run: whole lines of a raster, whole points; in a folder inside the run's."""
+    pipeline = remaining_pipeline(run)
+    if pipeline is None:
+        typer.echo(f"{run}: is complete; nothing is left to do")
+        return
+    execute(pipeline, RunFolder(run).next_part)

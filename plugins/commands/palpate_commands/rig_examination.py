@@ -1,0 +1,173 @@
+"""Looking at a live rig without moving it: what `palpate doctor` finds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from palpate import Batch, Device, DeviceError, Floats, Link, Observable, ReportsHealth, Stream, SupportsLimits, clock
+from palpate.host import (
+    Guard,
+    LiveLinks,
+    Pipeline,
+    SafetySettings,
+    check_approach,
+    check_motion,
+    check_own_motion,
+    declared_noise,
+    own_motions,
+    payloads,
+)
+
+_RATE = 0.02  # of the nominal rate
+_LATE = 0.01  # [s]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at."""
+
+    verdict: Literal["good", "note", "bad"]
+    subject: str
+    text: str
+
+
+def examine(pipeline: Pipeline, duration: float) -> Iterator[Finding]:
+    """Connect every live device, listen for a while [s], judge; nothing is commanded to move."""
+    yield from _motion(pipeline)
+    with ExitStack() as stack:
+        links: dict[str, Link] = {}
+        for name, device in pipeline.devices.items():
+            if not device.live:
+                yield Finding("note", name, "is not live: nothing to examine")
+                continue
+            try:
+                links[name] = stack.enter_context(_listening(device, pipeline.run.seed))
+                yield Finding("good", name, "is connected")
+            except DeviceError as error:
+                yield Finding("bad", name, str(error))
+        if links:
+            yield from _listened(pipeline, links, duration)
+
+
+def _listening(device: Device, seed: int) -> AbstractContextManager[Link]:
+    """A program that runs on an arm is not for us to replace."""
+    return device.observe(seed) if isinstance(device, Observable) else device.connect(seed)
+
+
+def _motion(pipeline: Pipeline) -> Iterator[Finding]:
+    for name, trajectory in pipeline.trajectories.items():
+        if pipeline.safety is None:
+            yield Finding("bad", f"trajectory {name}", "there is no [safety] table to check it against")
+            continue
+        yield from _own_motions(pipeline, pipeline.safety)
+        report = check_motion(trajectory, pipeline.safety)
+        yield from (Finding("bad", f"trajectory {name}", problem) for problem in report.problems)
+        if not report.problems:
+            yield Finding(
+                "good", f"trajectory {name}", f"keeps the limits; at most {report.peak_force:.1f} N by computation"
+            )
+
+
+def _own_motions(pipeline: Pipeline, limits: SafetySettings) -> Iterator[Finding]:
+    for name, own in own_motions(pipeline.devices).items():
+        yield from (Finding("bad", name, problem) for problem in check_own_motion(own, limits))
+
+
+def _ways(pipeline: Pipeline, links: Mapping[str, Link]) -> Iterator[Finding]:
+    """The ways to the start, from where the arms stand now."""
+    for name, trajectory in pipeline.trajectories.items():
+        for arm, link in links.items():
+            if pipeline.safety is None:
+                continue
+            if isinstance(link, SupportsLimits):
+                link.limit(pipeline.safety.of_an_arm, lambda _: None)
+            try:
+                report = check_approach(link, trajectory, pipeline.safety)
+            except DeviceError as error:
+                yield Finding("bad", arm, str(error))
+                continue
+            if report is not None:
+                length = 1e3 * float(np.linalg.norm(report.high - report.low))
+                text = f"the way to the start of {name}, {length:.1f} mm in {report.duration:.1f} s, keeps the limits"
+                yield Finding("good", arm, text)
+
+
+def _listened(pipeline: Pipeline, links: Mapping[str, Link], duration: float) -> Iterator[Finding]:
+    streams = pipeline.ports.streams
+    guard = Guard(pipeline.safety, pipeline.ports)
+    live = LiveLinks(links, guard)
+    heard: dict[tuple[str, str], list[Batch]] = {(name, s.name): [] for name in links for s in streams[name]}
+    live.start()
+    try:
+        for arrivals in live.until(clock().now() + duration):
+            for name, batch in arrivals:
+                heard[name, batch.stream].append(batch)
+    finally:
+        live.stop()
+    if guard.reason is not None:
+        yield Finding("bad", "link", guard.reason)
+        return
+    for name in links:
+        for stream in streams[name]:
+            yield from _stream(f"{name}.{stream.name}", stream, heard[name, stream.name], pipeline.alignment.gap)
+    if len(links) == len(pipeline.devices):
+        yield _standstill(guard, declared_noise(pipeline))
+    yield from _ways(pipeline, links)
+    for name, link in links.items():
+        if isinstance(link, ReportsHealth):
+            yield from (Finding("good", name, line) for line in _lines(link.health))
+            yield from (Finding("note", name, text) for text in payloads(pipeline.alignment, {name: link.health}))
+    if pipeline.calibration is not None:
+        health = {name: link.health for name, link in links.items() if isinstance(link, ReportsHealth)}
+        yield from (
+            Finding("note", "calibration", flag.message) for flag in pipeline.calibration.flags(pipeline, health)
+        )
+
+
+def _stream(name: str, stream: Stream, batches: list[Batch], gap: float) -> Iterator[Finding]:
+    if not batches:
+        yield Finding("bad", name, "sends nothing")
+        return
+    stamps, received = (np.concatenate([getattr(b, key) for b in batches]) for key in ("time", "received"))
+    step = np.diff(stamps) / 1e9
+    if len(step) < 10:
+        yield Finding("bad", name, f"sent only {len(stamps)} readings")
+        return
+    rate, longest = 1.0 / float(step.mean()), float(step.max())
+    usual = stream.rate is None or abs(rate / stream.rate - 1.0) < _RATE
+    wanted = "" if usual else f" (nominally {stream.rate:g} Hz)"
+    yield Finding("good" if usual else "note", name, f"{rate:.1f} Hz{wanted}, longest pause {1e3 * longest:.1f} ms")
+    if longest > gap:
+        yield Finding("bad", name, f"a pause of {1e3 * longest:.0f} ms is a gap for [alignment] gap = {1e3 * gap:g} ms")
+    yield from _arrival(name, (received - stamps) / 1e9)
+    invalid = sum(int(np.count_nonzero(~batch.valid)) for batch in batches)
+    if invalid:
+        yield Finding("bad", name, f"{invalid} of {len(stamps)} readings are invalid")
+
+
+def _arrival(name: str, late: Floats) -> Iterator[Finding]:
+    median, p99 = float(np.median(late)), float(np.quantile(late, 0.99))
+    if p99 > _LATE:
+        text = f"arrives late: {1e3 * median:.2f} ms, 1 % later than {1e3 * p99:.1f} ms; is its latency timer at 1 ms?"
+        yield Finding("note", name, text)
+
+
+def _standstill(guard: Guard, declared: Mapping[str, tuple[float, float]]) -> Finding:
+    try:
+        found = guard.judge_standstill(declared)
+    except DeviceError as error:
+        return Finding("bad", "standstill", str(error))
+    text = f"force {found.force:.3f} N, noise {found.force_std:.4f} N"
+    if found.velocity_std is not None:
+        text += f"; noise of the velocity {1e3 * found.velocity_std:.3f} mm/s"
+    return Finding("good", "standstill", text)
+
+
+def _lines(health: Mapping[str, Any]) -> Iterator[str]:
+    for key, value in health.items():
+        if not isinstance(value, Mapping) and key != "say":
+            yield f"{key.replace('_', ' ')}: {value:.3g}" if isinstance(value, float) else f"{key}: {value}"

@@ -1,0 +1,79 @@
+"""``palpate run``: a pipeline from its file to its result."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shlex
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate import ConfigurationError
+from palpate.host import Pipeline, analysis, function_of, load_pipeline, run_pipeline
+from palpate_kit.terminal.layout import layout
+from palpate_kit.terminal.options import FolderOption, FormatOption, Overrides
+from palpate_kit.terminal.progress import progress
+from palpate_kit.terminal.result_summary import result_view
+from palpate_kit.terminal.table import console
+
+_LOGS = (".mcap", ".db3", ".csv", ".gz")
+
+
+def run(
+    file: Annotated[Path, typer.Argument(help="The pipeline file.")],
+    out: FolderOption = None,
+    overrides: Overrides = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print result.json instead of the table.")] = False,
+    dry: Annotated[bool, typer.Option("--dry-run", hidden=True)] = False,  # the former name of `palpate plan`
+    seed: Annotated[int | None, typer.Option(help="Seed of the run; overrides that of the file.", min=0)] = None,
+    report: Annotated[bool, typer.Option("--report", help="Write a report into the run folder.")] = False,
+    live: Annotated[bool, typer.Option("--live", help='Show it in the browser: --set sink.live.type="live".')] = False,
+    form: FormatOption = "table",
+) -> None:
+    """Run a pipeline; print the results and where they are written."""
+    if file.is_dir() or file.suffix in _LOGS:
+        raise ConfigurationError(f"{file}: is not a pipeline file; `palpate replay` estimates a recorded run again")
+    assignments = [*(overrides or []), *([f"run.seed={seed}"] if seed is not None else [])]
+    assignments += ["run.report=true"] if report else []
+    assignments += ['sink.live.type="live"'] if live else []
+    if dry:
+        typer.echo("palpate run --dry-run is palpate plan now", err=True)
+        analysis("plan")(file, assignments)
+        return
+    with progress(f"look at {file}"):  # a log of gigabytes is passed once for what it holds
+        pipeline = load_pipeline(file, assignments)
+    for name, table in pipeline.tables.items():
+        if command := getattr(table, "many_runs_by", ""):
+            typer.echo(f"one run: [{name}] is for `palpate {command} {file}`, which makes all of them", err=True)
+    execute(pipeline, out, as_json)
+
+
+def execute(pipeline: Pipeline, out: Path | None, as_json: bool = False) -> None:
+    """Run a pipeline, show progress and results; ends with the code of the signal that stopped it."""
+    for notice in pipeline.registry.notices:
+        typer.echo(notice, err=True)
+    with contextlib.ExitStack() as stack:
+        displays = [] if as_json else [display for _, display in sorted(pipeline.registry.displays.items())]
+        shown = stack.enter_context(function_of(displays[0])(pipeline)) if displays else None
+        result = run_pipeline(pipeline, out, shown and shown.progress, shown)
+    if result.signal == signal.SIGHUP:  # there is no terminal any more
+        result.demand_whole()
+    if as_json:
+        typer.echo(json.dumps(result.table(), indent=2))
+    else:
+        console().print(result_view(result, pipeline.registry.report_sections))
+    for line in _reported(pipeline, result.folder):
+        typer.echo(line, err=as_json or layout() != "table")
+    result.demand_whole()
+
+
+def _reported(pipeline: Pipeline, folder: Path) -> Iterator[str]:
+    """Where the reports of plugins are that the pipeline wants, or how to have them later."""
+    for name, report in pipeline.registry.reports.items():
+        if pipeline.run.report:
+            yield f"{name}: {function_of(report)(folder)}"
+        else:
+            yield f"to hand on: palpate {name} {shlex.quote(str(folder))}"

@@ -1,0 +1,100 @@
+"""``palpate describe schema``: JSON schemas of pipeline files, for editors, and of ``result.json``, for programs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+from palpate import OutputError, Settings
+from palpate.host import (
+    FORMAT,
+    KEY,
+    KINDS,
+    UNCHECKED,
+    AlignmentSettings,
+    Registry,
+    RunSettings,
+    SafetySettings,
+    Signal,
+    registry as registries,
+)
+from palpate_kit.runs.result_model import result_schema
+from palpate_kit.terminal.options import PluginFiles
+
+_UNCHECKED = {
+    "type": "array",
+    "items": {"type": "string"},
+    "description": "keys of this table whose numbers without a unit are intended",
+}
+
+
+def schema(
+    of: Annotated[Literal["pipeline", "result"], typer.Argument(help="Of which file.")] = "pipeline",
+    plugin: PluginFiles = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write it to this file.")] = None,
+) -> None:
+    """Print the JSON schema of pipeline files, for editors that read the line `#:schema FILE` of a TOML file.
+
+    `palpate describe schema result` prints that of result.json, for programs that read what a run found.
+    """
+    known = pipeline_schema(registries.load(plugin or [])) if of == "pipeline" else result_schema()
+    text = json.dumps(known, indent=2)
+    if output is None:
+        typer.echo(text)
+        return
+    try:
+        output.write_text(f"{text}\n", encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{output}: cannot write: {error.strerror}") from error
+
+
+def pipeline_schema(registry: Registry) -> dict[str, Any]:
+    """JSON schema (draft 2020-12) of every table, key and part that the loaded plugins know."""
+    definitions: dict[str, Any] = {}
+    properties: dict[str, Any] = {
+        KEY: {"type": "string", "description": f'version for which the file is written; currently "{FORMAT}"'},
+        "run": _table(RunSettings, "run", definitions),
+        "alignment": _table(AlignmentSettings, "alignment", definitions),
+        "safety": _table(SafetySettings, "safety", definitions),
+    }
+    properties |= {name: _table(settings, name, definitions) for name, settings in registry.tables.items()}
+    for kind, entries in registry.parts.items():
+        choices = []
+        for name, entry in entries.items():
+            if entry.problem is not None:
+                continue
+            table = _table(entry.part, f"{kind}:{name}", definitions)
+            table["properties"] = {"type": {"const": name}} | table.get("properties", {})
+            table["required"] = ["type", *table.get("required", [])]
+            definitions[f"{kind}:{name}"] = table
+            choices.append({"$ref": f"#/$defs/{kind}:{name}"})
+        properties[kind] = {"type": "object", "additionalProperties": {"oneOf": choices}}
+        # A part in a field is the name of a table, or the table itself.
+        definitions[kind] = {"anyOf": [{"type": "string", "description": f"the NAME of a [{kind}.NAME]"}, *choices]}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "palpate pipeline",
+        "type": "object",
+        "properties": properties,
+        "required": ["device", "alignment", "model", "estimator"],
+        "additionalProperties": False,
+        "$defs": definitions,
+    }
+
+
+def _table(settings: type[Settings], owner: str, definitions: dict[str, Any]) -> dict[str, Any]:
+    """The schema of one table; what it refers to is defined under its owner's name, as two plugins may share a name."""
+    schema = settings.model_json_schema(mode="validation", ref_template=f"#/$defs/{owner}.{{model}}")
+    kinds = {root.__name__: kind for kind, (_, root) in KINDS.items()}
+    for name, inner in schema.pop("$defs", {}).items():
+        if name in kinds:
+            inner = {"$ref": f"#/$defs/{kinds[name]}"}
+        elif name == Signal.__name__:
+            inner = {"anyOf": [{"type": "string", "description": "a channel"}, inner]}
+        definitions[f"{owner}.{name}"] = inner
+    for table in (schema, *definitions.values()):
+        if table.get("additionalProperties") is False:
+            table["properties"] = {**table.get("properties", {}), UNCHECKED: _UNCHECKED}
+    return schema

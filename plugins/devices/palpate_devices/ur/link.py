@@ -1,0 +1,246 @@
+"""A connected arm, as the host sees it: a process that servoes, and its reports."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from palpate import (
+    ArmLimits,
+    Batch,
+    ConfigurationError,
+    DeviceError,
+    Floats,
+    ForceControlled,
+    ForceLaw,
+    ForceWatch,
+    Setpoint,
+    Trajectory,
+    clock,
+)
+from palpate_kit.acquisition.child import Child
+from palpate_kit.acquisition.device_clock import ClockMap, epoch_offset
+from palpate_kit.acquisition.lateness import lateness_table
+from palpate_kit.acquisition.ring import integers
+from palpate_kit.force_control import refusal
+from palpate_kit.kinematics.ur_arm import MODELS, UR3E, matrix_of, quaternion, tip
+from palpate_kit.kinematics.work_frame import agreement
+
+from palpate_devices.ur import layout
+from palpate_devices.ur.fence import SINGULAR, is_singular
+from palpate_devices.ur.layout import ROW
+from palpate_devices.ur.servo import ServoLaw, straight_path
+from palpate_devices.ur.setpoint_buffer import PERIOD, write_setpoints
+
+if TYPE_CHECKING:
+    from palpate_devices.ur.device import UR
+
+
+_POSE, _TWIST = ROW.span("position", "rotation"), ROW.span("velocity", "turning")
+
+_POLL = 0.006  # [s]
+_BEAT_SLACK = 0.02  # [s]
+_SHORTEST_RETREAT = 0.1e-3  # [m]
+_HEARD = 0.02  # [s] until the servo process has heard of it
+
+
+class URLink:
+    """A connected arm, with limits, retreat, approach, force control, and a report of its health."""
+
+    def __init__(self, settings: UR, child: Child, identity: Mapping[str, Any]) -> None:
+        self._settings, self._child, self._identity = settings, child, identity
+        self._clock = ClockMap()
+        self._tool = matrix_of(identity["tcp"])
+        self._model = MODELS.get(identity.get("model", ""), UR3E)
+        self._position: Floats | None = None
+        self._joints: list[float] = []  # the latest
+        self._rotation = np.eye(3)  # of the tool in the base, the latest
+        self._limits: ArmLimits | None = None
+        self._stop_force: float | None = None
+        self._trip: Callable[[str], None] | None = None
+        self._stopped: dict[str, Any] = {}  # why it stopped by itself, and when
+        self._turned = np.array([1.0, 1e-3, 1e-6, 1e-9])  # the first quaternion's largest part is positive
+        self._states = 0
+        self._first = self._last = 0
+        self._mismatch = 0.0
+
+    def limit(self, limits: ArmLimits, trip: Callable[[str], None]) -> None:
+        """Keep these limits from now on; see `palpate.SupportsLimits`."""
+        self._limits, self._trip = limits, trip
+        self._child.tell("limits", **asdict(limits))
+
+    def watch_force(self, watch: ForceWatch) -> None:
+        """Stop by itself at a force; see `palpate.SupportsLimits`."""
+        readings = asdict(watch.readings)
+        facts = {"channels": watch.channels, "tare": watch.tare, "stop": watch.stop, "name": watch.name}
+        facts |= {"normal": watch.normal, "sign": watch.sign, "ranges": watch.ranges}
+        facts["repeats"] = None if watch.repeats is None else asdict(watch.repeats)
+        self._stop_force = watch.stop
+        self._child.hand_over("watch", readings.pop("descriptor"), **readings, **facts)
+
+    def refuse_law(self, law: ForceLaw) -> None:
+        """See `palpate.SupportsForceControl`; the process that sends the commands asks again."""
+        limits = self._limits
+        if limits is None:
+            raise ConfigurationError(f"{self._child.name}: force control needs the limits of [safety]")
+        text = refusal(law, self._stop_force, limits.speed, limits.acceleration, law.end)
+        if text is not None:
+            raise ConfigurationError(f"{self._child.name}: {text}")
+
+    def retreat(self, way: float, speed: float) -> float:
+        """Go outwards by at most so much; see `palpate.SupportsRetreat`."""
+        place = self._known_place()
+        if self._limits is not None:
+            way = min(way, self._limits.high[2] - float(place[2]))
+        if way < _SHORTEST_RETREAT:
+            raise DeviceError(
+                f"{self._child.name}: the tip is at the top of the workspace, at {1e3 * place[2]:.1f} mm: there is no "
+                "room for the retreat that checks whether it is free; bring it down by hand or raise [safety] high"
+            )
+        self._child.tell("retreat", way=way, speed=speed)
+        law = ServoLaw("servo", 0.0, 0.0, speed, speed, self._settings.acceleration)
+        return float(self._way_of(place, place + np.array([0.0, 0.0, way]), law))
+
+    @staticmethod
+    def _way_of(begin: Floats, end: Floats, law: ServoLaw) -> float:
+        return float(straight_path(begin, end, law).times[-1]) + _HEARD
+
+    def _known_place(self) -> Floats:
+        if self._position is None:
+            raise DeviceError(f"{self._child.name}: the arm's position is unknown")
+        return self._position
+
+    def approach_path(self, trajectory: Trajectory) -> tuple[Floats, Setpoint]:
+        """The way to the first setpoint; see `palpate.SupportsApproach`."""
+        name, settings, position = self._child.name, self._settings, self._known_place()
+        start = trajectory.at(np.zeros(1)).position[0]
+        away = float(np.linalg.norm(start - position))
+        if away > settings.start_tolerance:
+            here = ", ".join(f"{1e3 * x:.1f}" for x in position)
+            raise DeviceError(
+                f"{name}: the tip is at ({here}) mm in the work frame, {1e3 * away:.1f} mm from where the "
+                f"motion starts; bring it within {1e3 * settings.start_tolerance:g} mm by hand"
+            )
+        if is_singular(tip(self._joints, self._tool, self._model)[1]):
+            raise DeviceError(f"{name}: {SINGULAR}")
+        turn, advice = agreement(settings.work, self._rotation)
+        law = settings.law
+        if self._limits is not None:
+            if turn > self._limits.orientation:
+                raise DeviceError(
+                    f"{name}: the tool is turned by {math.degrees(turn):.1f} deg from the work frame's orientation, "
+                    f"more than [safety] orientation = {math.degrees(self._limits.orientation):g} deg; {advice}"
+                )
+            law = replace(law, approach_speed=min(law.approach_speed, self._limits.speed))
+            law = replace(law, angular_speed=self._limits.angular_speed)
+        found = straight_path(position, start, law, turn)
+        idle = np.zeros(len(found.times), bool)
+        return found.times, Setpoint(found.position, found.velocity, idle, found.turning, law.lever)
+
+    def follow(self, trajectory: Trajectory) -> None:
+        """Go to the first setpoint, then follow them all."""
+        self.approach_path(trajectory)  # refused where it is too far
+        law = asdict(trajectory.force_law) if isinstance(trajectory, ForceControlled) else None
+        try:
+            with write_setpoints(trajectory) as (file, count):
+                self._child.hand_over("follow", file.fileno(), rows=count, law=law)
+        except OSError as error:
+            raise DeviceError(
+                f"{self._child.name}: no room for the setpoints of the motion in {tempfile.gettempdir()}: "
+                f"{error.strerror}"
+            ) from error
+
+    def stop(self) -> None:
+        """Stop where it is."""
+        self._child.ring.head[layout.STOP] = 1
+
+    def retract(self) -> None:
+        """Brake, and go back along the normal to where the motion began."""
+        self._child.ring.head[layout.RETRACT] = 1
+
+    def batches(self) -> Iterator[Batch]:
+        """The states as they come, until the motion is over; raises DeviceError as soon as the robot fails."""
+        done = False
+        early = self._child.ring.early()  # what came while other devices were connected
+        host = integers(early, ROW.at("host")) + epoch_offset()
+        self._clock.to_host(integers(early, ROW.at("controller")), host)
+        while not done:
+            for message in self._child.messages():
+                done = done or message["say"] == "done"
+                if message["say"] == "limit":
+                    self._has_stopped(message)
+            rows = self._child.ring.read()
+            yield from self._batches(rows)
+            if not len(rows):
+                self._child.check(self._settings.controller_timeout + _BEAT_SLACK)
+            clock().sleep(_POLL)
+        if self._stopped and self._trip is None:
+            raise DeviceError(f"{self._child.name}: {self._stopped['reason']}")
+
+    def _has_stopped(self, message: Mapping[str, Any]) -> None:
+        """The servo process has stopped the motion on its own, with the reason."""
+        if not self._stopped:
+            self._stopped = {"reason": message["text"], "monotonic": message["at"] / 1e9}
+        if self._trip is not None:
+            self._trip(message["text"])
+
+    def _batches(self, rows: Floats) -> Iterator[Batch]:
+        received = integers(rows, ROW.at("host")) + epoch_offset()
+        controller = integers(rows, ROW.at("controller"))
+        stamps = self._clock.to_host(controller, received)
+        pose, twist = self._kinematics(rows)
+        if len(rows):
+            self._position, self._joints = pose[-1, :3], rows[-1, ROW["joints"]].tolist()
+            self._rotation = matrix_of(rows[-1, _POSE].tolist())[:3, :3]
+            self._first, self._last = self._first or int(controller[0]), int(controller[-1])
+        self._states += len(rows)
+        status = np.column_stack([controller / 1e9, rows[:, ROW.span("modes", "paces")]])
+        joints = rows[:, ROW.span("joints", "joint_speeds")]
+        columns = (pose, twist, joints, rows[:, ROW["setpoint"]], rows[:, ROW["force"]], status)
+        for stream, values in zip(self._settings.streams, columns, strict=True):
+            yield Batch(stream.name, stamps, received, np.ascontiguousarray(values))
+
+    def _kinematics(self, rows: Floats) -> tuple[Floats, Floats]:
+        """Pose (n, 7) and twist (n, 6) of the tip in the work frame."""
+        work = self._settings.work.matrix
+        turn = work[:3, :3].T
+        pose, twist = np.empty((len(rows), 7)), np.empty((len(rows), 6))
+        for i, row in enumerate(rows):
+            matrix, speed = matrix_of(row[_POSE].tolist()), row[_TWIST]
+            if self._settings.kinematics == "dh" or i == 0:
+                own, jacobian = tip(row[ROW["joints"]].tolist(), self._tool, self._model)
+                self._mismatch = max(self._mismatch, float(np.abs(own[:3, 3] - matrix[:3, 3]).max()))
+                if self._settings.kinematics == "dh":
+                    matrix, speed = own, jacobian @ row[ROW["joint_speeds"]]
+            turned = quaternion(turn @ matrix[:3, :3])
+            # A tool that looks down is turned by about pi, where the sign of a quaternion is up to chance.
+            turned = -turned if float(turned @ self._turned) < 0 else turned
+            pose[i, :3], pose[i, 3:], self._turned = turn @ (matrix[:3, 3] - work[:3, 3]), turned, turned
+            twist[i, :3], twist[i, 3:] = turn @ speed[:3], turn @ speed[3:]
+        return pose, twist
+
+    @property
+    def attended(self) -> int:
+        """When the arm's process last looked for a state [ns]."""
+        return self._child.ring.last_beat() + epoch_offset()
+
+    @property
+    def health(self) -> Mapping[str, Any]:
+        """What was seen of the robot and of the loop."""
+        expected = round((self._last - self._first) / 1e9 / PERIOD) + 1
+        turn, _ = agreement(self._settings.work, self._rotation)
+        return {
+            **self._identity,
+            **({"own_stop": self._stopped} if self._stopped else {}),
+            "tool_off_by_deg": math.degrees(turn),
+            "states": self._states,
+            "states_unseen": max(expected - self._states, 0),
+            "commands": lateness_table(self._child.ring.head),
+            "clock_wander": self._clock.wander,
+            "clock_deviation": self._clock.deviation,
+            "kinematics_mismatch": self._mismatch,
+        }

@@ -1,0 +1,263 @@
+"""The robot as `ur_rtde` shows it: states in, commands out, in the work frame."""
+
+from __future__ import annotations
+
+import math
+import os
+import socket
+import struct
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+from palpate import Floats, clock
+from palpate_kit.acquisition.computer import host
+from palpate_kit.kinematics.ur_arm import (
+    MODELS,
+    Model,
+    distinguishable,
+    flange,
+    matrix_of,
+    pose_of,
+    rotation_matrix,
+    rotation_vector,
+    tip,
+)
+from palpate_kit.kinematics.work_frame import WorkFrame
+
+from palpate_devices.ur.command_echo import RTDE_PORT, Echo, ReadBack
+from palpate_devices.ur.controller_states import PLAYING
+from palpate_devices.ur.fence import ArmState, tool_turn
+from palpate_devices.ur.layout import MOTION, POSE, STATE, TWIST
+from palpate_devices.ur.setpoint_buffer import PERIOD
+
+_VARIABLES = [
+    *("timestamp", "actual_q", "actual_qd", "actual_TCP_pose", "actual_TCP_speed", "actual_TCP_force"),
+    *("robot_mode", "safety_mode", "runtime_state", "robot_status_bits", "safety_status_bits"),
+    *("target_speed_fraction", "speed_scaling"),
+]
+_LOAD = ["payload", "payload_cog"]
+_NEAR = 5e-3  # [m] between the controller's pose and that of the nominal kinematics
+_NO_LINGER = struct.pack("ii", 1, 0)
+_TAKES = 0.2  # [s] until the controller's states show a new TCP or payload
+
+
+class Robot:
+    """The client library's objects, and the state that they last gave; without `control` it only listens.
+
+    Its constructor raises RuntimeError in the library's words, takes seconds where the controller does not begin
+    to send, and hangs indefinitely, interpreter's lock held, where it accepts and is silent: only a process that may be
+    killed makes one.
+    """
+
+    def __init__(self, settings: dict[str, Any]) -> None:
+        self._load_known = settings["load_known"]
+        variables = [*_VARIABLES, *(_LOAD if self._load_known else [])]
+        self.receive = host().robot_states(settings["host"], variables)
+        if not self.receive.isConnected():  # it says so by this alone, and only after 2.5 s
+            raise RuntimeError("the controller refuses to start sending its state, or sends nothing")
+        self.control: Any = None
+        self._work = WorkFrame.model_construct(**settings["work"])
+        self._out, self._origin = self._work.matrix[:3, :3], self._work.matrix[:3, 3]
+        self._turned: tuple[Floats, list[float]] | None = None
+        self._servo = PERIOD, settings["lookahead"], settings["servo_gain"]
+        self.stamp, self.seen, self.fresh = -1.0, clock().now_ns(), False
+        self.state: list[float] = []
+        self.modes = (7, 1, PLAYING)
+        self.paces = (1.0, 1.0)  # speed slider, the controller's own scaling
+        self._echo = Echo()
+        self._read_back: Any = None  # a ReadBack
+        self.facts: dict[str, Any] = {}
+        self.tool = np.eye(4)
+        self.model = MODELS["ur3e"]
+        if settings["observe"]:
+            self._look(settings)
+        else:
+            self._take_over(settings)
+
+    def _take_over(self, settings: dict[str, Any]) -> None:
+        """The control program, watchdog, tool and payload; finds the model from the tool's pose."""
+        self.control = host().robot_commands(settings["host"])
+        send_at_once(RTDE_PORT)
+        drop_unsent(RTDE_PORT)
+        self._read_back = host().read_back(settings["host"], ReadBack)
+        pendant = self.control.getTCPOffset()
+        # The tool's own turn is the pendant's business, unless the pipeline states it.
+        rotation = settings["tcp_rotation"]
+        rotation = (pendant[3:] if len(pendant) == 6 else [0.0] * 3) if rotation is None else rotation
+        tcp = [*settings["tcp"], *rotation]
+        self.control.setTcp(tcp)
+        if settings["payload"] is not None:
+            self.control.setPayload(settings["payload"], list(settings["payload_centre"]))
+        self.tool = matrix_of(tcp)
+        self.facts |= {"tcp": tcp, "tcp_on_pendant": list(pendant)}
+        self._wait_for_state(_TAKES)
+        self._tell_model(settings)
+        self._read_load()
+        self.control.setWatchdog(settings["watchdog"])  # last: it wants to be fed
+
+    def _look(self, settings: dict[str, Any]) -> None:
+        """Where the tool is by the joints: the controller's pose is that of whatever tool the pendant has."""
+        rotation = settings["tcp_rotation"] or [0.0] * 3
+        self.tool = matrix_of([*settings["tcp"], *rotation])
+        self._wait_for_state(0.0)
+        q, pose = self.state[STATE["joints"]], matrix_of(self.state[POSE])
+        nearest, apart = distinguishable(q, self.tool, pose[:3, 3])
+        self.model = nearest if apart < _NEAR else MODELS.get(settings["model"], MODELS["ur3e"])
+        on_flange = np.linalg.inv(flange(q, self.model)[0]) @ pose
+        if settings["tcp_rotation"] is None:
+            self.tool[:3, :3] = on_flange[:3, :3]
+        self.facts |= {"tcp": pose_of(self.tool), "tcp_on_pendant": pose_of(on_flange), "model": self.model.name}
+        self._read_load()
+
+    def _wait_for_state(self, settle: float) -> None:
+        deadline, began = clock().now() + 2.0, clock().now()
+        while not self.poll() or clock().now() - began < settle:
+            if clock().now() > deadline:
+                raise RuntimeError("the controller sends no states")
+            clock().sleep(PERIOD)
+        since = datetime.fromtimestamp(clock().epoch_ns() / 1e9 - self.stamp, UTC)
+        self.facts["powered_since"] = since.isoformat(timespec="seconds")
+
+    def _tell_model(self, settings: dict[str, Any]) -> None:
+        q, place = self.state[STATE["joints"]], np.array(self.state[STATE["position"]])
+        if settings["model"] in MODELS:
+            model = MODELS[settings["model"]]
+            apart = float(np.linalg.norm(tip(q, self.tool, model)[0][:3, 3] - place))
+        else:
+            model, apart = distinguishable(q, self.tool, place)
+        if apart > _NEAR:
+            raise RuntimeError(
+                f"the controller reports the tip {1e3 * apart:.1f} mm from where the joints of a {model.name} put it: "
+                f"is this another arm? ([device.*] model is one of {', '.join(MODELS)})"
+            )
+        self.model = model
+        self.facts |= {"model": model.name, "nominal_kinematics_off": apart}
+
+    def _read_load(self) -> None:
+        if self._load_known:
+            centre = self.receive.getPayloadCog()
+            self.facts |= {"payload": self.receive.getPayload(), "payload_centre": list(centre)}
+
+    def poll(self) -> bool:
+        """Take over a new state; False where there is none."""
+        receive = self.receive
+        stamp = receive.getTimestamp()
+        if stamp == self.stamp:
+            return False
+        now = clock().now_ns()
+        values, modes, paces = self._read()
+        for _ in range(2):
+            again = receive.getTimestamp()
+            if again == stamp:
+                break
+            stamp, now = again, clock().now_ns()  # a packet came in between: its values may be mixed
+            values, modes, paces = self._read()
+        if len(values) != STATE.size:
+            return False
+        self.stamp, self.seen, self.state, self.fresh = stamp, now, values, True
+        self.modes, self.paces = modes, paces
+        if self._read_back is not None and (news := self._read_back.latest()) is not None:
+            self._echo.hear(*news)
+        return True
+
+    @property
+    def unheard(self) -> float:
+        """For how long [s] of its own time the controller has taken none of the commands on their way."""
+        return self._echo.silence(self.stamp)
+
+    def _read(self) -> tuple[list[float], tuple[int, int, int], tuple[float, float]]:
+        receive = self.receive
+        values = [
+            *receive.getActualQ(),
+            *receive.getActualQd(),
+            *receive.getActualTCPPose(),
+            *receive.getActualTCPSpeed(),
+            *receive.getActualTCPForce(),
+        ]
+        modes = receive.getRobotMode(), receive.getSafetyMode(), receive.getRuntimeState()
+        return values, modes, (receive.getTargetSpeedFraction(), receive.getSpeedScaling())
+
+    @property
+    def is_number(self) -> bool:
+        """Whether joints, pose and speed are finite numbers."""
+        return all(map(math.isfinite, self.state[MOTION]))
+
+    def look(self) -> ArmState:
+        """Where the tip is, how fast and how turned; whether it is news since the last look."""
+        inwards, fresh = self._out.T, self.fresh
+        self.fresh = False
+        position = inwards @ (np.array(self.state[STATE["position"]]) - self._origin)
+        rotation = rotation_matrix(self.state[STATE["rotation"]])
+        return ArmState(
+            position, inwards @ np.array(self.state[STATE["velocity"]]), rotation, self.state[STATE["joints"]], fresh
+        )
+
+    @property
+    def height(self) -> float:
+        """Of the tip in the work frame [m]."""
+        return float((self._out.T @ (np.array(self.state[STATE["position"]]) - self._origin))[2])
+
+    def turn(self) -> Floats:
+        """Rotation vector (3,) of the tool from where the work frame wants it."""
+        return tool_turn(self._work, rotation_matrix(self.state[STATE["rotation"]]))
+
+    def servo(self, position: Floats, turn: Floats) -> bool:
+        """Send the arm to a position in the work frame and a turn of the tool; True means sent, not done."""
+        target = (self._origin + self._out @ position).tolist()
+        if self._turned is None or not np.array_equal(self._turned[0], turn):
+            rotation = rotation_vector(self._work.tool @ rotation_matrix(turn.tolist()))
+            self._turned = turn.copy(), rotation.tolist()
+        number = self._echo.number(self.stamp)
+        return bool(self.control.servoL([*target, *self._turned[1]], 0.5, number, *self._servo))
+
+
+def send_at_once(port: int) -> int:
+    """Let this process's connections to a port of another host send without waiting; how many there are.
+
+    The client library leaves Nagle's algorithm on: a command waits for the acknowledgement of the one before, which
+    comes with a state, or after 40 ms; then several come at once, and the arm leaps.
+    """
+    return _set(port, socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+
+def drop_unsent(port: int) -> int:
+    """Let the end of this process, whatever its cause, reset its connections to a port; how many there are.
+
+    Else the system would go on delivering what lies on a lost link, and the arm would carry it out.
+    """
+    return _set(port, socket.SOL_SOCKET, socket.SO_LINGER, _NO_LINGER)
+
+
+def _set(port: int, level: int, option: int, value: int | bytes) -> int:
+    count = 0
+    for link in _links(port):
+        link.setsockopt(level, option, value)
+        count += 1
+    return count
+
+
+def _links(port: int) -> Iterator[socket.socket]:
+    """This process's connections to a port of another host, which the client library holds."""
+    for descriptor in map(int, os.listdir("/proc/self/fd")):
+        try:
+            link = socket.socket(fileno=descriptor)
+        except OSError:  # no socket
+            continue
+        try:
+            if (link.family, link.type) == (socket.AF_INET, socket.SOCK_STREAM) and link.getpeername()[1] == port:
+                yield link
+        except OSError:  # without a peer
+            continue
+        finally:
+            link.detach()  # borrowed: a copy would hold open what its owner closes
+
+
+def by_joints(state: list[float], tool: Floats, model: Model) -> list[float]:
+    """A state whose pose and speed of the tip are those of its joints."""
+    pose, jacobian = tip(state[STATE["joints"]], tool, model)
+    twist = (jacobian @ np.array(state[STATE["joint_speeds"]])).tolist()
+    found = list(state)
+    found[POSE], found[TWIST] = pose_of(pose), twist
+    return found

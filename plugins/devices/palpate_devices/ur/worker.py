@@ -1,0 +1,340 @@
+"""The process that holds `ur_rtde`, which hangs and crashes on lost links: the servo loop at 500 Hz."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+import numpy as np
+from palpate import Floats, ForceLaw, clock
+from palpate_kit.acquisition.child import Parent
+from palpate_kit.acquisition.computer import host
+from palpate_kit.acquisition.ring import Ring
+from palpate_kit.force_control import refusal
+from palpate_kit.kinematics.work_frame import WorkFrame
+
+from palpate_devices.ur.client_library import missing_library
+from palpate_devices.ur.controller_states import NORMAL, RUNNING, STOPPED, complaint, slowdown
+from palpate_devices.ur.fence import ArmState, Fence, Verdict
+from palpate_devices.ur.force_watch import ForceEye
+from palpate_devices.ur.layout import RETRACT, ROW, SETPOINT, STOP
+from palpate_devices.ur.robot import Robot, by_joints
+from palpate_devices.ur.servo import Commander, ServoLaw
+from palpate_devices.ur.servo_pace import Beat, Pace
+from palpate_devices.ur.setpoint_buffer import PERIOD, Plan
+
+_BLIND = 2_300_000  # [ns] without a new state: of more commands than two on their way only the last would count
+_UNHEARD = 0.005  # [s] without a command taken: a link that holds commands back delivers them at once
+_LOST = 0.1  # [s], likewise
+_OWN = 0.85  # of the speed limit, for what the arm does by itself: two steps in one tick are still below 1.2 of it
+_EXPLAIN = 10  # periods
+_MUTE = 25  # periods in which a stop has to reach the other connection, too
+_HEARD = 0.25  # [s] for a stop to be carried out
+_LISTEN_EVERY = 5  # periods; stopping goes by shared memory and does not wait
+_MOVING = ("retreat", "stay", "approach", "follow")
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Connect, report, servo until the parent goes or the robot fails."""
+    settings, scheduling = json.loads(arguments[2]), host().enter(45)
+    with Parent(int(arguments[0])) as parent:
+        _serve(parent, Ring(int(arguments[1]), ROW.size), settings, scheduling)
+
+
+def _serve(parent: Parent, ring: Ring, settings: dict[str, Any], scheduling: str) -> NoReturn:
+    try:
+        robot = Robot(settings)
+    except ImportError as error:
+        parent.tell("fault", text=f"{missing_library()} ({error})")
+        host().leave(1)
+    except RuntimeError as error:
+        parent.tell("fault", text=f"cannot connect: {' '.join(str(error).split())}")
+        host().leave(1)  # its destructors sleep, hang or crash
+    host().run_without_collection()
+    parent.tell("ready", scheduling=scheduling, **robot.facts)
+    _Loop(parent, ring, robot, settings).run()
+
+
+@dataclass(frozen=True)
+class _Offer:
+    """A motion that is being looked over: nothing of it is done yet."""
+
+    plan: Plan
+    pieces: Iterator[Floats]
+    law: ForceLaw | None
+
+
+class _Loop:
+    def __init__(self, parent: Parent, ring: Ring, robot: Robot, settings: dict[str, Any]) -> None:
+        self._parent, self._ring, self._robot = parent, ring, robot
+        self._controller_timeout, self._host_timeout = settings["controller_timeout"], settings["host_timeout"]
+        self._law = ServoLaw(**settings["law"])
+        work = WorkFrame.model_construct(**settings["work"])
+        self._fence = Fence(settings["own"], work, robot.tool, robot.model, self._law.acceleration)
+        self._commander: Commander | None = None
+        self._eye: ForceEye | None = None
+        self._setpoint = np.zeros(SETPOINT.size)
+        self._offered: _Offer | None = None
+        self._cycles = 0
+        self._safety = NORMAL  # mode, at the start of the motion
+        self._beat = Beat()
+
+    def run(self) -> NoReturn:
+        """One cycle after another, each at its deadline."""
+        Pace(self._ring, self._beat, lambda: self._following).run(self._cycle, self._take_state)
+
+    @property
+    def _following(self) -> bool:
+        return self._commander is not None and self._commander.mode == "follow"
+
+    def _cycle(self, now: int, left_out: int) -> None:
+        if left_out and self._commander is not None:
+            self._commander.held_up(left_out)
+        self._take_state()
+        self._check(now)
+        self._listen(now)
+        robot, commander = self._robot, self._commander
+        if commander is None:
+            return
+        if self._offered is not None:
+            self._look_over(self._offered, commander)
+        self._look_at_force(commander, now)
+        if commander.mode == "done":
+            self._finish()
+        self._setpoint = commander.setpoint
+        if commander.mode == "hold":
+            if robot.control is not None:
+                robot.control.kickWatchdog()
+            return
+        self._command(commander, now)
+
+    def _command(self, commander: Commander, now: int) -> None:
+        """The next command, if it keeps the limits; else the retraction."""
+        robot, seen = self._robot, self._robot.look()
+        # A law that reads a frozen position would drive on and on, a force that is not read rises, and commands that
+        # lie on a lost link come all at once: without news the arm waits where it is.
+        deaf = self._eye is not None and commander.mode in _MOVING and self._eye.deaf(now)
+        if not deaf and now - robot.seen <= _BLIND and robot.unheard <= _UNHEARD:
+            self._advance(commander, seen)
+        if not robot.servo(commander.command, commander.turn):
+            for _ in range(_EXPLAIN):  # the state that says why comes on another connection
+                self._take_state()
+                self._check(clock().now_ns())
+                clock().sleep(PERIOD)
+            self._fail("the robot refuses commands: its program has ended (out of reach, or stopped)")
+
+    def _advance(self, commander: Commander, seen: ArmState) -> None:
+        before, leaving = (commander.command, commander.turn), commander.mode == "retract"
+        commander.next(seen.position, seen.velocity)
+        verdict = self._fence.command(commander.command, commander.turn, before, seen, leaving)
+        if verdict is not None:
+            commander.take_back()
+            self._fence.taken_back()
+        elif commander.mode in _MOVING:
+            verdict = self._fence.in_motion(commander.command, seen)
+            if verdict is None and (text := commander.led_astray(float(seen.position[2]))) is not None:
+                verdict = Verdict(text)
+        if verdict is not None:
+            self._stop_for(verdict, commander)
+
+    def _stop_for(self, verdict: Verdict, commander: Commander) -> None:
+        """Retract where the arm follows its commands, else stop it where it is."""
+        if not verdict.trusted or commander.mode not in _MOVING:
+            self._fail(verdict.text + self._halt_in_doubt())
+        self._parent.tell("limit", text=verdict.text, at=clock().now_ns())
+        commander.retract()
+
+    def _look_at_force(self, commander: Commander, now: int) -> None:
+        if self._eye is None or commander.mode not in _MOVING:
+            return
+        text = self._eye.look(now)
+        if commander.lead is not None:
+            commander.lead.hear(self._eye.felt)
+        if text is not None:
+            self._parent.tell("limit", text=text, at=clock().now_ns())
+            commander.retract()
+
+    def _take_state(self) -> None:
+        robot = self._robot
+        if robot.poll():
+            if not robot.is_number:
+                self._fail("the controller's pose or joints are no numbers" + self._halt_in_doubt())
+            if self._commander is None:
+                self._commander = Commander(self._law, robot.look().position, robot.turn())
+                self._setpoint = self._commander.setpoint
+            stamps = round(robot.stamp * 1e9), robot.seen
+            self._beat.saw(*stamps)
+            state = robot.state if robot.control is not None else by_joints(robot.state, robot.tool, robot.model)
+            self._ring.write(stamps, [*state, *robot.modes, *robot.paces, *self._setpoint])
+
+    def _check(self, now: int) -> None:
+        robot, commander = self._robot, self._commander
+        if robot.control is not None and complaint(robot.modes, None) is not None:
+            moving = commander is not None and commander.mode != "hold"
+            text = str(complaint(robot.modes, robot.height if moving else None))
+            self._fail(text + (self._mute_control() if robot.modes == (RUNNING, NORMAL, STOPPED) else ""))
+        self._check_pace(commander)
+        age = (now - robot.seen) / 1e9
+        if not robot.receive.isConnected():
+            self._fail("the controller has closed the link")
+        if robot.control is not None and robot.unheard > _LOST:
+            self._fail(
+                f"the control link is lost: the controller has taken no command for {1e3 * robot.unheard:.0f} ms. What "
+                "was sent meanwhile is dropped, and the controller's watchdog stops the arm. Check cable and switch"
+            )
+        if age > self._controller_timeout:
+            self._fail(f"the controller is silent: its last state is {1e3 * age:.0f} ms old")
+
+    def _check_pace(self, commander: Commander | None) -> None:
+        """A robot that is slower than its commands does not begin, and leaves the material in a motion."""
+        robot = self._robot
+        if robot.control is None:
+            return
+        if commander is None or commander.mode == "hold":
+            self._safety = robot.modes[1]
+            if (text := slowdown(robot.paces, self._safety, None)) is not None:
+                self._fail(text)
+        elif commander.mode in _MOVING:
+            text = slowdown(robot.paces, robot.modes[1], self._safety)
+            if text is not None:
+                self._stop_for(Verdict(text), commander)
+
+    def _mute_control(self) -> str:
+        """A program that the control link still reports as running, although the other link reports that it is not."""
+        for _ in range(_MUTE):
+            if not self._robot.control.isProgramRunning():
+                return ""
+            clock().sleep(PERIOD)
+        return " The control link still reports it as running: that link is mute, and commands did not arrive."
+
+    def _listen(self, now: int) -> None:
+        head, commander = self._ring.head, self._commander
+        self._cycles += 1
+        for message in self._parent.messages() if self._cycles % _LISTEN_EVERY == 0 else ():
+            if message["say"] == "close":
+                self._leave()
+            elif commander is not None:
+                self._obey(message, commander)
+        beat = self._ring.last_beat(host=True)
+        if self._parent.gone:
+            self._leave()
+        if head[STOP]:
+            self._finish()
+        elif commander is not None:
+            silence = (now - beat) / 1e9
+            if head[RETRACT]:
+                commander.retract()
+            elif commander.mode in _MOVING and silence > self._host_timeout:
+                text = f"the main job gave no sign of life for {1e3 * silence:.0f} ms: is the computer too busy?"
+                self._parent.tell("limit", text=f"{text} ([device.*] host_timeout)", at=now)
+                commander.retract()
+
+    def _obey(self, message: dict[str, Any], commander: Commander) -> None:
+        match message["say"]:
+            case "limits":
+                if not all(np.isfinite(value).all() for key, value in message.items() if key != "say"):
+                    self._fail("a limit is not a finite number")
+                self._fence.limits = message
+                self._law = ServoLaw(**{**self._law.__dict__, **_slower(self._law, message)})
+                commander.law = self._law
+            case "watch":
+                self._eye = ForceEye(self._parent.descriptors.pop(0), message)
+            case "retreat" | "follow" if self._fence.limits is None:
+                self._refuse("no limits were set: `link.limit` comes before a motion", commander)
+            case "retreat":
+                self._begin(commander)
+                commander.retreat(message["way"], message["speed"])
+            case "follow":
+                plan = Plan.in_file(self._parent.descriptors.pop(0), message["rows"])
+                law = None if message.get("law") is None else ForceLaw(**message["law"])
+                self._offered = _Offer(plan, plan.pieces(), law)
+
+    def _begin(self, commander: Commander) -> None:
+        commander.settle(self._robot.look().position, self._robot.turn())
+        self._fence.begin(commander.command)
+
+    def _look_over(self, offer: _Offer, commander: Commander) -> None:
+        """A piece of a plan in each period; the motion begins when all of it keeps the limits."""
+        if commander.mode in ("retract", "done"):
+            self._offered = None
+            return
+        rows = next(offer.pieces, None)
+        if rows is not None:
+            verdict = self._fence.table(rows)
+            text = None if verdict is None else verdict.text
+        else:
+            text = self._refusal(offer.law, len(offer.plan) * PERIOD)
+        if text is not None:
+            self._offered = None
+            self._refuse(text, commander)
+        elif rows is None:
+            self._offered = None
+            self._begin(commander)
+            commander.follow(offer.plan, offer.law)
+
+    def _refusal(self, law: ForceLaw | None, duration: float) -> str | None:
+        """Why a force must not lead; None where it may, or none does."""
+        limits = self._fence.limits
+        if law is None or limits is None:  # without limits nothing moves at all
+            return None
+        stop = None if self._eye is None else self._eye.stop
+        return refusal(law, stop, limits["speed"], limits["acceleration"], duration)
+
+    def _refuse(self, text: str, commander: Commander) -> None:
+        """Nothing of a motion is done."""
+        self._parent.tell("limit", text=text, at=clock().now_ns())
+        commander.mode = "done"
+
+    def _finish(self) -> NoReturn:
+        """The motion is over, one way or the other."""
+        self._halt()
+        self._parent.tell("done")
+        while not self._parent.gone:
+            self._ring.beat(clock().now_ns())
+            self._take_state()
+            if any(message["say"] == "close" for message in self._parent.messages()):
+                break
+            clock().sleep(PERIOD)
+        host().leave(0)
+
+    def _halt(self) -> None:
+        """Stop servoing, then the program; both wait for the controller, who was heard of a moment ago."""
+        if self._robot.control is not None:
+            self._robot.control.servoStop()
+            self._robot.control.stopScript()
+
+    def _halt_in_doubt(self) -> str:
+        """Stop a robot that may not hear: the library would wait for its answer for minutes; the watchdog does not."""
+        halting = clock().thread(self._halt, "halt")
+        halting.start()
+        deadline = clock().now() + _HEARD
+        while halting.is_alive() and clock().now() < deadline:
+            self._ring.beat(clock().now_ns())
+            clock().sleep(PERIOD)
+        return " The control link does not answer: commands do not arrive." if halting.is_alive() else ""
+
+    def _leave(self) -> NoReturn:
+        self._halt_in_doubt()
+        host().leave(0)
+
+    def _fail(self, text: str) -> NoReturn:
+        """Say why and go at once: the library's destructors and reconnecting threads are what hangs and crashes."""
+        self._parent.tell("fault", text=text)
+        host().leave(1)
+
+
+def _slower(law: ServoLaw, limits: dict[str, Any]) -> dict[str, float]:
+    """The arm's own motions, and the law's commands, keep the limits of the motion."""
+    return {
+        "approach_speed": min(law.approach_speed, _OWN * limits["speed"]),
+        "retract_speed": min(law.retract_speed, _OWN * limits["speed"]),
+        "angular_speed": limits["angular_speed"],
+        "most": limits["speed"],
+    }
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,128 @@
+"""``palpate model export``: an estimator of a pipeline as C99, for a controller or a microcontroller."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate import ConfigurationError, Problem
+from palpate.host import Pipeline, Track, build_pipeline, load_pipeline, make_folder, suggest, write_new
+from palpate_kit.kernel.c_source import c_number
+from palpate_kit.kernel.translation import Untranslatable
+from palpate_kit.runs.replay_source import read_run_log, replay_source
+from palpate_kit.terminal.options import Overrides
+
+from palpate_filters.c_export.c_program import header, part, source
+from palpate_filters.c_export.exported_track import ExportedTrack, export_track
+from palpate_filters.c_export.readme import readme
+from palpate_filters.c_export.test_vectors import Vectors, added_weight, make_vectors
+from palpate_filters.starting_fit import PAUSE
+
+
+def export_filter(
+    file: Annotated[
+        Path, typer.Argument(help="A pipeline file without live devices, a run folder, or a log of a run.")
+    ],
+    track: Annotated[str, typer.Option(help='The track, such as "dr/kinematic-ekf".')],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder; must be new or empty.")],
+    overrides: Overrides = None,
+) -> None:
+    """Write an estimator as C99 that needs libm alone, with tare, touch and start; check it against palpate's numbers.
+
+    The pipeline is run once, for the test vectors. Where a C compiler is found, the check is compiled and run.
+    """
+    pipeline = _pipeline(file, overrides or [])
+    chosen = _track(pipeline, track)
+    live = [name for name, device in pipeline.devices.items() if device.live]
+    if live:
+        raise ConfigurationError(
+            f"{file}: [device.{live[0]}] is live, and test vectors come from a record: give the run folder of a run"
+        )
+    filter = export_track(track, chosen.estimator, _problem(pipeline, chosen))
+    _refuse(pipeline, track)
+    vectors = make_vectors(pipeline, chosen)
+    folder = make_folder("filter", out, datetime.now(UTC).astimezone())
+    _write(folder, filter, pipeline, vectors, file, track)
+    typer.echo(f"written to {folder}: {len(vectors.samples)} samples at {vectors.rate:.0f} Hz to check it with")
+    _check(folder)
+
+
+def _pipeline(file: Path, overrides: list[str]) -> Pipeline:
+    if not file.is_dir() and file.suffix == ".toml":
+        return load_pipeline(file, overrides)
+    carried = read_run_log(file)
+    if carried is None:
+        raise ConfigurationError(f"{file}: is not a pipeline file, a run folder or a log of a run")
+    source = replay_source(carried)
+    for assignment in overrides:
+        source.override(assignment)
+    return build_pipeline(source)
+
+
+def _track(pipeline: Pipeline, name: str) -> Track:
+    for track in pipeline.tracks:
+        if track.name == name:
+            return track
+    hint = suggest(name, [str(track.name) for track in pipeline.tracks])
+    raise ConfigurationError(f"{pipeline.path}: has no track {name!r}{hint}")
+
+
+def _problem(pipeline: Pipeline, track: Track) -> Problem:
+    others = {name: tuple(p.name for p in model.parameters) for name, model in pipeline.models.items()}
+    still = pipeline.safety.standstill if pipeline.safety else None
+    return Problem(track.model, pipeline.alignment.tip_mass, pipeline.alignment.timing_uncertainty, still, others)
+
+
+def _refuse(pipeline: Pipeline, track: str) -> None:
+    if pipeline.alignment.tare == "calibrated":
+        raise ConfigurationError(
+            f'track {track}: tare = "calibrated" cannot be exported: set [alignment] tare to the force itself'
+        )
+
+
+def _write(folder: Path, filter: ExportedTrack, pipeline: Pipeline, vectors: Vectors, file: Path, track: str) -> None:
+    settings = pipeline.alignment
+    title = f"{track} of {file.name}"
+    measured = settings.tare == "free-air"
+    defaults = [
+        f"tare_measured = {int(measured)}",
+        f"tare_offset = {c_number(settings.tare if isinstance(settings.tare, float) else 0.0)}",
+        f"tare_duration = {c_number(settings.tare_duration)}",
+        f"touch_lag = {c_number(settings.touch_lag)}",
+        f"touch_force = {c_number(settings.touch_force or 0.0)}",
+        f"drift = {c_number(settings.drift)}",
+        f"weight = {c_number(added_weight(pipeline))}",
+        f"standstill = {c_number(-1.0 if filter.standstill is None else filter.standstill)}",
+        f"window = {c_number(filter.window)}",
+    ]
+    names = [parameter.name for parameter in filter.model.parameters]
+    try:
+        code = source(filter, defaults)
+    except Untranslatable as error:
+        raise ConfigurationError(f"track {track}: cannot be exported: {error}") from error
+    texts = {
+        "palpate_filter.h": header(filter, title, vectors.rate, settings.tare_duration, settings.touch_lag),
+        "palpate_filter.c": code,
+        "check.c": part("check.c"),
+        "Makefile": part("Makefile"),
+        "README.md": readme(filter, title, vectors.rate, settings.tare_duration, PAUSE),
+    }
+    for name, text in texts.items():
+        write_new(folder / name, text)
+    vectors.write(folder / "vectors.csv", names)
+
+
+def _check(folder: Path) -> None:
+    """Compile and run the check where there is a compiler; raises ConfigurationError where it fails."""
+    compiler, make = shutil.which("cc"), shutil.which("make")
+    if compiler is None or make is None:
+        typer.echo("not compiled here, since there is no C compiler or no make: do it with `make check`", err=True)
+        return
+    done = subprocess.run([make, "-C", str(folder), "-s", "check", "size"], capture_output=True, text=True)
+    typer.echo(done.stdout.rstrip())
+    if done.returncode != 0:
+        raise RuntimeError(f"the exported filter does not pass its check in {folder}: {done.stderr or done.stdout}")

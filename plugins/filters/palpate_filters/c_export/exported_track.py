@@ -1,0 +1,199 @@
+"""What of a track goes into C: its step, its start, its settings; or why it cannot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from palpate import ConfigurationError, ContactModel, Estimator, Floats, Layout, Problem, contact_force
+
+from palpate_filters import inertial_filter, inertial_step, kinematic_start, kinematic_step
+from palpate_filters.filter_tracker import RecursiveTracker
+from palpate_filters.inertial_filter import InertialFilter
+from palpate_filters.kinematic_filter import KinematicFilter, kinematic_process
+from palpate_filters.kinematic_settings import drift_of, has_bias
+from palpate_filters.kinematic_start import guess_of
+from palpate_filters.process_models import InertialProcess, KinematicProcess
+from palpate_filters.recursion import Recursion, output_layout
+
+_NOISES = (
+    ("force_std", "[N] standard deviation of the force"),
+    ("position_std", "[m] of the position"),
+    ("velocity_std", "[m/s] of the velocity"),
+    ("jerk", "[m^2/s^5] density of the tip's jerk"),
+    ("surface_walk", "[m^2/s] density of the surface's height"),
+    ("slope_walk", "[m^2/s^3] of its slope"),
+    ("stiffness_walk", "[1/s] of the logarithm of the first parameter"),
+    ("stiffness_trend", "[1/s^3] of its trend"),
+    ("ratio_walk", "[1/s] of the other parameters' logarithms"),
+    ("bias_walk", "[N^2/s] of the force bias"),
+)
+
+
+@dataclass(frozen=True)
+class SettingGroup:
+    """Numbers of one meaning in a struct of settings."""
+
+    name: str
+    about: str
+    values: tuple[float, ...]
+    array: bool = False
+
+
+@dataclass(frozen=True)
+class ExportedTrack:
+    """An estimator on a model as its C needs it."""
+
+    kind: str  # "kinematic" or "inertial"
+    model: ContactModel
+    recursion: Recursion
+    state: Layout  # of the process
+    carried: Layout  # by the filter
+    parameters: str  # the part of the state that holds them
+    mass: float  # [kg]
+    window: float  # [s]
+    standstill: float | None  # [s]
+    measures_noise: bool
+    fitted: tuple[int, ...]  # parameters that the force is proportional to
+    step: tuple[SettingGroup, ...]
+    start: tuple[SettingGroup, ...]
+    fit_spread: float
+    acceleration_std: float
+
+    @property
+    def output(self) -> Layout:
+        """What a step puts out."""
+        return output_layout(len(self.model.parameters))
+
+    def columns(self) -> Any:
+        """CasADi function of depth and rate, and the guess: force of one unit of each parameter that is fitted."""
+        import casadi as ca
+
+        point, guess = ca.SX.sym("point", 2), ca.SX.sym("guess", len(self.model.parameters))
+        found = []
+        for one in self.fitted:
+            theta = [float(j == one) if j in self.fitted else guess[j] for j in range(len(self.model.parameters))]
+            memory = (ca.SX(0),) * len(self.model.memory)
+            found.append(contact_force(self.model, point[0], point[1], theta, memory))
+        return ca.Function("columns", [point, guess], [ca.densify(ca.vertcat(*found))], {"cse": True})
+
+    def chart(self) -> Any:
+        """CasADi function of the parameters: their chart."""
+        import casadi as ca
+
+        theta = ca.SX.sym("theta", len(self.model.parameters))
+        parts: Any = ca.vertsplit(theta)
+        chart = KinematicProcess(self.model, self.mass).on_chart(parts, ca.log)
+        return ca.Function("chart", [theta], [ca.densify(ca.vertcat(*chart))])
+
+
+def export_track(name: str, estimator: Estimator, problem: Problem) -> ExportedTrack:
+    """What goes into C; raises ConfigurationError with the name of what cannot."""
+    if not isinstance(estimator, InertialFilter | KinematicFilter):
+        kind = type(estimator).__name__
+        reason = "it wants the whole record" if not estimator.online else "it has no compiled step"
+        raise ConfigurationError(
+            f"track {name}: {kind} cannot be exported: {reason}; ekf, afekf, ukf, afukf and kinematic-ekf can"
+        )
+    tracker = estimator.start(problem)
+    assert isinstance(tracker, RecursiveTracker)
+    fitted = tuple(i for i, parameter in enumerate(problem.model.parameters) if parameter.role is not None)
+    if isinstance(estimator, KinematicFilter):
+        return _kinematic(estimator, problem, tracker, fitted)
+    return _inertial(estimator, problem, tracker, fitted)
+
+
+def _kinematic(
+    settings: KinematicFilter, problem: Problem, tracker: RecursiveTracker, fitted: tuple[int, ...]
+) -> ExportedTrack:
+    process = kinematic_process(settings, problem)
+    numbers = tracker.recursion.settings(None, None)
+    k = len(problem.model.parameters)
+    rows = Layout(noises=len(_NOISES), depth=1, chart=k, depth_std=1, chart_std=k)
+    step = (
+        *(SettingGroup(each, about, (number,)) for (each, about), number in zip(_NOISES, numbers, strict=False)),
+        _setting("depth", "[m] of a restart", numbers, rows),
+        _setting("chart", "logarithms of the parameters of a restart", numbers, rows),
+        _setting("depth_std", "[m] its standard deviation", numbers, rows),
+        _setting("chart_std", "their standard deviations", numbers, rows),
+    )
+    start = [
+        _one("start_depth", "[m] first guess of the depth, where the fit fails", settings.start_depth),
+        _one("start_spread", "standard deviation of the logarithm of a guessed parameter", settings.start_spread),
+        _one("position_std", "[m] of the first position", settings.position_std),
+        _one("velocity_std", "[m/s] of the first velocity", settings.velocity_std),
+        _one("slope_std", "[m/s] of the first slope", kinematic_start.STEEPEST * settings.sweep_speed),
+        _one("trend_std", "[1/s] of the first trend", kinematic_start.TREND_STD),
+        SettingGroup(
+            "guess", "first guesses of the parameters", tuple(guess_of(settings, process, problem).tolist()), True
+        ),
+    ]
+    if has_bias(settings):
+        start += [
+            _one("force_noise", "[N] of the force, in the fit", settings.force_std),
+            _one("bias_std", "[N] of the force bias at the tare", settings.bias_std),
+            _one("drift", "[N/s] standard deviation of its slope", drift_of(settings)),
+            _one("drift_walk", "[N/sqrt(s)] its random walk", settings.drift_walk),
+        ]
+    return ExportedTrack(
+        "kinematic",
+        problem.model,
+        tracker.recursion,
+        process.layout,
+        kinematic_step.carried(process),
+        "chart",
+        process.mass,
+        tracker.opening.window,
+        tracker.opening.standstill,
+        tracker.opening.measure_noise,
+        fitted,
+        step,
+        tuple(start),
+        kinematic_start.FIT_SPREAD,
+        kinematic_start.ACCELERATION_STD,
+    )
+
+
+def _inertial(
+    settings: InertialFilter, problem: Problem, tracker: RecursiveTracker, fitted: tuple[int, ...]
+) -> ExportedTrack:
+    process = InertialProcess(problem.model, inertial_filter.moved_mass(problem), settings.order)
+    numbers = tracker.recursion.settings(None, None)
+    n = process.states
+    rows = Layout(force_std=1, velocity_std=1, fading=4, cap=n, start=n, start_std=n)
+    about = {
+        "force_std": "[N] standard deviation of the force",
+        "velocity_std": "[m/s] of the velocity",
+        "fading": "theta [m/s], largest factor, step up, step down",
+        "cap": "of the variances under fading",
+        "start": "the state to begin from: depth [m], rate [m/s], internal states, parameters, their derivatives",
+        "start_std": "its standard deviations",
+    }
+    guess = tuple(numbers[rows["start"]][process.parameters].tolist())
+    return ExportedTrack(
+        "inertial",
+        problem.model,
+        tracker.recursion,
+        process.layout,
+        inertial_step.carried(process),
+        "parameters",
+        process.mass,
+        tracker.opening.window,
+        tracker.opening.standstill,
+        tracker.opening.measure_noise,
+        fitted,
+        tuple(_setting(each, text, numbers, rows) for each, text in about.items()),
+        (SettingGroup("guess", "parameters that the starting fit does not find keep these", guess, True),),
+        inertial_filter.FIT_SPREAD,
+        0.0,
+    )
+
+
+def _setting(name: str, about: str, numbers: Floats, rows: Layout) -> SettingGroup:
+    values = np.asarray(numbers)[rows[name]].tolist()
+    return SettingGroup(name, about, tuple(values), name not in ("force_std", "velocity_std", "depth", "depth_std"))
+
+
+def _one(name: str, about: str, value: float) -> SettingGroup:
+    return SettingGroup(name, about, (value,))

@@ -1,0 +1,97 @@
+"""Test vectors: the samples of a run as a controller would have seen them, and what palpate made of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from palpate import Batch, ConfigurationError, Estimates, Floats, Samples
+from palpate.host import GRAVITY, Pipeline, Result, Track, run_pipeline
+
+
+@dataclass
+class VectorRecorder:
+    """A writer that keeps samples and the estimates of one track."""
+
+    samples_seen: list[Samples] = field(default_factory=list)
+    found: list[Estimates] = field(default_factory=list)
+
+    def batch(self, device: str, batch: Batch) -> None:
+        """Raw readings are not kept."""
+
+    def samples(self, samples: Samples) -> None:
+        """Keep a block."""
+        self.samples_seen.append(samples)
+
+    def estimates(self, track: str, estimates: Estimates) -> None:
+        """Keep the estimates of a block."""
+        self.found.append(estimates)
+
+
+@dataclass(frozen=True)
+class Vectors:
+    """Samples with their raw force, and the estimates of a track."""
+
+    samples: Samples
+    force: Floats  # (n,) [N] as the sensor read it
+    found: tuple[Estimates, ...]
+
+    @property
+    def rate(self) -> float:
+        """Samples in a second [Hz]."""
+        return float(1.0 / np.median(self.samples.interval[1:]))
+
+    def write(self, path: Path, names: list[str]) -> None:
+        """As ``vectors.csv``: one row for each sample, every number to the bit."""
+        samples, found = self.samples, self.found
+        columns = [self.force, samples.position, samples.velocity, samples.lateral[:, 0], samples.lateral[:, 1]]
+        columns.append((samples.active | ~samples.contact).astype(float))
+        for name in ("values", "std"):
+            columns += list(np.concatenate([getattr(block, name) for block in found]).T)
+        for name in ("surface", "surface_std", "force", "nis", "innovation", "status"):
+            columns.append(np.concatenate([getattr(block, name) for block in found]).astype(float))
+        heading = ["stamp", "raw_force", "position", "velocity", "lateral_x", "lateral_y", "measuring"]
+        heading += [*names, *(f"{name}_std" for name in names)]
+        heading += ["surface", "surface_std", "force", "nis", "innovation", "status"]
+        table = np.column_stack(columns).tolist()
+        with path.open("w", encoding="utf-8") as file:
+            print(",".join(heading), file=file)
+            for stamp, row in zip(samples.stamp.tolist(), table, strict=True):
+                print(stamp, *map(repr, row), sep=",", file=file)
+
+
+def make_vectors(pipeline: Pipeline, track: Track) -> Vectors:
+    """Run a pipeline with one track; raises ConfigurationError where that gives no samples in contact."""
+    seen = VectorRecorder()
+    with TemporaryDirectory(prefix="palpate-export-") as scratch:
+        alone = replace(pipeline, tracks=(track,), sinks={})
+        result = run_pipeline(alone, Path(scratch) / "run", observer=seen)
+    result.demand_whole()
+    samples = Samples.joined(seen.samples_seen) if seen.samples_seen else None
+    if samples is None or not samples.active.any():
+        raise ConfigurationError(f"{pipeline.path}: no sample is in contact, so there is nothing to test a filter on")
+    return Vectors(samples, _as_read(samples.force, _offset(result), added_weight(pipeline)), tuple(seen.found))
+
+
+def _as_read(force: Floats, offset: float, weight: float) -> Floats:
+    """A reading (n,) of which tare and weight make the force to the bit; rounding leaves few to choose from."""
+    raw = force - weight + offset
+    for step in (1, -2, 3, -4, 5, -6, 7, -8):
+        wrong = np.isfinite(force) & (raw - offset + weight != force)
+        if not wrong.any():
+            break
+        raw[wrong] += step * np.spacing(raw[wrong])
+    return raw
+
+
+def added_weight(pipeline: Pipeline) -> float:
+    """Weight of the tip [N] that is added to the tared force."""
+    settings = pipeline.alignment
+    return settings.tip_mass * GRAVITY if settings.weight == "removed" and settings.tip_mass is not None else 0.0
+
+
+def _offset(result: Result) -> float:
+    tare = result.run.get("tare")
+    return float(tare["offset"]) if tare else 0.0

@@ -1,0 +1,59 @@
+"""Offline fits of contact models to recorded palpations, with the surface unknown.
+
+`estimator` holds the settings, `tracker` leads through a fit: `residual` is made of a `fit_record`, `first_guess` and
+`solvers` find its minimum, `uncertainty`, `profile_likelihood`, `bootstrap` and `budget` say how far it can be
+believed, `identifiability` what cannot be told apart, `report` and `typed_report` what of all this goes into the
+result, `flags` what its flags mean. `ting_fit` is for one loading and one unloading.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import lazy_loader
+from palpate import Command, ReportSection, plugin
+
+if TYPE_CHECKING:
+    from palpate import FlagMeaning
+
+    from palpate_fits.estimator import CasadiFit
+    from palpate_fits.ting_fit import TingFit
+
+__getattr__, _, _ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "estimator": ["CasadiFit"],
+        "ting_fit": ["TingFit"],
+    },
+)
+
+__all__ = [
+    "CasadiFit",
+    "TingFit",
+]
+
+
+@plugin
+def palpate_estimators() -> dict[str, str]:
+    """Fits of a whole record."""
+    return {"casadi-fit": "palpate_fits.estimator:CasadiFit", "ting-fit": "palpate_fits.ting_fit:TingFit"}
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """Fits over models and logs."""
+    return {"fit": Command("palpate_fits.fit_command:fit", "Offline fits of models to logs, side by side.")}
+
+
+@plugin
+def palpate_report_sections() -> dict[str, ReportSection]:
+    """Offline fits among the tracks of a run."""
+    return {"offline-fits": ReportSection("palpate_fits.fit_tables:fits_of_a_run")}
+
+
+@plugin
+def palpate_flags() -> dict[str, FlagMeaning]:
+    """What the flags of fits mean."""
+    from palpate_fits.flags import FIT_FLAGS
+
+    return FIT_FLAGS

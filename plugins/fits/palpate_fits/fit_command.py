@@ -1,0 +1,186 @@
+"""``palpate fit``: offline fits of several models to several logs, side by side."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from palpate import ConfigurationError, OutputError, PalpateError
+from palpate.host import approved_plugins, finite_tree, load_pipeline, make_folder, withdraw_folder, write_whole
+from palpate_kit.jobs.engines import SchedulerOption, StageOption, demand_scheduler
+from palpate_kit.terminal.options import FormatOption, Overrides
+from palpate_kit.terminal.progress import progress
+from palpate_kit.terminal.table import console
+
+from palpate_fits.batch_fit import CurveReader, curve_files, curves_by, fit_each
+from palpate_fits.evaluation import each_cycle, evaluate
+from palpate_fits.fit_jobs import LogFit, fits_of
+from palpate_fits.fit_sources import leave_out, log_device, named_pipelines, offline
+from palpate_fits.fit_tables import each_table, fit_views
+
+_FIT = "fit.json"
+
+
+def fit(
+    sources: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="SOURCE...", help="Pipeline files, or logs that --pipeline can read; folders, with --each."
+        ),
+    ],
+    pipeline: Annotated[
+        Path | None, typer.Option(help="How to read the logs: a pipeline with one device that has a file.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="Folder; what is fitted already in one of the same logs is kept. [default: runs/...]"
+        ),
+    ] = None,
+    overrides: Overrides = None,
+    carry: Annotated[
+        bool,
+        typer.Option(help="Evaluate what was fitted on each log on all others with the surface of the first, too."),
+    ] = False,
+    cycles: Annotated[bool, typer.Option("--cycles", help="Fit every cycle of a log by itself.")] = False,
+    scheduler: SchedulerOption = None,
+    stage: StageOption = None,
+    pictures: Annotated[bool, typer.Option(help="Draw force over time and depth, and residuals.")] = True,
+    as_json: Annotated[bool, typer.Option("--json", help="Print fit.json instead of the tables.")] = False,
+    layout: FormatOption = "table",
+    each: Annotated[
+        bool, typer.Option("--each", help="Thousands of curves, one a file: a row of fits.csv each; --out goes on.")
+    ] = False,
+    by: Annotated[str | None, typer.Option(help="With --each: a new curve begins where this channel changes.")] = None,
+    jobs: Annotated[
+        int | None, typer.Option(help="With --each: curves at a time. [default: one per core]", min=1)
+    ] = None,
+) -> None:
+    """Fit every offline track to every log; compare, and evaluate what was found on one log on the others."""
+    demand_scheduler(scheduler, stage)
+    if each or by:
+        if scheduler is not None:
+            raise ConfigurationError("--each fits curves on the cores of this machine; it has no --scheduler")
+        _each(sources, pipeline, overrides or [], out, by, jobs, as_json)
+        return
+    if scheduler is not None:  # workers stand elsewhere
+        sources, pipeline = [source.resolve() for source in sources], pipeline.resolve() if pipeline else None
+    failures: dict[str, PalpateError] = {}
+    folder, logs = _fitted(sources, pipeline, overrides or [], out, scheduler, stage, pictures, failures)
+    crossed = evaluate(logs, carry) if len(logs) > 1 else []
+    by_cycle = [row for log in logs for row in each_cycle(log)] if cycles else []
+    document = _document(logs, crossed, by_cycle)
+    _write(folder, document)
+    if as_json:
+        typer.echo(json.dumps(document, indent=2))
+    else:
+        _show(logs, crossed, by_cycle, folder)
+    if failures:
+        typer.echo(f"{len(failures)} of {len(sources)} logs failed: {', '.join(failures)}", err=True)
+        raise typer.Exit(1)
+
+
+def _fitted(
+    sources: Sequence[Path],
+    reader: Path | None,
+    overrides: list[str],
+    out: Path | None,
+    scheduler: str | None,
+    stage: str | None,
+    pictures: bool,
+    failures: dict[str, PalpateError],
+) -> tuple[Path, list[LogFit]]:
+    """The folder, and the logs that were fitted in the order of the sources; of the others, `failures` hold why.
+
+    What is found is written down log by log. Raises UserError where no log was fitted.
+    """
+    with progress(f"look at {len(sources)} sources"):
+        loaded = named_pipelines(sources, reader, overrides, failures)
+    names = [name for name, _ in loaded]
+    gone_on_with = out is not None and (out / _FIT).is_file()
+    folder = _folder(out, names)
+    logs: list[LogFit] = []
+    for name, outcome in fits_of(loaded, folder, scheduler, stage, pictures):
+        if isinstance(outcome, PalpateError):
+            leave_out(name, outcome, failures)
+            continue
+        logs.append(outcome)
+        logs.sort(key=lambda log: names.index(log.name))
+        _write(folder, _document(logs, [], []))  # what is found until now
+    if not logs:
+        if not gone_on_with:
+            withdraw_folder(folder)
+        raise next(iter(failures.values()))
+    return folder, logs
+
+
+def _folder(wanted: Path | None, names: Sequence[str]) -> Path:
+    """A new folder, or one that holds fits of none but these logs; raises OutputError."""
+    if wanted is None or not (wanted / _FIT).is_file():
+        folder = make_folder("fit", wanted, datetime.now(UTC).astimezone())
+        _write(folder, _document([], [], []))
+        return folder
+    try:
+        known = list(json.loads((wanted / _FIT).read_text(encoding="utf-8"))["logs"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise OutputError(f"{wanted / _FIT}: is no document of palpate fit: {error}") from error
+    if others := [name for name in known if name not in names]:
+        raise OutputError(f"{wanted}: holds fits of {', '.join(others)}, which is not among these; nothing is mixed")
+    return wanted
+
+
+def _show(logs: Sequence[LogFit], crossed: list[dict[str, Any]], cycles: list[dict[str, Any]], folder: Path) -> None:
+    terminal = console(160)
+    tables = {log.name: (log.result.tracks, log.result.flags) for log in logs}
+    for view in fit_views(tables, crossed, cycles):
+        terminal.print(view)
+    terminal.print(f"written to {folder}", highlight=False, markup=False)
+
+
+def _each(
+    sources: Sequence[Path],
+    reader: Path | None,
+    overrides: list[str],
+    out: Path | None,
+    by: str | None,
+    workers: int | None,
+    as_json: bool,
+) -> None:
+    """Many curves, each a row of a table."""
+    if reader is None:
+        raise ConfigurationError("--each: say with --pipeline FILE how a curve is read")
+    reading = load_pipeline(reader, overrides)
+    device = log_device(reading, reader)
+    files = list(curve_files(sources, type(reading.devices[device])))
+    assignments = [*overrides, f"device.{device}.file={json.dumps(str(files[0].file))}"]
+    pipeline = offline(load_pipeline(reader, assignments))
+    log = pipeline.devices[device]
+    curves = curves_by([log.model_copy(update={"file": Path(one.file)}) for one in files], by) if by else files
+    told = CurveReader(pipeline.text, str(pipeline.path), tuple(assignments), device, approved_plugins())
+    folder = out or make_folder("fit", None, datetime.now(UTC).astimezone())
+    with progress("fit", "curves", None if by else len(files)):
+        table = fit_each(pipeline, told, curves, folder, workers)
+    found = table.summary()
+    if as_json:
+        typer.echo(json.dumps({"table": str(table.path), "tracks": found}, indent=2))
+    else:
+        console(160).print(each_table(found).view())
+        typer.echo(f"written to {table.path}")
+    if failed := sum(track["failed"] for track in found.values()):
+        typer.echo(f"{failed} fits of {sum(track['curves'] for track in found.values())} failed", err=True)
+        raise typer.Exit(1)
+
+
+def _write(folder: Path, document: dict[str, Any]) -> None:
+    write_whole(folder / _FIT, json.dumps(document, indent=2, allow_nan=False) + "\n")
+
+
+def _document(logs: Sequence[LogFit], crossed: list[dict[str, Any]], cycles: list[dict[str, Any]]) -> dict[str, Any]:
+    """The contents of ``fit.json``."""
+    tables = {log.name: {"folder": str(log.result.folder), **log.result.table()} for log in logs}
+    document: dict[str, Any] = finite_tree({"logs": tables, "evaluation": crossed, "cycles": cycles})
+    return document

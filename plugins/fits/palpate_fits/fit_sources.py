@@ -1,0 +1,93 @@
+"""Files as pipelines of offline fits: pipeline files, logs that carry one, and logs that another one reads."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import typer
+from palpate import ConfigurationError, PalpateError, UserError
+from palpate.host import ConsentError, Pipeline, Source, build_pipeline, load_pipeline, values_on_trust
+from palpate_kit.runs.replay_source import RunLog, read_run_log, replay_source
+
+
+def leave_out(name: str, error: PalpateError, failures: dict[str, PalpateError]) -> None:
+    """Note and tell that a log of many is left out, and why."""
+    failures[name] = error
+    typer.echo(f"{name} is left out: {error}", err=True)
+
+
+def named_pipelines(
+    sources: Sequence[Path], reader: Path | None, overrides: list[str], failures: dict[str, PalpateError]
+) -> list[tuple[str, Pipeline]]:
+    """Every source as a pipeline, with a name of its own; of many, one that cannot be read is a failure of its own."""
+    found: list[tuple[str, Pipeline]] = []
+    taken: set[str] = set()
+    for source in sources:
+        try:
+            loaded = offline(_pipeline(source, reader, overrides))
+        except UserError as error:
+            if len(sources) == 1 or isinstance(error, ConsentError):
+                raise
+            leave_out(str(source), error, failures)
+            continue
+        stem = source.name.split(".")[0] or "log"
+        name = next(n for k in range(len(sources) + 1) if (n := stem if k == 0 else f"{stem}-{k + 1}") not in taken)
+        taken.add(name)
+        found.append((name, loaded))
+    return found
+
+
+def _pipeline(source: Path, reader: Path | None, overrides: list[str]) -> Pipeline:
+    if not source.exists():
+        raise ConfigurationError(f"{source}: there is no such file")
+    if source.suffix == ".toml":
+        return load_pipeline(source, overrides)
+    if reader is None:
+        return _carried(source, overrides)
+    device = log_device(load_pipeline(reader, overrides), reader)
+    return load_pipeline(reader, [*overrides, f"device.{device}.file={json.dumps(str(source.resolve()))}"])
+
+
+def _carried(log: Path, overrides: list[str]) -> Pipeline:
+    """The pipeline that a log carries, with an offline fit where it has none; raises ConfigurationError."""
+    carried = read_run_log(log)
+    if carried is None:
+        raise ConfigurationError(f"{log}: is a log; say with --pipeline FILE which pipeline reads it")
+    typer.echo(f"{log}: tip, models and alignment are those of its run", err=True)
+    source = replay_source(carried)
+    for assignment in overrides:
+        source.override(assignment)
+    pipeline = build_pipeline(source)
+    if not any(not track.estimator.online for track in pipeline.tracks):
+        pipeline = build_pipeline(_with_fit(carried, overrides))
+    told = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())
+    typer.echo(f"taken for known: {told}", err=True)
+    return pipeline
+
+
+def _with_fit(carried: RunLog, overrides: list[str]) -> Source:
+    source = replay_source(carried, ["*/casadi-fit"], ["casadi-fit"])
+    for assignment in overrides:
+        source.override(assignment)
+    return source
+
+
+def log_device(pipeline: Pipeline, path: Path) -> str:
+    """The one device that has a file; raises ConfigurationError where there is none, or there are more."""
+    logs = [name for name, device in pipeline.devices.items() if "file" in type(device).model_fields]
+    if len(logs) != 1:
+        raise ConfigurationError(f"{path}: --pipeline wants one device with a file, and this has {len(logs)}")
+    return logs[0]
+
+
+def offline(pipeline: Pipeline) -> Pipeline:
+    """The pipeline with its offline tracks only."""
+    tracks = tuple(track for track in pipeline.tracks if not track.estimator.online)
+    if not tracks:
+        raise ConfigurationError(
+            f'{pipeline.path}: has no offline estimator; add for example [estimator.fit] type = "casadi-fit"'
+        )
+    return replace(pipeline, tracks=tracks)

@@ -1,0 +1,61 @@
+"""What a record can tell apart, and what it cannot."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from palpate import Floats
+
+from palpate_fits.uncertainty import symmetric_inverse
+
+_WORTH_SAYING = 0.9
+INDISTINCT = 0.998  # beyond it, one of the two could be 15 times better known if the other were
+
+
+def identifiability(square: Floats, names: list[str], free: int) -> dict[str, Any]:
+    """Unknowns without an effect, and pairs of them by their correlation, from J^T J (k, k) of a Jacobian.
+
+    The first `free` columns are those of the fit; the others are causes that were not fitted, each of which is set
+    against every fitted one as if it had been. A pair's correlation is that of the estimates, all free unknowns open.
+    """
+    lengths = np.sqrt(square.diagonal())
+    blind = [name for name, length in zip(names, lengths.tolist(), strict=True) if length == 0]
+    lengths[lengths == 0] = 1.0
+    scaled = square / (lengths[:, None] * lengths)
+    pairs = []
+    correlation = correlations(scaled[:free, :free])
+    for i, j in combinations(range(free), 2):
+        pairs.append((names[i], names[j], float(correlation[i, j]), True))
+    for other in range(free, len(names)):
+        rows = [*range(free), other]
+        extended = correlations(scaled[np.ix_(rows, rows)])
+        pairs += [(names[i], names[other], float(extended[i, -1]), False) for i in range(free)]
+    pairs = [pair for pair in pairs if abs(pair[2]) >= _WORTH_SAYING]
+    pairs.sort(key=lambda pair: -abs(pair[2]))
+    return {
+        "pairs": [{"first": a, "second": b, "correlation": rho, "both_fitted": fitted} for a, b, rho, fitted in pairs],
+        "without_effect": [name for name in blind if name in names[:free]],
+    }
+
+
+def condition(jacobian: Floats) -> dict[str, Any]:
+    """Singular values of a Jacobian (n, k) with columns of length 1, and the ratio of the largest to the smallest."""
+    lengths = np.sqrt(np.sum(jacobian**2, axis=0))
+    scaled = jacobian / np.where(lengths > 0, lengths, 1.0)
+    values = np.linalg.svd(np.linalg.qr(scaled, mode="r"), compute_uv=False) if len(lengths) else np.zeros(0)
+    return {
+        "singular_values": [float(value) for value in values],
+        "condition": float(values[0] / values[-1]) if len(values) and values[-1] > 0 else None,
+    }
+
+
+def correlations(square: Floats) -> Floats:
+    """Correlation (k, k) of the estimates that belong to J^T J (k, k), columns of J of length 1."""
+    if not len(square):
+        return np.zeros((0, 0))
+    inverse = symmetric_inverse(square, 1e-15)
+    variance = inverse.diagonal()
+    std = np.sqrt(np.where(variance > 0, variance, 1.0))
+    return np.asarray(np.minimum(np.maximum(inverse / (std[:, None] * std), -1.0), 1.0))

@@ -1,0 +1,96 @@
+"""Profile-likelihood intervals: how far an unknown can go while all others make up for it."""
+
+from __future__ import annotations
+
+import numpy as np
+from palpate import Floats
+from palpate_kit.numerics.least_squares import least_squares
+
+from palpate_fits.loss import LossFunction
+from palpate_fits.record_arrays import FitRecord
+from palpate_fits.residual import Residual
+from palpate_fits.uncertainty import scaled_inverse
+from palpate_fits.unknowns import Unknowns
+
+_SAMPLES = 4000
+_EVALUATIONS = 25
+
+
+class ProfileIntervals:
+    """Intervals of single unknowns around a minimum, on a thinned record whose own minimum they are moved from."""
+
+    def __init__(
+        self, residual: Residual, unknowns: Unknowns, record: FitRecord, x: Floats, loss: LossFunction
+    ) -> None:
+        self._residual, self._loss = residual, loss
+        self._record = record if residual.model.memory else record.thinned(_SAMPLES)
+        self._free = list(residual.free)
+        self._low, self._high = unknowns.bounds(self._free)
+        self._given = x[self._free]
+        self._x = x.copy()
+        self._minimum, self._cost = self._descend(self._given, None)
+        self._inverse = scaled_inverse(self._normal(self._minimum)[1:, 1:])
+
+    def interval(self, place: int, std: float, quantile: float) -> tuple[float, float] | None:
+        """Both ends of the interval of the free unknown at a place, or None where they are not found.
+
+        They are where the cost has risen by t^2/2 of what it rises by for one standard uncertainty `std` of correlated
+        residuals: the likelihood's shape, calibrated by the residual's real scatter.
+        """
+        j = self._free.index(place)
+        variance = self._inverse[j, j]
+        if not (variance > 0 and std > 0 and np.isfinite(std)):
+            return None
+        with np.errstate(over="ignore", invalid="ignore"):
+            ends = [self._end(j, side, std, quantile, variance) for side in (-1.0, 1.0)]
+        if ends[0] is None or ends[1] is None:
+            return None
+        shift = self._given[j] - self._minimum[j]
+        low, high = float(ends[0] + shift), float(ends[1] + shift)
+        return max(low, float(self._low[j])), min(high, float(self._high[j]))
+
+    def _end(self, j: int, side: float, std: float, quantile: float, variance: float) -> float | None:
+        """By the secant rule on the signed root of the rise, which is nearly a straight line."""
+        start, centre = self._minimum, self._minimum[j]
+        before, rise_before, reach = 0.0, 0.0, quantile * std
+        for _ in range(8):
+            edge = self._low[j] if side < 0 else self._high[j]
+            value = centre + side * reach
+            if side * (value - edge) >= 0:
+                return float(edge)
+            start, cost = self._descend(start, (j, value))
+            rise = float(np.sqrt(max(2.0 * (cost - self._cost), 0.0) * variance)) / std
+            if not np.isfinite(rise) or rise <= rise_before:
+                return None
+            if abs(rise - quantile) < 2e-3 * quantile:
+                return float(value)
+            slope = (rise - rise_before) / (reach - before)
+            before, rise_before = reach, rise
+            reach = float(np.clip(reach + (quantile - rise) / slope, 0.3 * reach, 3.0 * reach))
+            if reach < before:
+                before, rise_before = 0.0, 0.0
+        return None
+
+    def _descend(self, start: Floats, held: tuple[int, float] | None) -> tuple[Floats, float]:
+        """The minimum and its cost, one unknown held."""
+        at = start.copy()
+        moving = [i for i in range(len(at)) if held is None or i != held[0]]
+        if held is not None:
+            # The others move along with the held one as the normal equations say, which is nearly all of the way.
+            at = at + self._inverse[:, held[0]] / self._inverse[held[0], held[0]] * (held[1] - at[held[0]])
+            at[held[0]] = held[1]
+            at = np.clip(at, self._low, self._high)
+        rows = np.ix_([0, *(1 + i for i in moving)], [0, *(1 + i for i in moving)])
+
+        def normal(values: Floats) -> Floats:
+            at[moving] = values
+            return self._normal(at)[rows]
+
+        low, high, gain = self._low[moving], self._high[moving], 1e-7 / max(len(self._record), 1)
+        found = least_squares(normal, at[moving], low, high, most=_EVALUATIONS, gain=gain)
+        at[moving] = found.x
+        return at, found.cost
+
+    def _normal(self, free: Floats) -> Floats:
+        self._x[self._free] = free
+        return self._residual.normal(self._record, self._x, self._loss)

@@ -1,0 +1,110 @@
+"""The samples of a fit, as a residual wants them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Floats
+from palpate_kit.kernel.columns import ColumnTable
+from palpate_kit.numerics.tip_travel import noise_of
+
+PARTS = ("height", "rate", "acceleration", "force", "time", "weight")
+COLUMNS = len(PARTS) + 3
+_GOLDEN = 0.6180339887498949  # its multiples fill the interval from 0 to 1 evenly
+_TRANSITION = 1e-3  # of the way that the tip goes in contact
+
+
+@dataclass(frozen=True)
+class FitRecord:
+    """The samples of a fit, each (n,), and what a model with memory needs to know of the sample before."""
+
+    height: Floats  # [m]
+    rate: Floats  # [m/s]
+    acceleration: Floats  # [m/s^2]
+    force: Floats  # [N]
+    time: Floats  # [s] from the middle
+    weight: (
+        Floats  # square root of the weight in the sum of squares; 0 for samples that are only there for their history
+    )
+    transition: float  # [m] over which contact sets in; far below anything that is measured
+    history: Floats | None = None  # (n, 3) interval [s], and height and rate of the sample before
+    noise: float | None = None  # [m] of the height, by its third differences; None: not taken yet
+
+    def __len__(self) -> int:
+        return len(self.height)
+
+    @property
+    def parts(self) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+        """As `PARTS` names them."""
+        return self.height, self.rate, self.acceleration, self.force, self.time, self.weight
+
+    @cached_property
+    def table(self) -> ColumnTable:
+        """The parts as a compiled residual reads them."""
+        return ColumnTable(self.parts)
+
+    @cached_property
+    def columns(self) -> Floats:
+        """(n, 9) the parts and the history, or (n, 6) where there is none."""
+        parts = np.column_stack(self.parts)
+        return parts if self.history is None else np.concatenate([parts, self.history], axis=1)
+
+    @cached_property
+    def height_noise(self) -> float:
+        """Standard deviation [m] of white noise on the height of the samples that count."""
+        if not self.used.all():
+            return noise_of(self.height[self.used])
+        return noise_of(self.height) if self.noise is None else self.noise
+
+    @cached_property
+    def used(self) -> NDArray[np.bool_]:
+        """(n,) samples that count."""
+        return self.weight > 0
+
+    def selected(self, rows: NDArray[Any] | slice) -> FitRecord:
+        """Some of the samples, which keep their history."""
+        history = None if self.history is None else self.history[rows]
+        height, rate, acceleration, force, time, weight = (part[rows] for part in self.parts)
+        return FitRecord(height, rate, acceleration, force, time, weight, self.transition, history)
+
+    def with_force(self, force: Floats) -> FitRecord:
+        """The same motion with another force (n,) [N]."""
+        return replace(self, force=force)
+
+    def thinned(self, most: int) -> FitRecord:
+        """About `most` samples, one from each stretch of equal length, at places that no period of a motion shares."""
+        step = len(self) / most
+        if step <= 1:
+            return self
+        if most not in self._thinned:
+            order = np.arange(most)
+            self._thinned[most] = self.selected(((order + order * _GOLDEN % 1.0) * step).astype(int))
+        return self._thinned[most]
+
+    @cached_property
+    def _thinned(self) -> dict[int, FitRecord]:
+        return {}
+
+
+def make_record(columns: Sequence[Floats], travel: float | None = None, remembers: bool = True) -> FitRecord:
+    """A record from its columns as `PARTS` names them, each (n,); with what a model that `remembers` wants.
+
+    Contact sets in over a thousandth of the `travel` [m] in contact, or over the noise of the height where that is
+    more, and never over more than a thousandth of all heights.
+    """
+    height, rate, acceleration, force, time, weight = columns
+    n, history = len(height), None
+    if remembers:
+        history = np.zeros((n, 3))
+        history[:1, 1], history[:1, 2] = height[:1], rate[:1]
+        history[1:, 0], history[1:, 1], history[1:, 2] = np.diff(time), height[:-1], rate[:-1]
+    centred = time - 0.5 * (time[0] + time[-1]) if n else time
+    whole = _TRANSITION * max(float(np.ptp(height)), 1e-12)
+    noise = noise_of(height) if n > 3 else 0.0
+    transition = whole if travel is None else min(whole, max(_TRANSITION * travel, noise))
+    return FitRecord(height, rate, acceleration, force, centred, weight, transition, history, noise if n > 3 else None)

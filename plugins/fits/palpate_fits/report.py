@@ -1,0 +1,298 @@
+"""What a fit reports: estimates, and the details that go into result.json."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Estimates, FitReport, Flag, Floats
+from palpate_kit.numerics.refusal import NotFitted
+
+from palpate_fits.bootstrap import block_bootstrap
+from palpate_fits.budget import TIMING, Sensitivities, row, shift_of
+from palpate_fits.height_noise import force_noise
+from palpate_fits.identifiability import INDISTINCT, condition, identifiability
+from palpate_fits.profile_likelihood import ProfileIntervals
+from palpate_fits.record_arrays import FitRecord
+from palpate_fits.residual import smooth_depth
+from palpate_fits.tracker import FitOutcome
+from palpate_fits.typed_report import fit_report
+from palpate_fits.uncertainty import ResidualScatter, mean_uncertainty, scatter
+from palpate_fits.unknowns import EXTRAS
+
+_MISFIT = 2.0  # RMS of the residual against its white noise
+_LONG_CORRELATION = 50.0  # samples
+_AT_EDGE = 1e-3  # standard deviations
+_USELESS = 0.5  # relative standard deviation of an elastic parameter
+_PROBE = 1e-4  # [s]
+_AT_ONCE = 65_536  # samples
+
+
+@dataclass(frozen=True)
+class _FitWithUncertainty:
+    """A fit with its uncertainty."""
+
+    fit: FitOutcome
+    scatter: ResidualScatter
+    random: Floats  # (p,) standard uncertainty of the free unknowns from the residuals
+    systematic: Floats  # (p,) from everything declared, without timing
+    held: NDArray[np.bool_]  # (p,) at a bound
+    budget: list[dict[str, Any]]
+    identifiability: dict[str, Any]
+    quantile: float
+
+
+def estimates_of(fit: FitOutcome) -> Estimates:
+    """Estimates (n,) of a fit, with details and flags."""
+    judged = _judge(fit)
+    samples, x = fit.samples, fit.solution.x
+    rows: Any = slice(None) if fit.rows.all() else fit.rows
+    k = len(fit.problem.model.parameters)
+    total = _total(judged)
+    empty = Estimates.idle(samples, k)
+    values, std = empty.values, empty.std
+    values[rows], std[rows] = x[:k], total[:k]
+    empty.surface[rows], empty.surface_std[rows] = x[k], total[k]
+    empty.status[rows] = 0
+    flags = (*fit.notes, *_flags(judged, total))
+    timed = fit.unknowns.index("delay") in fit.residual.free
+    if fit.brief:
+        report = FitReport(judged.scatter.rss, judged.scatter.samples, {})
+        return replace(empty, flags=flags, report=report, timing_included=timed)
+    freedom = max(judged.scatter.samples - len(fit.residual.free), 1)
+    _reconstruct(fit, judged.scatter.rss / freedom, empty)
+    details = _details(judged, total)
+    return replace(empty, details=details, flags=flags, report=fit_report(details), timing_included=timed)
+
+
+def _reconstruct(fit: FitOutcome, noise: float, estimates: Estimates) -> None:
+    """Write contact force, NIS and residual over its size of the fitted samples, some thousand at a time."""
+    record, x = fit.record, fit.solution.x
+    if record.history is not None or not record.used.all():
+        parts: Iterator[tuple[FitRecord, Floats]] = iter([(record, fit.residual.errors(record, x))])
+    else:
+        pieces = (record.selected(slice(i, i + _AT_ONCE)) for i in range(0, len(record), _AT_ONCE))
+        parts = ((piece, fit.residual.errors(piece, x)) for piece in pieces)
+    everything, begin = bool(fit.rows.all()), 0
+    places = None if everything else np.flatnonzero(fit.rows)
+    for part, errors in parts:
+        error, force = _reconstruction(fit, part, errors)
+        end = begin + len(error)
+        rows: Any = slice(begin, end) if places is None else places[begin:end]
+        begin = end
+        estimates.force[rows] = force
+        estimates.nis[rows] = error**2 / noise if noise > 0 else np.nan
+        estimates.innovation[rows] = error / np.sqrt(noise) if noise > 0 else np.nan  # of a fit: its residual
+
+
+def _reconstruction(fit: FitOutcome, record: FitRecord, error: Floats) -> tuple[Floats, Floats]:
+    """Weighted residual and contact force of the model (m,) at the fitted samples of a part of the record."""
+    x, k = fit.solution.x, len(fit.problem.model.parameters)
+    weight = np.where(record.used, record.weight, 1.0)
+    bias, slope, mass = (x[k + EXTRAS.index(name)] for name in ("bias", "slope", "tip_mass"))
+    force = error / weight + record.force - mass * record.acceleration - bias - slope * record.time
+    if not fit.problem.model.memory:
+        # What the transition leaves of a force above the surface is no force.
+        delay = x[k + EXTRAS.index("delay")]
+        depth = x[k] - record.height - delay * record.rate + 0.5 * delay**2 * record.acceleration
+        force = np.where(smooth_depth(depth, 0.0, record.transition)[0] > record.transition, force, 0.0)
+    return error[record.used], force[record.used]
+
+
+def _judge(fit: FitOutcome) -> _FitWithUncertainty:
+    from scipy.special import stdtrit
+
+    found = scatter(fit.residual, fit.record, fit.solution.least, fit.loss)
+    free = list(fit.residual.free)
+    variance = found.covariance.diagonal()
+    if not (variance >= 0).all():  # the unknowns cannot be told apart to the last digit
+        raise NotFitted("diverged", "the fit ended where the force hardly depends on its unknowns")
+    random = np.sqrt(variance)
+    low, high = fit.unknowns.bounds(free)
+    x = fit.solution.x[free]
+    held = (x - low < _AT_EDGE * random) | (high - x < _AT_EDGE * random)
+    sensitivities = Sensitivities(fit.residual, fit.record, fit.solution.x, held)
+    table, systematic = _budget(fit, sensitivities, random)
+    names = [fit.unknowns.names[place] for place in free]
+    jacobian = sensitivities.jacobian
+    if "delay" not in names and not fit.brief:  # no flag is raised from it
+        jacobian = np.column_stack([jacobian, sensitivities.column(fit.unknowns.index("delay"), _PROBE)])
+        names.append("delay")
+    apart = {} if fit.brief else condition(jacobian[:, : len(free)])
+    apart |= identifiability(jacobian.T @ jacobian, names, len(free))
+    quantile = float(stdtrit(max(found.effective_samples - len(free), 1.0), 0.5 + fit.settings.confidence / 2))
+    return _FitWithUncertainty(fit, found, random, systematic, held, table, apart, quantile)
+
+
+def _budget(fit: FitOutcome, found: Sensitivities, random: Floats) -> tuple[list[dict[str, Any]], Floats]:
+    """Rows of the budget, and the standard uncertainty (p,) that all but the random and the timing row add up to."""
+    free, names = list(fit.residual.free), fit.unknowns.names
+    labels, values = [names[place] for place in free], fit.solution.x[free]
+    places = {name: place for place, name in enumerate(names)}
+    effects = {
+        name: {"sensitivity": None, "contribution": u, "percent": 100 * u / abs(value) if value else None}
+        for name, u, value in zip(labels, random.tolist(), values.tolist(), strict=True)
+    }
+    table: list[dict[str, Any]] = [{"source": "scatter of the residuals", "u": None, "unit": "", "effects": effects}]
+    variance = np.zeros(len(free))
+    for source in fit.sources:
+        shift = shift_of(source, found, places)
+        table.append(row(source.name, source.std, source.unit, shift, source.std, labels, values))
+        variance += shift**2
+    for label, name, std, unit in _implied(fit):
+        shift = found.of_parameter(places[name], std)
+        table.append(row(label, std, unit, shift, std, labels, values))
+        variance += shift**2
+    if places["delay"] not in free and not fit.brief:
+        shift = found.of_parameter(places["delay"], _PROBE)
+        label = TIMING + ("" if fit.problem.timing_uncertainty is not None else " (not declared)")
+        table.append(row(label, fit.problem.timing_uncertainty, "s", shift, _PROBE, labels, values))
+    return table, np.sqrt(variance)
+
+
+def _implied(fit: FitOutcome) -> Iterator[tuple[str, str, float, str]]:
+    """Sources that the record itself declares: the tare, and a contact point that is not fitted."""
+    names = {fit.unknowns.names[place] for place in fit.residual.free}
+    declared = {source.name for source in fit.sources}
+    if not {"bias"} & (names | declared | set(fit.settings.fixed)) and fit.approach is not None:
+        yield "tare", "bias", mean_uncertainty(fit.approach.force[: fit.approach.air]), "N"
+    if fit.settings.contact_point != "free":
+        yield "contact point", "surface", fit.points[fit.settings.contact_point].std, "m"
+
+
+def _included(fit: FitOutcome) -> Iterator[str]:
+    """Causes that the standard deviation holds already, by the names that the budget of a run gives them."""
+    known = {fit.unknowns.names[place] for place in fit.residual.free} | {source.name for source in fit.sources}
+    known |= {label for label, *_ in _implied(fit)}
+    for name, cause in (("bias", "tare"), ("tare", "tare"), ("tip_mass", "mass")):
+        if name in known:
+            yield cause
+    yield from (source.path[-1] if source.path else source.name for source in fit.sources)
+
+
+def _total(judged: _FitWithUncertainty) -> Floats:
+    """Standard uncertainty (P,) of all parameters, timing left out; 0 for those that are fixed."""
+    fit = judged.fit
+    total = np.zeros(len(fit.solution.x))
+    total[list(fit.residual.free)] = np.hypot(judged.random, judged.systematic)
+    if fit.settings.contact_point != "free":
+        total[fit.unknowns.index("surface")] = fit.points[fit.settings.contact_point].std
+    return total
+
+
+def _details(judged: _FitWithUncertainty, total: Floats) -> dict[str, Any]:
+    fit, found = judged.fit, judged.scatter
+    free, names = list(fit.residual.free), fit.unknowns.names
+    count, n = len(free) + 1, found.samples  # the noise is a parameter, too
+    likelihood = n * float(np.log(max(found.rss / n, 1e-300)))
+    record, used = fit.record, fit.record.used
+    lowest = float(np.min(record.height, where=used, initial=np.inf))
+    details = {
+        "solver": fit.solver,
+        "evaluations": fit.solution.evaluations,
+        "segment": fit.settings.segment,
+        "samples": n,
+        "cycles": fit.course.cycles,
+        "depth": float(fit.solution.x[fit.unknowns.index("surface")]) - lowest,
+        "rate_rms": _rms(record.rate if used.all() else record.rate[used]),
+        "smoothing": fit.motion.window,
+        "unknowns": _table(judged, total),
+        "covariance": {"names": [names[i] for i in free], "matrix": found.covariance.tolist()},
+        "rss": found.rss,
+        "rms": float(np.sqrt(found.rss / n)),
+        "noise": found.noise,
+        "aic": likelihood + 2 * count,
+        "bic": likelihood + count * float(np.log(n)),
+        "autocorrelation": {
+            "first": found.first_correlation,
+            "time": found.correlation_time,
+            "effective_samples": found.effective_samples,
+        },
+        "confidence": fit.settings.confidence,
+        "budget": judged.budget,
+        "included": list(_included(fit)),
+        "identifiability": judged.identifiability,
+        "contact_points": {name: {"surface": p.surface, "std": p.std} for name, p in fit.points.items()},
+        "notes": ["AIC and BIC count every sample as independent; use their order, not their size"],
+    }
+    if fit.settings.bootstrap:
+        details["bootstrap"] = block_bootstrap(
+            fit.residual, fit.unknowns, fit.record, fit.solution.x, fit.loss, found, fit.settings.bootstrap,
+            fit.settings.seed, fit.settings.confidence,
+        )  # fmt: skip
+    return details
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(values @ values / len(values)))
+
+
+def _table(judged: _FitWithUncertainty, total: Floats) -> dict[str, Any]:
+    """By name: value, bounds, and for what is free its uncertainties and interval."""
+    fit, free = judged.fit, list(judged.fit.residual.free)
+    profile = None
+    if fit.settings.profile and free:
+        profile = ProfileIntervals(fit.residual, fit.unknowns, fit.record, fit.solution.x, fit.loss)
+    table: dict[str, Any] = {}
+    for place, item in enumerate(fit.unknowns.items):
+        value = float(fit.solution.x[place])
+        known: dict[str, Any] = {"value": value, "unit": item.unit, "free": place in free}
+        if place in free:
+            j = free.index(place)
+            random = float(judged.random[j])
+            known |= {"std": float(total[place]), "random": random, "systematic": float(judged.systematic[j])}
+            known |= {"lower": item.lower, "upper": item.upper, "at_bound": bool(judged.held[j])}
+            profiled = profile is not None and (item.name not in EXTRAS or item.name == "surface")
+            ends = profile.interval(place, random, judged.quantile) if profile is not None and profiled else None
+            known["interval_by"] = "profile" if ends else "normal"
+            known["interval"] = list(ends or (value - judged.quantile * random, value + judged.quantile * random))
+        table[item.name] = known
+    return table
+
+
+def _misfit(fit: FitOutcome, found: ResidualScatter) -> Iterator[Flag]:
+    """Whether the residual is more than the noise in the air, or than its own white noise where there was no air."""
+    rms = float(np.sqrt(found.rss / max(found.samples, 1)))
+    noise = found.noise if fit.approach is None else fit.approach.noise
+    if fit.approach is not None and rms > _MISFIT * noise:  # in the air the height's noise is not felt
+        surface = fit.unknowns.index("surface")
+        noise = float(np.hypot(noise, force_noise(fit.residual, fit.record, fit.solution.x, surface)))
+    if noise > 0 and rms > _MISFIT * noise:
+        what = f"the residual of {rms:.3g} N is more than noise, {noise:.3g} N: something is not in the model"
+        yield Flag("misfit", what)
+    if found.correlation_time > _LONG_CORRELATION:
+        yield Flag(
+            "correlated-residuals",
+            f"they hang together over {found.correlation_time:.3g} samples, so {found.samples} "
+            f"count as {found.effective_samples:.3g}; the std knows of it, but something is not in the model",
+        )
+
+
+def _flags(judged: _FitWithUncertainty, total: Floats) -> Iterator[Flag]:
+    fit, found = judged.fit, judged.scatter
+    free, names, x = list(fit.residual.free), fit.unknowns.names, fit.solution.x
+    if not fit.solution.converged:
+        what = f"the solver {fit.solver} stopped after {fit.solution.evaluations} evaluations"
+        yield Flag("not-converged", what)
+    for j, place in enumerate(free):
+        if judged.held[j]:
+            by_force = names[place] == "surface" and fit.settings.force_uncertainty is not None
+            what = "where the measured force leaves force_uncertainty" if by_force else "a bound"
+            yield Flag("at-bound", f"{names[place]} is at {what}, {x[place]:.5g} {fit.unknowns.items[place].unit}")
+    yield from _misfit(fit, found)
+    for name in judged.identifiability["without_effect"]:
+        yield Flag("not-identifiable", f"{name} has no effect on the force in this record")
+    for pair in judged.identifiability["pairs"]:
+        if pair["both_fitted"] and abs(pair["correlation"]) > INDISTINCT:
+            found_so = f"{pair['first']} and {pair['second']} (correlation {pair['correlation']:+.5f})"
+            yield Flag("hard-to-tell-apart", found_so)
+    for parameter, value, std in zip(fit.problem.model.parameters, x.tolist(), total.tolist(), strict=False):
+        if parameter.role == "elastic" and std > _USELESS * abs(value):
+            found_so = f"{parameter.name} of {value:.3g} {parameter.unit} has a std of {std:.2g}"
+            yield Flag("not-identifiable", found_so)
+        elif std > _USELESS * abs(value):
+            found_so = f"{value:.3g} with a std of {std:.2g} {parameter.unit}"
+            yield Flag("undetermined", f"this record does not tell {parameter.name}: {found_so}")

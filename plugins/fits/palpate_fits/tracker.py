@@ -1,0 +1,276 @@
+"""A fit at work: from the record to estimates, once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from palpate import Estimates, Flag, Floats, Problem, Samples
+from palpate_kit.numerics.contact_point import (
+    CONTACT_METHODS,
+    Approach,
+    ContactPoint,
+    constrained_surface,
+    contact_point,
+    first_approach,
+)
+from palpate_kit.numerics.refusal import NotFitted
+from palpate_kit.numerics.segments import RecordCourse, Rows, Window, passage, segment_rows
+from palpate_kit.numerics.tip_travel import TipTravel, longest_window, zero_phase_motion
+
+from palpate_fits.arm_order import in_order
+from palpate_fits.budget import BudgetSource
+from palpate_fits.first_guess import first_guess, linear_places
+from palpate_fits.height_noise import correct_attenuation
+from palpate_fits.loss import LossFunction
+from palpate_fits.multistart import solve_from_many, solve_or_try_others, times_of, with_times_that_show
+from palpate_fits.record_arrays import FitRecord, make_record
+from palpate_fits.residual import Residual
+from palpate_fits.solvers import Solution, solve_lm, solve_trf
+from palpate_fits.unknowns import Unknowns
+
+if TYPE_CHECKING:
+    from palpate_fits.estimator import CasadiFit
+
+
+_AIR_SHARE = 0.1  # of the samples, from which on they tell the bias
+_FEWEST = 5  # samples for each unknown
+_STANDS = 10  # equal readings at the end of the range, in contact: the sensor is saturated
+_THIN = 1000
+
+
+@dataclass(frozen=True)
+class FitOutcome:
+    """A finished fit and all that its report needs."""
+
+    settings: CasadiFit
+    problem: Problem
+    samples: Samples
+    rows: Rows  # (n,) fitted samples
+    course: RecordCourse
+    motion: TipTravel
+    approach: Approach | None
+    points: dict[str, ContactPoint]
+    sources: tuple[BudgetSource, ...]
+    unknowns: Unknowns
+    linear: tuple[int, ...]
+    record: FitRecord
+    residual: Residual
+    solution: Solution
+    solver: str
+    loss: LossFunction
+    notes: tuple[Flag, ...]  # flags met on the way
+    brief: bool  # whether what only the details tell is left out
+
+
+class FitTracker:
+    """Fits the whole record that `run` is given; every run starts from nothing."""
+
+    def __init__(
+        self,
+        settings: CasadiFit,
+        problem: Problem,
+        windows: tuple[Window, ...],
+        unknowns: Unknowns,
+        sources: tuple[BudgetSource, ...],
+    ) -> None:
+        self._settings, self._problem, self._windows = settings, problem, windows
+        self._unknowns, self._sources = unknowns, sources
+        self.brief = False  # whether what only the details tell is left out
+        self._residuals: dict[tuple[int, ...], Residual] = {}
+        self._linear: dict[tuple[int, ...], tuple[int, ...]] = {}  # by what is free, which alone it follows from
+
+    def run(self, samples: Samples) -> Estimates:
+        """Estimates for the whole record; constant over the fitted samples, and idle beside them."""
+        from palpate_fits.report import estimates_of
+
+        if not len(samples):
+            return Estimates.idle(samples, len(self._problem.model.parameters))
+        known = np.isfinite(samples.position)
+        if not known.all():
+            return _spread(self.run(samples[known]), samples, known)
+        try:
+            return estimates_of(self.fit(samples))
+        except NotFitted as refusal:
+            idle = Estimates.idle(samples, len(self._problem.model.parameters))
+            return replace(idle, flags=(refusal.flag,))
+
+    def fit(self, samples: Samples) -> FitOutcome:
+        """The fit of a record; raises NotFitted where it cannot be done."""
+        settings, notes = self._settings, list[Flag]()
+        course = passage(samples)
+        motion = zero_phase_motion(samples, settings.smoothing, longest_window(self._problem.model))
+        rows = segment_rows(self._windows, samples, motion.rate, course)
+        rows = _without_saturation(samples, rows, notes)
+        approach = first_approach(samples, course)
+        wanted = CONTACT_METHODS if not self.brief else (settings.contact_point,)
+        points = _contact_points(settings, approach, wanted)
+        unknowns = self._prepared(samples, rows, approach, points, notes)
+        enough = max(_FEWEST * len(unknowns.free), 10)
+        if np.count_nonzero(rows) < enough:
+            raise NotFitted("too-few-samples", f"{np.count_nonzero(rows)} samples to fit; {enough} are needed")
+        record = self._record(samples, rows, motion, course)
+        model = self._problem.model
+        if model.memory:
+            unknowns = with_times_that_show(unknowns, record)
+        linear = self._linear_places(unknowns)
+        loss = LossFunction(settings.loss, settings.loss_scale)
+        residual = self._residual(unknowns.free)
+        x = first_guess(model, unknowns, record, linear, self._residual)
+        if len(record) > 2 * _THIN and not model.memory:
+            x = solve_lm(residual, unknowns, record.thinned(_THIN), x, loss, gain=1e-9).x
+        solver, solution = self._solve(unknowns, record, residual, x, loss)
+        if unknowns.index("delay") in unknowns.free and not model.memory:
+            record = _late_inertia(record, unknowns, solution.x)
+            solver, solution = self._solve(unknowns, record, residual, solution.x, loss)
+        if not np.isfinite(solution.x).all() or not np.isfinite(solution.cost):
+            raise NotFitted("diverged", "the fit ended in numbers that are not finite")
+        solution = in_order(model, unknowns, solution)
+        if loss.kind == "linear":
+            solution = correct_attenuation(residual, record, unknowns, solution)
+        return FitOutcome(
+            settings, self._problem, samples, rows, course, motion, approach, points, self._sources, unknowns, linear,
+            record, residual, solution, solver, loss, tuple(notes), self.brief,
+        )  # fmt: skip
+
+    def _prepared(
+        self,
+        samples: Samples,
+        rows: Rows,
+        approach: Approach | None,
+        points: dict[str, ContactPoint],
+        notes: list[Flag],
+    ) -> Unknowns:
+        """The unknowns with what only the record can say: whether it tells the bias, where the surface may be."""
+        settings, unknowns = self._settings, self._unknowns
+        air = int(np.count_nonzero(rows & ~samples.contact))
+        if settings.unknowns is None and "bias" not in settings.fixed and air > _AIR_SHARE * np.count_nonzero(rows):
+            unknowns = self._biased
+        if settings.contact_point != "free":
+            if settings.contact_point not in points:
+                raise NotFitted(
+                    "not-fitted", f'contact_point "{settings.contact_point}" finds no surface in this record'
+                )
+            unknowns = unknowns.changed("surface", free=False, value=points[settings.contact_point].surface)
+        elif settings.force_uncertainty is not None:
+            unknowns = self._constrained(unknowns, approach, settings.force_uncertainty, notes)
+        return unknowns
+
+    @cached_property
+    def _biased(self) -> Unknowns:
+        return self._unknowns.changed("bias", free=True)
+
+    @staticmethod
+    def _constrained(unknowns: Unknowns, approach: Approach | None, limit: float, notes: list[Flag]) -> Unknowns:
+        if approach is None:
+            what = "the record has no approach through air that force_uncertainty could use"
+            notes.append(Flag("force-constraint-unused", what))
+            return unknowns
+        mean, std = float(approach.force[: approach.air].mean()), approach.noise / np.sqrt(approach.air)
+        if limit < abs(mean) + 3.0 * std:
+            what = (
+                f"force_uncertainty of {limit:.3g} N is less than the force is off in air, {mean:+.3g} N, and 3 sigma "
+                f"of its mean, {3 * std:.2g} N"
+            )
+            notes.append(Flag("force-constraint-tight", what))
+        lowest = constrained_surface(approach, limit)
+        item = unknowns.items[unknowns.index("surface")]
+        if lowest >= item.upper:
+            raise NotFitted(
+                "not-fitted", "bounds of the surface and force_uncertainty contradict each other in this record"
+            )
+        return unknowns.changed("surface", lower=max(item.lower, lowest))
+
+    def _record(self, samples: Samples, rows: Rows, motion: TipTravel, course: RecordCourse) -> FitRecord:
+        weight = rows.astype(float)
+        if self._settings.weights == "depth":
+            weight[rows] = _by_depth(samples.position[rows])
+        keep, remembers = rows.copy(), bool(self._problem.model.memory)
+        if remembers:
+            keep[: int(np.flatnonzero(rows)[-1]) + 1] = True
+        known = np.isfinite(samples.force)
+        force = samples.force if known.all() else np.where(known, samples.force, 0.0)
+        columns: tuple[Floats, ...] = (samples.position, motion.rate, motion.acceleration, force, samples.time, weight)
+        if not keep.all():
+            columns = tuple(column[keep] for column in columns)
+        return make_record(columns, max(course.travel, 1e-12), remembers)
+
+    def _linear_places(self, unknowns: Unknowns) -> tuple[int, ...]:
+        free = unknowns.free
+        if free not in self._linear:
+            self._linear[free] = tuple(linear_places(self._problem.model, unknowns))
+        return self._linear[free]
+
+    def _residual(self, free: tuple[int, ...]) -> Residual:
+        if free not in self._residuals:
+            self._residuals[free] = Residual(self._problem.model, free)
+        return self._residuals[free]
+
+    def _solve(
+        self,
+        unknowns: Unknowns,
+        record: FitRecord,
+        residual: Residual,
+        x: Floats,
+        loss: LossFunction,
+    ) -> tuple[str, Solution]:
+        if self._problem.model.memory and times_of(unknowns):
+            return "trf", solve_from_many(self._residual, unknowns, record, x, loss)
+        if self._problem.model.memory:
+            return "trf", solve_or_try_others(self._residual, unknowns, record, x, loss)
+        if self._settings.solver != "trf":
+            return "lm", solve_lm(residual, unknowns, record, x, loss)
+        return "trf", solve_trf(residual, unknowns, record, x, loss)
+
+
+def _late_inertia(record: FitRecord, unknowns: Unknowns, x: Floats) -> FitRecord:
+    """The record with the tip's inertia as late as the rest of the force, to first order in what is left of the delay.
+
+    The residual takes inertia as it is now, since it has no derivative of the acceleration.
+    """
+    mass, late = (float(x[unknowns.index(name)]) for name in ("tip_mass", "delay"))
+    before = np.interp(record.time - late, record.time, record.acceleration)
+    return record.with_force(record.force + mass * (record.acceleration - before))
+
+
+def _spread(found: Estimates, samples: Samples, known: Rows) -> Estimates:
+    """Estimates for the known among the samples, as estimates for all of them."""
+    whole = Estimates.idle(samples, found.values.shape[1])
+    for name in ("values", "std", "surface", "surface_std", "force", "nis", "status", "innovation"):
+        getattr(whole, name)[known] = getattr(found, name)
+    return replace(
+        whole,
+        details=found.details,
+        flags=found.flags,
+        report=found.report,
+        timing_included=found.timing_included,
+    )
+
+
+def _contact_points(settings: CasadiFit, approach: Approach | None, wanted: Sequence[str]) -> dict[str, ContactPoint]:
+    if approach is None:
+        return {}
+    methods = [method for method in CONTACT_METHODS if method in wanted]
+    found = {method: contact_point(method, approach, settings.threshold) for method in methods}
+    return {method: point for method, point in found.items() if point is not None}
+
+
+def _without_saturation(samples: Samples, rows: Rows, notes: list[Flag]) -> Rows:
+    """Drop readings that stand at the largest value of the record, and say so."""
+    top = np.nanmax(samples.force)
+    standing = rows & (samples.force == top)
+    if np.count_nonzero(standing) < _STANDS:
+        return rows
+    what = f"the force stands at {top:.5g} N in {np.count_nonzero(standing)} samples, which are left out"
+    notes.append(Flag("saturated", what))
+    return np.asarray(rows & ~standing)
+
+
+def _by_depth(height: Floats) -> Floats:
+    """Weights (n,) that make every stretch of height count the same, 1 on average."""
+    place = np.clip((height - height.min()) / max(float(np.ptp(height)), 1e-300) * 50, 0, 49).astype(int)
+    weight = 1.0 / np.sqrt(np.bincount(place, minlength=50)[place])
+    return np.asarray(weight / np.sqrt(np.mean(weight**2)))

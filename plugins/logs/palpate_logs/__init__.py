@@ -1,0 +1,61 @@
+"""Logs: tables, bags and curves of other programs, and commands that look into any log."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import lazy_loader
+from palpate import Command, plugin
+
+if TYPE_CHECKING:
+    from palpate_logs.afm_replay import AfmReplay
+    from palpate_logs.csv_replay import CsvReplay
+    from palpate_logs.csv_sink import CsvSink
+    from palpate_logs.rosbag2_replay import Rosbag2Replay
+
+__getattr__, _, _ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "afm_replay": ["AfmReplay"],
+        "csv_replay": ["CsvReplay"],
+        "csv_sink": ["CsvSink"],
+        "rosbag2_replay": ["Rosbag2Replay"],
+    },
+)
+
+__all__ = [
+    "AfmReplay",
+    "CsvReplay",
+    "CsvSink",
+    "Rosbag2Replay",
+]
+
+
+@plugin
+def palpate_devices() -> dict[str, str]:
+    """Logs as devices."""
+    return {
+        "afm-replay": "palpate_logs.afm_replay:AfmReplay",
+        "csv-replay": "palpate_logs.csv_replay:CsvReplay",
+        "rosbag2-replay": "palpate_logs.rosbag2_replay:Rosbag2Replay",
+    }
+
+
+@plugin
+def palpate_sinks() -> dict[str, str]:
+    """Tables to write to."""
+    return {"csv": "palpate_logs.csv_sink:CsvSink"}
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """Looking at logs."""
+    where = "palpate_logs.commands"
+    return {
+        "info": Command(f"{where}.info:info", "Contents of a log, and a pipeline that reads it.", "logs"),
+        "log export": Command(f"{where}.export:export", "A log as CSV, NPZ, MAT or Parquet.", "logs", "export"),
+        "record": Command(f"{where}.record:record", "The streams of a pipeline into a log, without estimates.", "run"),
+        "log recover": Command(
+            f"{where}.recover:recover", "The undamaged part of a log as a new log.", "logs", "recover"
+        ),
+    }

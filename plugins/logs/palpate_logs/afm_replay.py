@@ -1,0 +1,246 @@
+"""Replay of a curve of an atomic force microscope, in any format that afmformats reads."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import (
+    Batch,
+    Channel,
+    File,
+    Floats,
+    Frequency,
+    Link,
+    LogError,
+    Stiffness,
+    Stream,
+)
+from palpate_kit.logs.log_files import regular
+from palpate_kit.logs.log_link import file_facts
+from palpate_kit.logs.recording import Recording, Suggestion, Survey, TopicSurvey
+from pydantic import Field
+
+SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-force-qi", ".jpk-qi-data", ".jpk-qi-series", ".ibw", ".tab", ".h5")
+_SECOND = 1e9  # [ns]
+_BLOCK = 4096  # readings in one batch
+_AIR = 0.3  # of the way down whose mean is the tare
+_ROWS = {"tip": "tip position", "measured": "height (measured)", "piezo": "height (piezo)"}
+
+
+class AfmReplay(Recording):
+    """One curve of an atomic force microscope as a device: channels force [N], height [m] and segment.
+
+    The height is that of the tip: the cantilever's, plus force over spring constant; or one of the columns as recorded.
+    Segments are counted from 0: on the way in, 1: on the way out. The extra `palpate[afm]` brings afmformats, which
+    knows JPK, Bruker, Asylum, AFM workshop, NT-MDT and Optics11 files and others.
+    Source of the tip position: Cappella and Dietler 1999, as nanite and the makers' software have it.
+    """
+
+    file: File = Field(description="the log, such as .jpk-force, relative to the pipeline file")
+    curve: int = Field(default=0, ge=0, description="which curve of a map, counted from 0")
+    height: Literal["tip", "measured", "piezo"] = Field(
+        default="tip", description='"tip": height (measured) plus force over spring constant; else a column as recorded'
+    )
+    spring_constant: Stiffness | None = Field(
+        default=None, gt=0, description="of the cantilever; left out: the value in the file"
+    )
+    rate: Frequency | None = Field(default=None, gt=0, description="sampling rate, where the file contains no time")
+
+    @property
+    def streams(self) -> tuple[Stream, ...]:
+        """One stream without a name: channels are addressed as ``device.channel``."""
+        regular(self.file)
+        return (
+            Stream("", (Channel("force", "N"), Channel("height", "m"), Channel("segment", "1")), None, clock="file"),
+        )
+
+    @property
+    def provenance(self) -> Mapping[str, str]:
+        """The file, its SHA-256, and the curve."""
+        return {**file_facts(self.file, [self.file]), "curve": str(self.curve)}
+
+    def connect(self, seed: int) -> AbstractContextManager[Link]:
+        """The open file."""
+        return self._connected()
+
+    @contextmanager
+    def _connected(self) -> Iterator[Link]:
+        yield _AfmLink(self)
+
+    @classmethod
+    def recognises(cls, path: Path) -> bool:
+        """A file that is named like a force curve."""
+        return path.is_file() and path.name.endswith(SUFFIXES)
+
+    @classmethod
+    def survey(cls, path: Path) -> Survey:
+        """See `Recording`; every curve is a topic."""
+        topics = []
+        for i, curve in enumerate(_curves(path)):
+            time = curve.time(None, path)
+            stamps = _stamps(time) if time is not None else np.zeros(1, np.int64)
+            steps = np.diff(time) if time is not None else np.zeros(0)
+            interval = tuple(float(p) for p in np.percentile(steps, (1, 50, 99))) if len(steps) else None
+            topics.append(
+                TopicSurvey(
+                    f"curve {i}", curve.format, "afm", len(curve.force), int(stamps[0]), int(stamps[-1]),
+                    interval, fields=curve.columns,  # type: ignore[arg-type]
+                    note="" if time is not None else "no time: give the device rate",
+                )
+            )  # fmt: skip
+        return Survey(path, "force curves", tuple(topics))
+
+    @classmethod
+    def suggest(cls, path: Path, choices: Mapping[str, str]) -> Suggestion:
+        """See `Recording`; nothing is to be chosen but the rate, where the file holds no time."""
+        curve = _curves(path)[0]
+        device: dict[str, Any] = {"type": "afm-replay", "file": str(path)}
+        blanks, doubts, reasons = [], [], ["force and height: the first curve's, as the format names them"]
+        if "rate" in choices:
+            device["rate"] = choices["rate"]
+        elif curve.time(None, path) is None:
+            device["rate"] = "? Hz"
+            blanks.append("rate: the file contains no time (or --rate '2 kHz')")
+        if curve.spring_constant is None and "tip position" not in curve.columns:
+            device["spring_constant"] = "? N/m"
+            blanks.append("spring_constant: the file does not state it")
+        alignment: dict[str, Any] = {"force": {"channel": "log.force"}, "position": {"channel": "log.height"}}
+        time = curve.time(None, path)
+        if time is not None and curve.duration is not None:
+            alignment["tare_duration"] = f"{_AIR * curve.duration:.3g} s"
+            reasons.append(f"tare: the mean of the first {_AIR:.0%} of the approach, which has to be in air")
+        doubts.append("the tip: the file does not state its shape and size")
+        return Suggestion(device, alignment, tuple(reasons), tuple(doubts), tuple(blanks))
+
+    @classmethod
+    def tables(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
+        """See `Recording`; a curve without time is left out."""
+        for i, curve in enumerate(_curves(path)):
+            time = curve.time(None, path)
+            if time is not None:
+                name, stamps = f"curve {i}", _stamps(time)
+                columns = np.column_stack([curve.column(key) for key in curve.columns])
+                yield name, curve.columns, Batch(name, stamps, stamps, columns)
+
+
+@dataclass(frozen=True)
+class _AfmCurve:
+    """One curve of a file."""
+
+    data: Any  # of afmformats
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names as afmformats has them."""
+        return tuple(self.data.columns)
+
+    @property
+    def force(self) -> Floats:
+        """(n,) [N]."""
+        return self.column("force")
+
+    @property
+    def format(self) -> str:
+        """The maker's name of the format."""
+        return str(self.data.metadata.get("format", "force curve"))
+
+    @property
+    def spring_constant(self) -> float | None:
+        """[N/m]; None where the file does not state it."""
+        value = self.data.metadata.get("spring constant", None)
+        return float(value) if value is not None and np.isfinite(value) and value > 0 else None
+
+    @property
+    def duration(self) -> float | None:
+        """Of the approach [s]."""
+        value = self.data.metadata.get("duration approach", None)
+        return float(value) if value is not None and np.isfinite(value) and value > 0 else None
+
+    def column(self, name: str) -> Floats:
+        """(n,) as recorded."""
+        return np.asarray(self.data[name], np.float64)
+
+    def time(self, rate: float | None, path: Path) -> Floats | None:
+        """(n,) [s] that advances from every reading to the next; None where neither file nor `rate` gives it."""
+        if rate is not None:
+            return np.arange(len(self.force)) / rate
+        if "time" not in self.columns:
+            return None
+        time = self.column("time")
+        if not np.isfinite(time).all() or np.any(np.diff(time) <= 0):
+            raise LogError(f"{path}: the time of the curve does not advance from every reading to the next")
+        return time
+
+
+def _curves(path: Path) -> list[_AfmCurve]:
+    """Every curve of a file; raises LogError where afmformats is missing or does not read it."""
+    regular(path)
+    try:
+        with warnings.catch_warnings():  # of its own dependencies; what matters is raised
+            warnings.simplefilter("ignore")
+            import afmformats
+    except ImportError as error:
+        raise LogError(f"{path}: force curves need afmformats: pip install 'palpate[afm]'") from error
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found = [_AfmCurve(data) for data in afmformats.load_data(path)]
+            for curve in found:
+                if "force" not in curve.columns:
+                    raise LogError(f"{path}: contains no force (there are: {', '.join(curve.columns)})")
+    except (LogError, KeyboardInterrupt, SystemExit, MemoryError):
+        raise
+    except BaseException as error:  # of a parser, for files that are damaged; its own derive from nothing narrower
+        raise LogError(f"{path}: cannot be read as a force curve: {type(error).__name__}: {error}") from error
+    if not found:
+        raise LogError(f"{path}: contains no force curve")
+    return found
+
+
+def _stamps(time: Floats) -> NDArray[np.int64]:
+    stamps: NDArray[np.int64] = np.rint((time - time[0]) * _SECOND).astype(np.int64)
+    return stamps
+
+
+@dataclass(frozen=True)
+class _AfmLink:
+    log: AfmReplay
+
+    def batches(self) -> Iterator[Batch]:
+        """The readings in their order, some thousand at a time."""
+        curves, path = _curves(self.log.file), self.log.file
+        if self.log.curve >= len(curves):
+            raise LogError(
+                f"{path}: there is no curve {self.log.curve}; it contains {len(curves)}, 0 to {len(curves) - 1}"
+            )
+        curve = curves[self.log.curve]
+        time = curve.time(self.log.rate, path)
+        if time is None:
+            raise LogError(f"{path}: the file contains no time: set rate of the device")
+        segment = curve.column("segment") if "segment" in curve.columns else np.zeros(len(time))
+        values = np.column_stack([curve.force, self._height(curve), segment])
+        stamps = _stamps(time)
+        for begin in range(0, len(stamps), _BLOCK):
+            rows = slice(begin, begin + _BLOCK)
+            yield Batch("", stamps[rows], stamps[rows], values[rows])
+
+    def _height(self, curve: _AfmCurve) -> Floats:
+        path, wanted = self.log.file, _ROWS[self.log.height]
+        if wanted in curve.columns:
+            return curve.column(wanted)
+        if self.log.height != "tip":
+            raise LogError(f"{path}: holds no {wanted!r} (there are: {', '.join(curve.columns)})")
+        stiffness = self.log.spring_constant or curve.spring_constant
+        if stiffness is None:
+            raise LogError(f"{path}: does not state its spring constant: set spring_constant of the device")
+        base = next((name for name in (_ROWS["measured"], _ROWS["piezo"]) if name in curve.columns), None)
+        if base is None:
+            raise LogError(f"{path}: contains no height (there are: {', '.join(curve.columns)})")
+        return curve.column(base) + curve.force / stiffness

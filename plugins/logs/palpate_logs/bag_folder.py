@@ -1,0 +1,143 @@
+"""A rosbag2 bag: a folder with ``metadata.yaml`` and one or more files, or one of those files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Set
+from functools import cached_property
+from pathlib import Path
+
+from palpate import LogError, printable
+from palpate_kit.logs.log_files import regular
+from palpate_kit.logs.mcap_file import McapFile
+from palpate_kit.logs.topics import Container, Messages, Topic
+
+from palpate_logs.sqlite_bag import SqliteBag
+
+_METADATA = 1 << 24  # [bytes] of metadata.yaml that are read
+_NAMES = 1 << 20  # characters of a list of files
+SUFFIXES = (".db3", ".db3.gz", ".db3.zstd", ".db3.zst", ".mcap")
+
+
+class Bag:
+    """The files of a bag, one after another."""
+
+    def __init__(self, path: Path, accept_cut: bool = False) -> None:
+        self.path = path
+        self.files = bag_files(path)
+        packed = path.is_dir() and _setting(path / "metadata.yaml", "compression_mode").lower() == "message"
+        self._parts: list[Container] = [
+            McapFile(file, accept_cut) if file.name.endswith(".mcap") else SqliteBag(file, packed)
+            for file in self.files
+        ]
+
+    @property
+    def complete(self) -> bool:
+        """Whether every file has its end."""
+        return all(part.complete for part in self._parts if isinstance(part, McapFile))
+
+    @property
+    def trouble(self) -> str | None:
+        """What is wrong with any of the files."""
+        return "; ".join(part.trouble for part in self._parts if part.trouble) or None
+
+    @property
+    def topics(self) -> Mapping[str, Topic]:
+        """The topics of all files."""
+        return self._topics
+
+    @cached_property
+    def _topics(self) -> Mapping[str, Topic]:
+        found: dict[str, Topic] = {}
+        for part in self._parts:
+            for name, topic in part.topics.items():
+                if found.setdefault(name, topic).type != topic.type:
+                    raise LogError(f"{self.path}: topic {name} changes its type from one file to the next")
+        return found
+
+    @property
+    def span(self) -> tuple[int, int] | None:
+        """First and last log time [ns] of all files."""
+        spans = [part.span for part in self._parts]
+        known = [span for span in spans if span is not None]
+        return (min(span[0] for span in known), max(span[1] for span in known)) if known else None
+
+    def blocks(
+        self, wanted: Set[str], begin: int | None = None, end: int | None = None
+    ) -> Iterator[tuple[str, Messages]]:
+        """Messages of the wanted topics, file after file."""
+        for part in self._parts:
+            present = {name for name in wanted if name in part.topics}
+            if present:
+                yield from part.blocks(present, begin, end)
+
+
+def bag_files(path: Path) -> list[Path]:
+    """The files of a bag in their order: as ``metadata.yaml`` lists them, else by name."""
+    if not _is(Path.is_dir, path):
+        return [regular(path)]
+    listed = _listed(path / "metadata.yaml")
+    present = [path / Path(name).name for name in listed]
+    missing = [file.name for file in present if not _is(Path.is_file, file)]
+    if missing:
+        named = printable(", ".join(missing))
+        raise LogError(
+            f"{path}: metadata.yaml lists {named if len(named) < 200 else named[:200] + ' ...'}, which "
+            f"{'is' if len(missing) == 1 else 'are'} not there"
+        )
+    if present:
+        return present
+    found = [file for file in path.iterdir() if file.name.endswith(SUFFIXES)]
+    if not found:
+        raise LogError(f"{path}: no bag: there is neither a metadata.yaml that lists files nor a .db3 or .mcap file")
+    return sorted(found, key=_number)
+
+
+def _is(kind: Callable[[Path], bool], path: Path) -> bool:
+    try:
+        return kind(path)
+    except (OSError, ValueError):  # a name that no file can have
+        return False
+
+
+def _number(file: Path) -> tuple[str, int]:
+    """Split files are numbered: bag_2 comes before bag_10."""
+    stem = file.name.split(".db3")[0].split(".mcap")[0]
+    name = stem.rstrip("0123456789")
+    digits = stem[len(name) :][-18:]
+    return name.removesuffix("_"), int(digits or 0)
+
+
+def _lines(metadata: Path) -> list[str]:
+    """A bag's metadata; none where missing, as after a crash: its files suffice."""
+    try:
+        with metadata.open("rb") as file:
+            return file.read(_METADATA).decode().splitlines()
+    except (OSError, UnicodeDecodeError):
+        return []
+
+
+def _listed(metadata: Path) -> list[str]:
+    """``relative_file_paths``, whose two spellings of a list are all the YAML that is needed here."""
+    words = (line.strip() for line in _lines(metadata))
+    names: list[str] = []
+    for line in words:
+        if not line.startswith("relative_file_paths:"):
+            continue
+        inline = line.partition(":")[2].strip()
+        if inline.startswith("["):
+            text = inline
+            while "]" not in text and (more := next(words, None)) is not None:
+                text = f"{text} {more}" if len(text) < _NAMES else f"{text}]"
+            names = text[1:].partition("]")[0].split(",")
+        else:
+            for item in words:
+                if item and not item.startswith("-"):
+                    break
+                names += [item[1:]] if item else []
+        break
+    return [name.strip().strip("\"'") for name in names if name.strip()]
+
+
+def _setting(metadata: Path, key: str) -> str:
+    found = (line.partition(":")[2] for line in _lines(metadata) if line.strip().startswith(f"{key}:"))
+    return next(found, "").strip().strip("\"'")

@@ -1,0 +1,38 @@
+"""``palpate log export``: a log as a table, for spreadsheets and other programs, by way of files beside the result."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate import ConfigurationError, OutputError
+from palpate_kit.logs.temporary_folders import scratch
+from palpate_kit.terminal.progress import progress
+
+from palpate_logs.table_files import WRITERS
+from palpate_logs.topic_arrays import TEXTS, topics_of
+
+
+def export(
+    log: Annotated[Path, typer.Argument(help="The log: .mcap, .db3, a bag folder, .csv.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="x.csv, x.npz, x.mat or x.parquet; must not exist.")],
+    topics: Annotated[
+        list[str] | None, typer.Option("--topic", help="Only this topic; can be repeated. [default: all]")
+    ] = None,
+) -> None:
+    """Write numbers and texts of a log as one table (.csv, .parquet) or one array for each field (.npz, .mat)."""
+    write = WRITERS.get(out.suffix)
+    if write is None:
+        raise ConfigurationError(f"--out {out}: the name must end in one of {', '.join(WRITERS)}")
+    if out.exists():
+        raise OutputError(f"{out}: exists already, and nothing is ever overwritten")
+    try:
+        with scratch(out.parent) as folder, progress(f"export of {log.name}", "messages"):
+            numbers = topics_of(log, topics, folder)
+            write(out, numbers)
+    except OSError as error:
+        raise OutputError(f"{out}: cannot write: {error.strerror}") from error
+    rows = {topic: len(numbers[topic].stamps) for topic in sorted(numbers, reverse=True)}  # numbers after texts
+    counts = {topic.rstrip(TEXTS): count for topic, count in rows.items()}
+    typer.echo(f"{sum(counts.values())} messages of {len(counts)} topics are in {out}")

@@ -1,0 +1,56 @@
+"""``palpate info`` without a log: what this installation runs on."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import platform
+from typing import Any
+
+import typer
+from palpate import ConfigurationError, Fact
+from palpate.host import function_of, registry as registries
+from palpate_kit.terminal.json_output import print_json
+
+_LIBRARIES = ("casadi", "numpy", "scipy", "llvmlite", "filterpy")
+
+
+def show_installation(as_json: bool = False) -> None:
+    """List libraries and plugins, and the plugins' facts on the installation."""
+    registry = registries.load()
+    found: dict[str, Any] = {
+        "palpate": importlib.metadata.version("palpate"),
+        "python": platform.python_version(),
+        "system": f"{platform.system()} {platform.machine()}",
+        "cores": os.cpu_count(),
+        "facts": [_line(name, fact) for name, fact in registry.facts.items()],
+        "libraries": {name: _version(name) for name in _LIBRARIES},
+        "plugins": [plugin.name for plugin in registry.plugins],
+        "failures": dict(registry.failures),
+    }
+    if as_json:
+        print_json(found)
+        return
+    typer.echo(f"palpate {found['palpate']}")
+    typer.echo(f"python {found['python']} on {found['system']}, {found['cores']} cores")
+    lines = [*found["facts"], *(f"{name} {version}" for name, version in found["libraries"].items())]
+    lines += [f"plugin {name}" for name in found["plugins"]]
+    lines += registry.failures.values()
+    for line in lines:
+        typer.echo(line)
+
+
+def _line(name: str, fact: Fact) -> str:
+    try:
+        return str(function_of(fact)())
+    except ConfigurationError:  # the user's environment
+        raise
+    except Exception as error:  # whatever a third-party function raises
+        return f"the fact {name!r} is not known: {type(error).__name__}: {error}"
+
+
+def _version(name: str) -> str:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"

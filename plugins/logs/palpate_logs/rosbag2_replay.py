@@ -1,0 +1,139 @@
+"""Replay of a rosbag2 bag."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import Self
+
+from palpate import Batch, File, Link, LogError, Stream, Time
+from palpate_kit.logs.channel_mapping import Clock, MappedSignal
+from palpate_kit.logs.feeds import TopicFeed, untimed_note
+from palpate_kit.logs.joint_kinematics import Kinematics
+from palpate_kit.logs.log_link import LogLink, described_feeds, file_facts, tables_of, texts_of, window
+from palpate_kit.logs.recording import Recording, Suggestion, Survey
+from palpate_kit.logs.survey import survey_of
+from palpate_kit.logs.topic_suggestion import suggestion_for
+from palpate_kit.logs.topics import Container, Stamps
+from pydantic import Field, model_validator
+
+from palpate_logs.bag_folder import SUFFIXES, Bag
+from palpate_logs.sqlite_recovery import recover_bag
+
+
+class Rosbag2Replay(Recording):
+    """A rosbag2 bag as a device: a ``.db3`` file (plain, .gz, .zstd), or a folder with ``metadata.yaml``.
+
+    `signals` says which numbers of which topics are the channels. Signals of one topic share a stream, named by the
+    topic's last word: ``log.wrench.force``. `kinematics` takes joint states to the tip.
+    """
+
+    file: File = Field(description="the bag, a file or a folder, relative to the pipeline file")
+    signals: dict[str, MappedSignal] = Field(
+        default={},
+        description='channels by name: { force = { topic = "/wrench", field = "wrench.force.z", unit = "N" } }',
+    )
+    kinematics: Kinematics | None = Field(
+        default=None, description="the robot whose joints give the streams tip and twist, such as log.tip.z"
+    )
+    time: Clock = Field(
+        default="stamp", description='"stamp" (of the header, else log), "log", or { field = "data", index = 0 }'
+    )
+    begin: Time | None = Field(
+        default=None, ge=0, description="leave out what was logged earlier, counted from the first message"
+    )
+    end: Time | None = Field(default=None, gt=0, description="leave out what was logged later")
+    accept_cut: bool = Field(default=False, description="read the undamaged part of a bag in MCAP files that are cut")
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        if not self.signals and self.kinematics is None:
+            raise ValueError("give signals: which numbers of which topics are the channels")
+        return self
+
+    @property
+    def streams(self) -> tuple[Stream, ...]:
+        """A stream for each mapped topic."""
+        return tuple(feed.stream for feed in self._feeds)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is wrong with the files."""
+        trouble = (self._bag.trouble,) if self._bag.trouble else ()
+        return (*trouble, *untimed_note(self._feeds, self.file.name))
+
+    @property
+    def provenance(self) -> Mapping[str, str]:
+        """The bag and the SHA-256 of its files, one after another."""
+        return file_facts(self.file, self._bag.files)
+
+    @property
+    def duration(self) -> float | None:
+        """From the first message to the last [s]."""
+        span = self._bag.span
+        return (span[1] - span[0]) / 1e9 if span else None
+
+    def connect(self, seed: int) -> AbstractContextManager[Link]:
+        """The open bag."""
+        return self._connected()
+
+    @contextmanager
+    def _connected(self) -> Iterator[Link]:
+        yield LogLink(self._bag, self._feeds, window(self._bag, self.begin, self.end), str(self.file))
+
+    @cached_property
+    def _bag(self) -> Bag:
+        bag = Bag(self.file, self.accept_cut)
+        if not bag.complete and not self.accept_cut:
+            raise LogError(
+                f"{self.file}: the bag is cut: a file has no end; set accept_cut = true to use the undamaged part"
+            )
+        return bag
+
+    @cached_property
+    def _feeds(self) -> list[TopicFeed]:
+        return described_feeds(self._bag, self.signals, self.kinematics, self.time, str(self.file))
+
+    @classmethod
+    def recognises(cls, path: Path) -> bool:
+        """A folder, or a file that is named like a bag's database."""
+        names = tuple(suffix for suffix in SUFFIXES if suffix != ".mcap")
+        return path.name.endswith(names) or (
+            path.is_dir()
+            and ((path / "metadata.yaml").is_file() or any(f.name.endswith(SUFFIXES) for f in path.iterdir()))
+        )
+
+    @classmethod
+    def survey(cls, path: Path) -> Survey:
+        """See `Recording`."""
+        return survey_of(cls._opened(path), path, "rosbag2")
+
+    @classmethod
+    def suggest(cls, path: Path, choices: Mapping[str, str]) -> Suggestion:
+        """See `Recording`."""
+        return suggestion_for(cls._opened(path), path, "rosbag2-replay", choices)
+
+    @classmethod
+    def tables(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
+        """See `Recording`."""
+        return tables_of(cls._opened(path))
+
+    @classmethod
+    def texts(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Stamps, list[tuple[str, ...]]]]:
+        """See `Recording`."""
+        return texts_of(cls._opened(path))
+
+    @classmethod
+    def recover(cls, path: Path, out: Path) -> str:
+        """See `Recording`."""
+        if path.name.endswith(".db3") and path.is_file():
+            return recover_bag(path, out)
+        if path.is_dir():
+            raise LogError(f"{path}: recover the files of a bag one by one, and put them into a folder of their own")
+        raise LogError(f"{path}: is compressed as a whole: unpack it first, as far as that goes")
+
+    @classmethod
+    def _opened(cls, path: Path) -> Container:
+        return Bag(path, accept_cut=True)

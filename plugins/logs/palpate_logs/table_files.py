@@ -1,0 +1,150 @@
+"""Topics as files that other programs read: one table (.csv, .parquet), or one array for each field (.npz, .mat)."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import ConfigurationError, Floats
+from palpate_kit.terminal.progress import report_progress
+
+from palpate_logs.topic_arrays import WINDOW, TopicArrays, part_of
+
+
+def _windows(numbers: Mapping[str, TopicArrays]) -> Iterator[tuple[NDArray[np.int64], dict[str, Floats]]]:
+    """The rows of one table, some ten thousand at a time."""
+    at = dict.fromkeys(numbers, 0)
+    whole = sum(len(entry.stamps) for entry in numbers.values())
+    while True:
+        report_progress(sum(at.values()), whole)
+        ahead = {t: part_of(n.stamps, at[t], min(at[t] + WINDOW + 1, len(n.stamps))) for t, n in numbers.items()}
+        edge = min((int(stamps[WINDOW]) for stamps in ahead.values() if len(stamps) > WINDOW), default=None)
+        if edge is None:
+            until = {topic: len(entry.stamps) for topic, entry in numbers.items()}
+        elif all(not len(stamps) or stamps[0] >= edge for stamps in ahead.values()):
+            edge += 1  # more messages of one instant than fit
+            until = {topic: int(np.searchsorted(entry.stamps, edge)) for topic, entry in numbers.items()}
+        else:  # looked for in what is read: a search through a mapped file would leave all of it in memory
+            until = {topic: at[topic] + int(np.searchsorted(stamps, edge)) for topic, stamps in ahead.items()}
+        yield _rows({topic: entry.part(at[topic], until[topic]) for topic, entry in numbers.items()})
+        at = until
+        if edge is None:
+            return
+
+
+def _rows(numbers: Mapping[str, TopicArrays]) -> tuple[NDArray[np.int64], dict[str, Floats]]:
+    """Rows of a table: one for each time-stamp of any topic [ns], NaN where a topic has no message at it."""
+    keys = {topic: np.stack([entry.stamps, _occurrence(entry.stamps)]) for topic, entry in numbers.items()}
+    every, places = np.unique(np.concatenate(list(keys.values()), axis=1), axis=1, return_inverse=True)
+    places = places.ravel()
+    columns: dict[str, Floats] = {}
+    begin = 0
+    for entry in numbers.values():
+        rows = places[begin : begin + len(entry.stamps)]
+        begin += len(entry.stamps)
+        for k, name in enumerate(entry.names):
+            column = np.full(every.shape[1], np.nan)
+            column[rows] = entry.values[:, k]
+            columns[f"{entry.topic}:{name}"] = column
+    return every[0], columns
+
+
+def _occurrence(stamps: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(n,) how many equal time-stamps came before each one: messages of one instant stay apart."""
+    order = np.argsort(stamps, kind="stable")
+    ordered = stamps[order]
+    begins = np.concatenate([[True], ordered[1:] != ordered[:-1]]) if len(ordered) else np.zeros(0, bool)
+    index = np.arange(len(ordered))
+    found = np.zeros(len(stamps), np.int64)
+    found[order] = index - np.maximum.accumulate(np.where(begins, index, 0))
+    return found
+
+
+def _csv(out: Path, numbers: Mapping[str, TopicArrays]) -> None:
+    first = min(int(entry.stamps[0]) for entry in numbers.values() if len(entry.stamps))
+    with out.open("x", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        names = (f"{entry.topic}:{name}" for entry in numbers.values() for name in entry.names)
+        writer.writerow(["stamp_ns", "time_s", *names])
+        texts = _all_texts(numbers)
+        for stamps, columns in _windows(numbers):
+            lists = [_spoken(column, texts[n]) if n in texts else column.tolist() for n, column in columns.items()]
+            seconds = (stamps - first) / 1e9
+            for row in zip(stamps.tolist(), seconds.tolist(), *lists, strict=True):
+                writer.writerow(["" if value != value else value for value in row])
+
+
+def _all_texts(numbers: Mapping[str, TopicArrays]) -> dict[str, tuple[str, ...]]:
+    return {name: words for entry in numbers.values() for name, words in entry.texts.items()}
+
+
+def _spoken(places: Floats, words: tuple[str, ...]) -> list[str]:
+    """The texts that a column stands for; none where there is no message."""
+    return ["" if place != place else words[int(place)] for place in places.tolist()]
+
+
+def _columns(entry: TopicArrays) -> Iterator[tuple[str, Any]]:
+    """Each field with its array, of numbers or of texts."""
+    for k, name in enumerate(entry.names):
+        column = entry.values[:, k]
+        yield name, np.array(_spoken(column, entry.words[k]), str) if entry.words else column
+
+
+def _arrays(numbers: Mapping[str, TopicArrays]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for entry in numbers.values():
+        found[f"{entry.topic}:stamp_ns"] = entry.stamps
+        found |= {f"{entry.topic}:{name}": array for name, array in _columns(entry)}
+    return found
+
+
+def _npz(out: Path, numbers: Mapping[str, TopicArrays]) -> None:
+    with out.open("xb") as file:
+        np.savez_compressed(file, **{name.strip("/").replace("/", "."): a for name, a in _arrays(numbers).items()})
+
+
+def _mat(out: Path, numbers: Mapping[str, TopicArrays]) -> None:
+    """A struct for each topic, named by what MATLAB allows."""
+    from scipy.io import savemat
+
+    structs: dict[str, Any] = {}
+    for entry in numbers.values():
+        fields = structs.setdefault(_word(entry.topic), {})
+        fields["stamp_ns"] = entry.stamps
+        fields |= {_word(name): array for name, array in _columns(entry)}
+    with out.open("xb") as file:
+        savemat(file, structs, long_field_names=True, do_compression=True)
+
+
+def _word(name: str) -> str:
+    word = re.sub(r"\W+", "_", name).strip("_")[:63]
+    return word if word[:1].isalpha() else f"x{word}"[:63]
+
+
+def _parquet(out: Path, numbers: Mapping[str, TopicArrays]) -> None:
+    try:
+        import pyarrow  # type: ignore[import-not-found,import-untyped,unused-ignore]
+        import pyarrow.parquet  # type: ignore[import-not-found,import-untyped,unused-ignore]
+    except ImportError as error:
+        raise ConfigurationError("parquet needs a library that is not installed: pip install pyarrow") from error
+    names = [f"{entry.topic}:{name}" for entry in numbers.values() for name in entry.names]
+    texts = _all_texts(numbers)
+    kinds = ((name, pyarrow.string() if name in texts else pyarrow.float64()) for name in names)
+    fields = [("stamp_ns", pyarrow.int64()), *kinds]
+    with pyarrow.parquet.ParquetWriter(out, pyarrow.schema(fields)) as writer:
+        for stamps, columns in _windows(numbers):
+            spoken = {n: _spoken(columns[n], words) for n, words in texts.items()}
+            writer.write_table(pyarrow.table({"stamp_ns": stamps, **columns, **spoken}))
+
+
+WRITERS: Mapping[str, Callable[[Path, Mapping[str, TopicArrays]], None]] = {
+    ".csv": _csv,
+    ".npz": _npz,
+    ".mat": _mat,
+    ".parquet": _parquet,
+}

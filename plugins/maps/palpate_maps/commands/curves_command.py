@@ -1,0 +1,185 @@
+"""Curves along a sweep, of several tracks or runs, beside point palpations: one picture and one table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from palpate import ConfigurationError, Floats, LogError, PalpateError, TrackName
+from palpate_kit.figures import save_figure
+from palpate_kit.terminal.json_output import print_json
+from palpate_kit.terminal.options import JsonOption, Points
+from palpate_kit.terminal.progress import progress, report_progress
+from palpate_kit.terminal.table import console
+
+if TYPE_CHECKING:
+    from palpate_maps.map_analysis import Lump, Sites
+
+
+@dataclass(frozen=True)
+class TrackCurve:
+    """One track's estimates along a sweep."""
+
+    parameter: str
+    unit: str
+    along: Floats  # (n,) [m]
+    sites: Sites
+    lumps: tuple[Lump, ...]
+
+
+def curves_of(
+    run: Path, tracks: Sequence[str] | None = None, parameter: str | None = None, prefix: str = ""
+) -> dict[str, TrackCurve]:
+    """The curve of each track of a run that has estimates along a line, by the track's name after a prefix."""
+    from palpate_maps import map_analysis as maps
+
+    curves = {}
+    for name in tracks or maps.tracks_of(run):
+        with suppress(LogError):  # a track that found nothing is not drawn
+            path = maps.read_path(run, name, parameter)
+            sites = maps.sites_along(path)
+            along = maps.line_coordinate(sites)
+            if along is not None and not sites.standing.all():
+                lumps: tuple[Lump, ...] = ()
+                with suppress(LogError):  # too short for lumps
+                    lumps = maps.find_lumps(sites).lumps
+                curves[prefix + name] = TrackCurve(
+                    path.parameter, unit_of(run, name, path.parameter), along, sites, lumps
+                )
+    return curves
+
+
+def points_of(points: Path, folder: Path, parameter: str | None = None) -> tuple[Any, Sites]:
+    """Coordinate and sites of point palpations; a pipeline file is run first, into ``points`` in a folder.
+
+    Raises LogError where they are on no line.
+    """
+    from palpate_maps import map_analysis as maps
+
+    run = points
+    if points.suffix == ".toml":
+        from palpate.host import load_pipeline, run_pipeline
+        from palpate_kit.runs.run_folder import RunFolder
+
+        run = folder / "points"
+        if not RunFolder(run).finished:
+            with progress(str(points), "s"):
+                run_pipeline(load_pipeline(points), run, report_progress).demand_whole()
+    sites = maps.sites_along(maps.read_path(run, None, parameter))
+    sites = sites[sites.standing]
+    along = maps.line_coordinate(sites) if len(sites) > 1 else None
+    if along is None:
+        raise LogError(f"{run}: contains no point palpations on a line")
+    return along, sites
+
+
+def curves(
+    runs: Annotated[list[Path], typer.Argument(help="Run folders of sweeps along one line.")],
+    label: Annotated[
+        list[str] | None, typer.Option("--label", help="Names of the runs, in their order. [default: their folders]")
+    ] = None,
+    points: Points = None,
+    out: Annotated[Path, typer.Option("--out", "-o", help="The picture to draw: .png or .svg.")] = Path("sweep.png"),
+    as_json: JsonOption = False,
+) -> None:
+    """Draw the curves of all tracks of runs along a line with the lumps in each, and print their table."""
+    labels = label or [run.name if len(runs) > 1 else "" for run in runs]
+    if len(labels) != len(runs):
+        raise ConfigurationError(f"--label: {len(labels)} labels for {len(runs)} runs")
+    found: dict[str, TrackCurve] = {}
+    kept = drop_rejected(runs)
+    for name, run in zip(labels, runs, strict=True):
+        tracks = curves_of(run) if run in kept else {}
+        for track, curve in tracks.items():
+            known = [part for part in (track if len(tracks) > 1 or not name else "", name) if part]
+            found[", ".join(known)] = curve
+    if not found:
+        raise LogError(f"{', '.join(str(run) for run in runs)}: no sweep along a line")
+    unit = next(iter(found.values())).unit
+    tell_curves(found, points_of(points, out.parent) if points else None, unit, out, as_json)
+
+
+def tell_curves(
+    curves: Mapping[str, TrackCurve], points: tuple[Any, Sites] | None, unit: str, picture_file: Path, as_json: bool
+) -> None:
+    """Draw the curves and print their table."""
+    from palpate_maps import map_figures
+
+    parameter = next(iter(curves.values())).parameter
+    series = {name: (curve.along, curve.sites) for name, curve in curves.items()}
+    save_figure(map_figures.sweep_picture(series, parameter, unit, None, points), picture_file)
+    if as_json:
+        print_json(
+            {
+                name: {
+                    **{"parameter": curve.parameter, "unit": curve.unit, "along": curve.along},
+                    **{"value": curve.sites.value, "std": curve.sites.value * curve.sites.std, "lumps": curve.lumps},
+                    "against_points": _distance(curve, points) if points is not None else None,
+                }
+                for name, curve in curves.items()
+            }
+        )
+        return
+    console().print(_table(curves, points, unit))
+    typer.echo(f"picture: {picture_file}")
+
+
+def _table(curves: Mapping[str, TrackCurve], points: tuple[Any, Sites] | None, unit: str) -> Any:
+    from palpate.host import display_unit
+    from rich.table import Table
+
+    word, factor = display_unit(unit)
+    table = Table(title="along the sweep", title_justify="left")
+    table.add_column("track")
+    table.add_column("lumps: place (contrast)")
+    if points is not None:
+        table.add_column(f"against points\nRMS {word}", justify="right")
+    for name, curve in curves.items():
+        found = [f"{1e3 * lump.along:.1f} mm ({100 * lump.contrast:.0f} %)" for lump in curve.lumps]
+        row = [name, ", ".join(found) or "none"]
+        if points is not None:
+            row.append(f"{factor * _distance(curve, points):.3g}")
+        table.add_row(*row)
+    return table
+
+
+def _distance(curve: TrackCurve, points: tuple[Any, Sites]) -> float:
+    """Root mean square difference [SI] of a curve from points on it; NaN where none is."""
+    import numpy as np
+
+    moving = ~curve.sites.standing
+    order = np.argsort(curve.along[moving])
+    at, value = curve.along[moving][order], curve.sites.value[moving][order]
+    on = (points[0] >= at[0]) & (points[0] <= at[-1])
+    if not on.any():
+        return float("nan")
+    apart = np.interp(points[0][on], at, value) - points[1].value[on]
+    return float(np.sqrt(np.mean(apart**2)))
+
+
+def drop_rejected(runs: list[Path]) -> list[Path]:
+    """The runs that no review has rejected, continuations included; the rejected ones are printed."""
+    from palpate_maps import map_analysis as maps
+
+    out: dict[Path, str] = {}
+    for run in runs:
+        out |= maps.rejected_runs(run)
+    for path, reason in out.items():
+        typer.echo(f"{path} was rejected and is left out: {reason}", err=True)
+    return [run for run in runs if run not in out]
+
+
+def unit_of(run: Path, track: str, parameter: str) -> str:
+    """SI unit of a track's parameter, or nothing where the run's pipeline cannot be read again."""
+    from palpate_kit.runs.continuation import recorded_pipeline
+
+    with suppress(PalpateError):
+        model = recorded_pipeline(run).models.get(TrackName.parse(track).model)
+        for known in model.parameters if model else ():
+            if known.name == parameter:
+                return known.unit
+    return ""

@@ -1,0 +1,169 @@
+"""``palpate map lumps`` and ``palpate map compare``: what is stiffer than its surroundings."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, get_args
+
+import typer
+from palpate import ConfigurationError, Floats, LogError
+from palpate_kit.runs.run_folder import RunFolder
+from palpate_kit.terminal.options import TrackOption
+from palpate_kit.terminal.progress import progress
+
+from palpate_maps.commands.curves_command import drop_rejected, unit_of
+from palpate_maps.commands.map_command import Parameter, Run, length
+
+if TYPE_CHECKING:
+    from palpate_maps.map_analysis import Findings
+
+_SAME = 2e-3  # [m]: palpations nearer to each other than that are one place
+
+
+def lumps(
+    run: Run,
+    track: TrackOption = None,
+    parameter: Parameter = None,
+    rate: Annotated[float, typer.Option(help="False-discovery rate; chance of a false alarm without lumps.")] = 0.005,
+    contrast: Annotated[float, typer.Option(help="Least contrast that is reported.")] = 0.04,
+    width: Annotated[str, typer.Option(help="Width of a site.")] = "4 mm",
+    method: Annotated[
+        str, typer.Option(help="Along a sweep: prominence, or cusum, a sequential test in time order.")
+    ] = "prominence",
+    as_json: Annotated[bool, typer.Option("--json", help="Print lumps.json instead of the table.")] = False,
+) -> None:
+    """Find the lumps in a run: place, extent, contrast and p-value of each."""
+    from palpate_maps import map_analysis as maps, map_files
+
+    if not 0 < rate < 1 or contrast < 0:
+        raise ConfigurationError("--rate must be between 0 and 1, --contrast not below 0")
+    if method not in get_args(maps.SweepMethod):
+        raise ConfigurationError(f'--method: {method!r} is not one of "prominence" and "cusum"')
+    settings = maps.LumpSettings(rate, contrast, width=length(width, "--width"), method=method)  # type: ignore[arg-type]
+    drop_rejected([run])
+    with progress(f"lumps of {run.resolve().name}"):
+        path = maps.read_path(run, track, parameter)
+        findings = maps.find_lumps(maps.sites_along(path), settings)
+    text = map_files.lumps_json(findings, path.track, path.parameter)
+    map_files.replace_file(RunFolder(run).maps / "lumps.json", text)
+    typer.echo(text if as_json else _view(findings, path.track, unit_of(run, path.track, path.parameter)))
+    if findings.warning:
+        typer.echo(f"warning: {findings.warning}", err=True)
+
+
+def _view(findings: Findings, track: str, unit: str) -> str:
+    from palpate.host import display_unit
+
+    name, factor = display_unit(unit)
+    head = f"{track}: background {findings.background * factor:.4g} {name}, by {findings.method}"
+    if not findings.lumps:
+        return f"{head}\nno lumps"
+    lines = [head, "    x mm    y mm   extent mm   contrast %         p"]
+    for lump in findings.lumps:
+        extent = " x ".join(f"{1e3 * size:.1f}" for size in lump.extent if size > 0)
+        stiffer = f"{100 * lump.contrast:.1f} ± {100 * lump.contrast_std:.1f}"
+        lines.append(f"{1e3 * lump.place[0]:8.1f}{1e3 * lump.place[1]:8.1f}{extent:>12}{stiffer:>13}{lump.p:10.2g}")
+    return "\n".join(lines)
+
+
+def compare(
+    baseline: Annotated[list[Path], typer.Option("--baseline", help="Run at a site without a lump; repeat it.")],
+    suspect: Annotated[list[Path], typer.Option("--suspect", help="Run at the suspect site; can be repeated.")],
+    track: TrackOption = None,
+    parameter: Parameter = None,
+    test: Annotated[str, typer.Option(help="prediction, or welch as in the paper.")] = "prediction",
+    as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON.")] = False,
+) -> None:
+    """Test a suspect site against baseline sites, by a prediction interval or by Welch's t-test."""
+    import numpy as np
+
+    from palpate_maps import map_analysis as maps
+
+    if test not in ("prediction", "welch"):
+        raise ConfigurationError(f'--test: {test!r} is not one of "prediction" and "welch"')
+    _refuse_both(baseline, suspect)
+    chosen = [sites_of(drop_rejected(runs), track, parameter) for runs in (baseline, suspect)]
+    groups = [np.array([value for _, value in sites]) for sites in chosen]
+    if test == "prediction":
+        groups = [by_place(sites) for sites in chosen]
+    least = 2 if test == "welch" else 4
+    if len(groups[0]) < least or len(groups[1]) < (2 if test == "welch" else 1):
+        raise ConfigurationError(f"--baseline: {len(groups[0])} sites are too few for {test}; {least} are needed")
+    if test == "welch":
+        found = maps.welch(groups[0], groups[1])
+        typer.echo(
+            "welch takes the scatter of repeats for the scatter between sites: many false alarms where sites differ",
+            err=as_json,
+        )
+    else:
+        found = maps.against_sites(groups[0], float(np.exp(np.log(groups[1]).mean())))
+    if as_json:
+        answer = {"contrast": found.contrast, "p": found.p, "test": found.test, "baseline": len(groups[0])}
+        typer.echo(json.dumps(answer, indent=2))
+        return
+    typer.echo(f"contrast {100 * found.contrast:+.2f} %, p = {found.p:.2g} ({found.test}, {len(groups[0])} baseline)")
+
+
+def _refuse_both(baseline: list[Path], suspect: list[Path]) -> None:
+    """Raise ConfigurationError where a run is given twice, or both as a baseline and as a suspect."""
+    known = [run.resolve() for run in baseline]
+    for run in suspect:
+        if run.resolve() in known:
+            raise ConfigurationError(f"--suspect: {run} is also a --baseline: it cannot be tested against itself")
+    for option, runs in (("--baseline", baseline), ("--suspect", suspect)):
+        for i, run in enumerate(runs):
+            if run.resolve() in [other.resolve() for other in runs[:i]]:
+                raise ConfigurationError(f"{option}: {run} is given twice; it counts once")
+
+
+Site = tuple[tuple[float, float] | Path, float]  # where, or the run where that is not recorded; value [SI]
+
+
+def sites_of(runs: list[Path], track: str | None, parameter: str | None) -> list[Site]:
+    """Every palpation at rest of some runs: its place [m] and value; a run without places is one site of its own."""
+    from palpate_maps import map_analysis as maps
+
+    found: list[Site] = []
+    for run in runs:
+        try:
+            sites = maps.sites_along(maps.read_path(run, track, parameter))
+        except LogError:
+            found.append((run.resolve(), _single_value(run, track, parameter)))
+            continue
+        for (x, y), value in zip(sites.place[sites.standing], sites.value[sites.standing], strict=True):
+            found.append(((float(x), float(y)), float(value)))
+    return found
+
+
+def _single_value(run: Path, track: str | None, parameter: str | None) -> float:
+    """What a run without places found; raises LogError where it has no such value, or an invalid one."""
+    tracks = RunFolder(run).result["tracks"]
+    name = track or next((name for name, found in tracks.items() if found["verdict"] != "invalid"), None)
+    if name is None or name not in tracks:
+        raise LogError(f"{run}: has no usable track {track or ''}".rstrip())
+    found = tracks[name]["parameters"]
+    wanted = parameter or next(iter(found))
+    if tracks[name]["verdict"] == "invalid" or found.get(wanted, {}).get("value") is None:
+        raise LogError(f"{run}: {name} has no usable {wanted}")
+    return float(found[wanted]["value"])
+
+
+def by_place(sites: list[Site]) -> Floats:
+    """One value for each place, the geometric mean of its repeats: repeats at one place are one site."""
+    import numpy as np
+
+    places: list[tuple[tuple[float, float] | Path, list[float]]] = []
+    for where, value in sites:
+        for known, values in places:
+            if known == where or (isinstance(known, tuple) and isinstance(where, tuple) and _one(known, where)):
+                values.append(value)
+                break
+        else:
+            places.append((where, [value]))
+    return np.array([np.exp(np.log(values).mean()) for _, values in places])
+
+
+def _one(a: tuple[float, float], b: tuple[float, float]) -> bool:
+    return math.dist(a, b) < _SAME

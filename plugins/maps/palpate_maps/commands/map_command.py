@@ -1,0 +1,163 @@
+"""``palpate map``: from a run to a map, or to a curve along a sweep."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from palpate import ConfigurationError, KnowsTruth, LogError, PalpateError, to_si
+from palpate.host import load_pipeline
+from palpate_kit.figures import save_figure
+from palpate_kit.runs.run_folder import RunFolder
+from palpate_kit.terminal.json_output import print_json
+from palpate_kit.terminal.options import JsonOption, Points, TrackOption
+from palpate_kit.terminal.progress import progress, report_progress
+
+from palpate_maps.commands.curves_command import curves_of, drop_rejected, points_of, unit_of
+
+if TYPE_CHECKING:
+    from palpate_maps.map_analysis import Findings, Path2D, Sites, StiffnessMap
+
+Run = Annotated[Path, typer.Argument(help="The run folder.")]
+Parameter = Annotated[str | None, typer.Option(help="Parameter of its model. [default: the first]")]
+
+
+def length(text: str, option: str) -> float:
+    """A length of the command line [m]; raises ConfigurationError."""
+    try:
+        return to_si(text, "m")
+    except ValueError as error:
+        raise ConfigurationError(f"{option}: {error}") from error
+
+
+def map_run(
+    run: Annotated[Path, typer.Argument(help="The run folder, or a pipeline file to run first.")],
+    track: TrackOption = None,
+    parameter: Parameter = None,
+    cell: Annotated[str, typer.Option(help="Size of the map's cells.")] = "1 mm",
+    method: Annotated[str, typer.Option(help="gaussian-process or average.")] = "gaussian-process",
+    points: Points = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder to write to. [default: RUN/maps]")] = None,
+    svg: Annotated[bool, typer.Option("--svg", help="SVG pictures instead of PNG.")] = False,
+    mcap: Annotated[bool, typer.Option("--mcap", help="Write map.mcap, too: a Grid that robot viewers draw.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Make the map of a run, with its uncertainty: CSV, NPZ and a picture; for a sweep, a curve.
+
+    A pipeline file is run first, into a new folder of runs/. No earlier map is written over: the second is map-2.
+    """
+    from palpate_maps import map_analysis as maps
+
+    if method not in ("gaussian-process", "average"):
+        raise ConfigurationError(f'--method: {method!r} is not one of "gaussian-process" and "average"')
+    run = _run_first(run)
+    drop_rejected([run])
+    with progress(f"map of {run.resolve().name}"):
+        path = maps.read_path(run, track, parameter)
+        sites = maps.sites_along(path)
+        findings = None
+        with suppress(LogError):  # too few sites for lumps are enough for a map
+            findings = maps.find_lumps(sites)
+        made = _MapOutput(run, out or RunFolder(run).maps, "svg" if svg else "png", path, sites, findings)
+        along = maps.line_coordinate(sites)
+        if along is not None and not sites.standing.all():
+            if mcap:
+                raise ConfigurationError(
+                    f"--mcap: {run} is a sweep along a line, and no map; its log has the estimates"
+                )
+            name, said, answer = _sweep(made, float(along.max() - along.min()), track, parameter, points)
+        else:
+            field = maps.make_map(sites, length(cell, "--cell"), method)  # type: ignore[arg-type]
+            name, said, answer = _map(made, field, mcap)
+    if findings is not None and findings.warning:
+        typer.echo(f"warning: {findings.warning}", err=True)
+    if as_json:
+        of = {"track": path.track, "parameter": path.parameter, "unit": made.unit, "sites": len(sites)}
+        lumps = findings.lumps if findings is not None else None
+        print_json({**answer, **of, "lumps": lumps, "files": sorted(made.folder.glob(f"{name}.*"))})
+        return
+    typer.echo(f"{said}\nwritten to {made.folder / name}.csv and beside it")
+
+
+def _run_first(run: Path) -> Path:
+    """The run folder; of a pipeline file, that of a run that is made now."""
+    from palpate.host import run_pipeline
+
+    if run.suffix != ".toml":
+        return run
+    with progress(str(run), "s"):
+        made = run_pipeline(load_pipeline(run), None, report_progress)
+    made.demand_whole()
+    return made.folder
+
+
+@dataclass(frozen=True)
+class _MapOutput:
+    """What a map or a curve is made of, and where it goes."""
+
+    run: Path
+    folder: Path
+    ending: str  # of pictures
+    path: Path2D
+    sites: Sites
+    findings: Findings | None
+
+    @property
+    def unit(self) -> str:
+        """Of the parameter."""
+        return unit_of(self.run, self.path.track, self.path.parameter)
+
+
+Written = tuple[str, str, dict[str, Any]]  # name of the files, a sentence, and the answer for programs
+
+
+def _sweep(made: _MapOutput, way: float, track: str | None, parameter: str | None, points: Path | None) -> Written:
+    """A curve along a line of so many metres."""
+    from palpate_maps import map_figures, map_files
+
+    path, folder = made.path, made.folder
+    curves = curves_of(made.run, [track] if track else None, parameter)
+    series = {name: (curve.along, curve.sites) for name, curve in curves.items()}
+    checked = points_of(points, folder, parameter) if points is not None else None
+    image = map_figures.sweep_picture(series, path.parameter, made.unit, made.findings, checked)
+    table = map_files.sweep_csv(series, path.parameter)
+    name = map_files.free_name(folder, "sweep", table)
+    map_files.replace_file(folder / f"{name}.csv", table)
+    save_figure(image, folder / f"{name}.{made.ending}")
+    said = f"sweep of {1e3 * way:.4g} mm, {len(made.sites)} sites, {path.track}"
+    return name, said, {"kind": "sweep", "length": way}
+
+
+def _map(made: _MapOutput, field: StiffnessMap, mcap: bool) -> Written:
+    """A map of an area."""
+    from palpate_maps import map_figures, map_files
+    from palpate_maps.mcap_grid import map_mcap
+
+    path, folder, sites = made.path, made.folder, made.sites
+    image = map_figures.map_picture(field, path.parameter, made.unit, made.findings, outlines_of(made.run))
+    table = map_files.map_csv(field, path.parameter)
+    name = map_files.free_name(folder, "map", table)
+    map_files.replace_file(folder / f"{name}.csv", table)
+    map_files.replace_file(folder / f"{name}.npz", map_files.map_npz(field, path.parameter))
+    save_figure(image, folder / f"{name}.{made.ending}")
+    if mcap:
+        map_files.replace_file(folder / f"{name}.mcap", map_mcap(field, path.parameter, round(1e9 * sites.time[-1])))
+    size = f"{1e3 * (field.x[-1] - field.x[0]):.4g} mm x {1e3 * (field.y[-1] - field.y[0]):.4g} mm"
+    covered = f"{100 * field.coverage:.0f} % covered, {len(sites)} sites, {path.track}"
+    said = f"map of {size}, {covered}, interpolated over {1e3 * field.length:.3g} mm"
+    ends = {"low": [field.x[0], field.y[0]], "high": [field.x[-1], field.y[-1]]}
+    return name, said, {"kind": "map", **ends, "coverage": field.coverage, "interpolated_over": field.length}
+
+
+def outlines_of(run: Path) -> list[Any]:
+    """Outlines of what a simulated rig hides; none where the run's pipeline cannot be read again."""
+    from palpate_kit.runs.continuation import recorded_pipeline
+
+    try:
+        devices = recorded_pipeline(run).devices.values()
+        return [outline for device in devices if isinstance(device, KnowsTruth) for outline in device.outlines]
+    except PalpateError:
+        return []

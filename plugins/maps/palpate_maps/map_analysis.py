@@ -1,0 +1,52 @@
+"""Maps: from estimates along a way to a map with uncertainty, the lumps in it, and where to look next."""
+
+from palpate_maps.baseline_sites import (
+    Baseline,
+    Comparison,
+    against_sites,
+    discoveries,
+    find_baseline,
+    prediction_p,
+    welch,
+)
+from palpate_maps.lump_criteria import Findings, Lump, LumpSettings, SweepMethod
+from palpate_maps.lumps import find_lumps
+from palpate_maps.map_grid import StiffnessMap, make_map
+from palpate_maps.next_places import Proposal, is_placed, propose
+from palpate_maps.path_reader import Path2D, read_path, rejected_runs, tracks_of
+from palpate_maps.search_area import Area, area_of
+from palpate_maps.search_progress import LumpProgress, off_limits, search_ended, update_progress
+from palpate_maps.sites import Sites, line_coordinate, sites_along
+
+__all__ = [
+    "Area",
+    "Baseline",
+    "Comparison",
+    "Findings",
+    "Lump",
+    "LumpProgress",
+    "LumpSettings",
+    "Path2D",
+    "Proposal",
+    "Sites",
+    "StiffnessMap",
+    "SweepMethod",
+    "against_sites",
+    "area_of",
+    "discoveries",
+    "find_baseline",
+    "find_lumps",
+    "is_placed",
+    "line_coordinate",
+    "make_map",
+    "off_limits",
+    "prediction_p",
+    "propose",
+    "read_path",
+    "rejected_runs",
+    "search_ended",
+    "sites_along",
+    "tracks_of",
+    "update_progress",
+    "welch",
+]

@@ -1,0 +1,89 @@
+"""Pictures of sweeps, maps and plans, drawn without a screen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from palpate import Floats
+from palpate.host import display_unit
+from palpate_kit.figures import common_limits, figure_of, legend_outside, style
+
+from palpate_maps.lump_criteria import Findings
+from palpate_maps.map_grid import StiffnessMap
+from palpate_maps.sites import Sites
+
+
+@style()
+def map_picture(
+    field: StiffnessMap, label: str, unit: str, findings: Findings | None, outlines: Sequence[Floats]
+) -> Any:
+    """Value and relative standard deviation side by side, with sites, lumps, and outlines where they are known.
+
+    A red line surrounds what is significantly stiffer than the baseline.
+    """
+    figure, axes = figure_of(2, height=60.0)
+    name, factor = display_unit(unit)
+    extent = [1e3 * edge for edge in (*_edges(field.x), *_edges(field.y))]
+    fields = [(field.value * factor, f"{label} [{name}]", "viridis")]
+    fields.append((100 * field.std / field.value, "standard deviation [%]", "magma"))
+    for axis, (values, title, colours) in zip(axes[0], fields, strict=True):
+        shown = axis.imshow(values, origin="lower", extent=extent, cmap=colours, aspect="equal")
+        figure.colorbar(shown, ax=axis, shrink=0.8)
+        axis.plot(*(1e3 * field.sites.T), ".", color="white", markersize=0.7, alpha=0.35)
+        if field.stiff.any() and min(field.stiff.shape) > 1:
+            axis.contour(1e3 * field.x, 1e3 * field.y, field.stiff, [0.5], colors="red", linewidths=0.8)
+        _mark(axis, findings, outlines)
+        axis.set(title=title, xlabel="x [mm]", ylabel="y [mm]", xlim=extent[:2], ylim=extent[2:])
+        axis.grid(False)
+    return figure
+
+
+def _edges(axis: Floats) -> tuple[float, float]:
+    half = (axis[1] - axis[0]) / 2 if len(axis) > 1 else 5e-4
+    return float(axis[0] - half), float(axis[-1] + half)
+
+
+def _mark(axis: Any, findings: Findings | None, outlines: Sequence[Floats]) -> None:
+    for outline in outlines:
+        axis.plot(*(1e3 * outline.T), "--", color="white", linewidth=0.8)
+    for lump in findings.lumps if findings else ():
+        x, y = lump.highest or lump.place
+        axis.plot(1e3 * x, 1e3 * y, "r+", markersize=7, markeredgewidth=1.5)
+
+
+@style()
+def sweep_picture(
+    series: Mapping[str, tuple[Floats, Sites]],
+    label: str,
+    unit: str,
+    findings: Findings | None,
+    points: tuple[Floats, Sites] | None = None,
+) -> Any:
+    """Estimates of tracks along a sweep, with two standard deviations, the lumps, and point palpations."""
+    figure, axes = figure_of(height=70.0)
+    axis, (name, factor) = axes[0, 0], display_unit(unit)
+    for track, (along, sites) in series.items():
+        order = np.argsort(along)
+        at, value = 1e3 * along[order], sites.value[order] * factor
+        (line,) = axis.plot(at, value, label=track)
+        band = 2 * value * sites.std[order]
+        axis.fill_between(at, value - band, value + band, color=line.get_color(), alpha=0.15, linewidth=0)
+    if points is not None:
+        at, value = 1e3 * points[0], points[1].value * factor
+        axis.errorbar(at, value, 2 * value * points[1].std, fmt="ko", markersize=4, capsize=2, label="points")
+    if findings is not None and findings.coordinate is not None and findings.curve is not None:
+        for lump in findings.lumps:
+            _mark_on_curve(axis, lump, findings, factor)
+    axis.set(xlabel="along the sweep [mm]", ylabel=f"{label} [{name}]")
+    axis.set_ylim(common_limits([sites.value * factor for _, sites in series.values()], 0.0))
+    legend_outside(axis)
+    return figure
+
+
+def _mark_on_curve(axis: Any, lump: Any, findings: Findings, factor: float) -> None:
+    """A shaded stretch for a lump, at its coordinate along the sweep."""
+    at = lump.along
+    axis.axvspan(1e3 * (at - lump.extent[0] / 2), 1e3 * (at + lump.extent[0] / 2), color="red", alpha=0.1, linewidth=0)
+    axis.axvline(1e3 * at, color="red", linewidth=0.8)

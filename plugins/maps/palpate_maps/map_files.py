@@ -1,0 +1,107 @@
+"""Maps and lumps as files: CSV for tables, NPZ for arrays, JSON for programs."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from palpate import Floats, OutputError
+from palpate.host import write_whole
+
+from palpate_maps.lump_criteria import Findings
+from palpate_maps.map_grid import StiffnessMap
+from palpate_maps.sites import Sites
+
+
+def map_csv(field: StiffnessMap, parameter: str) -> str:
+    """One row for each cell: x, y, value, standard deviation, covered, p-value, stiffer than the baseline."""
+    rows = [f"x_m,y_m,{parameter},{parameter}_std,covered,p,stiff"]
+    for j, y in enumerate(field.y):
+        for i, x in enumerate(field.x):
+            known = bool(field.covered[j, i])
+            cells = f"{field.value[j, i]:.6g},{field.std[j, i]:.4g}" if known else ","
+            p = f"{field.p[j, i]:.3g}" if known else ""
+            rows.append(f"{x:.6f},{y:.6f},{cells},{int(known)},{p},{int(field.stiff[j, i])}")
+    return "\n".join(rows) + "\n"
+
+
+def sweep_csv(series: Mapping[str, tuple[Floats, Sites]], parameter: str) -> str:
+    """One row for each site of each track: coordinate along the sweep, place, value, standard deviation."""
+    rows = [f"track,along_m,x_m,y_m,{parameter},{parameter}_std"]
+    for track, (along, sites) in series.items():
+        for at, (x, y), value, std in zip(along, sites.place, sites.value, sites.std, strict=True):
+            rows.append(f"{track},{at:.6f},{x:.6f},{y:.6f},{value:.6g},{value * std:.4g}")
+    return "\n".join(rows) + "\n"
+
+
+def map_npz(field: StiffnessMap, parameter: str) -> bytes:
+    """Arrays x, y, value, std, covered, p, stiff, sites, and the parameter's name."""
+    file = io.BytesIO()
+    np.savez_compressed(
+        file,
+        x=field.x,
+        y=field.y,
+        value=field.value,
+        std=field.std,
+        covered=field.covered,
+        p=field.p,
+        stiff=field.stiff,
+        sites=field.sites,
+        parameter=np.array(parameter),
+    )
+    return file.getvalue()
+
+
+def lumps_json(findings: Findings, track: str, parameter: str) -> str:
+    """The lumps with place, extent, contrast and p-value [SI]."""
+    table = {
+        "track": track,
+        "parameter": parameter,
+        "method": findings.method,
+        "background": findings.background,
+        "spread": findings.spread,
+        "warning": findings.warning,
+        "lumps": [
+            {
+                "x": lump.place[0],
+                "y": lump.place[1],
+                "highest": list(lump.highest or lump.place),
+                "extent": list(lump.extent),
+                "contrast": lump.contrast,
+                "contrast_std": lump.contrast_std,
+                "p": lump.p,
+            }
+            for lump in findings.lumps
+        ],
+    }
+    return json.dumps(table, indent=2, allow_nan=False) + "\n"
+
+
+def free_name(folder: Path, name: str, table: str) -> str:
+    """A name, such as "map" or "map-2", under which a folder has no table yet, or has just this one."""
+    number = 1
+    while True:
+        found = name if number == 1 else f"{name}-{number}"
+        there = [path for path in folder.glob(f"{found}.*") if path.is_file()]
+        if not there or _text_of(folder / f"{found}.csv") == table:
+            return found
+        number += 1
+
+
+def _text_of(path: Path) -> str | None:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return None
+
+
+def replace_file(path: Path, content: str | bytes) -> None:
+    """Write a file that can be made again from the run, so it may be replaced; raises OutputError."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot write: {error.strerror}") from error
+    write_whole(path, content)

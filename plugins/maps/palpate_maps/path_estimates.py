@@ -1,0 +1,126 @@
+"""Estimates along the way of a tip that moved sideways: a track's estimates at all places, not at the last one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from palpate import BudgetRow, ContactModel, Estimates, Floats, Samples, Status, finite_rows
+from palpate.host import DerivedValue, TrackResult, UncertainValue
+
+_PLACE = 1e-3  # [m]
+_WARM = 1.0  # [s] that a filter is given to find its feet
+_ENDS = (0.01, 0.99)  # quantiles, between which a range goes
+_CAUSE = "places"
+
+
+@dataclass
+class PathEstimates:
+    """The latest estimate at every place of 1 mm; the same ones however a record is cut into blocks."""
+
+    _places: dict[tuple[int, int], tuple[float, Floats]] = field(default_factory=dict)  # time [s], and the numbers
+    _begin: float = math.nan  # [s] of the first estimate
+    last: Floats = field(default_factory=lambda: np.zeros(0))  # (columns,) the latest numbers
+
+    def add(self, time: Floats, place: Floats, numbers: Floats) -> None:
+        """Estimates (n, columns) at times (n,) [s] and places (n, 2) [m]; those of no place are left out.
+
+        A place gets the latest estimate before the tip leaves it.
+        """
+        rows = finite_rows(place)
+        if not rows.any():
+            return
+        time, numbers = time[rows], numbers[rows]
+        cells = np.rint(place[rows] / _PLACE).astype(np.int64)
+        if math.isnan(self._begin):
+            self._begin = float(time[0])
+        self.last = numbers[-1].copy()
+        leaving = np.append((cells[1:] != cells[:-1]).any(axis=1), True)
+        for row in np.flatnonzero(leaving).tolist():
+            self._places[int(cells[row, 0]), int(cells[row, 1])] = (float(time[row]), numbers[row].copy())
+
+    @property
+    def numbers(self) -> Floats:
+        """The numbers (places, columns) of all places that the filter was warm at."""
+        every = [self._places[place] for place in sorted(self._places)]
+        warm = [numbers for time, numbers in every if time >= self._begin + _WARM]
+        return np.array(warm or [numbers for _, numbers in every])
+
+
+class Places:
+    """The summary of a track that is a sweep; a fit is one of the whole record as it is."""
+
+    def __init__(self) -> None:
+        self._way = PathEstimates()
+
+    def add(self, samples: Samples, estimates: Estimates) -> None:
+        """See `palpate.TrackSummary`."""
+        if not finite_rows(samples.lateral).any():
+            return  # the tip's place is not known
+        known = ((estimates.status & Status.IDLE) == 0) & finite_rows(estimates.values)
+        columns = (estimates.values, estimates.std, estimates.surface, estimates.surface_std)
+        self._way.add(samples.time[known], samples.lateral[known], np.column_stack(columns)[known])
+
+    def of(self, result: TrackResult, model: ContactModel, is_sweep: bool) -> TrackResult:
+        """See `palpate.TrackSummary`."""
+        return place_means(result, model, self._way) if is_sweep and result.report is None else result
+
+
+def place_means(result: TrackResult, model: ContactModel, way: PathEstimates) -> TrackResult:
+    """The result with means over the places of 1 mm in place of the last sample, which stays as ``last``.
+
+    The standard deviation is that of one place, as the estimator gives it; how the places differ is a cause of
+    uncertainty of its own, so that the combined one holds for any of them.
+    """
+    numbers, names, count = way.numbers, list(result.parameters), len(model.parameters)
+    if not len(numbers) or not all(math.isfinite(found.value) for found in result.parameters.values()):
+        return result
+    values, last = numbers[:, :count], way.last
+    parameters = {
+        name: _over(result.parameters[name], numbers[:, [i, count + i]], last[[i, count + i]])
+        for i, name in enumerate(names)
+    }
+    effects = {name: found.effect(found.budget.get(_CAUSE, 0.0)) for name, found in parameters.items()}
+    return replace(
+        result,
+        parameters=parameters,
+        derived=tuple(_derived(value, model, values, last[:count]) for value in result.derived),
+        surface=_over(result.surface, numbers[:, -2:], last[-2:]),
+        budget=(*(_rescaled(row, parameters) for row in result.budget), BudgetRow(_CAUSE, None, "", effects)),
+    )
+
+
+def _over(found: UncertainValue, numbers: Floats, last: Floats) -> UncertainValue:
+    """A value with its std over places (n, 2), and at the end (2,); what else is known of it is taken for all."""
+    values, std = numbers.T
+    mean = float(values.mean())
+    low, middle, high = np.quantile(values, [_ENDS[0], 0.5, _ENDS[1]]).tolist()
+    spread = float(values.std(ddof=1)) if len(values) > 1 else 0.0
+    places = {"places": len(values), "low": low, "median": middle, "high": high, "spread": spread}
+    shear = None if found.per_shear is None or not found.value else found.per_shear * mean / found.value
+    typical = float(np.sqrt((std**2).mean()))
+    over = replace(found, value=mean, std=typical, settling=0.0, per_shear=shear, bias=None)
+    at_the_end = {"value": float(last[0]), "std": float(last[1])}
+    return replace(over.diagnosed(_CAUSE, spread), places=places, last=at_the_end)
+
+
+def _derived(derived: DerivedValue, model: ContactModel, values: Floats, last: Floats) -> DerivedValue:
+    """What follows from the parameters, place by place."""
+
+    def material(row: Floats) -> tuple[float, float]:
+        value = next(m for m in model.material(row.tolist()) if m.name == derived.name)
+        return value.value, derived.found.std
+
+    numbers = np.array([material(row) for row in values])
+    return replace(derived, found=_over(derived.found, numbers, np.array(material(last))))
+
+
+def _rescaled(row: BudgetRow, parameters: Mapping[str, UncertainValue]) -> BudgetRow:
+    """The estimator's and settling's rows are those of the mean; all others stay."""
+    own: dict[str, Any] = {"estimator": lambda found: found.std, "settling": lambda found: found.settling}
+    if row.source not in own:
+        return row
+    return replace(row, effects={name: found.effect(own[row.source](found)) for name, found in parameters.items()})

@@ -1,0 +1,155 @@
+"""Estimates along the way of the tip, read back from a run folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from palpate import Floats, LogError
+from palpate_kit.runs.pipeline_diff import differences
+from palpate_kit.runs.run_folder import RunFolder, TrackTable
+
+
+@dataclass(frozen=True)
+class Path2D:
+    """The estimates of one parameter by one track, with the places of the tip; only those that can be used."""
+
+    track: str
+    parameter: str
+    time: Floats  # (n,) [s]
+    place: Floats  # (n, 2) [m] x and y
+    value: Floats  # (n,) [SI]
+    std: Floats  # (n,) [SI] as the estimator gives it
+    nis: float  # mean normalised innovation squared; 1 where model and noise are right
+    surface: Floats | None = None  # (n,) [m] as the estimator has it; None where not needed
+    relief_sensitivity: float = 0.0  # [s/m] relative shift of its parameters by a speed at which the skin rises
+
+
+def read_path(folder: Path, track: str | None = None, parameter: str | None = None) -> Path2D:
+    """The estimates of a run and of its continuations, rejected ones apart; of its best track's first parameter.
+
+    The best is an offline track where there is one, else the first in the table; each part has its own, since one that
+    was killed has no offline estimates. Raises LogError for what is missing.
+    """
+    parts = _accepted(folder)
+    if track is not None:
+        _demand_known(folder, parts, track)
+    paths = [found for part in parts if (found := _read_part(part, track, parameter)) is not None]
+    if not paths:
+        _demand_estimates(folder, parts)
+        raise LogError(
+            f"{folder}: contains no estimates in contact with a place: set lateral_x or lateral_y in [alignment]"
+        )
+    return _joined(paths)
+
+
+def _accepted(folder: Path) -> list[RunFolder]:
+    """The run and its continuations but for rejected ones; raises LogError where none is left."""
+    run = RunFolder(folder)
+    demand_one_pipeline(run)
+    parts = [part for part in run.parts if "" not in part.rejected]
+    if not parts:
+        raise LogError(
+            f"{folder}: was rejected: {run.rejected['']}; "
+            f"`palpate repeat review {folder} --accept {folder.name}` undoes it"
+        )
+    return parts
+
+
+def demand_one_pipeline(run: RunFolder) -> None:
+    """Raise LogError where a continuation was not made with the settings of the run, its motion and seed apart."""
+    own = run.pipeline_text if run.began else None
+    for part in run.parts[1:] if own is not None else ():
+        if part.began:
+            text = part.pipeline_text
+            if differing := differences(text, own or "", ("trajectory", "run.seed")):
+                raise LogError(f"{part.path}: is no continuation of {run.path}, nothing is mixed: {differing}")
+
+
+def _demand_estimates(folder: Path, parts: list[RunFolder]) -> set[str]:
+    """The names of all tracks of a run's parts; raises LogError where there is none."""
+    known = {name for part in parts for name in tracks_of(part.path)}
+    if not known:
+        raise LogError(f"{folder}: is not a run folder: it has no table of estimates")
+    return known
+
+
+def _demand_known(folder: Path, parts: list[RunFolder], track: str) -> None:
+    """Raise LogError where no part has the track, or one that palpated lacks it."""
+    known = _demand_estimates(folder, parts)
+    if track not in known:
+        raise LogError(f"{folder}: there is no track {track!r} (there are: {', '.join(sorted(known))})")
+    for part in parts:
+        _demand_track(part, track)
+
+
+def _joined(paths: list[Path2D]) -> Path2D:
+    """The paths of a run's parts as one, a second between each and the next."""
+    shift = np.cumsum([0.0, *(path.time[-1] + 1.0 for path in paths[:-1])])
+    return Path2D(
+        paths[0].track,
+        paths[0].parameter,
+        np.concatenate([path.time + late for path, late in zip(paths, shift, strict=True)]),
+        np.concatenate([path.place for path in paths]),
+        np.concatenate([path.value for path in paths]),
+        np.concatenate([path.std for path in paths]),
+        float(np.mean([path.nis for path in paths])),
+        np.concatenate([path.surface for path in paths if path.surface is not None]),
+        paths[0].relief_sensitivity,
+    )
+
+
+def rejected_runs(folder: Path) -> dict[Path, str]:
+    """The run and those of its continuations that a review has rejected, with the reasons."""
+    return {part.path: part.rejected[""] for part in RunFolder(folder).parts if "" in part.rejected}
+
+
+def _demand_track(part: RunFolder, track: str) -> None:
+    """Raise LogError where a part palpated, but not with this track: a map of the rest would not include it."""
+    there = tracks_of(part.path)
+    if track in there:
+        return
+    if any(_read_part(part, other, None) is not None for other in there):
+        raise LogError(
+            f"{part.path}: has no estimates of {track}: it ended before they could be made (there are: "
+            f"{', '.join(there)}); choose one of these with --track, or none for the best of each part"
+        )
+
+
+def tracks_of(folder: Path) -> list[str]:
+    """The names of the tracks that one folder has estimates of; those whose result is invalid come last."""
+    run = RunFolder(folder)
+    found = run.result["tracks"] if run.finished else {}  # a map fills while the run goes on
+    names = [name for table in run.tables for name in table.tracks]
+    return sorted(names, key=lambda name: found.get(name, {}).get("verdict") == "invalid")
+
+
+def _read_part(part: RunFolder, track: str | None, parameter: str | None) -> Path2D | None:
+    tables = part.tables
+    track = track or next(iter(tracks_of(part.path)), None)
+    for table in tables:
+        if track is not None and track in table.tracks:
+            found = _path(part.path, table.track(track), track, parameter)
+            details = part.result["tracks"].get(track, {}).get("details", {}) if part.finished else {}
+            sensitivity = float(details.get("relief_sensitivity", 0.0))
+            return replace(found, relief_sensitivity=sensitivity) if found is not None else None
+    return None
+
+
+def _path(folder: Path, table: TrackTable, track: str, parameter: str | None) -> Path2D | None:
+    parameter = parameter or next(iter(table.values))
+    if parameter not in table.values:
+        raise LogError(f"{folder}: {track} has no {parameter!r} (there are: {', '.join(table.values)})")
+    known = np.isfinite(table.place)
+    place = np.where(known.any(axis=0), table.place, 0.0)  # a sweep may know one coordinate only
+    value, std = table.values[parameter], table.std[parameter]
+    usable = table.usable & np.isfinite(value) & (value > 0) & np.isfinite(std)
+    rows = usable & known.any(axis=1) & np.isfinite(place).all(axis=1)
+    if not rows.any():
+        return None
+    nis = table.others["nis"][rows]
+    mean = float(np.nanmean(nis)) if np.isfinite(nis).any() else 1.0
+    return Path2D(
+        track, parameter, table.time[rows], place[rows], value[rows], std[rows], mean, table.others["surface"][rows]
+    )

@@ -1,0 +1,93 @@
+"""Where a search may go: the given area, the workspace, what the rig does not refuse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import ConfigurationError, Floats, KnowsTruth, Setpoint
+from palpate.host import Pipeline, ask_devices
+
+Box = tuple[float, float, float, float]  # x0, x1, y0, y1 [m]
+
+_BEYOND = 30e-3  # [m] that a search goes beyond what is known, at the most, where only the rig knows the specimen
+_STEP = 1e-3  # [m] between places that are asked for
+_MOST = 80  # of them along each side
+_FEW = 8  # places that are asked for one by one, where one of them is refused
+
+
+@dataclass(frozen=True)
+class Area:
+    """Places that may be visited: those of a grid that nothing refuses."""
+
+    nodes: Floats  # (m, 2) [m]
+    bounded_by: str  # what bounds it, in words
+    _allows: Callable[[Floats], NDArray[np.bool_]]
+
+    def allows(self, places: Floats) -> NDArray[np.bool_]:
+        """(n,) whether places (n, 2) [m] may be visited."""
+        return self._allows(places)
+
+
+def area_of(pipeline: Pipeline, motion: Any, known: Floats, given: Box | None) -> Area:
+    """The area given; else the workspace, else the simulated specimen, else where it was palpated (n, 2) [m].
+
+    Inside it, only places that the workspace and every device allow at the deepest of the motion's press.
+    """
+    deepest = motion.press.bias + motion.press.amplitude
+    low, high = known.min(axis=0), known.max(axis=0)
+    simulated = any(isinstance(device, KnowsTruth) for device in pipeline.devices.values())
+    limits = pipeline.safety
+    if given is not None:
+        box, bounded_by = given, "--area"
+    elif simulated:
+        box = (low[0] - _BEYOND, high[0] + _BEYOND, low[1] - _BEYOND, high[1] + _BEYOND)
+        bounded_by = "the specimen"
+    elif limits is not None:
+        box, bounded_by = (limits.low[0], limits.high[0], limits.low[1], limits.high[1]), "the workspace"
+    else:
+        box, bounded_by = (low[0], high[0], low[1], high[1]), "what was palpated; --area extends it"
+    x0, x1, y0, y1 = box
+    if not (x1 >= x0 and y1 >= y0):
+        raise ConfigurationError(f"--area: {1e3 * x0:g} to {1e3 * x1:g} mm, {1e3 * y0:g} to {1e3 * y1:g} mm is empty")
+
+    def allows(places: Floats) -> NDArray[np.bool_]:
+        x, y = places.T
+        inside = (x >= x0 - 1e-9) & (x <= x1 + 1e-9) & (y >= y0 - 1e-9) & (y <= y1 + 1e-9)
+        z = motion.surface.at(x, y)[0] - deepest
+        if limits is not None:
+            for axis, values in enumerate((x, y, z)):
+                inside &= (values >= limits.low[axis] - 1e-9) & (values <= limits.high[axis] + 1e-9)
+        places = np.column_stack([x, y, z])
+        for rows in _refused(pipeline, places, np.flatnonzero(inside)):
+            inside[rows] = False
+        return np.asarray(inside)
+
+    nodes = _grid(box)
+    nodes = nodes[allows(nodes)]
+    if not len(nodes):
+        raise ConfigurationError(f"nothing may be palpated within {bounded_by}: the rig refuses every place in it")
+    return Area(nodes, bounded_by, allows)
+
+
+def _refused(pipeline: Pipeline, places: Floats, rows: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
+    """Of rows of places (n, 3) [m] those that a device refuses; what it takes together is not asked one by one."""
+    if not len(rows):
+        return
+    try:
+        ask_devices(pipeline.devices, Setpoint(places[rows], np.zeros((len(rows), 3)), np.ones(len(rows), bool)))
+    except ConfigurationError:
+        if len(rows) == 1:
+            yield rows
+            return
+        for part in np.array_split(rows, 2 if len(rows) > _FEW else len(rows)):
+            yield from _refused(pipeline, places, part)
+
+
+def _grid(box: Box) -> Floats:
+    x0, x1, y0, y1 = box
+    x, y = (np.linspace(a, b, max(min(round((b - a) / _STEP) + 1, _MOST), 1)) for a, b in ((x0, x1), (y0, y1)))
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

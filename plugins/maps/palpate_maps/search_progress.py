@@ -1,0 +1,88 @@
+"""What a search knows of each lump, from round to round, and when nothing remains to be found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import Floats
+
+from palpate_maps.lump_criteria import Findings, Lump
+from palpate_maps.next_places import SETTLED, Proposal, is_placed
+from palpate_maps.search_area import Area
+from palpate_maps.sites import Sites, line_coordinate
+
+SUSPICIOUS = 0.5  # probability of a contrast above the threshold that calls for a visit
+_RING = 4e-3  # [m] around the stiffest place of a lump that has to be known, for its middle to be inside
+
+
+@dataclass(frozen=True)
+class LumpProgress:
+    """One lump in a search."""
+
+    lump: Lump
+    certain: bool  # checked by points, significant, and in place since the round before
+    beyond: bool  # its stiffest place lies at the border of what was palpated, and more may be palpated there
+    cut: bool  # its stiffest place lies at the border of what may be palpated
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing more is to be learned of it here."""
+        return self.certain and not self.beyond
+
+
+def update_progress(
+    findings: Findings, before: Sequence[LumpProgress], sites: Sites, area: Area, sure: float
+) -> list[LumpProgress]:
+    """Every lump of a round against those of the round before; the surest first."""
+    found = []
+    for lump in sorted(findings.lumps, key=lambda lump: lump.p):
+        old = min((w.lump for w in before), key=lambda other: _apart(other, lump), default=None)
+        open_, cut = borders(sites, lump, area)
+        certain = lump.checked and is_placed(old, lump, sure)
+        found.append(LumpProgress(lump, certain, beyond=open_, cut=cut))
+    return found
+
+
+def _apart(a: Lump, b: Lump) -> float:
+    return float(np.hypot(a.place[0] - b.place[0], a.place[1] - b.place[1]))
+
+
+def borders(sites: Sites, lump: Lump, area: Area) -> tuple[bool, bool]:
+    """Whether a lump's stiffest place lies at the border of what is known: one to cross, one not to cross."""
+    from scipy.spatial import ConvexHull
+
+    near = np.linalg.norm(sites.place - np.array(lump.place), axis=1) <= max(*lump.extent, 2 * SETTLED)
+    rows = np.flatnonzero(near)
+    if not len(rows):
+        return False, False
+    peak = sites.place[rows[int(np.argmax(sites.log[rows]))]]
+    turn = np.arange(8) * np.pi / 4
+    ring = peak + _RING * np.column_stack([np.cos(turn), np.sin(turn)])
+    unknown = np.ones(len(ring), bool)
+    if line_coordinate(sites) is None:  # of a line, both sides are unknown
+        edges = ConvexHull(sites.place, qhull_options="QJ").equations  # of half-planes; within, all are negative
+        unknown = (ring @ edges[:, :2].T + edges[:, 2] > 0).any(axis=1)
+    allowed = area.allows(ring)
+    return bool((unknown & allowed).any()), bool((unknown & ~allowed).any())
+
+
+def off_limits(nodes: Floats, lumps: Sequence[LumpProgress], contrast: float, apart: float) -> NDArray[np.bool_]:
+    """(m,) nodes [m] on lumps of which all is known, and on their flanks down to a contrast.
+
+    A flank is taken for a Gaussian of the lump's height, with the lump's extent at half of it.
+    """
+    taken = np.zeros(len(nodes), bool)
+    for item in lumps:
+        if item.done:
+            wide = np.maximum(item.lump.extent, 2 * apart) / 2.355
+            half = wide * np.sqrt(2 * np.log(max(item.lump.contrast / contrast, 1.5))) + apart
+            taken |= (((nodes - np.array(item.lump.place)) / half) ** 2).sum(axis=1) < 1
+    return taken
+
+
+def search_ended(lumps: Sequence[LumpProgress], places: Sequence[Proposal]) -> bool:
+    """Whether every lump is certain, there is one, and no place is suspicious besides."""
+    return bool(lumps) and all(item.done for item in lumps) and all(p.suspicion < SUSPICIOUS for p in places)

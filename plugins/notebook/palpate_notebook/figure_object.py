@@ -1,0 +1,36 @@
+"""A picture that a notebook shows and that can be kept."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+from palpate_kit.figures import save_figure, style
+
+
+class Picture:
+    """A picture, drawn without a screen; `figure` is matplotlib's, for whatever is to be changed."""
+
+    def __init__(self, figure: Any) -> None:
+        self.figure = figure
+
+    @property
+    def axes(self) -> list[Any]:
+        """The axes of matplotlib, in the order of the panels."""
+        return list(self.figure.axes)
+
+    def save(self, path: str | Path) -> Path:
+        """Write it, PNG, SVG or PDF by its name; raises OutputError."""
+        save_figure(self.figure, Path(path))
+        return Path(path)
+
+    def _repr_png_(self) -> bytes:
+        drawn = io.BytesIO()
+        with style():
+            self.figure.savefig(drawn, format="png", metadata={"Software": None})
+        return drawn.getvalue()
+
+    def __repr__(self) -> str:
+        width, height = self.figure.get_size_inches()
+        return f"<Picture of {len(self.figure.axes)} panels, {width:g} x {height:g} inch; .save(path) keeps it>"

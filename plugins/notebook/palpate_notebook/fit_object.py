@@ -1,0 +1,88 @@
+"""A fit: one model on one record."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from palpate import Flag
+
+from palpate_notebook.figure_object import Picture
+from palpate_notebook.quantity import UncertainQuantity
+from palpate_notebook.run_object import FinishedRun
+from palpate_notebook.track_object import TrackView
+
+if TYPE_CHECKING:
+    import pandas
+
+
+class Fit:
+    """What one fit found."""
+
+    def __init__(self, run: FinishedRun) -> None:
+        self.run = run  # everything else that a run gives
+        self.track: TrackView = run[next(iter(run))]
+
+    @property
+    def parameters(self) -> dict[str, UncertainQuantity]:
+        """The model's parameters, then what follows from them, by name."""
+        return self.track.parameters
+
+    def __getitem__(self, name: str) -> UncertainQuantity:
+        return self.track[name]
+
+    @property
+    def elasticity(self) -> UncertainQuantity:
+        """Young's modulus [Pa]; raises ConfigurationError where the model does not give it."""
+        return self.track.elasticity
+
+    @property
+    def viscosity(self) -> UncertainQuantity:
+        """The material's viscosity [Pa s]; raises ConfigurationError where the model does not give it."""
+        return self.track.viscosity
+
+    @property
+    def surface(self) -> UncertainQuantity:
+        """Height of the untouched surface [m]."""
+        return self.track.surface
+
+    @property
+    def flags(self) -> tuple[Flag, ...]:
+        """Its flags."""
+        return self.track.flags
+
+    @property
+    def verdict(self) -> str:
+        """The worst severity of its flags: good, note, doubtful or invalid."""
+        return self.track.verdict
+
+    @property
+    def residual(self) -> float:
+        """Root mean square of measured less modelled force [N]."""
+        return self.track.residual
+
+    def summary(self, si: bool = False) -> pandas.DataFrame:
+        """A row for each parameter: value, std, combined, unit; in display units, or SI."""
+        return self.run.summary(si).loc[self.track.name]
+
+    def budget(self) -> pandas.DataFrame:
+        """Every source of uncertainty, and the standard uncertainty that it gives each value [SI]."""
+        return self.track.budget()
+
+    @property
+    def correlation(self) -> pandas.DataFrame:
+        """Correlation matrix of everything that was looked for, the surface among it."""
+        from palpate_notebook.data_frames import correlation_frame
+
+        return correlation_frame(self.track.document)
+
+    def plot(self) -> Picture:
+        """Measured and modelled force over time and over depth, and what is left."""
+        from palpate_notebook.plotting import fit_picture
+
+        return fit_picture(self.run, self.track.name)
+
+    def __repr__(self) -> str:
+        return repr(self.run)
+
+    def _repr_html_(self) -> str:
+        return self.run._repr_html_()

@@ -1,0 +1,81 @@
+"""A pipeline file that is going to be run, with changes on top."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import tomli_w
+from palpate import ConfigurationError
+from palpate.host import Pipeline, Source, build_pipeline
+
+if TYPE_CHECKING:
+    from palpate_notebook.run_object import FinishedRun
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A pipeline file and changes on top; every change makes a new draft."""
+
+    path: Path
+    text: str
+    changes: tuple[str, ...] = ()  # "table.key=value", as of `--set`
+
+    def set(self, key: str, value: Any) -> Draft:
+        """A draft with one setting changed: ``set("estimator.ekf.force_std", "0.03 N")``.
+
+        Raises ConfigurationError for a value that no pipeline file can hold; keys are judged with everything else.
+        """
+        return replace(self, changes=(*self.changes, f"{key}={toml_value(key, value)}"))
+
+    @property
+    def source(self) -> Source:
+        """The text with the changes applied; raises ConfigurationError."""
+        source = Source(self.text, self.path, named=True)
+        for change in self.changes:
+            source.override(change)
+        return source
+
+    def check(self) -> Pipeline:
+        """The pipeline, checked; raises ConfigurationError with every mistake at once."""
+        return build_pipeline(self.source)
+
+    def run(self, folder: str | Path | None = None, *, seed: int | None = None) -> FinishedRun:
+        """Run it; without a `folder` nothing of it stays, but what a live robot did, which goes to runs/.
+
+        Raises ConfigurationError with every mistake of the file, DeviceError where a device fails, StoppedError where
+        the user stops it.
+        """
+        from palpate_notebook.run_functions import execute
+
+        draft = self if seed is None else self.set("run.seed", seed)
+        return execute(draft.check(), Path(folder) if folder is not None else None)
+
+    def __repr__(self) -> str:
+        changes = "".join(f"\n  {change}" for change in self.changes)
+        return f"<Draft of {self.path}{changes}>"
+
+
+def toml_value(key: str, value: Any) -> str:
+    """A value as TOML writes it; raises ConfigurationError for one that it cannot."""
+    plain = value.tolist() if hasattr(value, "tolist") else list(value) if isinstance(value, range | tuple) else value
+    if isinstance(plain, Path):
+        plain = str(plain)
+    if isinstance(plain, dict):
+        raise ConfigurationError(f"{key}: is a table: set its keys one by one, as in {key}.KEY")
+    try:
+        return tomli_w.dumps({"v": plain}).strip().removeprefix("v = ")
+    except TypeError as error:
+        raise ConfigurationError(f"{key}: {value!r} cannot be written in a pipeline file") from error
+
+
+def load(path: str | Path) -> Draft:
+    """A pipeline file, to be changed and run; raises ConfigurationError where it cannot be read or is no TOML."""
+    source = Source.read(Path(path))
+    return Draft(source.path, source.text)
+
+
+def run(path: str | Path, folder: str | Path | None = None, *, seed: int | None = None) -> FinishedRun:
+    """Run a pipeline file; see `Draft.run`."""
+    return load(path).run(folder, seed=seed)

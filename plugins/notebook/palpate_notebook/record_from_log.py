@@ -1,0 +1,88 @@
+"""Records from logs: what `palpate info --suggest` finds out, as a record."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from palpate import ConfigurationError
+from palpate_kit.logs.draft_pipeline import suggestion_of
+from palpate_kit.runs.replay_source import read_run_log, replay_source, with_other_channels
+
+from palpate_notebook.record_object import Record, alignment_table
+
+_ROLES = {"height": "position"}
+_TIMED = ("force", "position", "velocity")
+_UNSTATED = ("alignment.tare", "alignment.*.delay")  # of another's log
+
+
+def read(
+    path: str | Path,
+    signals: Mapping[str, str] | None = None,
+    *,
+    timing: str | float | None = None,
+    delay: str | float | Mapping[str, str | float] | None = None,
+    sign: int | Mapping[str, int] | None = None,
+    tip_mass: str | float | None = None,
+    tare: str | float | None = None,
+    alignment: Mapping[str, Any] | None = None,
+) -> Record:
+    """A record from a log: .mcap, .db3, a bag folder, .csv, or a run folder.
+
+    A log that palpate has written states its signals, and what was declared of them; `signals` reads
+    some of them elsewhere, and all else stays. Of others, `signals` settles what is what, as in
+    ``{"force": "/wrench:wrench.force.z", "height": "z", "rate": "500 Hz"}``; the rest is found by what the numbers do
+    together, and what is only a guess is warned of. Delays and tare that are not stated are flagged in the results
+    (`assumed`). All else as in `palpate.record`.
+
+    Raises LogError for what is no log, ConfigurationError where something must be said that no file can say.
+    """
+    log = Path(path)
+    choices = {_ROLES.get(role, role): text for role, text in (signals or {}).items()}
+    carried = read_run_log(log)
+    doubts: tuple[str, ...] = ()
+    if carried is not None and not choices:
+        tables = replay_source(carried).tables
+    else:
+        suggestion = suggestion_of(log, choices)
+        if suggestion.blanks:
+            raise ConfigurationError(f"{log}: {'; '.join(suggestion.blanks)}: state it in signals={{...}}")
+        doubts = suggestion.doubts
+        for text in doubts:
+            warnings.warn(f"{log.name}: {text}", stacklevel=2)
+        if carried is not None:
+            tables = with_other_channels(carried, suggestion, choices).tables
+        else:
+            device = {**suggestion.device, "file": str(log.absolute())}
+            tables = {"device": {"log": device}, "alignment": suggestion.alignment, "run": {"assumed": _UNSTATED}}
+    channels = dict(tables["alignment"])
+    roles = {role: channels.pop(role) for role in list(channels) if _is_signal(role, channels[role])}
+    table = channels | alignment_table(roles, timing, delay, sign, tip_mass, tare, alignment)
+    stated = _stated(timing, delay, tare, alignment)
+    assumed = [
+        key
+        for pattern in tables.get("run", {}).get("assumed", ())
+        for key in ([f"alignment.{role}.delay" for role in roles if role in _TIMED] if "*" in pattern else [pattern])
+        if key.startswith("alignment.") and key not in stated
+    ]
+    return Record(log.name, tables["device"], table, log, doubts, assumed=tuple(dict.fromkeys(assumed)))
+
+
+def _stated(
+    timing: str | float | None,
+    delay: str | float | Mapping[str, str | float] | None,
+    tare: str | float | None,
+    alignment: Mapping[str, Any] | None,
+) -> set[str]:
+    """Keys of ``[alignment]`` given by the caller; a given timing means that there is no other delay."""
+    late = delay if isinstance(delay, Mapping) else {} if delay is None else dict.fromkeys(_TIMED)
+    roles = _TIMED if timing is not None else [_ROLES.get(role, role) for role in late]
+    said = {f"alignment.{role}.delay" for role in roles} | {f"alignment.{key}" for key in alignment or {}}
+    return said | ({"alignment.tare"} if tare is not None else set())
+
+
+def _is_signal(role: str, value: Any) -> bool:
+    named = ("force", "position", "velocity", "measuring", "lateral_x", "lateral_y")
+    return role in named and isinstance(value, str | dict)

@@ -1,0 +1,105 @@
+"""Runs from Python: the same path as of the command line; without a folder nothing of it stays."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from palpate import Batch, Estimates, Parameter, Samples
+from palpate.host import Pipeline, is_live, run_pipeline
+from palpate_kit.runs.run_folder import TrackTable
+
+from palpate_notebook.run_object import FinishedRun
+
+
+@dataclass
+class RunRecorder:
+    """A writer that keeps samples and estimates, every one of them."""
+
+    parameters: dict[str, tuple[Parameter, ...]]  # by track
+    blocks: list[Samples] = field(default_factory=list)
+    found: dict[str, list[Estimates]] = field(default_factory=dict)
+
+    def batch(self, device: str, batch: Batch) -> None:
+        """Raw readings are not kept."""
+
+    def samples(self, samples: Samples) -> None:
+        """Keep a block."""
+        self.blocks.append(samples)
+
+    def estimates(self, track: str, estimates: Estimates) -> None:
+        """Keep the estimates of a track."""
+        self.found.setdefault(track, []).append(estimates)
+
+    @property
+    def joined(self) -> Samples | None:
+        """All samples; None where there are none."""
+        return Samples.joined(self.blocks) if self.blocks else None
+
+    def table(self, track: str) -> TrackTable:
+        """All estimates of a track."""
+        blocks = self.found[track]
+
+        def column(name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+            return np.concatenate([getattr(block, name) for block in blocks])
+
+        names = [parameter.name for parameter in self.parameters[track]]
+        values, std = column("values"), column("std")
+        samples = self.joined
+        assert samples is not None
+        return TrackTable(
+            column("time"),
+            samples.lateral[: len(values)],
+            {name: values[:, i] for i, name in enumerate(names)},
+            {name: std[:, i] for i, name in enumerate(names)},
+            {name: column(name) for name in ("surface", "surface_std", "force", "nis", "innovation")},
+            column("status").astype(np.int64),
+        )
+
+
+@contextmanager
+def quietly() -> Iterator[None]:
+    """Numbers that are out of range become flags, in words; numpy's own warnings add nothing."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore", RuntimeWarning)
+        yield
+
+
+def execute(pipeline: Pipeline, folder: Path | None, holds: object = None) -> FinishedRun:
+    """Run a pipeline; without a `folder` into one that goes with the result, or, of live devices, into runs/.
+
+    The result keeps what it `holds`. Raises UserError, and StoppedError where the run was stopped.
+    """
+    for notice in pipeline.registry.notices:
+        warnings.warn(notice, stacklevel=3)
+    live = is_live(pipeline.devices)
+    temporary = folder is None and not live
+    kept = RunRecorder({track.name: track.model.parameters for track in pipeline.tracks})
+    with _place(folder, temporary) as place, quietly():
+        result = run_pipeline(pipeline, place, observer=kept)
+        result.demand_whole()
+    tables = {name: kept.table(name) for name in result.tracks if name in kept.found}
+    document = json.loads(json.dumps(result.table()))
+    return FinishedRun(result.folder, document, (kept.joined, tables), temporary=temporary, holds=holds)
+
+
+@contextmanager
+def _place(folder: Path | None, temporary: bool) -> Iterator[Path | None]:
+    """Where the run goes; a temporary folder is removed where the run fails."""
+    if not temporary:
+        yield folder
+        return
+    made = Path(tempfile.mkdtemp(prefix="palpate-"))
+    try:
+        yield made
+    except BaseException:
+        from palpate.host import withdraw_folder
+
+        withdraw_folder(made)
+        raise

@@ -1,0 +1,85 @@
+"""The pictures of a comparison: the values of all runs by group, and their places."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from palpate.host import display_unit
+from palpate_kit.figures import WIDTHS, figure_of, legend_outside, style
+
+from palpate_report.group_numbers import APART, GroupRun, number_of, numbers_of
+from palpate_report.run_verdict import LEVELS
+
+_MARKS = "osD^vPX"
+
+
+def caption_of(parameter: str) -> str:
+    """What the picture of one parameter shows."""
+    return f"{parameter.replace('_', ' ')} of each run; bars are two combined uncertainties, hollow: to be looked at"
+
+
+@style()
+def values_by_run(runs: Sequence[GroupRun], track: str, parameter: str, unit: str) -> Any:
+    """A parameter of each run in its group's colour, with bars of two combined uncertainties."""
+    word, factor = display_unit(unit)
+    figure, axes = figure_of(width=WIDTHS["double"], height=50.0)
+    axis = axes[0, 0]
+    groups = list(dict.fromkeys(run.group for run in runs))
+    for i, group in enumerate(groups):
+        look: dict[str, Any] = {"color": f"C{i % 7}", "linestyle": "none", "linewidth": 0.8}
+        for level in LEVELS[:2]:
+            chosen = [
+                (k, number_of(run, track, parameter))
+                for k, run in enumerate(runs, 1)
+                if run.group == group and _level(run, track) == level
+            ]
+            points = [(k, found["value"], found.get("combined") or 0.0) for k, found in chosen if found]
+            if not points:
+                continue
+            number, value, combined = np.array(points).T
+            fill = {} if level == LEVELS[0] else {"markerfacecolor": "white"}
+            label = group if level == LEVELS[0] else f"{group}: look at it"
+            axis.errorbar(
+                number,
+                factor * value,
+                2 * factor * combined,
+                marker=_MARKS[i % len(_MARKS)],
+                label=label,
+                **look,
+                **fill,
+            )
+        values, _ = numbers_of(runs, group, track, parameter)
+        if len(values) > 1:
+            numbers = [k for k, run in enumerate(runs, 1) if run.group == group]
+            axis.hlines(
+                factor * values.mean(), min(numbers) - 0.3, max(numbers) + 0.3, color=look["color"], linewidth=0.6
+            )
+    truths = {run.record.document.get("truth", {}).get(parameter) for run in runs}
+    if len(truths) == 1 and None not in truths:
+        axis.axhline(factor * truths.pop(), color="black", linestyle=":", linewidth=0.6, label="truth")
+    axis.xaxis.get_major_locator().set_params(integer=True)
+    axis.set(xlabel="run", ylabel=f"{parameter.replace('_', ' ')} [{word}]", xlim=(0.4, len(runs) + 0.6))
+    legend_outside(axis, 4)
+    return figure
+
+
+def _level(run: GroupRun, track: str) -> str | None:
+    return next((found.level for found in run.verdict.tracks if found.track == track), None)
+
+
+@style()
+def sites_of(runs: Sequence[GroupRun], track: str, parameter: str, unit: str) -> Any:
+    """The places of the runs, coloured by value; None where they are one place."""
+    found = [(run.place, table["value"]) for run in runs if run.place and (table := number_of(run, track, parameter))]
+    if len(found) < 2 or np.ptp(np.array([place for place, _ in found]), axis=0).max() < APART:
+        return None
+    word, factor = display_unit(unit)
+    figure, axes = figure_of(width=WIDTHS["middle"], height=70.0)
+    x, y = 1e3 * np.array([place for place, _ in found]).T
+    shown = axes[0, 0].scatter(x, y, c=[factor * value for _, value in found], s=40, edgecolors="black", linewidths=0.4)
+    figure.colorbar(shown, ax=axes[0, 0], shrink=0.8, label=f"{parameter.replace('_', ' ')} [{word}]")
+    axes[0, 0].set(xlabel="x [mm]", ylabel="y [mm]")
+    axes[0, 0].set_aspect("equal", adjustable="datalim")
+    return figure

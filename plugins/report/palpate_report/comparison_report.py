@@ -1,0 +1,199 @@
+"""The report of many runs: their results together, group by group and place by place."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from palpate import ConfigurationError, LogError
+from palpate.host import display_unit
+from palpate_kit.runs.pipeline_diff import differences
+from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
+
+from palpate_report.anonymous import Anonymous
+from palpate_report.comparison_figures import caption_of, sites_of, values_by_run
+from palpate_report.group_numbers import APART, GroupRun, numbers_of
+from palpate_report.run_contents import RunContents
+from palpate_report.run_report import render
+from palpate_report.run_verdict import LEVELS, judge
+from palpate_report.svg import svg_text
+
+_SHOWN = 200  # runs whose rows are on the page
+_CAUTION = (
+    "p is the chance of such a difference between repeats (Welch's t-test). Sites of one material differ, too: before "
+    "calling a difference a lump, compare it with the spread over a dozen sites."
+)
+
+
+def groups_of(runs: Sequence[Path], patterns: Sequence[str]) -> dict[str, list[RunContents]]:
+    """Run folders by group, in the natural order of their names; raises ConfigurationError, LogError."""
+    found: dict[str, list[Path]] = {"runs": list(runs)} if runs else {}
+    for text in patterns:
+        name, equals, pattern = text.partition("=")
+        if not (name and equals and pattern):
+            raise ConfigurationError(f'--group {text}: write NAME=PATTERN, such as soft="runs/soft_*"')
+        base = Path(pattern).anchor or "."
+        paths = list(Path(base).glob(str(Path(pattern).relative_to(base)) if Path(pattern).anchor else pattern))
+        if not paths:
+            raise ConfigurationError(f"--group {text}: nothing matches {pattern!r}")
+        found[name] = [*found.get(name, []), *paths]
+    if not found:
+        raise ConfigurationError("name at least one run folder, or a --group NAME=PATTERN")
+    return {
+        name: [RunContents.read(path) for path in sorted(set(paths), key=_natural)] for name, paths in found.items()
+    }
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", str(path)) if part]
+
+
+def comparison_page(groups: Mapping[str, Sequence[RunContents]], track: str | None, anonymous: bool) -> str:
+    """The whole page of many runs; raises LogError where none of them has a result."""
+    runs = [run for name, records in groups.items() for run in _runs(name, records)]
+    if not any(run.tracks for run in runs):
+        raise LogError("none of these runs has a result: report them one by one to see why")
+    chosen = _track_of(runs, track)
+    parameters = _parameters(runs, chosen)
+    counts = {level: sum(run.verdict.level == level for run in runs) for level in LEVELS}
+    pictures = [
+        {"svg": svg_text(values_by_run(runs, chosen, name, unit)), "caption": caption_of(name)}
+        for name, unit in parameters.items()
+    ]
+    sites = sites_of(runs, chosen, *next(iter(parameters.items()))) if parameters else None
+    veils = (
+        {run.name: Anonymous(run.record.document, run.record.resolved, run.record.path) for run in runs}
+        if anonymous
+        else {}
+    )
+    return render(
+        "comparison.html",
+        title=f"{len(runs)} runs",
+        track=chosen,
+        counts=counts,
+        levels=LEVELS,
+        statistics=[
+            _statistics(runs, group, chosen, name, unit) for name, unit in parameters.items() for group in groups
+        ],
+        grouped=len(groups) > 1,
+        tests=[row for name, unit in parameters.items() for row in _tests(runs, list(groups), chosen, name, unit)],
+        caution=_CAUTION,
+        pictures=pictures,
+        sites=svg_text(sites) if sites is not None else None,
+        parameters=list(parameters),
+        rows=[_row(run, chosen, parameters) for run in runs[:_SHOWN]],
+        hidden=max(len(runs) - _SHOWN, 0),
+        pipeline=_pipelines(runs, veils),
+    )
+
+
+def _runs(group: str, records: Sequence[RunContents]) -> list[GroupRun]:
+    found = []
+    for record in records:
+        name = record.path.resolve().name
+        found.append(GroupRun(name, group, record, judge(record), _place(record)))
+    return found
+
+
+def _place(record: RunContents) -> tuple[float, float] | None:
+    for _, track in record.tracks.values():
+        known = track.place[track.usable & np.isfinite(track.place).all(axis=1)]
+        if len(known) and np.ptp(known, axis=0).max() < APART:
+            x, y = np.median(known, axis=0).tolist()
+            return x, y
+    return None
+
+
+def _track_of(runs: Sequence[GroupRun], track: str | None) -> str:
+    """The track that is compared: the one chosen, or the one that is the main one of most runs."""
+    known = list(dict.fromkeys(name for run in runs for name in run.tracks))
+    if track is not None and track not in known:
+        raise ConfigurationError(f"--track: no run has {track!r} (there are: {', '.join(known)})")
+    mains = [run.verdict.main for run in runs if run.verdict.main is not None]
+    return track or max(known, key=lambda name: (sum(name in run.tracks for run in runs), mains.count(name)))
+
+
+def _parameters(runs: Sequence[GroupRun], track: str) -> dict[str, str]:
+    tables = [run.tracks[track]["parameters"] for run in runs if track in run.tracks]
+    return {name: found["unit"] for table in tables for name, found in table.items()}
+
+
+def _statistics(runs: Sequence[GroupRun], group: str, track: str, parameter: str, unit: str) -> dict[str, Any]:
+    values, combined = numbers_of(runs, group, track, parameter)
+    word, factor = display_unit(unit)
+    of_group = sum(run.group == group for run in runs)
+    row: dict[str, Any] = {"parameter": parameter, "group": group, "unit": word, "count": len(values), "of": of_group}
+    if len(values) < 2:
+        return row | {
+            "mean": "–" if not len(values) else round_number(factor * values[0]),
+            "std": "–",
+            "combined": "–",
+            "ratio": "–",
+        }
+    std, stated = (
+        float(values.std(ddof=1)),
+        float(np.sqrt(np.nanmean(combined**2))) if np.isfinite(combined).any() else math.nan,
+    )
+    return row | {
+        "mean": value_with_uncertainty(factor * float(values.mean()), factor * std / math.sqrt(len(values))),
+        "std": f"{factor * std:.3g}",
+        "combined": f"{factor * stated:.3g}" if math.isfinite(stated) else "?",
+        "ratio": f"{std / stated:.2f}" if stated > 0 else "–",
+    }
+
+
+def _tests(
+    runs: Sequence[GroupRun], groups: Sequence[str], track: str, parameter: str, unit: str
+) -> list[dict[str, str]]:
+    """Welch's t-test between each two groups of at least two runs each."""
+    word, factor = display_unit(unit)
+    rows = []
+    for first, second in combinations(groups, 2):
+        (a, _), (b, _) = (numbers_of(runs, group, track, parameter) for group in (first, second))
+        if min(len(a), len(b)) < 2 or a.var() + b.var() == 0:
+            continue
+        from scipy.stats import ttest_ind
+
+        tested: Any = ttest_ind(a, b, equal_var=False)
+        p = float(tested.pvalue)
+        change = factor * float(b.mean() - a.mean())
+        rows.append(
+            {
+                "parameter": parameter,
+                "groups": f"{first}, {second}",
+                "difference": f"{change:.4g} {word}",
+                "p": f"{p:.2g}",
+            }
+        )
+    return rows
+
+
+def _row(run: GroupRun, track: str, parameters: Mapping[str, str]) -> dict[str, Any]:
+    table = run.tracks.get(track)
+    own = next((found for found in run.verdict.tracks if found.track == track), None)
+    return {
+        "name": run.name,
+        "group": run.group,
+        "level": own.level if own else run.verdict.level,
+        "reasons": own.reasons if own else (run.verdict.reasons or (f"it has no track {track}",)),
+        "values": [(table or {}).get("parameters", {}).get(name) for name in parameters],
+        "place": run.place,
+    }
+
+
+def _pipelines(runs: Sequence[GroupRun], veils: Mapping[str, Anonymous]) -> dict[str, Any]:
+    """The pipeline of the first run as run, and how those of the others differ from it."""
+    known = [(run, text) for run in runs if (text := run.record.resolved_text)]
+    if not known:
+        return {}
+    (first, own), *others = known
+    grouped: dict[str, list[str]] = {}
+    for run, text in others:
+        grouped.setdefault(differences(text, own, ()) if text != own else "", []).append(run.name)
+    hide = veils[first.name].text if first.name in veils else str
+    return {"name": first.name, "text": hide(own), "others": [(hide(what), names) for what, names in grouped.items()]}

@@ -1,0 +1,55 @@
+"""What a picture shows: a run with its tracks, and the figure with the numbers that it is drawn from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from palpate import Floats
+from palpate_kit.figures import WIDTHS, figure_of
+
+from palpate_report.figure_data import Curves, curves_of
+from palpate_report.run_contents import RunContents
+
+MOST = 800  # points of a curve
+TRACKS = 7  # of one panel: as many as the style has colours
+_NARROW = 100.0  # [mm] of a picture whose panels stand one above the other
+
+
+@dataclass(frozen=True)
+class ReportFigure:
+    """A figure, what it shows in one sentence, and its numbers by column [SI]; columns may differ in length."""
+
+    figure: Any
+    caption: str
+    data: Mapping[str, Floats]
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What is drawn: a run, the track that is shown where there is room for one, and all that are worth it."""
+
+    record: RunContents
+    main: str | None
+    tracks: Sequence[str]  # the main one first
+    width: float = WIDTHS["double"]  # [mm]
+    _known: dict[str, Curves] = field(default_factory=dict)
+
+    def curves(self, name: str) -> Curves:
+        """The curves of one track."""
+        if name not in self._known:
+            self._known[name] = curves_of(self.record, name)
+        return self._known[name]
+
+
+def beside(subject: Subject, panels: int) -> int:
+    """How many panels there is room for beside each other."""
+    return min(panels, 2 if subject.width > _NARROW else 1)
+
+
+def pair(subject: Subject, panels: int) -> tuple[Any, list[Any]]:
+    """A figure with one or two panels, beside each other where there is room."""
+    columns = beside(subject, panels)
+    figure, axes = figure_of(columns, -(-panels // columns), width=subject.width, height=52.0)
+    return figure, list(axes.ravel())

@@ -1,0 +1,88 @@
+"""The map of a run that moves over the material: along a line or over an area, with the lumps that were found."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+from palpate import Floats
+from palpate.host import display_unit
+from palpate_kit.figures import WIDTHS, common_limits, figure_of, legend_outside
+
+from palpate_report.figure_data import Curves, along, moving_samples, swept, thin_rows
+from palpate_report.figure_subject import MOST, TRACKS, ReportFigure, Subject
+from palpate_report.run_contents import RunContents
+from palpate_report.run_map import grid_of
+
+
+def draw_map(subject: Subject) -> ReportFigure | None:
+    """The map of the main track: along a line, or over an area; lumps where `palpate map lumps` has found some."""
+    if subject.main is None or not swept(subject.curves(subject.main).place):
+        return None
+    main = subject.curves(subject.main)
+    parameter = next(iter(main.values))
+    word, factor = display_unit(subject.record.unit(subject.main, parameter))
+    label = f"{parameter.replace('_', ' ')} [{word}]"
+    if along(main.place) is not None:
+        return _line(subject, parameter, label, factor)
+    return _area(subject, main, parameter, label, factor)
+
+
+def _line(subject: Subject, parameter: str, label: str, factor: float) -> ReportFigure:
+    figure, axes = figure_of(width=subject.width, height=60.0)
+    axis, settled, data = axes[0, 0], [], dict[str, Floats]()
+    for name in [name for name in subject.tracks if parameter in subject.record.tracks[name][1].values][:TRACKS]:
+        curves = subject.curves(name)
+        coordinate = along(curves.place)
+        if coordinate is None:
+            continue
+        rows = np.flatnonzero(curves.settled & np.isfinite(coordinate))
+        rows = rows[moving_samples(curves.time[rows], coordinate[rows])]
+        rows = rows[thin_rows(len(rows), MOST // 2)]
+        at, value, std = (
+            1e3 * coordinate[rows],
+            factor * curves.values[parameter][rows],
+            factor * curves.std[parameter][rows],
+        )
+        (line,) = axis.plot(at, value, label=name)
+        axis.fill_between(at, value - 2 * std, value + 2 * std, color=line.get_color(), alpha=0.15, linewidth=0)
+        settled.append(value)
+        data |= {
+            f"{name}:along_m": at / 1e3,
+            f"{name}:{parameter}": value / factor,
+            f"{name}:{parameter}_std": std / factor,
+        }
+    axis.set(xlabel="along the path [mm]", ylabel=label)
+    axis.set_ylim(common_limits(settled, 0.0))
+    legend_outside(axis, 4)
+    return ReportFigure(
+        figure, "Estimates along the path, with bands of two standard deviations by the estimator", data
+    )
+
+
+def _area(subject: Subject, main: Curves, parameter: str, label: str, factor: float) -> ReportFigure:
+    grid = grid_of(subject.record, main, parameter)
+    figure, axes = figure_of(width=min(subject.width, WIDTHS["middle"]), height=75.0)
+    axis = axes[0, 0]
+    low, high = np.nanquantile(grid.value, [0.01, 0.99]) * factor
+    extent = [1e3 * edge for edge in grid.extent]
+    shown = axis.imshow(
+        factor * grid.value, origin="lower", extent=extent, vmin=low, vmax=high, interpolation="nearest"
+    )
+    figure.colorbar(shown, ax=axis, shrink=0.8, label=label)
+    axis.grid(False)
+    for lump in lumps_of(subject.record):
+        x, y = lump.get("highest") or (lump["x"], lump["y"])
+        axis.plot(1e3 * x, 1e3 * y, "+", color="red", markersize=7, markeredgewidth=1.2)
+    axis.set(xlabel="x [mm]", ylabel="y [mm]")
+    x, y = np.meshgrid(grid.x, grid.y)
+    return ReportFigure(figure, grid.caption, {"x_m": x.ravel(), "y_m": y.ravel(), parameter: grid.value.ravel()})
+
+
+def lumps_of(record: RunContents) -> list[dict[str, Any]]:
+    """The lumps that `palpate map lumps` has found in a run; none where it was not asked."""
+    try:
+        return list(json.loads((record.folder.maps / "lumps.json").read_text(encoding="utf-8"))["lumps"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return []

@@ -1,0 +1,107 @@
+"""``palpate plot``: pictures of a run, fit for a paper, with the numbers that they are drawn from."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate import ConfigurationError, Floats, LogError
+from palpate.host import suggest, write_whole
+from palpate_kit.figures import FORMATS, WIDTHS, save_figure
+
+from palpate_report.run_contents import RunContents
+
+_WIDTHS = {f"{width:g}": width for width in WIDTHS.values()}
+
+
+def plot(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
+    what: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[PICTURE]...", help="force-depth, time, residuals, estimates, innovations, map. [default: all]"
+        ),
+    ] = None,
+    track: Annotated[
+        list[str] | None, typer.Option(help="Tracks to draw, the main one first. [default: all usable]")
+    ] = None,
+    width: Annotated[str, typer.Option(help="Width of the picture [mm]: 85, 120 or 175, or a column's name.")] = "85",
+    format: Annotated[list[str] | None, typer.Option("--format", help="png, svg or pdf; can be repeated.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder to write to. [default: RUN/pictures]")] = None,
+) -> None:
+    """Draw pictures of a run as PDF, SVG or PNG in widths of journals, each with a CSV of its numbers beside it."""
+    from palpate_report.figure_subject import Subject
+    from palpate_report.run_figures import PICTURES, draw
+    from palpate_report.run_report import subject_of
+    from palpate_report.run_verdict import judge
+
+    record = RunContents.read(run)
+    if record.unreadable is not None:
+        raise LogError(record.unreadable)
+    for name in what or ():
+        if name not in PICTURES:
+            raise ConfigurationError(f"{name!r} is no picture{suggest(name, PICTURES)}")
+    for name in track or ():
+        if name not in record.tracks:
+            raise ConfigurationError(f"{run}: has no estimates of {name!r}{suggest(name, record.tracks)}")
+    endings, millimetres, folder = _formats(format or ["pdf"]), _width(width), out or record.path / "pictures"
+    subject = subject_of(record, judge(record))
+    tracks = track or list(subject.tracks)
+    subject = Subject(record, tracks[0] if tracks else None, tracks, millimetres)
+    drawn = 0
+    for name in what or PICTURES:
+        picture = draw(name, subject)
+        if picture is None:
+            if what:
+                raise ConfigurationError(
+                    f"{run}: has nothing to draw for {name!r}: {_MISSING.get(name, 'no estimates')}"
+                )
+            continue
+        folder.mkdir(parents=True, exist_ok=True)
+        write_whole(folder / f"{name}.csv", _csv(picture.data))
+        for ending in endings:
+            save_figure(picture.figure, folder / f"{name}.{ending}")
+        typer.echo(f"{', '.join(str(folder / f'{name}.{ending}') for ending in endings)}: {picture.caption}")
+        drawn += 1
+    if not drawn:
+        raise ConfigurationError(f"{run}: has nothing to draw: no estimate was made")
+
+
+_MISSING = {
+    "map": "it is of one place",
+    "innovations": "its estimators report none",
+    "force-depth": "no estimate was made, or the run dates from before forces were in estimates.csv: replay it",
+    "time": "no force was recorded, or the run dates from before forces were in estimates.csv: replay it",
+    "residuals": "no estimate was made, or the run dates from before forces were in estimates.csv: replay it",
+}
+
+
+def _formats(given: list[str]) -> list[str]:
+    for ending in given:
+        if ending not in FORMATS:
+            raise ConfigurationError(f"--format {ending}: allowed is {', '.join(FORMATS)}{suggest(ending, FORMATS)}")
+    return list(dict.fromkeys(given))
+
+
+def _width(text: str) -> float:
+    """A width [mm] from its number or the name of a column."""
+    found = WIDTHS.get(text, _WIDTHS.get(text.removesuffix("mm").strip()))
+    if found is None:
+        raise ConfigurationError(f"--width {text}: allowed is {', '.join(_WIDTHS)} mm, or {', '.join(WIDTHS)}")
+    return found
+
+
+def _csv(data: Mapping[str, Floats]) -> str:
+    """Columns side by side [SI]; where one is shorter, the rest of it is empty."""
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(data)
+    columns = [values.tolist() for values in data.values()]
+    for row in range(max(len(column) for column in columns)):
+        cells = (column[row] if row < len(column) else float("nan") for column in columns)
+        writer.writerow("" if cell != cell else f"{cell:.9g}" for cell in cells)
+    return file.getvalue()

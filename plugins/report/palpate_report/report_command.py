@@ -1,0 +1,65 @@
+"""``palpate report``: a run, or many of them, as one page to hand on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from palpate import ConfigurationError
+from palpate.host import suggest, write_whole
+from palpate_kit.terminal.progress import progress
+
+from palpate_report.run_contents import RunContents
+
+_PAGES = (".html", ".htm")
+
+
+def report(
+    runs: Annotated[
+        list[Path] | None, typer.Argument(metavar="RUN...", help="Run folders; several make a page that compares them.")
+    ] = None,
+    group: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=PATTERN", help="A group of runs by a pattern; can be repeated.")
+    ] = None,
+    track: Annotated[str | None, typer.Option(help="Track to show first, such as dr/fit. [default: the best]")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Page to write. [default: RUN/report.html, or comparison.html]")
+    ] = None,
+    anonymous: Annotated[bool, typer.Option("--anonymous", help="Leave out the host and every path.")] = False,
+    pdf: Annotated[bool, typer.Option("--pdf", help="Print it to a PDF, too; needs Chromium or Chrome.")] = False,
+) -> None:
+    """Write one page on a run, or on many runs: verdict, numbers, flags, budget, pictures, pipeline."""
+    from palpate_report.comparison_report import comparison_page, groups_of
+    from palpate_report.pdf import print_pdf
+
+    if out is not None and out.suffix not in _PAGES:
+        raise ConfigurationError(f"--out {out}: a page's name ends in {' or '.join(_PAGES)}")
+    groups = groups_of(runs or [], group or [])
+    records = [record for found in groups.values() for record in found]
+    with progress(f"report of {len(records)} run{'s' * (len(records) != 1)}"):
+        if len(records) == 1:
+            path, text = out or records[0].path / "report.html", _page(records[0], track, anonymous)
+        else:
+            path, text = out or Path("comparison.html"), comparison_page(groups, track, anonymous)
+    write_whole(path, text)
+    typer.echo(f"report: {path}")
+    if pdf:
+        print_pdf(path, path.with_suffix(".pdf"))
+        typer.echo(f"report: {path.with_suffix('.pdf')}")
+
+
+def write_report(folder: Path) -> Path:
+    """Write ``report.html`` into a run folder and answer where it is; raises UserError."""
+    path = folder / "report.html"
+    write_whole(path, _page(RunContents.read(folder), None, False))
+    return path
+
+
+def _page(record: RunContents, track: str | None, anonymous: bool) -> str:
+    from palpate_report.run_report import page_of
+
+    known = record.document.get("tracks", record.tracks)
+    if track is not None and track not in known:
+        raise ConfigurationError(f"{record.path}: has no track {track!r}{suggest(track, known)}")
+    return page_of(record, track, anonymous)

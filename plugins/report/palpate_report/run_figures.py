@@ -1,0 +1,132 @@
+"""Every picture of a run, in one style, each with the numbers that it is drawn from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from palpate import Floats
+from palpate_kit.figures import figure_of, legend_outside, quartiles, style
+
+from palpate_report.estimates_figure import estimates
+from palpate_report.figure_data import Curves, swept, thin_rows
+from palpate_report.figure_subject import MOST, ReportFigure, Subject, pair
+from palpate_report.innovations_figure import innovations
+from palpate_report.map_figure import draw_map
+
+_CLOSE = 4.0  # [s] of a long record that are drawn of the force over time
+_GREY = "0.6"
+
+
+def force_depth(subject: Subject) -> ReportFigure | None:
+    """Contact force over depth, measured and by the model of the main track, and both over time."""
+    if subject.main is None:
+        return None
+    curves = subject.curves(subject.main)
+    rows = np.flatnonzero(curves.settled & np.isfinite(curves.force) & np.isfinite(curves.depth))
+    if len(rows) < 2:
+        return None
+    rows = rows[curves.time[rows] >= curves.time[rows][-1] - _long(curves)]
+    rows = rows[thin_rows(len(rows), MOST)]
+    depth, force, model = 1e3 * curves.depth[rows], curves.force[rows], curves.model[rows]
+    figure, axes = figure_of(width=subject.width, height=65.0)
+    axis = axes[0, 0]
+    axis.plot(depth, force, ".", markersize=1.5, color=_GREY, label="measured")
+    axis.set_prop_cycle(None)
+    axis.plot(depth, model, linewidth=0.7, label=subject.main)
+    axis.set(xlabel="depth [mm]", ylabel="contact force [N]")
+    axis.set_ylim(_around(force))
+    legend_outside(axis)
+    caption = f"Contact force over depth: measured less the inertia of the tip, and the model of {subject.main}"
+    return ReportFigure(figure, caption, {"depth_m": depth / 1e3, "force_N": force, f"{subject.main}:force_N": model})
+
+
+def _long(curves: Curves) -> float:
+    """How much of the end is drawn [s]: everything of a point, the last seconds of a sweep, whose material changes."""
+    return _CLOSE if swept(curves.place) else np.inf
+
+
+def over_time(subject: Subject) -> ReportFigure | None:
+    """Contact force over time, measured and by the models."""
+    if subject.main is None:
+        return None
+    main = subject.curves(subject.main)
+    rows = np.flatnonzero(np.isfinite(main.force))
+    if len(rows) < 2:
+        return None
+    long = float(np.ptp(main.time[rows])) > 10 * _CLOSE
+    if long:
+        end = float(main.time[np.flatnonzero(main.used)[-1]]) if main.used.any() else float(main.time[rows][-1])
+        rows = rows[(main.time[rows] <= end) & (main.time[rows] >= end - _CLOSE)]
+    rows = rows[thin_rows(len(rows), MOST)]
+    figure, axes = figure_of(width=subject.width, height=50.0)
+    axis = axes[0, 0]
+    axis.plot(main.time[rows], main.force[rows], ".", markersize=1.5, color=_GREY, label="measured")
+    axis.set_prop_cycle(None)
+    data = {"time_s": main.time[rows], "force_N": main.force[rows]}
+    for name in subject.tracks[:3]:
+        curves = subject.curves(name)
+        if not curves.used.any():
+            continue
+        model = np.where(curves.used, curves.model, np.nan)
+        shown = np.interp(main.time[rows], curves.time, model)
+        axis.plot(main.time[rows], shown, linewidth=0.8, label=name)
+        data[f"{name}:force_N"] = shown
+    axis.set(xlabel="time [s]", ylabel="contact force [N]")
+    axis.set_ylim(_around(main.force[rows]))
+    legend_outside(axis, 4)
+    caption = f"Contact force over time{f', the last {_CLOSE:g} s of contact' if long else ''}"
+    return ReportFigure(figure, caption, data)
+
+
+def residuals(subject: Subject) -> ReportFigure | None:
+    """Measured less model over time and over depth, by medians and quartiles."""
+    names = [
+        name
+        for name in subject.tracks
+        if np.isfinite(subject.curves(name).residual[subject.curves(name).settled]).any()
+    ]
+    if not names:
+        return None
+    figure, axes = pair(subject, 2)
+    data: dict[str, Floats] = {}
+    for name in names[:3]:
+        curves = subject.curves(name)
+        rows = curves.settled
+        for axis, across, scale, key in (
+            (axes[0], curves.time, 1.0, "time_s"),
+            (axes[1], curves.depth, 1e3, "depth_m"),
+        ):
+            x, (low, middle, high) = quartiles(across[rows], curves.residual[rows], 40 if scale == 1 else 20)
+            (line,) = axis.plot(scale * x, middle, label=name)
+            axis.fill_between(scale * x, low, high, color=line.get_color(), alpha=0.18, linewidth=0)
+            data |= {f"{name}:{key}": x, f"{name}:residual_{key[0]}_N": middle, f"{name}:low_{key[0]}_N": low}
+            data[f"{name}:high_{key[0]}_N"] = high
+    for axis, word in zip(axes, ("time [s]", "depth [mm]"), strict=True):
+        axis.axhline(0.0, color="black", linewidth=0.5, linestyle="-")
+        axis.set(xlabel=word, ylabel="measured less model [N]")
+    legend_outside(axes[0])
+    caption = "Residual of the force: medians, and the band that contains the middle half"
+    return ReportFigure(figure, caption, data)
+
+
+def _around(values: Floats) -> tuple[float, float]:
+    low, high = np.nanmin(values), np.nanmax(values)
+    margin = 0.08 * (high - low) or 0.1
+    return float(low - margin), float(high + margin)
+
+
+PICTURES: dict[str, Callable[[Subject], ReportFigure | None]] = {
+    "force-depth": force_depth,
+    "time": over_time,
+    "residuals": residuals,
+    "estimates": estimates,
+    "innovations": innovations,
+    "map": draw_map,
+}
+
+
+@style()
+def draw(name: str, subject: Subject) -> ReportFigure | None:
+    """A picture by its name, in palpate's style; None where the run has nothing to show for it."""
+    return PICTURES[name](subject)

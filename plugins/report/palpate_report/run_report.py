@@ -1,0 +1,262 @@
+"""The report of one run: everything that stands on the page, then the page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from importlib.metadata import version
+from typing import Any
+
+from palpate import ADVICE, FlagMeaning, ReportSection
+from palpate.host import SEVERITIES, display_unit, function_of, registry
+from palpate_kit.figures import WIDTHS
+from palpate_kit.terminal.table import Table
+
+from palpate_report import number_texts
+from palpate_report.anonymous import Anonymous
+from palpate_report.figure_subject import Subject
+from palpate_report.map_figure import lumps_of
+from palpate_report.run_contents import RunContents
+from palpate_report.run_figures import PICTURES, draw
+from palpate_report.run_verdict import LEVELS, RunVerdict, judge
+from palpate_report.svg import svg_text
+
+_FACTS = {  # of `run` in the result: what they are called, and their unit
+    "started": ("started", ""),
+    "log_duration": ("length of the record", "s"),
+    "samples": ("samples", ""),
+    "duration": ("computing time", "s"),
+    "seed": ("seed", ""),
+    "pipeline": ("pipeline", ""),
+    "command": ("command", ""),
+    "host": ("host", ""),
+}
+_LARGEST = 300_000  # characters of a pipeline that are shown
+
+
+def subject_of(record: RunContents, verdict: RunVerdict, track: str | None = None) -> Subject:
+    """What is drawn of a run: the track chosen, or the best one, then the others from the best to the worst.
+
+    Tracks that must not be used are drawn only where there are no others.
+    """
+    ranked = [found.track for level in LEVELS for found in verdict.of(level)]
+    known = [name for name in ranked if name in record.tracks] or list(record.tracks)
+    usable = [name for name in known if name not in {found.track for found in verdict.of(LEVELS[2])}] or known
+    main = track or (verdict.main if verdict.main in usable else next(iter(usable), None))
+    if main not in record.tracks:
+        main = next(iter(usable), None)
+    return Subject(record, main, [name for name in (main,) if name is not None] + [n for n in usable if n != main])
+
+
+def page_of(record: RunContents, track: str | None = None, anonymous: bool = False) -> str:
+    """The whole page of one run."""
+    verdict = judge(record)
+    subject = subject_of(record, verdict, track)
+    veil = Anonymous(record.document, record.resolved, record.path) if anonymous else None
+    document = veil.tree(record.document) if veil else record.document
+    pictures = {}
+    for name in PICTURES:
+        picture = draw(name, subject)
+        if picture is not None:
+            share = 100 * picture.figure.get_figwidth() / (WIDTHS["double"] / 25.4)
+            pictures[name] = {"svg": svg_text(picture.figure), "caption": picture.caption, "share": share}
+    given, resolved = record.given_text, record.resolved_text
+    sections = list(_sections(record, veil.text if veil else str)) if record.why_not is None else []
+    calibration = _calibration(document, record)
+    return render(
+        "report.html",
+        title=veil.text(record.name) if veil else record.name,
+        verdict=verdict,
+        levels=LEVELS,
+        document=document,
+        tracks=document.get("tracks", {}),
+        record_flags=_record_flags(document),
+        meanings=registry.offers("palpate_flags", FlagMeaning),
+        pictures=pictures,
+        main=subject.main,
+        numbers=_numbers(document, subject),
+        level_of={track.track: track.level for track in verdict.tracks},
+        budgets={name: budget_rows(table) for name, table in document.get("tracks", {}).items()},
+        sections=sections,
+        last=_last_rows(record) if record.why_not is not None else [],
+        lumps=lumps_of(record),
+        calibration=veil.tree(calibration) if veil else calibration,
+        facts=_facts(document.get("run", {})),
+        truth=_truth(document),
+        given=_shown(given, veil),
+        resolved=_shown(resolved, veil),
+        why_not=record.why_not,
+        unreadable=veil.text(record.unreadable) if veil and record.unreadable else record.unreadable,
+        logs=record.logs,
+        folder=record.path.name if anonymous else str(record.path),
+        parts_of_run=[(part.path.name, judge(RunContents(part)).level) for part in record.folder.parts[1:]],
+        embedded=number_texts.embed_json(document) if document else None,
+    )
+
+
+def render(template: str, **content: Any) -> str:
+    """A page from a template; every text is escaped unless it is an SVG that was drawn here."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("palpate_report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    names = ("number_text", "value_of", "parts_of", "readable", "plain", "chance")
+    helpers = {name: getattr(number_texts, name) for name in names}
+    environment.globals.update(helpers, advice=ADVICE, severities=SEVERITIES, version=version("palpate"))
+    return environment.get_template(template).render(**content)
+
+
+def budget_rows(table: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Sources of a track's uncertainty with what each contributes, and its share of the combined variance [%]."""
+    rows = []
+    extra: dict[str, dict[str, Any]] = {}
+    for name, found in table["parameters"].items():
+        if found["value"] is None:
+            return []
+        listed = {row["source"].partition(" ")[0] for row in table.get("budget", ())}
+        for key, share in found.items():
+            cause = key.removeprefix("systematic_")
+            if key.startswith("systematic_") and share is not None and cause not in listed:
+                extra.setdefault(cause, {})[name] = {"contribution": share}
+    causes = [(row["source"], row["std"], row["unit"], row["effects"]) for row in table.get("budget", ())]
+    causes += [(cause.replace("_", "-"), None, "", effects) for cause, effects in extra.items()]
+    for source, std, unit, effects in causes:
+        cells = {}
+        for name, found in table["parameters"].items():
+            contribution = effects.get(name, {}).get("contribution")
+            if contribution is None:
+                continue
+            combined = found.get("combined")
+            share = 100 * (contribution / combined) ** 2 if combined else None
+            cells[name] = {"shown": number_texts.number_text(contribution, found["unit"]), "share": share}
+        rows.append(
+            {"source": source, "std": "" if std is None else number_texts.number_text(std, unit), "cells": cells}
+        )
+    return rows
+
+
+def _numbers(document: Mapping[str, Any], subject: Subject) -> list[tuple[str, str, str]]:
+    """Name, value and notes of everything that the main track gives; along a path the range."""
+    table = document.get("tracks", {}).get(subject.main)
+    if table is None or subject.main is None:
+        return []
+    if any("places" in found for found in table["parameters"].values()):
+        return list(_along_the_way(table))
+    found = [(name, value, number_texts.parts_of(value)) for name, value in table["parameters"].items()]
+    found += [
+        (name, value, value["caveat"]) for name, value in table.get("derived", {}).items() if value["value"] is not None
+    ]
+    found.append(("surface", table["surface"], number_texts.parts_of(table["surface"])))
+    return [(number_texts.readable(name), number_texts.value_of(value), small) for name, value, small in found]
+
+
+def _along_the_way(table: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+    for name, value in table["parameters"].items():
+        places = value["places"]
+        word, factor = display_unit(value["unit"])
+        doubt = number_texts.number_text(value["std"], value["unit"]) if value["std"] is not None else "not known"
+        mean = f"mean of {places['places']} places {number_texts.number_text(value['value'], value['unit'])}"
+        span = f"{factor * places['low']:.4g} to {factor * places['high']:.4g} {word}"
+        yield number_texts.readable(name), span, f"along the path; {mean}; u of a place about {doubt}"
+
+
+def _record_flags(document: Mapping[str, Any]) -> list[Any]:
+    """Flags that every track has: they are of the record."""
+    every = [track["flags"] for track in document.get("tracks", {}).values()]
+    return [flag for flag in every[0] if all(flag in flags for flags in every[1:])] if len(every) > 1 else []
+
+
+def _sections(record: RunContents, hide: Callable[[str], str]) -> Iterator[dict[str, Any]]:
+    """What other plugins show of the run; one that fails is reported and does not keep the others from being shown."""
+    sections = registry.offers("palpate_report_sections", ReportSection)
+    for name, section in sorted(sections.items(), key=lambda item: (item[1].order, item[0])):
+        try:
+            shown = list(function_of(section)(record.result()))
+        except Exception as error:  # whatever a third-party function raises
+            shown = [f"This section could not be made: {type(error).__name__}: {error}"]
+        if shown:
+            yield {"name": name, "parts": [part if isinstance(part, Table) else hide(str(part)) for part in shown]}
+
+
+def _facts(run: Mapping[str, Any]) -> dict[str, str]:
+    known = {word: (run[key], unit) for key, (word, unit) in _FACTS.items() if run.get(key) is not None}
+    return {word: f"{value:.4g} {unit}" if unit else number_texts.plain(value) for word, (value, unit) in known.items()}
+
+
+def _truth(document: Mapping[str, Any]) -> list[str]:
+    """The true values of a simulated rig, in the units of the tracks."""
+    tables = document.get("tracks", {}).values()
+    units = {name: found["unit"] for table in tables for name, found in table["parameters"].items()} | {"surface": "m"}
+    return [
+        f"{number_texts.readable(name)} {number_texts.value_of({'value': value, 'combined': 0.0, 'unit': units[name]})}"
+        for name, value in document.get("truth", {}).items()
+        if name in units
+    ]
+
+
+def _last_rows(record: RunContents) -> list[dict[str, Any]]:
+    """The last usable estimate of each track of a run without a result."""
+    found = []
+    for name, (_, track) in record.tracks.items():
+        rows = track.usable.nonzero()[0]
+        if len(rows):
+            last = rows[-1]
+            values = {
+                key: number_texts.value_of(
+                    {"value": column[last], "combined": track.std[key][last], "unit": record.unit(name, key)}
+                )
+                for key, column in track.values.items()
+            }
+            found.append({"track": name, "time": float(track.time[last]), "values": values})
+        else:
+            found.append({"track": name, "time": None, "values": {}})
+    return found
+
+
+def _calibration(document: Mapping[str, Any], record: RunContents) -> dict[str, Any]:
+    """What the alignment took for force and motion, and what of it is declared or calibrated."""
+    alignment = record.resolved.get("alignment", {})
+    found: dict[str, Any] = {}
+    for name in ("force", "position", "velocity"):
+        signal = alignment.get(name)
+        if isinstance(signal, dict):
+            delay, doubt = signal.get("delay", 0.0), signal.get("uncertainty")
+            known = "not declared" if doubt is None else f"± {number_texts.number_text(doubt, 's')}"
+            found[f"{name} from"] = f"{signal.get('channel')}, delay {number_texts.number_text(delay, 's')} ({known})"
+    for key, unit in (
+        ("tip_mass", "kg"),
+        ("tip_mass_uncertainty", "kg"),
+        ("tare_uncertainty", "N"),
+        ("series_stiffness", "N/m"),
+    ):
+        if isinstance(alignment.get(key), int | float):
+            found[number_texts.readable(key)] = number_texts.number_text(alignment[key], unit)
+    run = document.get("run", {})
+    if tare := run.get("tare"):
+        offset, std = tare.get("offset"), tare.get("std")
+        word, factor = display_unit("N")
+        if offset is not None:
+            found["tare"] = f"{offset * factor:.4g} {word}" + (
+                f" ± {number_texts.number_text(std, 'N')}" if std else ""
+            )
+        if tare.get("noise") is not None:
+            found["noise of one force sample"] = number_texts.number_text(tare["noise"], "N")
+    if touch := run.get("first_touch"):
+        height, method = number_texts.number_text(touch["position"], "m"), number_texts.plain(touch.get("by"))
+        found["first touch"] = f"{touch['time']:.3f} s, at {height} ({method})"
+    calibration = record.resolved.get("run", {}).get("calibration")
+    found["calibration file"] = number_texts.plain(calibration) if calibration else "none"
+    if uncertainties := record.resolved.get("run", {}).get("uncertainties"):
+        found["declared uncertainties"] = number_texts.plain(uncertainties)
+    return found
+
+
+def _shown(text: str | None, veil: Anonymous | None) -> str | None:
+    if text is None:
+        return None
+    text = text if len(text) <= _LARGEST else f"{text[:_LARGEST]}\n... cut: {len(text)} characters"
+    return veil.text(text) if veil else text

@@ -1,0 +1,212 @@
+"""Rows of items, made: each from its run, which rows of one recording and pipeline share."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from palpate import PalpateError, UserError, to_si
+from palpate.host import (
+    ConsentError,
+    Pipeline,
+    Result,
+    Source,
+    TrackResult,
+    UncertainValue,
+    analysis,
+    build_pipeline,
+    run_pipeline,
+)
+from palpate_kit.jobs.cluster import on_cluster
+from palpate_kit.jobs.job import Job
+from palpate_kit.runs.run_folder import RunFolder
+from palpate_kit.terminal.progress import progress, report_progress
+
+from palpate_reproduction.item import FLAG, AuthorsRecording, Item, PublishedNumber
+from palpate_reproduction.paper_formulas import value_of
+
+Status = Literal["reproduced", "checked", "agrees", "outside", "shown", "skipped", "failed"]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One published number beside what palpate finds."""
+
+    published: PublishedNumber
+    status: Status
+    value: float | None = None  # in the published unit
+    std: float | None = None  # the same, combined
+    said: str = ""  # why it was skipped, failed, or is only shown
+    flags: tuple[str, ...] = ()  # codes that are more than notes
+
+    @property
+    def ratio(self) -> float | None:
+        """palpate over paper."""
+        return None if self.value is None or not self.published.value else self.value / self.published.value
+
+    @property
+    def ratio_std(self) -> float | None:
+        """Its standard uncertainty, from that of palpate and the published spread."""
+        if self.ratio is None or self.value is None:
+            return None
+        own = 0.0 if self.std is None or not self.value else self.std / self.value
+        theirs = (self.published.spread or 0.0) / self.published.value
+        return abs(self.ratio) * math.hypot(own, theirs)
+
+
+@dataclass
+class Maker:
+    """Makes rows; a run is made once for all that ask for the same."""
+
+    paper: Path  # its folder
+    folder: Path  # for run folders
+    files: Mapping[str, Path]  # recordings on this machine
+    recordings: Mapping[str, AuthorsRecording]
+    _runs: dict[str, Result | PalpateError] = field(default_factory=dict)
+
+    def make_ahead(self, items: Sequence[Item], scheduler: str, stage: str | None = None) -> None:
+        """Make the runs of all items on the workers of a scheduler. Raises UserError."""
+        wanted: dict[str, PublishedNumber] = {}
+        for published in (row for item in items for row in item.published):
+            if published.source != "arithmetic" and (not published.recording or published.recording in self.files):
+                wanted.setdefault(_key(published), published)
+        keys, jobs = {}, []
+        for number, (key, published) in enumerate(wanted.items(), start=1):
+            name = _name(number, published)
+            try:
+                jobs.append(Job(name, self._pipeline(published), self.folder / name))
+                keys[name] = key
+            except ConsentError:
+                raise
+            except UserError as error:
+                self._runs[key] = error
+        self.folder.mkdir(parents=True, exist_ok=True)
+        with (
+            progress("runs", "", len(jobs)),
+            contextlib.closing(on_cluster(scheduler, self.folder, stage)(jobs)) as found,
+        ):
+            for done, (job, outcome) in enumerate(found, start=1):
+                self._runs[keys[job.name]] = outcome if isinstance(outcome, PalpateError) else outcome.result
+                report_progress(done)
+
+    def rows(self, item: Item) -> list[Row]:
+        """Every row of an item; a failure is a row with its reason. Raises ConsentError."""
+        return [self._row(published) for published in item.published]
+
+    def _row(self, published: PublishedNumber) -> Row:
+        if published.recording and published.recording not in self.files:
+            return Row(published, "skipped", said=f"{published.recording} is not here")
+        try:
+            value, std, flags = self._found(published)
+        except ConsentError:
+            raise
+        except PalpateError as error:
+            return Row(published, "failed", said=str(error))
+        if value is None or not math.isfinite(value):
+            return Row(published, "failed", said="no usable value", flags=flags)
+        return Row(published, _judged(published, value), value, std, published.shown, flags)
+
+    def _found(self, published: PublishedNumber) -> tuple[float | None, float | None, tuple[str, ...]]:
+        """Value and standard uncertainty in the published unit, and what is flagged."""
+        if published.source == "arithmetic":
+            return value_of(published.formula, published.given), None, ()
+        result = self._run(published)
+        track = result.tracks.get(published.track)
+        if track is None:
+            raise UserError(f"there is no track {published.track!r}")
+        flags = tuple(dict.fromkeys(f.code for f in (*result.flags, *track.flags) if f.severity != "note"))
+        if published.quantity == "lumps":
+            return float(_lumps(result.folder, published.track)), None, flags
+        if published.quantity in ("rss", "rms", "nis"):
+            return _of_residual(track, published.quantity), None, flags
+        if published.quantity.startswith(FLAG):
+            return float(published.quantity.removeprefix(FLAG) in flags), None, flags
+        found = _parameter(track, published.quantity)
+        scale = to_si(f"1 {published.unit}", found.unit) if published.unit else 1.0
+        usable = track.usable and math.isfinite(found.value)
+        return (found.value / scale if usable else None), found.combined / scale, flags
+
+    def _run(self, published: PublishedNumber) -> Result:
+        key = _key(published)
+        if key not in self._runs:
+            name = _name(len(self._runs) + 1, published)
+            with progress(name, "s"):
+                result = run_pipeline(self._pipeline(published), self.folder / name, report_progress)
+            result.demand_whole()
+            self._runs[key] = result
+        found = self._runs[key]
+        if isinstance(found, PalpateError):
+            raise found
+        return found
+
+    def _pipeline(self, published: PublishedNumber) -> Pipeline:
+        source = Source.read(self.paper / "pipelines" / published.pipeline)
+        for assignment in self._overrides(published):
+            source.override(assignment)
+        return build_pipeline(source)
+
+    def _overrides(self, published: PublishedNumber) -> list[str]:
+        own = [f"{key}={_text(value)}" for key, value in published.set.items()]
+        if not published.recording:
+            return own
+        recording = self.recordings[published.recording]
+        delays = {
+            "force": recording.force_delay,
+            "position": recording.motion_delay,
+            "velocity": recording.motion_delay,
+        }
+        file = json.dumps(str(self.files[published.recording].resolve()))
+        return [f"device.log.file={file}", *(f"alignment.{k}.delay={v}" for k, v in delays.items()), *own]
+
+
+def _key(published: PublishedNumber) -> str:
+    """What rows share that are of one run."""
+    return json.dumps([published.pipeline, published.recording, dict(published.set)], sort_keys=True)
+
+
+def _name(number: int, published: PublishedNumber) -> str:
+    return f"{number:03d}-{published.recording or Path(published.pipeline).stem}"
+
+
+def _text(value: object) -> str:
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _judged(published: PublishedNumber, value: float) -> Status:
+    if published.shown:
+        return "shown"
+    if not abs(value - published.value) <= published.tolerance * abs(published.value) + 1e-12:
+        return "outside"
+    if published.source == "recording":
+        return "reproduced"
+    return "checked" if published.source == "arithmetic" else "agrees"
+
+
+def _parameter(track: TrackResult, name: str) -> UncertainValue:
+    if name == "surface":
+        return track.surface
+    if name not in track.parameters:
+        raise UserError(f"there is no parameter {name!r} (there are: {', '.join(track.parameters)})")
+    return track.parameters[name]
+
+
+def _of_residual(track: TrackResult, quantity: str) -> float | None:
+    if quantity == "nis":
+        return track.nis
+    if track.report is None:
+        return None
+    return track.report.rss if quantity == "rss" else track.report.rms
+
+
+def _lumps(run: Path, track: str) -> int:
+    """How many lumps `palpate map lumps` finds."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        analysis("map lumps")(run, track=track, as_json=True)
+    found = json.loads((RunFolder(run).maps / "lumps.json").read_text("utf-8"))
+    return len(found["lumps"])

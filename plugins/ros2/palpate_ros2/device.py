@@ -1,0 +1,236 @@
+"""Topics of a ROS 2 system as a device."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
+from functools import cached_property
+from math import inf
+from typing import Literal, Self
+
+from palpate import Device, Link, LogError, Settings, Stream, Time, to_si
+from palpate_kit.logs.channel_mapping import Clock, MappedSignal, Orientation
+from palpate_kit.logs.definitions import parse_definitions
+from palpate_kit.logs.feeds import TopicFeed, mapped_streams
+from palpate_kit.logs.joint_kinematics import Kinematics
+from palpate_kit.logs.log_link import described_feeds
+from palpate_kit.logs.recording import SystemSurvey
+from pydantic import Field, field_validator, model_validator
+
+from palpate_ros2.limits import Limit, LimitBounds
+from palpate_ros2.link import Ros2Link
+from palpate_ros2.listener import Listener, hear, listener, refuse_missing
+from palpate_ros2.names import resolve_name
+from palpate_ros2.network import Middleware, Network, demand_reachable
+from palpate_ros2.publisher_statistics import CommonClock
+from palpate_ros2.topic_snapshot import TopicSnapshot
+
+_NAMES = 1.0  # [s] that joints and frames may take to be named after the first message
+
+
+class WatchedRange(Settings):
+    """What readings of a channel should be, in its unit."""
+
+    least: float | str | None = Field(default=None, description='such as "-8 mm"')
+    greatest: float | str | None = Field(default=None, description='such as "20 N"')
+
+
+class Ros2Device(Device):
+    """Topics of a running ROS 2 system, by DDS (``palpate[ros2]``) or zenoh (``palpate[zenoh]``), without ROS.
+
+    `signals` and `kinematics` say which numbers of which topics are the channels, with the keys of mcap-replay: a
+    pipeline for a bag becomes live when the type of its device does. Stamps are mapped to the host's clock by the
+    lower envelope of the arrivals, for each publisher by itself. It only reads: palpate moves no robot over ROS, and
+    no motion is stopped by it.
+    """
+
+    domain: int = Field(default=0, ge=0, le=232, description="the DDS domain, as in ROS_DOMAIN_ID")
+    middleware: Middleware = Field(
+        default="dds", description='"dds" for rmw_fastrtps and rmw_cyclonedds; "zenoh" where nodes use rmw_zenoh_cpp'
+    )
+    signals: dict[str, MappedSignal] = Field(
+        default={},
+        description='channels by name: { force = { topic = "/wrench", field = "wrench.force.z", unit = "N" } }',
+    )
+    kinematics: Kinematics | None = Field(
+        default=None, description="the robot whose joints give the streams tip and twist, such as ros.tip.z"
+    )
+    time: Clock = Field(
+        default="stamp",
+        description='"stamp" (of the header, else arrival), "log" (arrival), "publish" (when its writer wrote it), '
+        'or { field = "data", index = 0 }',
+    )
+    clocks: Literal["each", "one"] = Field(
+        default="each",
+        description='"each": the clock of each topic is mapped separately; "one": all stamps are of one computer, or '
+        "of several that are synchronised, and delays between topics are kept",
+    )
+    namespace: str = Field(default="", description="of topics that do not begin with a slash")
+    types: dict[str, str] = Field(
+        default={},
+        description='definitions of custom types, each the text of its .msg or .idl: { "my_msgs/msg/Load" = '
+        '"float64 newtons" }',
+    )
+    reliability: Literal["best-effort", "reliable"] = Field(
+        default="best-effort",
+        description='"reliable" requests lost messages again, and matches reliable writers only',
+    )
+    history: int = Field(default=1000, ge=1, le=100_000, description="messages of a topic that DDS may queue")
+    interface: str | None = Field(default=None, min_length=1, description='network interface, such as "eth0" or "lo"')
+    peers: tuple[str, ...] = Field(
+        default=(),
+        description="addresses of the other computers, where the network has no multicast; with zenoh: of the router, "
+        'or of other members, such as "tcp/192.168.1.10:7447"',
+    )
+    limits: dict[str, WatchedRange] = Field(
+        default={},
+        description="limits of readings by channel; a reading beyond is flagged, and "
+        'stops nothing: { force = { greatest = "20 N" }, "tip.z" = { least = "-8 mm" } }',
+    )
+    alarm: str | None = Field(
+        default=None,
+        pattern=r"^/[A-Za-z_]",
+        description="topic (std_msgs/Bool, latched) that becomes true at the first reading beyond a limit",
+    )
+    patience: Time = Field(default=3.0, gt=0, description="longest time to find the topics")
+    listen: Time | None = Field(default=None, gt=0, description="listening time; left out: until Ctrl-C")
+
+    @field_validator("types")
+    @classmethod
+    def _readable(cls, value: dict[str, str]) -> dict[str, str]:
+        for name, text in value.items():
+            if name.count("/") != 2:
+                raise ValueError(f'{name!r} is no type: give it as "package/msg/Name"')
+            try:
+                parse_definitions(name, text)
+            except LogError as error:
+                raise ValueError(str(error)) from error
+        return value
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        if not self.signals and self.kinematics is None:
+            raise ValueError("give signals: which numbers of which topics are the channels")
+        names = [stream.name for stream in self.streams]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise ValueError(
+                f"two streams would be {twice!r}; the kinematics make tip and twist: name others in topics"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _reachable(self) -> Self:
+        demand_reachable(self.middleware, self.interface, self.peers)
+        return self
+
+    @model_validator(mode="after")
+    def _limits_of_channels(self) -> Self:
+        if self.alarm is not None and not self.limits:
+            raise ValueError("alarm needs limits")
+        self._bounds  # noqa: B018  raises where a limit is none
+        return self
+
+    @cached_property
+    def _bounds(self) -> list[LimitBounds]:
+        """The limits in SI, each with its stream and column; raises ValueError."""
+        places = {}
+        for stream in self.streams:
+            for column, channel in enumerate(stream.channels):
+                for name in (
+                    f"{stream.name}.{channel.name}",
+                    *([channel.name] if channel.name in self.signals else []),
+                ):
+                    places[name] = stream.name, column, channel.unit
+        found = []
+        for name, ends in self.limits.items():
+            if name not in places:
+                raise ValueError(f"limits: there is no channel {name!r} (there are: {', '.join(places)})")
+            stream_name, column, unit = places[name]
+            low = -inf if ends.least is None else to_si(ends.least, unit)
+            high = inf if ends.greatest is None else to_si(ends.greatest, unit)
+            if not low < high:
+                raise ValueError(f"limits: of {name!r} the least is not below the greatest")
+            found.append(LimitBounds(name, stream_name, column, unit, low, high))
+        return found
+
+    @property
+    def live(self) -> bool:
+        """It sends as time goes by."""
+        return True
+
+    @classmethod
+    def system_at(cls, address: str) -> SystemSurvey | None:
+        """The domain at ``ros2://DOMAIN``, with its keys."""
+        from palpate_ros2.domain_survey import address_of
+
+        return address_of(address)
+
+    @property
+    def streams(self) -> tuple[Stream, ...]:
+        """A stream for each mapped topic, and those of the tip."""
+        mapped = [group.stream for group in mapped_streams(self._signals)]
+        tip = self.kinematics.streams if self.kinematics is not None else ()
+        return tuple(replace(stream, clock="host") for stream in (*mapped, *tip))
+
+    @property
+    def provenance(self) -> Mapping[str, str]:
+        """The domain."""
+        return {"domain": str(self.domain), "middleware": "cyclonedds" if self.middleware == "dds" else self.middleware}
+
+    def connect(self, seed: int) -> AbstractContextManager[Link]:
+        """The topics, once all of them are found and as they are described."""
+        return self._connected()
+
+    @contextmanager
+    def _connected(self) -> Iterator[Link]:
+        name = f"ros2://{self.domain}"
+        with listener(name, self.network, self._topics, self.types, self.alarm) as source:
+            feeds = self._found(source, name)
+            common = CommonClock() if self.clocks == "one" else None
+            yield Ros2Link(source, feeds, name, self.listen, [Limit(bound) for bound in self._bounds], common)
+
+    @property
+    def network(self) -> Network:
+        """How to reach the others."""
+        reliable = self.reliability == "reliable"
+        return Network(self.domain, self.interface, self.peers, reliable, self.history, self.middleware)
+
+    @cached_property
+    def _signals(self) -> dict[str, MappedSignal]:
+        """The signals with whole topics."""
+        found = {}
+        for name, signal in self.signals.items():
+            changes: dict[str, object] = {"topic": resolve_name(signal.topic, self.namespace)}
+            if isinstance(signal.orientation, Orientation):
+                topic = resolve_name(signal.orientation.topic, self.namespace)
+                changes["orientation"] = signal.orientation.model_copy(update={"topic": topic})
+            found[name] = signal.model_copy(update=changes)
+        return found
+
+    @cached_property
+    def _kinematics(self) -> Kinematics | None:
+        robot = self.kinematics
+        return robot and robot.model_copy(update={"topic": resolve_name(robot.topic, self.namespace)})
+
+    @cached_property
+    def _topics(self) -> list[str]:
+        signals = self._signals.values()
+        turning = [s.orientation.topic for s in signals if isinstance(s.orientation, Orientation)]
+        tip = [self._kinematics.topic] if self._kinematics is not None else []
+        return list(dict.fromkeys([*(signal.topic for signal in signals), *turning, *tip]))
+
+    def _found(self, source: Listener, name: str) -> list[TopicFeed]:
+        """The feeds of topics that are there; raises DeviceError or LogError where they are not as described."""
+        wanted = set(self._topics)
+        heard = hear(source, self.types, self.patience, lambda heard: wanted <= heard.filled)
+        refuse_missing(source, heard, self._topics, name, self.patience)
+        try:
+            feeds = self._described(heard, name)
+        except LogError:  # joints and frames may come in other messages than the first
+            more = hear(source, self.types, _NAMES, lambda heard: False)
+            feeds = self._described(more if wanted <= more.filled else heard, name)
+        return [replace(feed, stream=replace(feed.stream, clock="host")) for feed in feeds]
+
+    def _described(self, heard: TopicSnapshot, name: str) -> list[TopicFeed]:
+        return described_feeds(heard, self._signals, self._kinematics, self.time, name)

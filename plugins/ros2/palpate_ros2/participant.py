@@ -1,0 +1,27 @@
+"""Becoming a member of a ROS 2 system, by whichever middleware its others speak."""
+
+from __future__ import annotations
+
+from palpate_ros2.network import Network, Participant, Talker
+
+
+def participant(network: Network) -> Participant:
+    """A member that listens; raises DeviceError where the middleware does not come up."""
+    if network.middleware == "zenoh":
+        from palpate_ros2.zenoh_participant import ZenohParticipant
+
+        return ZenohParticipant(network)
+    from palpate_ros2.cyclone import CycloneParticipant
+
+    return CycloneParticipant(network)
+
+
+def talker(network: Network) -> Talker:
+    """A member that publishes; raises DeviceError where the middleware does not come up."""
+    if network.middleware == "zenoh":
+        from palpate_ros2.zenoh_participant import ZenohTalker
+
+        return ZenohTalker(network)
+    from palpate_ros2.cyclone import CycloneTalker
+
+    return CycloneTalker(network)

@@ -1,0 +1,264 @@
+"""What a simulated tip presses on: material, shape of its surface, inclusions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from functools import cached_property
+from typing import Any, Literal, Self
+
+import numpy as np
+from palpate import (
+    ConfigurationError,
+    ContactModel,
+    Floats,
+    Indenter,
+    Length,
+    Quantity,
+    Setpoint,
+    Settings,
+    contact_force,
+    force_over_time,
+    loading_cycle_force,
+    to_si,
+)
+from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
+
+from palpate_simulation.inclusions import Inclusion
+from palpate_simulation.paper_specimens import SPECIMENS
+from palpate_simulation.specimen_layers import Layer, layered_factors
+from palpate_simulation.specimen_scatter import Conditioning, Scatter
+from palpate_simulation.surface_relief import Relief
+
+_REVERSAL = 2e-5  # [m] that a position loop may swing back
+_SLIP = 1e-4  # [m/s] of sliding over which friction comes up
+
+
+def _shorthand(schema: dict[str, Any]) -> None:
+    """Parameters beside the model, and what the paper's specimen of a name has, are no mistakes of the table."""
+    schema["additionalProperties"] = {"anyOf": [{"type": "number"}, {"type": "string"}]}
+    schema["properties"]["parameters"]["additionalProperties"] = schema["additionalProperties"]
+    schema["required"] = ["model"]
+
+
+class Specimen(Settings):
+    """What the tip presses on: a contact model with its true parameters, at a height that is not declared.
+
+    The parameters stand beside the model, by name: ``{ model = "dr", elasticity = "112.5 kPa", ... }``. Inclusions make
+    elastic and viscous parameters larger by 1 + the sum of their contrasts where the tip is, all by the same factor;
+    layers on top of the material do so at each depth (see `specimen_layers`); relief makes the surface uneven.
+    Left out, the specimen is homogeneous and level. With a `name`, what stands in the table replaces what the paper's
+    specimen of that name has. A rigid base is felt where the model has a `thickness` correction, a tip that does not
+    stand square where its indenter is `tilted-flat`, relaxation where the model has a memory. `scatter` and
+    `conditioning` multiply the whole force.
+    """
+
+    model_config = ConfigDict(json_schema_extra=_shorthand)
+
+    name: Literal["S1", "S2", "S3", "S4", "S5", "chicken", "chicken-sphere"] | None = Field(
+        default=None, description="the paper's specimen it is based on; other keys override it"
+    )
+    model: ContactModel = Field(description="contact model of the truth; need not be one used for estimation")
+    surface: Length = Field(default=0.0, description="height of the skin over the origin of the work frame")
+    relief: Relief = Field(default=Relief(), description="tilt, roughness and swell of the skin")
+    inclusions: tuple[Inclusion, ...] = Field(default=(), description="stiffer or softer bodies below the skin")
+    layers: tuple[Layer, ...] = Field(default=(), description="layers on top of the material, from the skin downwards")
+    felt_at: Length = Field(
+        default=0.004, gt=0, description="depth whose contact radius blurs the inclusions, at every depth of the tip"
+    )
+    thickness: Length | None = Field(default=None, gt=0, description="height of the material; no motion may go deeper")
+    size: tuple[Length, Length] | None = Field(
+        default=None, description="extent [x, y] around the origin; no motion may touch outside of it"
+    )
+    diameter: Length | None = Field(
+        default=None, gt=0, description="of a round specimen around the origin; no motion may touch outside of it"
+    )
+    unloading: Literal["following", "ting"] = Field(
+        default="following",
+        description='"following": the contact follows the depth in loading and unloading; "ting": it shrinks faster in '
+        "unloading, after Ting (1966), for one loading and one unloading of a model with a relaxation modulus",
+    )
+    friction: float = Field(
+        default=0.0, ge=0, le=2, allow_inf_nan=False, description="coefficient of friction of the sliding tip"
+    )
+    scatter: Scatter | None = Field(default=None, description="stiffness that varies from place to place")
+    conditioning: Conditioning | None = Field(default=None, description="softening by palpations of the same place")
+    palpated: float = Field(
+        default=0.0, ge=0, allow_inf_nan=False, description="palpations before this one; [repeat] counts them"
+    )
+    parameters: dict[str, float] = Field(description="true values by parameter name; may also be keys of this table")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _gather_parameters(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        data = _with_the_papers(data)
+        if "parameters" in data:
+            return data
+        own = {key: value for key, value in data.items() if key in cls.model_fields}
+        beside = {key: value for key, value in data.items() if key not in own}
+        return own | {"parameters": {key: _plain(value) for key, value in beside.items()}}
+
+    @field_validator("parameters", mode="before")
+    @classmethod
+    def _in_si(cls, given: Any, info: ValidationInfo) -> Any:
+        model = info.data.get("model")
+        if model is None or not isinstance(given, dict):
+            return {}
+        names = {parameter.name: parameter.unit for parameter in model.parameters}
+        for name in (*given, *names):
+            if name not in names or name not in given:
+                problem = "is unknown" if name in given else "is missing"
+                raise ValueError(f"parameter {name!r} {problem}; the specimen's model has: {', '.join(names)}")
+        return {name: _quantity(name, given[name], unit) for name, unit in names.items()}
+
+    @model_validator(mode="after")
+    def _layers_need_a_tip(self) -> Self:
+        if self.layers and self._indenter is None:
+            raise ValueError(
+                "layers need a model with an indenter: the depth that is felt depends on the contact's radius"
+            )
+        if self.layers and self.model.memory:
+            raise ValueError("a model with memory can have no layers")
+        return self
+
+    @property
+    def _indenter(self) -> Indenter | None:
+        return getattr(self.model, "indenter", None)
+
+    @cached_property
+    def _layered(self) -> tuple[Floats, Floats]:
+        """Depths [m] and the factors of the layers at them."""
+        assert self._indenter is not None
+        return layered_factors(self.layers, self._indenter)
+
+    def depth(self, position: Floats, velocity: Floats) -> tuple[Floats, Floats]:
+        """Depth [m] below the true skin and its rate [m/s], (n,), of a tip at positions (n, 3) with velocities."""
+        height, along_x, along_y = self.relief.at(position[:, 0], position[:, 1])
+        rise = along_x * velocity[:, 0] + along_y * velocity[:, 1]
+        return self.surface + height - position[:, 2], rise - velocity[:, 2]
+
+    def theta(self, x: Floats, y: Floats) -> list[Any]:
+        """The model's parameters where a tip at x, y (n,) [m] feels them."""
+        theta: list[Any] = [self.parameters[parameter.name] for parameter in self.model.parameters]
+        if not self.inclusions:
+            return theta
+        radius = 0.0 if self._indenter is None else float(self._indenter.contact_radius(self.felt_at))
+        factor = 1.0 + sum(inclusion.contrast(x, y, radius) for inclusion in self.inclusions)
+        return self._stiffened(theta, np.maximum(factor, 0.01))
+
+    def _stiffened(self, theta: list[Any], factor: Floats) -> list[Any]:
+        """The parameters with those that the force is proportional to made larger by a factor (n,)."""
+        roles = [parameter.role for parameter in self.model.parameters]
+        return [value * factor if role else value for value, role in zip(theta, roles, strict=True)]
+
+    def push(self, instants: Floats, position: Floats, velocity: Floats) -> Floats:
+        """Contact force (n,) [N] on a tip at positions (n, 3) with velocities (n, 3), at instants (n,) [s] in order.
+
+        Raises ConfigurationError where a model with memory is asked for what it cannot: inclusions, or forgetting that
+        is too fast for the instants.
+        """
+        force = self._force(instants, position, velocity)
+        if self.scatter is not None:
+            force = force * self.scatter.at(position[:, 0], position[:, 1])
+        return force if self.conditioning is None else force * self.conditioning.factor(self.palpated)
+
+    def conditioned(self, earlier: Iterable[tuple[float, float]]) -> Self:
+        """The specimen after palpations at distances [m] and ages [s]."""
+        if self.conditioning is None:
+            return self
+        return self.model_copy(update={"palpated": self.palpated + self.conditioning.left_of(earlier)})
+
+    def _force(self, instants: Floats, position: Floats, velocity: Floats) -> Floats:
+        depth, rate = self.depth(position, velocity)
+        if self.unloading == "ting":
+            return self._by_ting(instants, depth)
+        if not self.model.memory:
+            if not self.model.adhesive and depth.max(initial=0.0) <= 0.0:
+                return np.zeros(len(depth))  # in air: what a live twin is most of the time
+            theta = self.theta(position[:, 0], position[:, 1])
+            if self.layers:
+                theta = self._stiffened(theta, np.interp(depth, *self._layered))
+            return np.asarray(contact_force(self.model, depth, rate, theta, pulls=False), float)
+        if self.inclusions:
+            raise ConfigurationError("device sim: specimen: a model with memory can have no inclusions")
+        values = [self.parameters[parameter.name] for parameter in self.model.parameters]
+        try:
+            return force_over_time(self.model, instants, depth, rate, values, pulls=False)
+        except ValueError as error:
+            raise ConfigurationError(f"device sim: specimen: {error}") from error
+
+    def _by_ting(self, instants: Floats, depth: Floats) -> Floats:
+        """Contact force (n,) [N] after Ting; raises ConfigurationError for what it is not for."""
+        if self.inclusions or self.layers:
+            raise ConfigurationError('device sim: specimen: unloading = "ting" is for a homogeneous material')
+        values = [self.parameters[parameter.name] for parameter in self.model.parameters]
+        try:
+            return loading_cycle_force(self.model, instants, depth, values, _REVERSAL)
+        except ValueError as error:
+            raise ConfigurationError(f"device sim: specimen: {error}") from error
+
+    def with_friction(self, contact: Floats, velocity: Floats) -> Floats:
+        """Force (n, 3) [N] on a tip: the contact force (n,) along z, friction against its velocity (n, 3) [m/s].
+
+        Friction is mu F tanh(|v|/(0.1 mm/s)), v the velocity along the surface.
+        """
+        sliding = velocity[:, :2]
+        speed = np.linalg.norm(sliding, axis=1)
+        friction = self.friction * contact * np.tanh(speed / _SLIP) / np.maximum(speed, 1e-12)
+        return np.column_stack([-friction[:, None] * sliding, contact])
+
+    def refuse(self, setpoint: Setpoint) -> None:
+        """Raise ConfigurationError where a motion goes through the material or touches beside it."""
+        x, y, z = setpoint.position.T
+        height = self.relief.height_at(x, y)
+        depth = self.surface + height - z
+        if self.thickness is not None and depth.max() >= self.thickness:
+            raise ConfigurationError(
+                f"the trajectory goes {1e3 * depth.max():.3g} mm deep, beyond the specimen's thickness of "
+                f"{1e3 * self.thickness:.3g} mm"
+            )
+        for outside, what in self._edges(x, y):
+            beside = outside & (depth > 0)
+            if beside.any():
+                first = int(np.argmax(beside))
+                raise ConfigurationError(
+                    f"the trajectory touches at x = {1e3 * x[first]:.3g} mm, y = {1e3 * y[first]:.3g} mm, outside the "
+                    f"specimen of {what}"
+                )
+
+    def _edges(self, x: Floats, y: Floats) -> Iterator[tuple[Any, str]]:
+        """Where x, y (n,) [m] are outside of the specimen, and its size in words; for each size that it has."""
+        if self.size is not None:
+            wide, high = self.size
+            outside = (np.abs(x) > wide / 2 + 1e-9) | (np.abs(y) > high / 2 + 1e-9)
+            yield outside, f"{1e3 * wide:.3g} mm x {1e3 * high:.3g} mm"
+        if self.diameter is not None:
+            yield np.hypot(x, y) > self.diameter / 2 + 1e-9, f"{1e3 * self.diameter:.3g} mm of diameter"
+
+
+def _with_the_papers(data: dict[str, Any]) -> dict[str, Any]:
+    """A specimen's table, completed from the paper's specimen of its name."""
+    known = dict(SPECIMENS.get(str(data.get("name")), {}))
+    if "parameters" in data:
+        known = {key: value for key, value in known.items() if key in Specimen.model_fields}
+    if "size" in data:
+        known.pop("diameter", None)
+    return known | data
+
+
+class _Plain(float):
+    """A number beside the model, without a unit, as a person writes it."""
+
+
+def _plain(value: Any) -> Any:
+    return _Plain(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+def _quantity(name: str, given: Any, unit: str) -> float:
+    if isinstance(given, _Plain) and (doubt := Quantity(unit).doubt(given)):
+        raise ValueError(f"{name}: {doubt}")
+    try:
+        return to_si(given, unit)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from error

@@ -1,0 +1,78 @@
+"""A UR3e with a SensONE over a specimen, in software: both twins in one world."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+
+from palpate import ArmTruth, Device, HoldUp, SimulatedTwin, SupportsTwin
+from palpate_kit.acquisition.computer import real_time
+
+from palpate_simulation.twins.console import Console
+from palpate_simulation.twins.faults import FAULTS, apply_fault, make_fault
+from palpate_simulation.twins.settings import BenchSettings
+from palpate_simulation.twins.world import World
+
+# Not what asks or ends the twins, or changes what they recorded: that is for their terminal.
+_OF_A_RUN = {
+    entry: meaning
+    for entry, meaning in FAULTS.items()
+    if entry.split()[0] not in ("mark", "trace", "start", "restore", "state", "quit")
+}
+
+
+class SimulatedBench:
+    """A bench in simulated time (a SimulatedTwin)."""
+
+    faults = _OF_A_RUN
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+
+    def fault(self, words: str) -> None:
+        """Make a fault; raises ConfigurationError."""
+        make_fault(self._world, words.split())
+
+    @property
+    def truth(self) -> ArmTruth:
+        """What the arm did so far."""
+        return self._world.arm_truth
+
+
+class VirtualBench(BenchSettings):
+    """A UR3e (RTDE 30004, dashboard 29999, script 30003) and a serial SensONE, moved by one contact physics.
+
+    The real drivers run against it unchanged. The arm hangs over the specimen at `height`, tool downwards; the sensor
+    feels contact, weight and inertia of the tip at the exact motion of the arm. `palpate twin FILE` serves it and reads
+    faults from its input, one to a line; `help` lists them. On a rig the table is ignored.
+    """
+
+    @classmethod
+    def stand_in(cls, devices: Mapping[str, Device], tip_mass: float | None) -> Mapping[str, str] | None:
+        """For one robot of Universal Robots and one SensONE or RDT box."""
+        tables = [device.twin_settings for device in devices.values() if isinstance(device, SupportsTwin)]
+        if sorted(part for table in tables for part in ("robot", "sensor") if part in table) != ["robot", "sensor"]:
+            return None
+        settings = {key: value for table in tables for key, value in table.items()}
+        return settings if tip_mass is None else {**settings, "tip_mass": str(tip_mass)}
+
+    @contextmanager
+    def simulated(self, seed: int, hold_ups: Sequence[HoldUp] = ()) -> Iterator[SimulatedTwin]:
+        """Robot and sensor in simulated time."""
+        from palpate_simulation.twins.simulated_computer import simulated
+
+        with simulated(self, seed, hold_ups) as world:
+            yield SimulatedBench(world)
+
+    def serve(self, seed: int, ready: Callable[[Mapping[str, str]], None]) -> None:
+        """Serve until SIGTERM, Ctrl-C or the end of the standard input, where that is open."""
+        world = World(self, seed)
+        try:
+            scheduling = real_time(50)
+            for number in (signal.SIGTERM, signal.SIGINT):
+                signal.signal(number, world.end)
+            ready({"robot": self.host, "sensor": str(self.port), "scheduling": scheduling})
+            world.run(Console(lambda words: apply_fault(world, words), FAULTS))
+        finally:
+            world.close()

@@ -1,0 +1,84 @@
+"""How the twins are reached from outside."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Protocol
+
+from palpate_kit.protocols.rdt_packets import PORT
+
+from palpate_simulation.twins.controller import Controller
+from palpate_simulation.twins.sensor_lines import DatagramLine, PseudoTerminal, SerialLine, UdpLine
+from palpate_simulation.twins.sockets import ListeningPorts
+
+
+class RobotPorts(Protocol):
+    """The ports of a controller, and what can go wrong with them."""
+
+    began: float  # the controller's zero of time, as a monotonic time [s]
+    frozen: bool  # no states are sent
+    mute: bool  # nothing is answered
+    halved: bool  # half a state is sent, then none
+    greets_not: bool  # the dashboard does not speak first
+    control_mute: bool  # the connection that commands is neither read nor answered
+
+    @property
+    def sockets(self) -> list[Any]:
+        """What to wait for."""
+        ...
+
+    def serve(self, ready: list[Any]) -> None:
+        """Take what has come."""
+
+    def broadcast(self) -> None:
+        """Send this tick's state."""
+
+    def say(self, text: str) -> None:
+        """Send a text between two states."""
+
+    def shut(self, port: int) -> None:
+        """Stop listening on one port."""
+
+    def disconnect(self, reset: bool = False) -> None:
+        """End every connection, politely or by a reset; new ones are welcome."""
+
+    def hold_back(self, duration: float) -> None:
+        """Hold back what commands send, for a time [s]; then all of it lands at once."""
+
+    def close(self, reset: bool = False) -> None:
+        """Stop listening, and end every connection."""
+
+    def restore(self) -> None:
+        """Listen and answer again."""
+
+
+class Wiring(Protocol):
+    """What connects twins with the drivers that talk to them."""
+
+    def ports(self, address: str, controller: Controller) -> RobotPorts:
+        """The controller's."""
+        ...
+
+    def serial(self, path: Path) -> SerialLine:
+        """A serial sensor's."""
+        ...
+
+    def datagrams(self, address: str) -> DatagramLine:
+        """A sensor's on the net."""
+        ...
+
+
+class NetworkWiring:
+    """Ports of a loopback address, a pseudo-terminal, UDP: the real drivers reach them unchanged."""
+
+    def ports(self, address: str, controller: Controller) -> RobotPorts:
+        """RTDE, script and dashboard ports."""
+        return ListeningPorts(address, controller)
+
+    def serial(self, path: Path) -> SerialLine:
+        """A pseudo-terminal behind a symbolic link."""
+        return PseudoTerminal(path)
+
+    def datagrams(self, address: str) -> DatagramLine:
+        """The port for RDT."""
+        return UdpLine(address, PORT)

@@ -1,0 +1,95 @@
+"""An RDT box in software: ATI's Net F/T or OnRobot's HEX, on a loopback address."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+
+import numpy as np
+from palpate import Floats
+from palpate_kit.protocols.rdt_packets import PERIOD, REPLY, STOP, STREAM, parse_request
+
+from palpate_simulation.twins.sensor_lines import DatagramLine
+
+COUNTS = {"ati": (1e6, 1e6), "onrobot": (1e4, 1e5)}  # per newton and per newton metre
+_STATUS = {"throttled": 0, "overrange": 0x80010000, "saturated": 0x80000002, "raw": 0x80000001}
+
+
+class VirtualBox:
+    """Answers requests and sends readings; `instants` gives its sampling times, `send` gets its readings.
+
+    It has the face of `VirtualSensor`, so that a bench need not know which of them it has.
+    """
+
+    noise_factor = 1.0
+    eeprom_writes = 0
+
+    def __init__(self, line: DatagramLine, rate: float, scale: tuple[float, float], seed: int) -> None:
+        self._line, self.period = line, 1.0 / rate
+        self._scale = np.repeat(scale, 3)
+        self._rng = np.random.default_rng(seed)
+        self._streaming = False
+        self._next, self._sequence = 0.0, 0
+        self.sent = self.dropped = 0
+        self.fault: str | None = None
+        self.corruption, self.sign, self.reply_time, self.lump_time = 0.0, 1.0, 0.0, 0.0
+        self.plug_in()
+
+    def plug_in(self) -> None:
+        """Be on the net."""
+        self._line.plug_in()
+
+    def unplug(self) -> None:
+        """Be off the net."""
+        self._line.unplug()
+        self._streaming = False
+
+    def end(self) -> None:
+        """Serve the listener no longer; another one may ask."""
+        self._client = None
+
+    def reboot(self, now: float) -> None:
+        """Count from the beginning; listeners continue to be served."""
+        self._sequence = 0
+
+    def restore(self) -> None:
+        """On the net, and without a fault."""
+        self.fault, self.corruption, self.sign, self.lump_time = None, 0.0, 1.0, 0.0
+        self.plug_in()
+
+    def refuse(self, letter: str) -> None:
+        """It has no commands to refuse."""
+
+    def poll(self, now: float) -> None:
+        """Requests; `now` [s] is the world's time."""
+        with contextlib.suppress(OSError):  # nothing there, or a client that has gone
+            command, count = parse_request(self._line.receive()) or (None, 0)
+            if command == STREAM:
+                self._streaming, self._next = True, now
+            elif command == STOP:
+                self._streaming = False
+            elif command == PERIOD and count > 0:
+                self.period = count / 1e3
+
+    def instants(self, until: float) -> Floats:
+        """The times [s] up to `until` at which it reads, since the last call."""
+        if not self._streaming:
+            return np.zeros(0)
+        count = max(math.floor((until - self._next) / self.period + 1e-9) + 1, 0)
+        instants = np.asarray(self._next + self.period * np.arange(count), np.float64)
+        self._next += self.period * count
+        return instants
+
+    def send(self, instants: Floats, wrench: Floats) -> None:
+        """Send the readings (n, 6) taken at instants (n,)."""
+        status = _STATUS.get(self.fault or "", 0)
+        for counts in np.rint(self.sign * wrench * self._scale).astype(int).tolist():
+            self._sequence = (self._sequence + 1) % (1 << 32)
+            if self.fault == "silent" or not self._streaming:
+                continue
+            if self.corruption and self._rng.random() < self.corruption:
+                self.dropped += 1  # UDP drops what is damaged
+                continue
+            with contextlib.suppress(OSError):
+                self._line.send(REPLY.pack(self._sequence, self._sequence, status, *counts))
+                self.sent += 1

@@ -1,0 +1,67 @@
+"""Settings of a bench of twins: where it listens, what it presses on, and how well it measures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal, Self
+
+from palpate import Angle, Delay, File, Force, ForceDrift, Frequency, Length, Speed, Time, TipMass, Twin
+from palpate_kit.kinematics.work_frame import WorkFrame
+from pydantic import Field, model_validator
+
+from palpate_simulation.specimen import Specimen
+
+# "127.evil.example.com" is a name that leads anywhere.
+LOOPBACK = r"^127(\.(25[0-5]|2[0-4]\d|1\d\d|[1-9]?\d)){3}$"
+
+
+class BenchSettings(Twin):
+    """The table of a bench of twins."""
+
+    host: str = Field(default="127.0.0.1", pattern=LOOPBACK, description="loopback address of the controller")
+    port: File = Field(default=Path("/tmp/palpate-sensone"), description="path of the sensor's port")
+    specimen: Specimen = Field(description="what the tip presses on")
+    work: WorkFrame = Field(description="work frame of the specimen: as for the robot")
+    tcp: tuple[Length, ...] = Field(
+        default=(0.0, 0.0, 0.12), min_length=3, max_length=3, description="tip on the flange"
+    )
+    sensor: Literal["bota", "ati", "onrobot"] = Field(
+        default="bota", description="a SensONE, or a box that speaks RDT at the controller's address"
+    )
+    sensor_rate: Frequency = Field(default=1000.0, gt=0, le=2000, description="readings per second of such a box")
+    robot: Literal["ur3e", "ur5e", "ur10e", "ur16e"] = Field(default="ur3e", description="which arm it is")
+    height: Length = Field(default=0.01, description="height of the tip over the work frame at the start")
+    place: tuple[Length, ...] = Field(
+        default=(0.0, 0.0), min_length=2, max_length=2, description="place of the tip along the skin at the start"
+    )
+    tool_rotation: tuple[Angle, ...] = Field(
+        default=(0.0, 0.0, 0.0),
+        min_length=3,
+        max_length=3,
+        description="rotation vector of the tool at the start from the work frame's orientation, in the tool's frame",
+    )
+    tcp_rotation: tuple[Angle, ...] = Field(
+        default=(0.0, 0.0, 0.0), min_length=3, max_length=3, description="rotation of the tool on the pendant"
+    )
+    tip_mass: TipMass = Field(default=0.14, gt=0, description="mass of everything mounted behind the sensor")
+    centre_of_mass: tuple[Length, ...] = Field(
+        default=(0.0, 0.0, 0.0), min_length=3, max_length=3, description="of that mass, in the sensor's frame"
+    )
+    force_delay: Delay = Field(
+        default=0.0, ge=0, le=0.1, description="delay of the sensor's readings; has to be declared to an estimator"
+    )
+    position_std: Length = Field(default=5e-6, ge=0, description="noise of the measured height")
+    velocity_std: Speed = Field(default=0.67e-3, ge=0, description="noise of the measured velocity")
+    force_std: Force = Field(default=0.05, ge=0, description="noise of the sensor at a sinc length of 64")
+    bias: Force = Field(default=0.6, description="offset of the sensor")
+    drift: ForceDrift = Field(default=1.5 / 3600, description="drift of the sensor's offset")
+    force_limit: Force = Field(default=500.0, gt=0, description="range of the sensor")
+    line_time: Time = Field(default=0.0, ge=0, description="delay added by the serial line to the sensor's period")
+    sensor_ppm: float = Field(default=20.0, description="rate error of the sensor's clock, in parts per million")
+    clock_start: int = Field(default=0, ge=0, description="the sensor's clock [us] at its start; it wraps at 2^32")
+
+    @model_validator(mode="after")
+    def _no_memory(self) -> Self:
+        if self.specimen.model.memory:
+            raise ValueError("a specimen with memory (a model with internal states) is for the sim device only")
+        return self

@@ -1,0 +1,192 @@
+"""Twins and the drivers of their devices in one process and in simulated time."""
+
+from __future__ import annotations
+
+import errno
+import importlib
+import os
+import socket
+import subprocess
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NoReturn
+
+from palpate import DeviceError, EndOfThread, HoldUp, SimulatedClock
+from palpate_kit.acquisition.computer import Process, use_host
+from palpate_kit.protocols.ur_dashboard import DASHBOARD, RTDE, SCRIPT, dashboard_facts, refuse_unready
+
+from palpate_simulation.twins.controller import Controller
+from palpate_simulation.twins.direct_client import DirectCommands, DirectPorts, DirectReadBack, DirectStates
+from palpate_simulation.twins.ports import RobotPorts
+from palpate_simulation.twins.sensor_lines import SocketDatagrams, SocketLine
+from palpate_simulation.twins.settings import BenchSettings
+from palpate_simulation.twins.world import World
+
+
+class SimulatedWiring:
+    """Calls and pairs of sockets (a Wiring): whatever address a device has, the twin is what it reaches."""
+
+    def __init__(self) -> None:
+        self.robot: DirectPorts | None = None
+        self.line: SocketLine | None = None
+        self.net: SocketDatagrams | None = None
+
+    def ports(self, address: str, controller: Controller) -> RobotPorts:
+        """The controller's."""
+        self.robot = DirectPorts(controller)
+        return self.robot
+
+    def serial(self, path: Path) -> SocketLine:
+        """A serial sensor's."""
+        self.line = SocketLine()
+        return self.line
+
+    def datagrams(self, address: str) -> SocketDatagrams:
+        """A sensor's on the net."""
+        self.net = SocketDatagrams()
+        return self.net
+
+
+class _ProcessExitError(BaseException):
+    def __init__(self, code: int) -> None:
+        self.code = code
+
+
+class SimulatedProcess:
+    """A device's process as a thread in simulated time (a Process)."""
+
+    def __init__(
+        self,
+        clock: SimulatedClock,
+        name: str,
+        module: str,
+        arguments: Sequence[str],
+        pid: int,
+        closed: Callable[[], None] | None = None,
+    ) -> None:
+        self.returncode: int | None = None
+        self.pid = pid
+        self._clock, self._name, self._module, self._arguments = clock, name, module, arguments
+        self._closed = closed  # what becomes of its connections at its end
+        self._thread = clock.process_thread(self._run, module, self._name)
+        self._thread.start()
+
+    def _run(self) -> None:
+        code = 1
+        try:
+            importlib.import_module(self._module).main(self._arguments)
+            code = 0
+        except _ProcessExitError as end:
+            code = end.code
+        except EndOfThread:
+            code = -9
+            raise
+        except Exception:
+            traceback.print_exc(file=sys.stderr)
+        finally:
+            self.returncode = code
+            if self._closed is not None:
+                self._closed()
+            os.close(int(self._arguments[1]))
+            self._clock.kill(self._name)
+
+    def poll(self) -> int | None:
+        """Its exit code; None while it runs."""
+        return self.returncode
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end; raises subprocess.TimeoutExpired."""
+        self._thread.join(timeout)
+        if self.returncode is None:
+            raise subprocess.TimeoutExpired(self._module, timeout or 0.0)
+        return self.returncode
+
+    def kill(self) -> None:
+        """End it."""
+        if self.returncode is None:
+            self._clock.kill(self._name)
+
+
+class SimulatedHost:
+    """A computer whose robots and sensors are twins, and whose processes are threads (a Host)."""
+
+    def __init__(self, clock: SimulatedClock, wiring: SimulatedWiring) -> None:
+        self._clock, self._wiring = clock, wiring
+        self._started = 0
+
+    def start(self, role: str, module: str, descriptors: Sequence[int], settings: str) -> Process:
+        """The process as a thread, with open files of its own."""
+        self._started += 1
+        arguments = [*(str(os.dup(descriptor)) for descriptor in descriptors), settings]
+        name = f"{role} {self._started}"
+        closed = self._ports().drop_unsent if role == "robot" else None
+        return SimulatedProcess(self._clock, name, module, arguments, self._started, closed)
+
+    def enter(self, priority: int) -> str:
+        """Nothing competes for a core."""
+        return "simulated time"
+
+    def run_without_collection(self) -> None:
+        """What is collected takes no simulated time."""
+
+    def leave(self, code: int) -> NoReturn:
+        """End the process that the calling thread belongs to."""
+        raise _ProcessExitError(code)
+
+    def serial_port(self, path: str, baud: int) -> Any:
+        """The twin's."""
+        if self._wiring.line is None:
+            raise DeviceError(f"{path} cannot be opened: the twin has no serial sensor")
+        return self._wiring.line.opened(path, baud)
+
+    def datagrams(self, address: str, port: int) -> socket.socket:
+        """The twin's."""
+        if self._wiring.net is None:
+            raise ConnectionRefusedError(errno.ECONNREFUSED, "the twin has no sensor on the net")
+        return self._wiring.net.opened()
+
+    def controller_facts(self, address: str, probe: Callable[[str], dict[str, str]]) -> dict[str, str]:
+        """By the twin's dashboard."""
+        ports = self._ports()
+        for number, name in ((RTDE, "RTDE"), (DASHBOARD, "dashboard"), (SCRIPT, "script")):
+            if number in ports.shut_ports or not ports.is_open:
+                raise DeviceError(f"{address}: the {name} port {number} cannot be reached (Connection refused)")
+            if ports.mute or (ports.greets_not and number == DASHBOARD):
+                raise DeviceError(f"{address}: the {name} port {number} does not answer within 1 s")
+        facts = dashboard_facts(ports.controller.dashboard)
+        refuse_unready(facts, address)
+        return facts
+
+    def robot_states(self, address: str, variables: Sequence[str]) -> DirectStates:
+        """The twin's."""
+        return DirectStates(self._ports())
+
+    def robot_commands(self, address: str) -> DirectCommands:
+        """The twin's."""
+        return DirectCommands(self._ports())
+
+    def read_back(self, address: str, connect: Callable[[str], Any]) -> DirectReadBack:
+        """The twin's."""
+        return DirectReadBack(self._ports())
+
+    def _ports(self) -> DirectPorts:
+        assert self._wiring.robot is not None  # a world has one
+        return self._wiring.robot
+
+
+@contextmanager
+def simulated(settings: BenchSettings, seed: int, hold_ups: Sequence[HoldUp] = ()) -> Iterator[World]:
+    """Twins that the devices of this process reach in simulated time, within the context."""
+    clock, wiring = SimulatedClock(hold_ups), SimulatedWiring()
+    with clock.running(), use_host(SimulatedHost(clock, wiring)):
+        world = World(settings, seed, wiring)
+        clock.process_thread(world.run, "twin", "twin").start()
+        try:
+            yield world
+        finally:
+            world.close()
+            if wiring.net is not None:
+                wiring.net.close()

@@ -1,0 +1,188 @@
+"""An arm and a sensor in one world: what moves the one is what the other feels."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Any
+
+import numpy as np
+from palpate import ArmTruth, DeviceError, clock
+from palpate_kit.kinematics.ur_arm import MODELS, joints_at, matrix_of, rotation_matrix
+
+from palpate_simulation.sensor_wrench import sensed_wrench
+from palpate_simulation.twins.arm import TICK, SimulatedArm
+from palpate_simulation.twins.arm_truth import Truth
+from palpate_simulation.twins.console import Console
+from palpate_simulation.twins.controller import Controller
+from palpate_simulation.twins.ports import NetworkWiring, Wiring
+from palpate_simulation.twins.rdt_box import COUNTS, VirtualBox
+from palpate_simulation.twins.sensone import VirtualSensor
+from palpate_simulation.twins.sensor_faults import Electronics
+from palpate_simulation.twins.settings import BenchSettings
+
+_START = np.array([0.0, -1.3, -1.9, -1.5, 1.5708, 0.0])  # a posture with the tool downwards
+_UPRIGHT = (0.0, 0.0, -1.0)
+_OUT = np.diag([1.0, -1.0, -1.0])  # from a frame that looks at the skin to one that looks out of it
+_ROUNDING = 1e-6  # of a tick: a clock counts nanoseconds
+_MOST_BEHIND = 0.5  # [s]; a longer stall of this process is not made up for
+
+
+class World:
+    """The twins at work, in one loop of 2 ms."""
+
+    def __init__(self, settings: BenchSettings, seed: int, wiring: Wiring | None = None) -> None:
+        self.settings, wiring = settings, wiring or NetworkWiring()
+        noise = np.random.SeedSequence(seed).spawn(3)
+        # Where the tool is, and where the controller assumes it: a client may set it.
+        self._tool = matrix_of([*settings.tcp, *settings.tcp_rotation])
+        arm = SimulatedArm(self._start(), self._tool, model=MODELS[settings.robot])
+        robot_seed, sensor_seed = (int(s.generate_state(1)[0]) for s in noise[:2])
+        self.controller = Controller(arm, settings.position_std, settings.velocity_std, robot_seed)
+        self.ports = wiring.ports(settings.host, self.controller)
+        self.sensor: VirtualSensor | VirtualBox = (
+            VirtualSensor(
+                wiring.serial(settings.port),
+                settings.line_time,
+                settings.sensor_ppm,
+                settings.clock_start,
+                sensor_seed,
+            )
+            if settings.sensor == "bota"
+            else VirtualBox(wiring.datagrams(settings.host), settings.sensor_rate, COUNTS[settings.sensor], sensor_seed)
+        )
+        self.electronics = Electronics()
+        self._rng = np.random.default_rng(noise[2])
+        self._rotation = settings.work.matrix[:3, :3].T
+        self._before = self._tip()
+        self.truth = Truth()
+        self._force = 0.0  # [N] on the skin, the latest
+        self._past: deque[tuple[float, Any, Any, Any]] = deque(maxlen=int(settings.force_delay / TICK) + 4)
+        self.down = _UPRIGHT  # direction of gravity in the sensor's frame
+        self.stalled_until = 0.0
+        self.peak = 0.0
+        self._done = False
+
+    def _start(self) -> Any:
+        settings = self.settings
+        goal = settings.work.tool_pose(np.array([*settings.place, settings.height]))
+        goal[:3, :3] = goal[:3, :3] @ rotation_matrix(settings.tool_rotation)
+        q = joints_at(goal, self._tool, _START, steps=100, model=MODELS[settings.robot])
+        if q is None:
+            raise DeviceError("the twin's arm cannot reach the work frame: move [twin.*] work")
+        return q
+
+    def restore(self) -> None:
+        """Make everything sound again."""
+        self.controller.restore(self._start())
+        self.ports.restore()
+        self.sensor.restore()
+        self.electronics.restore()
+        self._before, self.peak, self.down = self._tip(), 0.0, _UPRIGHT
+        self._past.clear()
+        self.truth.mark()
+
+    def close(self) -> None:
+        """Leave no port behind."""
+        self.ports.close()
+        self.sensor.unplug()
+
+    def run(self, console: Console | None = None) -> None:
+        """Tick by absolute time; what is late is caught up, and only the newest state is sent."""
+        ports, controller = self.ports, self.controller
+        ports.began = clock().now() - controller.now
+        while not (self._done or (console is not None and console.ended)):
+            wait = max(ports.began + controller.now + TICK - clock().now(), 0.0)
+            ready = clock().wait([*(console.inputs if console else ()), *ports.sockets], wait)
+            if console is not None:
+                console.read(ready)
+            if clock().now() < self.stalled_until:
+                clock().sleep(self.stalled_until - clock().now())
+                ports.began = clock().now() - controller.now
+                continue
+            if clock().now() - ports.began - controller.now > _MOST_BEHIND:
+                ports.began = clock().now() - controller.now
+            ports.serve(ready)
+            behind = clock().now() - ports.began - controller.now
+            for _ in range(int(behind / TICK + _ROUNDING)):
+                self._tick()
+            if behind >= TICK * (1.0 - _ROUNDING):
+                ports.broadcast()
+
+    def end(self, *_: Any) -> None:
+        """Let `run` return."""
+        self._done = True
+
+    @property
+    def position(self) -> Any:
+        """The tip in the work frame (3,) [m]."""
+        return self._before[0]
+
+    @property
+    def velocity(self) -> Any:
+        """Its velocity (3,) [m/s]."""
+        return self._before[1]
+
+    @property
+    def arm_truth(self) -> ArmTruth:
+        """What the arm did since the extremes were forgotten."""
+        facts, truth = self.truth.facts(), self.truth
+        return ArmTruth(
+            tuple(facts["low"]),
+            tuple(facts["high"]),
+            facts["fastest_tip"],
+            truth.acceleration,
+            facts["fastest_turn"],
+            facts["fastest_joint"],
+            truth.force,
+            bool(np.abs(self.controller.arm.qd).max() > 1e-3),
+        )
+
+    def _tip(self) -> tuple[Any, Any]:
+        arm = self.controller.arm
+        pose, jacobian = arm.tip(self._tool)
+        work = self.settings.work
+        self._turning = math.hypot(*(jacobian[3:] @ arm.qd).tolist())
+        self._askew = _OUT @ work.tool.T @ pose[:3, :3] @ _OUT
+        return self._rotation @ (pose[:3, 3] - work.matrix[:3, 3]), self._rotation @ (jacobian[:3] @ arm.qd)
+
+    def _tick(self) -> None:
+        began = self.controller.now
+        self.controller.tick()
+        position, velocity = self._before
+        self._before = self._tip()
+        self.sensor.poll(self.controller.now)
+        self._past.append((began, position, velocity, (self._before[1] - velocity) / TICK))
+        instants = self.sensor.instants(self.controller.now)
+        if len(instants):
+            self.sensor.send(instants, self.electronics.read(self._feel(instants)))
+        joint = float(np.abs(self.controller.arm.qd).max())
+        self.truth.add(clock().now(), *self._before, self._turning, joint, self._force, self.controller.read)
+
+    def _feel(self, instants: Any) -> Any:
+        """The wrench (n, 6) that the sensor reports at times (n,): what it felt `force_delay` before."""
+        settings = self.settings
+        places, speeds, accelerations = self._motion(instants - settings.force_delay)
+        contact = settings.specimen.push(instants, places, speeds)
+        self._force = float(contact.max())
+        self.peak = max(self.peak, self._force)
+        noise = self._rng.standard_normal((len(instants), 6))
+        offset = settings.bias + settings.drift * instants
+        std = settings.force_std * self.sensor.noise_factor
+        push = settings.specimen.with_friction(contact, speeds)
+        load = settings.tip_mass, offset, noise, std, settings.force_limit
+        down = np.array(self.down) @ self._askew  # the sensor turns with the tool
+        return sensed_wrench(push, accelerations, *load, down.tolist(), settings.centre_of_mass)
+
+    def _motion(self, instants: Any) -> tuple[Any, Any, Any]:
+        """Places, speeds and accelerations (n, 3) at past times; the acceleration is constant within a tick."""
+        rows = []
+        for instant in instants:
+            began, position, velocity, acceleration = next(
+                (t for t in reversed(self._past) if t[0] <= instant), self._past[0]
+            )
+            elapsed = instant - began
+            place = position + velocity * elapsed + 0.5 * acceleration * elapsed**2
+            rows.append((place, velocity + acceleration * elapsed, acceleration))
+        places, speeds, accelerations = (np.array(column) for column in zip(*rows, strict=True))
+        return places, speeds, accelerations

@@ -1,0 +1,92 @@
+"""The flags on a spectrum."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from palpate import Flag
+from palpate.host import display_unit
+
+from palpate_spectra.complex_moduli import ModulusLine, RecordingModuli
+from palpate_spectra.consistency import Consistency, unexplained_harmonics
+from palpate_spectra.material_laws import LawFit, supported_laws
+
+_FAR = 3.0  # standard uncertainties of a delay
+
+
+def flags_of(
+    answers: Sequence[RecordingModuli], lines: Sequence[ModulusLine], consistency: Consistency, fits: Sequence[LawFit]
+) -> list[Flag]:
+    """All flags, those of the recordings first."""
+    found = [flag for answer in answers for flag in answer.recorded.flags]
+    found += [flag for answer in answers for flag in _harmonics(answer)]
+    found += _timing(answers, lines)
+    if consistency.failed:
+        found.append(
+            Flag(
+                "kramers-kronig",
+                f"the nearest passive material leaves chi^2 {consistency.chi2:.3g} with {consistency.freedom} degrees "
+                f"of freedom (p = {consistency.p:.1e})",
+            )
+        )
+    return list(dict.fromkeys([*found, *_laws(answers, fits)]))
+
+
+def _harmonics(answer: RecordingModuli) -> Iterator[Flag]:
+    worst = sorted(unexplained_harmonics(answer), key=lambda one: -one.excess)
+    if worst:
+        text = ", ".join(f"{1e3 * one.excess:.2g} mN at {one.frequency:.3g} Hz" for one in worst[:3])
+        yield Flag("harmonics", f"{answer.recorded.name}: {text} beyond what the tip's law explains")
+
+
+def _timing(answers: Sequence[RecordingModuli], lines: Sequence[ModulusLine]) -> Iterator[Flag]:
+    if any(answer.recorded.timing is None for answer in answers):
+        slope = max(abs(line.by_delay.imag / line.shear.real) for line in lines)
+        yield Flag("timing-undeclared", f"1 ms between force and motion changes tan(delta) by up to {1e-3 * slope:.2g}")
+    hidden = [line for line in lines if abs(line.shear.imag) < 2 * abs(line.shifts.get("timing", 0j).imag)]
+    if hidden:
+        text = ", ".join(f"{line.frequency:.3g}" for line in hidden)
+        yield Flag(
+            "loss-not-distinguishable", f"at {text} Hz G'' is below twice the effect of the timing's uncertainty"
+        )
+
+
+def _laws(answers: Sequence[RecordingModuli], fits: Sequence[LawFit]) -> Iterator[Flag]:
+    if not fits:
+        return
+    standing = supported_laws(fits)
+    if not standing:
+        text = ", ".join(f"{fit.law.name} p = {fit.p:.1e}" for fit in fits)
+        yield Flag("no-law", f"refuted, with a free delay: {text}")
+        return
+    allowed = max((answer.recorded.timing or 0.0 for answer in answers), default=0.0)
+    if any(answer.recorded.timing is None for answer in answers):
+        return
+    if all(abs(fit.delay) > _FAR * (fit.delay_std**2 + allowed**2) ** 0.5 for fit in standing):
+        text = ", ".join(f"{1e3 * fit.delay:.3g} ± {1e3 * fit.delay_std:.2g} ms ({fit.law.name})" for fit in standing)
+        yield Flag("delay-found", f"the force is late by {text}; declared: 0 ± {1e3 * allowed:.2g} ms")
+
+
+def sentence(fits: Sequence[LawFit], lines: Sequence[ModulusLine]) -> str:
+    """The data's evidence on law and delay, as one sentence."""
+    if len({round(line.frequency, 3) for line in lines}) < 2:
+        return "One frequency cannot distinguish a delay from a loss: record another, or calibrate the timing."
+    if not fits:
+        return "So few frequencies cannot test a law with a free delay."
+    standing = supported_laws(fits)
+    if not standing:
+        return "None of the laws, each with a delay of the force, describes the data."
+    best = standing[0]
+    text = f"The data support {' or '.join(fit.law.name for fit in standing)}"
+    refuted = [fit.law.name for fit in fits if fit not in standing]
+    text += f" (not {', not '.join(refuted)})" if refuted else ""
+    return f"{text}; under {best.law.name} the force is late by {1e3 * best.delay:.3g} ± {1e3 * best.delay_std:.2g} ms."
+
+
+def values_of(fit: LawFit) -> str:
+    """The parameters of a law in display units."""
+    text = []
+    for (name, unit), value, std in zip(fit.law.parameters, fit.values.tolist(), fit.stds.tolist(), strict=True):
+        word, factor = display_unit(unit)
+        text.append(f"{name} {factor * value:.4g} ± {factor * std:.2g} {word}".removesuffix(" 1"))
+    return "\n".join(text)

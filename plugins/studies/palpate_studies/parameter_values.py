@@ -1,0 +1,92 @@
+"""What runs, logs and cycles say of one parameter of one track, each by its name, and which were rejected."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from palpate import ConfigurationError, Flag
+from palpate.host import suggest, verdict
+from palpate_kit.runs.result_file import read_flags, read_results
+from palpate_kit.runs.run_folder import RunFolder
+
+
+@dataclass(frozen=True)
+class ParameterValue:
+    """One value with what it is judged by."""
+
+    name: str  # of the run folder or file; of a log in a fit FOLDER#LOG, of a cycle FOLDER#LOG#CYCLE
+    folder: Path  # where marks of a review stand
+    key: str  # under which they stand there; "" is the run itself
+    track: str
+    value: float | None  # [SI]
+    std: float | None  # [SI] combined standard uncertainty
+    unit: str
+    residual: float | None  # [N] RMS
+    flags: tuple[Flag, ...]
+    verdict: str
+    rejected: str | None  # the reason; None where it was not
+
+    @property
+    def usable(self) -> bool:
+        """Whether its value may enter statistics."""
+        return self.value is not None and self.verdict != "invalid" and self.rejected is None
+
+
+def natural(path: Path | str) -> list[tuple[int, str]]:
+    """A key that sorts run_2 before run_10."""
+    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", str(path)) if part]
+
+
+def readings(path: Path, track: str | None, parameter: str, *, first: bool = False) -> Iterator[ParameterValue]:
+    """Readings of a run, or of every log, or cycle, of `palpate fit`; `first`: of the first of several tracks.
+
+    Raises LogError for what is no result, ConfigurationError where there is no such track or parameter.
+    """
+    file = path
+    if path.is_dir():
+        file = path / "fit.json" if (path / "fit.json").is_file() else path / "result.json"
+    results, rejected = read_results(file), RunFolder(file.parent).rejected
+    if results.cycles:
+        rows = [row for row in results.cycles if track in (None, row["track"])]
+        name = _chosen({row["track"]: None for row in rows}, track, file, first)
+        rows = [row for row in rows if row["track"] == name]
+        for row in sorted(rows, key=lambda row: (natural(row["log"]), row["cycle"])):
+            key = f"{row['log']}#{row['cycle']}"
+            known, flags = row["unknowns"].get(parameter, {}), read_flags(row["flags"])
+            yield ParameterValue(
+                f"{path}#{key}", file.parent, key, name, known.get("value"), known.get("std"), known.get("unit", ""),
+                row["rms"], flags, verdict(flags), rejected.get(key),
+            )  # fmt: skip
+        return
+    for log in sorted(results.by_log, key=natural):
+        yield _of_run(results.by_log[log], file, track, parameter, (path, log), first)
+
+
+def _of_run(
+    document: dict[str, Any], file: Path, track: str | None, parameter: str, named: tuple[Path, str], first: bool
+) -> ParameterValue:
+    name = _chosen(document["tracks"], track, file, first)
+    result = document["tracks"][name]
+    known = {**result["parameters"], "surface": result["surface"]}
+    if parameter not in known:
+        raise ConfigurationError(f"{file}: there is no parameter {parameter!r}{suggest(parameter, known)}")
+    found, (path, key) = known[parameter], named
+    return ParameterValue(
+        f"{path}#{key}" if key else str(path), file.parent, key, name, found["value"], found["combined"], found["unit"],
+        result["force_rms"], read_flags(result["flags"]), result["verdict"],
+        RunFolder(file.parent).rejected.get(key),
+    )  # fmt: skip
+
+
+def _chosen(tracks: Mapping[str, Any], track: str | None, file: Path, first: bool) -> str:
+    if track is None and tracks and (first or len(tracks) == 1):
+        return next(iter(tracks))
+    if track is None:
+        raise ConfigurationError(f"{file}: has {len(tracks)} tracks; choose one with --track: {', '.join(tracks)}")
+    if track not in tracks:
+        raise ConfigurationError(f"{file}: there is no track {track!r}{suggest(track, tracks)}")
+    return track

@@ -1,0 +1,59 @@
+"""Tips and third-party models are checked before anything moves: a wrong one gives plausible and wrong numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from palpate import ContactModel, Indenter, Part, PluginError, Settings
+from palpate.host import Registry
+
+from palpate_testing.contact_checks import check_force, check_indenter, usual_values
+
+
+def check_parts(parts: Mapping[str, Mapping[str, Part]], registry: Registry) -> None:
+    """Raise PluginError for a wrong tip, or third-party contact model, among parts by kind and name."""
+    check_tips([part for kind in ("indenter", "model", "device") for part in parts.get(kind, {}).values()], registry)
+    check_models([part for part in parts.get("model", {}).values() if isinstance(part, ContactModel)], registry)
+
+
+def check_tips(parts: Iterable[Settings], registry: Registry) -> None:
+    """Raise PluginError, which names plugin, part, method and depth, where a tip breaks its interface."""
+    seen: set[int] = set()
+    for part in parts:
+        for tip in _tips(part):
+            if id(tip) in seen:
+                continue
+            seen.add(id(tip))
+            entry = next((e for e in registry.parts["indenter"].values() if e.part is type(tip)), None)
+            try:
+                check_indenter(tip)
+            except AssertionError as error:
+                where = f"plugin {entry.plugin.name}: indenter {registry.name_of(type(tip))!r}" if entry else "indenter"
+                raise PluginError(f"{where}: {error}") from error
+
+
+def check_models(models: Iterable[ContactModel], registry: Registry) -> None:
+    """Raise PluginError, which names plugin, part and depth, where a third-party contact model breaks its interface.
+
+    Those of palpate's own distribution have been checked by its tests.
+    """
+    for model in models:
+        entry = next((e for e in registry.parts["model"].values() if e.part is type(model)), None)
+        if entry is None or entry.plugin.own:
+            continue
+        try:
+            check_force(model, usual_values(model))
+        except Exception as error:  # whatever third-party code raises
+            what = str(error) if isinstance(error, AssertionError) else f"{type(error).__name__}: {error}"
+            where = f"plugin {entry.plugin.name}: model {registry.name_of(type(model))!r}"
+            raise PluginError(f"{where}: {what}") from error
+
+
+def _tips(value: Any) -> Iterator[Indenter]:
+    """The tips in a part's settings, itself included."""
+    if isinstance(value, Indenter):
+        yield value
+    if isinstance(value, Settings):
+        for name in type(value).model_fields:
+            yield from _tips(getattr(value, name))

@@ -1,0 +1,47 @@
+"""Checks of trajectories."""
+
+from __future__ import annotations
+
+import numpy as np
+from palpate import Trajectory
+
+from palpate_testing.failure_messages import demand
+
+_STEP = 1e-4  # [s]
+
+
+def check_trajectory(trajectory: Trajectory, top_speed: float = 0.25) -> None:
+    """A trajectory starts and ends at rest, has no jumps, and states its true velocity.
+
+    Checked on a fine grid: shapes, finiteness, rest at both ends and beyond them, the duration, position and velocity
+    without jumps, velocity equal to the derivative of position, no speed above `top_speed` [m/s], and a part for
+    measuring within the motion.
+    """
+    name, end = type(trajectory).__name__, trajectory.total_duration
+    demand(np.isfinite(end) and end > 0, f"{name}.total_duration is {end}")
+    time = np.arange(-0.1, end + 0.1, _STEP)
+    setpoint = trajectory.at(time)
+    for field in ("position", "velocity"):
+        values = getattr(setpoint, field)
+        demand(values.shape == (len(time), 3), f"{name}: {field} has shape {values.shape} for {len(time)} times")
+        demand(np.isfinite(values).all(), f"{name}: {field} is not finite everywhere")
+    demand(setpoint.measuring.shape == (len(time),), f"{name}: measuring has the wrong shape")
+    demand(setpoint.measuring.any(), f"{name} has no part for measuring")
+    outside = (time < 0) | (time > end)
+    demand(np.allclose(setpoint.velocity[outside], 0, atol=1e-9), f"{name} does not start and end at rest")
+    demand(not setpoint.measuring[outside].any(), f"{name} measures before it starts or after its total_duration")
+    ends = trajectory.at(np.array([0.0, end])).position
+    for rows, place in ((time < 0, ends[0]), (time > end, ends[1])):
+        moved = np.abs(setpoint.position[rows] - place).max()
+        demand(moved <= 1e-9, f"{name} does not last for its total_duration: {moved:.3g} m are left")
+    speed = np.linalg.norm(setpoint.velocity, axis=1)
+    demand(speed.max() <= top_speed, f"{name} moves at {speed.max():.3g} m/s, allowed {top_speed:g}")
+    jump = np.abs(np.diff(setpoint.position, axis=0)).max()
+    demand(jump <= 1.01 * speed.max() * _STEP + 1e-12, f"{name}: the position jumps by {jump:.3g} m")
+    kick = np.abs(np.diff(setpoint.velocity, axis=0)).max() / _STEP
+    demand(kick < 100.0, f"{name}: the velocity jumps ({kick:.3g} m/s^2)")
+    slope = (setpoint.position[2:] - setpoint.position[:-2]) / (2 * _STEP)
+    wrong = np.abs(slope - setpoint.velocity[1:-1]).max()
+    demand(
+        wrong <= 1e-3 * speed.max() + 1e-9, f"{name}: the velocity is not that of the position ({wrong:.3g} m/s off)"
+    )

@@ -1,0 +1,123 @@
+"""``palpate plan``: a motion before it is executed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from palpate import ConfigurationError, Floats, Setpoint, Trajectory, contact_force, to_si
+from palpate.host import Pipeline, ask_devices, check_motion, load_pipeline, truth_of
+from palpate_kit.figures import save_figure
+from palpate_kit.terminal.json_output import print_aside, print_json
+from palpate_kit.terminal.options import JsonOption, Overrides
+
+from palpate_trajectories.plan.plan_figure import plan_picture
+from palpate_trajectories.plan.plan_text import (
+    draw_height,
+    fact_lines,
+    own_motion_lines,
+    own_motion_problems,
+    safety_lines,
+)
+
+_STEP = 1e-3  # [s]
+_MOST = 2_000_000
+
+
+def plan(
+    file: Annotated[Path, typer.Argument(help="The pipeline file.")],
+    overrides: Overrides = None,
+    expect: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PARAMETER=VALUE", help="Expected material, for the force. [default: the simulated truth]"
+        ),
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Picture to draw, too, .png or .svg.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Check the motion of a pipeline: duration, speeds, depth, expected force, limits; connect to nothing."""
+    pipeline = load_pipeline(file, overrides or [])
+    if not pipeline.trajectories:
+        raise ConfigurationError(f"{file}: has no [trajectory.*] table to plan")
+    answer, problems = {}, list[str]()
+    for name, trajectory in pipeline.trajectories.items():
+        end = trajectory.total_duration
+        time = np.arange(0.0, end + _STEP, max(_STEP, end / _MOST))
+        setpoint = trajectory.at(time)
+        facts = answer[name] = _facts(pipeline, trajectory, time, setpoint, expect or [])
+        ask_devices(pipeline.devices, setpoint)
+        report = check_motion(trajectory, pipeline.safety) if pipeline.safety else None
+        if report is not None:
+            facts["stop_force"] = report.peak_force
+            problems += [f"trajectory {name}: {problem}" for problem in report.problems]
+        with print_aside(as_json):
+            typer.echo(f"[trajectory.{name}], height of the tip in the work frame:")
+            typer.echo("\n".join(draw_height(trajectory)))
+            for line in (*fact_lines(pipeline, facts), *safety_lines(report, pipeline.safety)):
+                typer.echo(f"  {line}")
+            if out is not None:
+                several = len(pipeline.trajectories) > 1
+                facts["picture"] = out.with_stem(f"{out.stem}-{name}") if several else out
+                _draw(time, setpoint, name, facts["picture"])
+                typer.echo(f"  drawn in {facts['picture']}")
+    with print_aside(as_json):
+        for line in own_motion_lines(pipeline):
+            typer.echo(line)
+    problems += own_motion_problems(pipeline)
+    if problems:
+        raise ConfigurationError("\n".join([f"{file}: the motion breaks the limits of [safety]:", *problems]))
+    if as_json:
+        print_json(answer)
+
+
+def _draw(time: Floats, setpoint: Setpoint, name: str, path: Path) -> None:
+    rows = slice(None, None, max(len(time) // 40_000, 1))
+    image = plan_picture(time[rows], setpoint.position[rows], setpoint.velocity[rows], setpoint.measuring[rows], name)
+    save_figure(image, path)
+
+
+def _facts(
+    pipeline: Pipeline, trajectory: Trajectory, time: Any, setpoint: Setpoint, expect: list[str]
+) -> dict[str, Any]:
+    """What the motion is and asks for [SI]."""
+    place, velocity = setpoint.position, setpoint.velocity
+    forces: dict[str, float | None] = {}
+    for name, model in pipeline.models.items():
+        theta = _expected(pipeline, model, expect)
+        depth, rate = -place[:, 2], -velocity[:, 2]
+        forces[name] = None
+        if theta is not None:
+            force = contact_force(model, depth, rate, theta, (0.0,) * len(model.memory))
+            forces[name] = float(np.maximum(force, 0.0).max())
+    limits = {
+        name: [c.limits[1] for s in device.streams if s.layout == "wrench" for c in s.channels if c.limits]
+        for name, device in pipeline.devices.items()
+    }
+    return {
+        "duration": trajectory.total_duration,
+        "measured": float(np.count_nonzero(setpoint.measuring)) / len(time) * trajectory.total_duration,
+        "speed": float(np.linalg.norm(velocity, axis=1).max()),
+        "acceleration": float((np.linalg.norm(np.diff(velocity, axis=0), axis=1) / np.diff(time)).max()),
+        "low": place.min(axis=0).tolist(),
+        "high": place.max(axis=0).tolist(),
+        "forces": forces,
+        "force_limits": {name: known[0] for name, known in limits.items() if known},
+    }
+
+
+def _expected(pipeline: Pipeline, model: Any, expect: list[str]) -> list[float] | None:
+    """The model's parameters as expected, or the truth of a simulated rig; None where some are not known."""
+    known = truth_of(pipeline.devices)
+    units = {parameter.name: parameter.unit for parameter in model.parameters}
+    for assignment in expect:
+        name, _, text = assignment.partition("=")
+        if name not in units:
+            raise ConfigurationError(f"--expect: the model has no {name!r} (there are: {', '.join(units)})")
+        try:
+            known[name] = to_si(text, units[name])
+        except ValueError as error:
+            raise ConfigurationError(f"--expect: {name}: {error}") from error
+    return [known[name] for name in units] if all(name in known for name in units) else None

@@ -1,0 +1,77 @@
+"""What a motion does, as text: facts beside the limits of [safety], and its height over time in characters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from palpate import Trajectory
+from palpate.host import MotionReport, Pipeline, SafetySettings, check_own_motion, own_motions
+
+_WIDTH, _HEIGHT = 72, 14  # characters of the drawing
+
+
+def draw_height(trajectory: Trajectory) -> Iterator[str]:
+    """Height over time, in characters; ``#`` where it is meant for estimation."""
+    times = np.linspace(0.0, trajectory.total_duration, 8 * _WIDTH)
+    setpoint = trajectory.at(times)
+    height = setpoint.position[:, 2]
+    low, high = float(height.min()), float(height.max())
+    rows = np.rint((high - height) / max(high - low, 1e-9) * (_HEIGHT - 1)).astype(int)
+    canvas = [[" "] * _WIDTH for _ in range(_HEIGHT)]
+    for i, row in enumerate(rows.tolist()):
+        canvas[row][i // 8] = "#" if setpoint.measuring[i] else "."
+    for i, line in enumerate(canvas):
+        yield f"{1e3 * (high - (high - low) * i / (_HEIGHT - 1)):8.2f} mm |{''.join(line).rstrip()}"
+    yield " " * 12 + "+" + "-" * _WIDTH
+
+
+def fact_lines(pipeline: Pipeline, facts: Mapping[str, Any]) -> Iterator[str]:
+    """The facts of a motion, each with its limit where the pipeline has one."""
+    limits = pipeline.safety
+    yield f"duration      {facts['duration']:.2f} s, of which {facts['measured']:.2f} s are measured"
+    speed = f" (limit {1e3 * limits.speed:g})" if limits else ""
+    yield f"speed         at most {1e3 * facts['speed']:.3g} mm/s{speed}"
+    acceleration = f" (limit {limits.acceleration:g})" if limits else ""
+    yield f"acceleration  at most {facts['acceleration']:.3g} m/s^2{acceleration}"
+    for axis, (name, low, high) in enumerate(zip("xyz", facts["low"], facts["high"], strict=True)):
+        box = f" (limits {1e3 * limits.low[axis]:g} to {1e3 * limits.high[axis]:g})" if limits else ""
+        yield f"{name}             {1e3 * low:.4g} to {1e3 * high:.4g} mm{box}"
+    for name, force in facts["forces"].items():
+        first = pipeline.models[name].parameters[0].name
+        if force is None:
+            yield f"force         unknown: give --expect {first}=VALUE and the rest of {name}"
+        else:
+            yield f"force         up to {force:.3g} N, by model {name} on a level surface at z = 0"
+    for name, limit in facts["force_limits"].items():
+        yield f"limit         {name} senses forces up to {limit:.4g} N"
+
+
+def safety_lines(report: MotionReport | None, limits: SafetySettings | None) -> Iterator[str]:
+    """Whether the limits are kept, and how hard the tip presses when it is stopped."""
+    if report is None or limits is None:
+        yield "safety        there are no limits to check, for [safety] is missing; a live robot would not move"
+        return
+    if not report.problems:
+        yield "safety        every limit of [safety] is kept"
+    yield (
+        f"stop          at {limits.stop_force:g} N; at most {report.peak_force:.1f} N by computation with "
+        f"{1e-3 * limits.stiffness:g} N/mm and {1e3 * limits.reaction:g} ms (limit {limits.force:g} N)"
+    )
+
+
+def own_motion_lines(pipeline: Pipeline) -> Iterator[str]:
+    """Motions that arms make on their own."""
+    for name, own in own_motions(pipeline.devices).items():
+        yield (
+            f"device {name}: moves to the start on its own, straight, from at most {1e3 * own.distance:g} mm away at "
+            f"no more than {1e3 * own.speed:g} mm/s; checked against the box once the tip's position is known"
+        )
+
+
+def own_motion_problems(pipeline: Pipeline) -> Iterator[str]:
+    """What motions that arms make on their own break of the limits, as far as it is known before they connect."""
+    if pipeline.safety is not None:
+        for name, own in own_motions(pipeline.devices).items():
+            yield from (f"device {name}: {problem}" for problem in check_own_motion(own, pipeline.safety))

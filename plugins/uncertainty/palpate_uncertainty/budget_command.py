@@ -1,0 +1,146 @@
+"""``palpate report budget``: what the uncertainty of a run's values is made of."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from palpate import ConfigurationError
+from palpate.host import display_unit, suggest
+from palpate_kit.runs.run_folder import RunFolder
+from palpate_kit.terminal.options import FormatOption, JsonOption
+from palpate_kit.terminal.progress import progress, report_progress
+from palpate_kit.terminal.table import console
+
+if TYPE_CHECKING:
+    from palpate_uncertainty.monte_carlo import PropagatedDraws
+
+_LEAST = 5e-3  # per cent; less is shown as such
+_FEWEST = 4  # draws
+
+
+def budget(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
+    track: Annotated[str | None, typer.Option(help="Track, such as dr/fit. [default: all]")] = None,
+    as_json: JsonOption = False,
+    monte_carlo: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Draw every declared input N times and estimate again (GUM Supplement 1)."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
+    layout: FormatOption = "table",
+) -> None:
+    """Every source of uncertainty of a run, and what it contributes to each value."""
+    tracks: Mapping[str, Any] = RunFolder(run).result["tracks"]
+    if track is not None and track not in tracks:
+        raise ConfigurationError(f"{run}: has no track {track!r}{suggest(track, tracks)}")
+    chosen = {name: found for name, found in tracks.items() if track in (None, name)}
+    without = [name for name, found in chosen.items() if "budget" not in found]
+    if without:
+        raise ConfigurationError(
+            f"{run}: {', '.join(without)} has no budget: the run is of an earlier version; replay it"
+        )
+    drawn = {} if monte_carlo is None else _draws(run, list(chosen), monte_carlo, seed)
+    if as_json:
+        tables: dict[str, Any] = {name: found["budget"] for name, found in chosen.items()}
+        for name, found in drawn.items():
+            facts = {"draws": monte_carlo, "seed": seed, "lost": found.lost, "parameters": found.table()}
+            tables[name] = {"budget": tables[name], "monte_carlo": facts}
+        typer.echo(json.dumps(tables, indent=2))
+        return
+    screen = console()
+    for name, found in chosen.items():
+        screen.print(_view(name, found))
+        for line in _at_one_frequency(found.get("diagnoses", {}).get("one-frequency")):
+            screen.print(line)
+    for found in drawn.values():
+        _print_draws(screen, found, seed)
+
+
+def _draws(run: Path, tracks: list[str], draws: int, seed: int) -> dict[str, PropagatedDraws]:
+    """The draws of every track, with progress."""
+    from palpate_uncertainty.monte_carlo import cases, propagate_draws
+
+    if draws < _FEWEST:
+        raise ConfigurationError(f"--monte-carlo: {draws} draws are too few; at least {_FEWEST} are needed")
+    found = {}
+    for case in cases(run, tracks):
+        with progress(case.name, "draws", draws):
+            found[case.name] = propagate_draws(case, draws, seed, report=report_progress)
+    return found
+
+
+def _print_draws(screen: Any, found: PropagatedDraws, seed: int) -> None:
+    """The draws of one track beside the budget."""
+    screen.print(f"\n{len(found.values)} draws, seed {seed}{f', {found.lost} without an estimate' * (found.lost > 0)}")
+    for name, row in found.table().items():
+        shown = {key: _shown(value, found.parameters[name]["unit"]) for key, value in row.items() if value is not None}
+        ratio = f" (ratio {row['std'] / row['combined']:.2f})" if row["combined"] else ""
+        linear = shown.get("combined", "?")
+        screen.print(f"{found.name} {name}: u {linear} by the budget, {shown['std']} by the draws{ratio}")
+        screen.print(f"  mean {shown['mean']}, 95 % from {shown['low']} to {shown['high']}; value {shown['value']}")
+
+
+def _view(name: str, found: Mapping[str, Any]) -> Any:
+    """A table of one track: sources by rows, values by columns; each contribution in the value's unit and per cent."""
+    from rich.table import Table
+
+    parameters = found["parameters"]
+    table = Table(title=f"{name}: contributions to the standard uncertainty", title_justify="left")
+    table.add_column("source")
+    table.add_column("u", justify="right")
+    for parameter, value in parameters.items():
+        shown = "?" if value["value"] is None else _shown(value["value"], value["unit"])
+        table.add_column(f"{parameter}\n{shown}", justify="right")
+    for row in found["budget"]:
+        std = "" if row["std"] is None else _shown(row["std"], row["unit"])
+        cells = [_cell(row["effects"].get(name), value["unit"]) for name, value in parameters.items()]
+        table.add_row(row["source"], std, *cells)
+    table.add_section()
+    table.add_row("combined", "", *(_combined(value) for value in parameters.values()))
+    if any(value.get("corrected") is not None for value in parameters.values()):
+        table.add_row("corrected value", "", *(_corrected(value) for value in parameters.values()))
+    return table
+
+
+def _at_one_frequency(found: Mapping[str, Any] | None) -> Iterator[str]:
+    """What no row can show: a viscosity found at one frequency is that of this frequency."""
+    if found is None:
+        return
+    part, time = f"{found['fading']:.0%}", f"{1e3 * found['time']:.3g} ms"
+    for name, like in found["looks_like"].items():
+        yield (
+            f"not included: this is the {name} at {found['frequency']:.3g} Hz. {part} of the stiffness fading within "
+            f"{time} would look like {_shown(like['value'], like['unit'])} of it without a trace in the residual; "
+            "only another frequency shows it"
+        )
+
+
+def _corrected(value: Mapping[str, Any]) -> str:
+    """The value less its known bias, with the remaining uncertainty."""
+    if value.get("corrected") is None:
+        return ""
+    return f"{_shown(value['corrected'], value['unit'])} +- {_shown(value['corrected_combined'], value['unit'])}"
+
+
+def _cell(effect: Mapping[str, Any] | None, unit: str) -> str:
+    if effect is None or effect["contribution"] is None:
+        return ""
+    share = effect["percent"]
+    per_cent = "" if share is None else " (< 0.005 %)" if share < _LEAST else f" ({share:.2g} %)"
+    return f"{_shown(effect['contribution'], unit)}{per_cent}"
+
+
+def _combined(value: Mapping[str, Any]) -> str:
+    if value["combined"] is None or not value["value"]:
+        return "?"
+    return f"{_shown(value['combined'], value['unit'])} ({100 * value['combined'] / abs(value['value']):.2g} %)"
+
+
+def _shown(value: float, unit: str) -> str:
+    """A number in display units."""
+    written, scale = display_unit(unit)
+    return f"{value * scale:.3g} {written}".removesuffix(" 1").rstrip()

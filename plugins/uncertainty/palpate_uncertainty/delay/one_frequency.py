@@ -1,0 +1,61 @@
+"""What an oscillation with one frequency cannot distinguish: a viscosity from a stiffness that fades fast."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from palpate import Diagnosed, Flag, TrackEvidence
+
+from palpate_uncertainty.delay.delay_from_motion import one_line
+from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous
+from palpate_uncertainty.force_sensitivity import along
+from palpate_uncertainty.whiteness import oscillation
+
+FADING = 0.1  # of the stiffness
+_MATTERS = 0.5  # of a viscosity
+
+
+def one_frequency(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
+    """Of every track on an oscillation with one frequency: what a tenth of fading stiffness would be of its viscosity.
+
+    A part g of the stiffness that fades within tau loses g K w tau/(1 + w^2 tau^2) of force per depth at the angular
+    frequency w, g K/2 at most, at tau = 1/w: as a delay of g/(2 w) does. It leaves no residual: the viscosity is that
+    at this frequency, and only another one distinguishes the two. Models that have a memory are left out.
+    """
+    found = {track.name: _of(track) for track in tracks if track.ending is not None and not track.model.memory}
+    return {track.name: _said(track, found[track.name]) for track in tracks if found.get(track.name)}
+
+
+def _said(track: TrackEvidence, table: Mapping[str, Any]) -> Diagnosed:
+    """The table, and a flag where it is more than half of the value."""
+    values = {p.name: v for p, v in zip(track.model.parameters, track.values.tolist(), strict=True)}
+    parts = [
+        f"{100 * FADING:.0f} % of the stiffness fading within {1e3 * table['time']:.2g} ms would look like "
+        f"{like['value']:.3g} of {values[name]:.3g} {like['unit']} of {name}"
+        for name, like in table["looks_like"].items()
+        if like["value"] > _MATTERS * abs(values[name])
+    ]
+    text = f"found at {table['frequency']:.3g} Hz only: {', '.join(parts)}"
+    return Diagnosed((Flag("one-frequency", text),) if parts and one_line(track) else (), table=table)
+
+
+def _of(track: TrackEvidence) -> Mapping[str, Any]:
+    end, used = track.ending, track.kept.used & np.isfinite(track.kept.position)
+    viscous = [parameter for parameter in track.model.parameters if is_viscous(parameter)]
+    if end is None or not viscous or not np.isfinite(track.values).all():
+        return {}
+    rhythm = oscillation(track.kept.time[used], track.kept.position[used])
+    if rhythm is None:
+        return {}
+    pace = 2.0 * np.pi * rhythm[0]
+    shifts = delay_shifts(track.model, along(track.model, end.tail, end.last, track.values), track.values)
+    like = {
+        parameter.name: {"value": abs(float(shift)) * FADING / (2.0 * pace), "unit": parameter.unit}
+        for parameter, shift in zip(track.model.parameters, shifts, strict=True)
+        if is_viscous(parameter) and shift and np.isfinite(shift)
+    }
+    if not like:
+        return {}
+    return {"frequency": rhythm[0], "fading": FADING, "time": 1.0 / pace, "looks_like": like}

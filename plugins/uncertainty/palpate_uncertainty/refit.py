@@ -1,0 +1,156 @@
+"""The record of a palpation as the refits of the lack-of-fit test see it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from palpate import ContactModel, Floats, TrackEvidence, contact_force, force_over_time
+from palpate.host import hesitations
+from palpate_kit.numerics.local_cubic import cubic_weights, local_cubic
+
+from palpate_uncertainty.channel_noise import Runs
+
+_SLOPE_SAMPLES = 5  # velocity is differenced over so many samples to either side
+_STEP, _RATE_STEP = 1e-6, 1e-5  # [m], [m/s]; for slopes
+_GAP = 2.5  # of the usual interval
+APART = 1e-3  # [m] sideways, from which on it is a sweep
+_WINDOWS = (5, 9, 15, 25, 41)  # samples
+_BENT = 0.1  # of the noise that smoothing may take from the signal
+
+
+@dataclass(frozen=True)
+class Course:
+    """Samples in contact, in their order, and those among them that are fitted."""
+
+    model: ContactModel
+    time: Floats  # (n,) [s]
+    force: Floats  # (n,) [N] without the inertia of the tip
+    height: Floats  # (n,) [m]
+    rate: Floats  # (n,) [m/s] of the depth
+    acceleration: Floats  # (n,) [m/s^2] of the depth
+    runs: Runs  # (n,) number of the stretch without a gap
+    used: NDArray[np.bool_]  # (n,) fitted
+    begin: float  # [s] of the first sample
+    span: float  # [s] to the last
+    from_air: bool  # whether the record saw the tip come into contact
+    noise: tuple[float, float]  # [m], [m/s] standard deviations of what smoothing has left of the noise of the motion
+
+    def reduced(self, most: int) -> Course:
+        """At most so many of the fitted samples, and no others: for what does not depend on the past."""
+        rows = np.flatnonzero(self.used)
+        rows = rows[:: max(1, -(-len(rows) // most))]
+        names = ("time", "force", "height", "rate", "acceleration", "runs", "used")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+    def depth(self, surface: float) -> Floats:
+        """Depth (n,) [m] below a surface [m]; negative above."""
+        return np.asarray(surface - self.height)
+
+    def forces(self, theta: Floats, surface: float) -> Floats:
+        """Contact force (n,) [N] of the model."""
+        return self._force(self.depth(surface), self.rate, theta)
+
+    def _force(self, depth: Floats, rate: Floats, theta: Floats) -> Floats:
+        if self.model.memory:
+            return np.asarray(force_over_time(self.model, self.time, depth, rate, theta.tolist()))
+        return np.asarray(contact_force(self.model, depth, rate, theta.tolist()), dtype=float) + 0.0 * depth
+
+    def elastic(self, theta: Floats, surface: float) -> tuple[Floats, Floats]:
+        """Force (n,) [N] at the same depths at rest, and its slope in depth (n,) [N/m]; for models without memory."""
+        depth, still = np.maximum(self.depth(surface), 0.0), np.zeros(len(self.time))
+        low = self._force(depth, still, theta)
+        return low, (self._force(depth + _STEP, still, theta) - low) / _STEP
+
+    def motion_noise(self, theta: Floats, surface: float) -> float:
+        """Mean square [N^2] of the force that the noise of the smoothed motion makes: slow, and no lack of fit."""
+        small = self.reduced(500) if not self.model.memory else self
+        depth, force = small.depth(surface), small.forces(theta, surface)
+        by_depth = (small._force(depth + _STEP, small.rate, theta) - force) / _STEP
+        by_rate = (small._force(depth, small.rate + _RATE_STEP, theta) - force) / _RATE_STEP
+        return float(np.mean((by_depth * self.noise[0]) ** 2 + (by_rate * self.noise[1]) ** 2))
+
+    def change(self, theta: Floats, surface: float) -> Floats:
+        """Slope in time (n,) [N/s] of the model's force."""
+        depth, force = self.depth(surface), self.forces(theta, surface)
+        if self.model.memory:
+            return np.asarray(np.gradient(force, self.time))
+        by_depth = (self._force(depth + _STEP, self.rate, theta) - force) / _STEP
+        by_rate = (self._force(depth, self.rate + _RATE_STEP, theta) - force) / _RATE_STEP
+        return np.asarray(by_depth * self.rate + by_rate * self.acceleration)
+
+
+def runs_of(track: TrackEvidence) -> Runs:
+    """Numbers (n,) of the stretches of a track's kept samples that have no gap."""
+    kept = track.kept
+    step = np.diff(kept.time, prepend=kept.time[:1])
+    usual = float(np.median(step[1:])) if len(step) > 1 else 0.0
+    jumps = np.diff(kept.index, prepend=kept.index[:1] - 1) != 1
+    return np.asarray(np.cumsum(jumps | (step > _GAP * usual)), dtype=np.int64)
+
+
+def hesitation_samples(track: TrackEvidence) -> NDArray[np.bool_]:
+    """(n,) True for kept samples within a hesitation of the arm, whose jerk no slope over samples shows as it was."""
+    kept = track.kept
+    step = np.diff(kept.time)
+    usual = float(np.median(step)) if len(step) else 0.0
+    clock = np.cumsum(np.concatenate([[0.0], np.where(np.diff(kept.index) == 1, step, usual)]))[: len(kept.time)]
+    return hesitations(clock).hold(clock)
+
+
+def sweeps(track: TrackEvidence) -> bool:
+    """Whether the tip went along the surface, so that one value is not valid for the whole record."""
+    place = track.kept.lateral[track.kept.used]
+    place = place[np.isfinite(place).all(axis=1)]
+    return track.estimator.follows_changes or (len(place) > 0 and bool(np.max(np.ptp(place, axis=0)) > APART))
+
+
+def possible(track: TrackEvidence) -> bool:
+    """Whether all of a track's numbers are within what is possible, so that its model can be asked for forces."""
+    pairs = zip(track.model.parameters, track.values.tolist(), strict=True)
+    return all(parameter.lower <= value <= parameter.upper for parameter, value in pairs)
+
+
+def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
+    """The course of a track's kept samples; those at the ends of runs and in hesitations are not fitted."""
+    kept, runs = track.kept, runs_of(track)
+    acceleration = np.full(len(kept.time), np.nan)
+    k = _SLOPE_SAMPLES
+    if len(kept.time) > 2 * k:
+        change = kept.velocity[: -2 * k] - kept.velocity[2 * k :]  # depth counts down, height up
+        whole = (runs[2 * k :] == runs[: -2 * k]) & (kept.time[2 * k :] > kept.time[: -2 * k])
+        span = np.where(whole, kept.time[2 * k :] - kept.time[: -2 * k], np.nan)
+        acceleration[k:-k] = change / span
+    force = kept.force - (track.tip_mass or 0.0) * np.nan_to_num(acceleration)
+    (height, height_noise), (rate, rate_noise) = _quiet(kept.position, runs), _quiet(-kept.velocity, runs)
+    known = np.isfinite(force) & np.isfinite(kept.position) & np.isfinite(kept.velocity) & np.isfinite(acceleration)
+    known &= ~hesitation_samples(track)
+    first, last = (float(kept.time[0]), float(kept.time[-1])) if len(kept.time) else (0.0, 0.0)
+    return Course(
+        track.model, kept.time, force, height, np.nan_to_num(rate), np.nan_to_num(acceleration), runs, used & known,
+        first, max(last - first, 1e-9), len(track.air_time) > 0, (height_noise, rate_noise),
+    )  # fmt: skip
+
+
+def _quiet(values: Floats, runs: Runs) -> tuple[Floats, float]:
+    """Heights or rates (n,) by local cubics over a symmetric window, and the standard deviation of the noise left.
+
+    A noisy regressor takes from what it multiplies (a viscosity by the noise of the rate over its mean square), and the
+    residual shows that as a pattern over phase. The window is the longest, of at most 41 samples, that takes less from
+    the signal than a tenth of the noise.
+    """
+    third = np.diff(values, 3)
+    third = third[np.isfinite(third)]
+    noise = float(np.sqrt(np.mean(third**2) / 20.0)) if len(third) else 0.0
+    if noise == 0.0 or not np.isfinite(values).all():
+        return values, 0.0
+    pieces = np.split(values, np.flatnonzero(np.diff(runs)) + 1)
+    smooth, left = values, 0.0
+    for width in _WINDOWS:
+        tried = np.concatenate([local_cubic(p, width) if len(p) >= width else p for p in pieces])
+        taken = np.convolve(values - tried, np.ones(width) / width, "valid")  # what is slow in it was signal
+        if float(np.mean(taken**2)) > (_BENT**2 + 2.0 / width) * noise**2:
+            break
+        smooth, left = tried, noise * float(np.linalg.norm(cubic_weights(width)))
+    return np.asarray(smooth), left

@@ -1,0 +1,89 @@
+"""The alternative that a material relaxes: Maxwell branches beside the elastic force."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from palpate import Floats
+
+from palpate_uncertainty.refit import Course
+
+_TIMES = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # [s] of the branches
+_MOST = 3000  # samples that are fitted
+_FARTHEST = 3e-3  # [m] that the surface may move
+_CLOSE = 1e-7  # [m]
+
+
+def fit_relaxation(
+    course: Course, theta: Floats, surface: float, place: int, fastest: float = 0.0
+) -> tuple[Floats, float, Floats, Floats]:
+    """Least squares of F = E A(d) + eta B(d, d') + sum of E g_i R_i[A], R_i what relaxes in a time, g_i >= 0.
+
+    No R_i relaxes in less than `fastest` [s]: beside an oscillation of angular frequency w, what relaxes within 1/w is
+    a dashpot by another name, and would only take the viscosity's share.
+
+    For models whose force is linear in their parameters, of which one, at `place`, is elastic. By variable projection
+    over the surface (Golub and Pereyra 1973) and non-negative least squares (Lawson and Hanson 1974). Returns the
+    parameters (k,), of which the elastic one is that of the force that stays, the surface [m], the parameters with all
+    branches, as at the first moment, and the residual (n,) [N] over the fitted samples.
+    """
+    from scipy.optimize import minimize_scalar, nnls
+
+    rows, times = np.flatnonzero(course.used), _times(course, fastest)
+    few = rows[:: max(1, -(-len(rows) // _MOST))]
+
+    def cost(height: float) -> float:
+        columns = _columns(course, theta, height, place, times)[few]
+        return float(nnls(_scaled(columns)[0], course.force[few])[1])
+
+    span = min(_FARTHEST, 0.8 * float(np.min(course.depth(surface)[rows]))) if rows.size else 0.0
+    span = max(span, 1e-4)
+    found: Any = minimize_scalar(
+        cost, bounds=(surface - span, surface + _FARTHEST), method="bounded", options={"xatol": _CLOSE}
+    )
+    columns = _columns(course, theta, float(found.x), place, times)
+    scaled, sizes = _scaled(columns[few])
+    weights = nnls(scaled, course.force[few])[0] / sizes
+    k = len(theta)
+    stays = theta * weights[:k]
+    branches = weights[k : k + len(times)]
+    at_first = stays.copy()
+    at_first[place] += theta[place] * float(branches.sum())
+    return stays, float(found.x), at_first, (course.force - columns @ weights)[course.used]
+
+
+def _times(course: Course, fastest: float) -> list[float]:
+    fastest = max(fastest, 3 * float(np.median(np.diff(course.time))))
+    return [time for time in _TIMES if fastest < time < course.span]
+
+
+def _columns(course: Course, theta: Floats, surface: float, place: int, times: list[float]) -> Floats:
+    """Forces (n, m) [N] of each parameter, of each branch, and of what had not relaxed when the record began."""
+    columns = []
+    for i in range(len(theta)):
+        alone = np.zeros_like(theta)
+        alone[i] = theta[i]
+        columns.append(course.forces(alone, surface))
+    step = float(np.median(np.diff(course.time)))
+    columns += [relaxing_share(columns[place], step / time) for time in times]
+    if not course.from_air:
+        first = course.runs == course.runs[0]
+        for time in times:
+            held = np.where(first, np.exp(-(course.time - course.begin) / time), 0.0)
+            columns += [held, -held]
+    return np.column_stack(columns)
+
+
+def _scaled(columns: Floats) -> tuple[Floats, Floats]:
+    sizes = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    return columns / sizes, sizes
+
+
+def relaxing_share(force: Floats, ratio: float) -> Floats:
+    """The remaining share of a force that dies away, by the ratio of step to time constant; exact for steady change."""
+    from scipy.signal import lfilter
+
+    keep = float(np.exp(-ratio))
+    change = np.diff(force, prepend=force[0])
+    return np.asarray(lfilter([(1.0 - keep) / ratio], [1.0, -keep], change))

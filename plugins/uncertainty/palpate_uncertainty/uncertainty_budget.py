@@ -1,0 +1,119 @@
+"""The budget of an estimate after the GUM: every source, its standard uncertainty, and what that does to each value."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterator, Mapping, Sequence
+
+import numpy as np
+from palpate import ContactModel, Diagnosed, Floats, Term, TrackEnd, TrackEvidence
+from palpate.host import GRAVITY, AlignmentReport, AlignmentSettings
+from palpate_kit.runs.uncertainty_sources import UncertaintySource, sources_of
+
+from palpate_uncertainty.delay.timing_shift import delay_shifts, is_viscous
+from palpate_uncertainty.flags import compliance_flags, tare_flags, timing_flags
+from palpate_uncertainty.force_sensitivity import Along, along
+from palpate_uncertainty.influence import answer
+
+_MASS = 0.05  # of itself, where no uncertainty of a tip's mass is declared
+
+
+def budgets(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
+    """What is declared, or has a default, of every track: its effect on each value, and the flags on it."""
+    return {track.name: _budget(track, track.ending) for track in tracks if track.ending is not None}
+
+
+def _budget(track: TrackEvidence, end: TrackEnd) -> Diagnosed:
+    model, values, settings = track.model, track.values, end.settings
+    found = along(model, end.tail, end.last, values)
+    shifts, timing = delay_shifts(model, found, values), settings.timing_uncertainty
+    sources = sources_of(model, end.uncertainties)
+    terms = systematic_terms(found, shifts, timing, settings, end.report, sources, end.included)
+    flags = list(timing_flags(model, values, shifts, timing, end.held))
+    if "tare" not in end.included and (end.report.tare is None or end.report.tare.offset_std is None):
+        flags += tare_flags(model, values, per_newton(found))
+    compliance = sum(np.abs(term.shifts) for term in terms if term.cause == "compliance") + np.zeros(len(values))
+    shares = compliance / np.where(values != 0, np.abs(values), np.inf)
+    names = [parameter.name for parameter in model.parameters]
+    flags += compliance_flags(dict(zip(names, shares.tolist(), strict=True)), settings.series_stiffness)
+    return Diagnosed(tuple(flags), sources=tuple(terms), delays=dict(delays(model, values, shifts, terms)))
+
+
+def delays(model: ContactModel, values: Floats, shifts: Floats, terms: Sequence[Term]) -> Iterator[tuple[str, float]]:
+    """The delay [s] that each viscosity looks like; of one that is no parameter where timing is declared."""
+    for parameter, value, shift in zip(model.parameters, values.tolist(), shifts.tolist(), strict=True):
+        if shift and is_viscous(parameter):
+            yield parameter.name, value / abs(shift)
+    names = [parameter.name for parameter in model.parameters]
+    late = next((term for term in terms if term.cause == "timing" and term.std), None)
+    for material in model.material(values.tolist()):
+        if late is not None and material.name == "viscosity" and material.name not in names:
+            per_second = abs(float(np.array(material.gradient) @ late.shifts) / late.std)
+            yield from [(material.name, material.value / per_second)] if per_second else ()
+
+
+def systematic_terms(
+    found: Along | None,
+    shifts: Floats,
+    timing: float | None,
+    settings: AlignmentSettings,
+    report: AlignmentReport,
+    sources: Sequence[UncertaintySource] = (),
+    included: Container[str] = (),
+) -> list[Term]:
+    """The terms of everything that is declared, or has a default; what an estimator has `included` is left out.
+
+    Timing: dtheta/dtau u(tau), by `shifts` (k,) of `delay_shifts`. All others: a small error f(t) of the force shifts
+    the least-squares estimate with unknown surface by (J^T J)^-1 J^T f, J the model's derivatives along the last
+    samples. Mass: f = -u(m) z'' (and the weight, where it was removed); tare: f = u; force_scale: f = u F; a number of
+    the model: f = -dF/dp u; position_scale: f = -(dF/dd d + dF/dd' d') u. Compliance: a robot of stiffness k gives way
+    by F/k, so that the depth is F/k less than it seems, f = -(dF/dd F + dF/dd' F')/k; it is not corrected, and all of
+    the shift counts.
+    """
+    terms = []
+    if timing is not None and shifts.any() and "timing" not in included:
+        terms.append(Term("timing", timing, "s", shifts * timing))
+    if found is None:
+        return terms
+    terms += [term for term in _of_readings(found, settings, report) if term.cause not in included]
+    for source in sources:
+        change = _change(found, source)
+        if source.name not in included and change is not None:
+            terms += _term(found, source.name, source.std, source.unit, change * source.std, source.declared)
+    return terms
+
+
+def _of_readings(found: Along, settings: AlignmentSettings, report: AlignmentReport) -> list[Term]:
+    terms: list[Term] = []
+    if settings.tip_mass is not None:
+        mass, declared = settings.tip_mass_uncertainty, settings.tip_mass_uncertainty is not None
+        std = mass if mass is not None else _MASS * settings.tip_mass
+        weight = GRAVITY if settings.weight == "removed" else 0.0
+        terms += _term(found, "mass", std, "kg", std * (weight - found.acceleration), declared)
+    tare = report.tare.offset_std if report.tare else None
+    if tare is not None:
+        terms += _term(found, "tare", float(tare), "N", np.full(len(found.force), tare))
+    if settings.series_stiffness is not None and found.given_way is not None:
+        stiffness = settings.series_stiffness
+        terms += _term(found, "compliance", 1.0 / stiffness, "m/N", -found.given_way / stiffness)
+    return terms
+
+
+def _change(found: Along, source: UncertaintySource) -> Floats | None:
+    """Error (n,) of the force per unit of a source; None where it cannot be determined."""
+    if source.path:
+        return -found.by_number(source.path, source.value)
+    if source.name == "force_scale":
+        return found.force
+    return None if found.stretched is None else -found.stretched
+
+
+def _term(found: Along, cause: str, std: float, unit: str, error: Floats, declared: bool = True) -> list[Term]:
+    """The term of an error (n,) of the force [N]; nothing where parameters and surface are indistinct."""
+    shifts = answer(found.jacobian, error)
+    return [] if shifts is None else [Term(cause, std, unit, shifts[:-1], declared)]
+
+
+def per_newton(found: Along | None) -> Floats | None:
+    """Shift (k,) of each parameter per newton of a constant force [unit/N]; None where it cannot be determined."""
+    shifts = answer(found.jacobian, np.ones(len(found.force))) if found is not None else None
+    return None if shifts is None else shifts[:-1]

@@ -1,0 +1,107 @@
+"""Commands of two words, the help that names them, and the names that commands had before."""
+
+import pytest
+from palpate import PluginError
+from palpate.cli.commands import command_offers, help_text
+from palpate.host import analysis
+
+COMMANDS = command_offers().commands
+FORMER = {command.former: name for name, command in COMMANDS.items() if command.former}
+TOP = {name.partition(" ")[0] for name in COMMANDS}
+
+
+def test_the_help_fits_a_mind():
+    """What a laboratory types every day, and little else."""
+    assert len(TOP) <= 32
+    daily = (
+        "run rehearse replay resume check init info watch fit map report plot calibrate doctor twin list describe trust"
+    )
+    assert set(daily.split()) <= TOP
+
+
+def test_the_help_shows_every_word(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    words = help_text().replace(",", " ").replace(".", " ").replace(":", " ").split()
+    for name in COMMANDS:
+        assert set(name.split()) <= set(words), name
+    assert not {"compare-sites", "export-filter"} & set(words)
+
+
+@pytest.mark.parametrize("former", FORMER)
+def test_a_former_name_works_and_says_the_new_one(palpate, former):
+    done = palpate(former, "--help")
+    assert done.returncode == 0
+    assert done.stderr == f"palpate {former} is palpate {FORMER[former]} now\n"
+    assert f"palpate {FORMER[former]}" in done.stdout
+
+
+def test_no_former_name_is_a_command():
+    assert len(FORMER) == sum(bool(command.former) for command in COMMANDS.values())
+    assert not set(FORMER) & TOP
+
+
+def test_the_help_of_a_command_shows_its_subcommands(palpate):
+    shown = palpate("map", "--help").stdout
+    assert "--cell" in shown
+    assert "palpate map lumps: Find the lumps in a run" in shown
+    assert "palpate map curves" not in palpate("map", "lumps", "--help").stdout
+
+
+@pytest.mark.parametrize("words", [["log"], ["log", "--help"], ["log", "-h"]], ids=" ".join)
+def test_a_first_word_without_a_command_shows_its_subcommands(palpate, words):
+    done = palpate(*words)
+    assert done.returncode == 0
+    assert "A log as CSV" in done.stdout
+    assert "recover" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["log", "exprt", "x.mcap"], "'export'"),
+        (["map", "lmups", "run"], "'lumps'"),
+        (["lump", "run"], "'map lumps'"),
+        (["exprot", "x.mcap"], "'log export'"),
+        (["lg", "export"], "'log"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_a_slip_is_answered_with_what_was_meant(palpate, words, meant):
+    done = palpate(*words)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert f"did you mean {meant}" in done.stderr
+
+
+def test_a_word_far_from_any_subcommand_is_refused_where_there_is_no_other_use(palpate):
+    done = palpate("model", "run.toml")
+    assert done.returncode == 2
+    assert "there is no command 'model run.toml' (there are: export, force, thickness)" in done.stderr
+
+
+def test_a_file_named_like_a_slip_is_a_file(palpate, tmp_path):
+    (tmp_path / "lumpy").mkdir()
+    assert "not a run folder" in palpate("map", "lumpy", cwd=tmp_path).stderr
+
+
+def test_a_subcommand_goes_before_a_folder_of_its_name(palpate, tmp_path):
+    (tmp_path / "lumps").mkdir()
+    assert "Missing argument" in palpate("map", "lumps", cwd=tmp_path).stderr
+    assert "not a run folder" in palpate("map", "./lumps", cwd=tmp_path).stderr
+
+
+def test_a_plugin_adds_to_another_ones_command(palpate, tmp_path):
+    (tmp_path / "own.py").write_text(
+        "from palpate import Command, plugin\n\n\n@plugin\ndef palpate_commands():\n"
+        "    return {'map contour': Command('own:contour', 'Lines of one modulus.')}\n"
+    )
+    words = ("--plugin", tmp_path / "own.py", "map")
+    assert "palpate map contour: Lines of one modulus." in palpate(*words, "--help").stdout
+    done = palpate(*words, "contour", "run")
+    assert done.returncode == 2
+    assert "own:contour cannot be imported" in done.stderr
+
+
+def test_the_first_word_of_several_is_no_analysis():
+    with pytest.raises(PluginError, match=r"'model' is the first word of commands \(there are: export, force"):
+        analysis("model")

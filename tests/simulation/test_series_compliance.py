@@ -1,0 +1,48 @@
+"""A rig that gives way: springs in series, and what a pipeline is told of it."""
+
+import numpy as np
+import pytest
+from palpate.config import load_pipeline
+from palpate.errors import ConfigurationError
+from palpate.pipeline import run_pipeline
+from palpate_simulation.series_compliance import force_behind_spring
+
+SHORT = ["trajectory.press.duration=3 s", 'run.tracks=["*/kinematic"]']
+
+
+def specimen(root, **changes):
+    sim = load_pipeline(root / "pipelines" / "point.toml").devices["rig"]
+    return sim.specimen.model_copy(update=changes)
+
+
+def test_the_force_is_that_of_the_depth_that_is_left(root):
+    body = specimen(root, surface=0.0)
+    depth = np.linspace(-0.001, 0.005, 301)
+    position = np.column_stack([0 * depth, 0 * depth, -depth])
+    still, time = np.zeros_like(position), np.arange(len(depth)) * 1e-3
+    stiff, soft = (force_behind_spring(body, time, position, still, k) for k in (1e12, 2e4))
+    np.testing.assert_allclose(stiff, body.push(time, position, still), atol=1e-6)
+    left = position.copy()
+    left[:, 2] += soft / 2e4
+    np.testing.assert_allclose(soft, body.push(time, left, still), atol=1e-4)
+    assert (soft <= stiff + 1e-9).all()
+    assert soft[-1] < 0.95 * stiff[-1]
+
+
+def test_what_is_declared_tells_what_is_missing(root, tmp_path):
+    """E is low by what the declared stiffness says, and the flag stands there."""
+    sets = [*SHORT, "device.rig.series_stiffness=100 N/mm", "alignment.series_stiffness=100 N/mm"]
+    result = run_pipeline(load_pipeline(root / "pipelines" / "point.toml", sets), tmp_path / "soft")
+    track = result.tracks["dr/kinematic"]
+    found = track.parameters["elasticity"]
+    assert found.value < 0.985 * 112.5e3
+    assert "series-compliance" in {flag.code for flag in track.flags}
+    assert abs(found.value - 112.5e3) < 2 * found.combined
+
+
+def test_what_remembers_is_refused(root):
+    class Remembers:
+        memory = True
+
+    with pytest.raises(ConfigurationError, match="a specimen with memory cannot be behind a spring"):
+        force_behind_spring(specimen(root, model=Remembers()), np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)), 1e4)
