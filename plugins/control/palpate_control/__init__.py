@@ -33,7 +33,7 @@ def palpate_flags() -> dict[str, FlagMeaning]:
     return {
         "out-of-control": FlagMeaning(
             "doubtful",
-            "The last check of the rig on its reference is out of control, or was made with another tip or sensor.",
+            "The last check of the rig is out of control, or was made with another tip, sensor or robot.",
             "Find out what changed (docs: control), and check again before the next run.",
             structural=True,
         )

@@ -43,14 +43,15 @@ class RecordedCheck(Settings):
 
 
 class ControlChart(Settings):
-    """The checks of one rig with one tip and sensor on one reference."""
+    """The checks of one robot with one sensor and tip on one reference."""
 
     format: int = Field(default=_FORMAT, ge=1, le=_FORMAT, description="version of this format")
     quantity: str = Field(description="the value that is compared: elasticity, stiffness, ...")
     track: str = Field(description="model and estimator of every check")
     reference: ChartReference
     tip: dict[str, Any] = Field(default={}, description="type and numbers of the tip; none for a spring without one")
-    sensor: dict[str, str] = Field(default={}, description="what identifies the force sensor")
+    sensor: dict[str, str] = Field(default={}, description="what identifies the device of the force")
+    robot: dict[str, str] = Field(default={}, description="what identifies the device of the position")
     check: tuple[RecordedCheck, ...] = Field(default=(), description="the checks, the oldest first")
 
     @property

@@ -42,17 +42,19 @@ class ChartUse:
         }
 
     def flags(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Iterator[Flag]:
-        """That the check is out of control, or was one of another tip or sensor."""
+        """That the check is out of control, or was one of another tip, sensor or robot."""
         against = list(self.state.reasons)
         tips = [plain_settings(tip, pipeline.registry) for tip in pipeline.indenters.values()]
         if self.chart.tip and tips and self.chart.tip not in tips:
             against.append(f"the check was made with another tip: {settings_text(self.chart.tip)}")
-        name = pipeline.alignment.force.channel.partition(".")[0]
-        device = pipeline.devices.get(name)
-        present = {**(device.provenance if device is not None else {}), **live.get(name, {})}
-        if (key := other_identity(self.chart.sensor, present)) is not None:
-            was, now = self.chart.sensor[key], present[key]
-            against.append(f"the check was made with another sensor: {key.replace('_', ' ')} {was}, now {now}")
+        signals = {"sensor": pipeline.alignment.force, "robot": pipeline.alignment.position}
+        for word, signal in signals.items():
+            name, before = signal.channel.partition(".")[0], getattr(self.chart, word)
+            device = pipeline.devices.get(name)
+            present = {**(device.provenance if device is not None else {}), **live.get(name, {})}
+            if (key := other_identity(before, present)) is not None:
+                is_now = f"{key.replace('_', ' ')} {before[key]}, now {present[key]}"
+                against.append(f"the check was made with another {word}: {is_now}")
         if against:
             yield Flag(
                 "out-of-control", f"{self.path}, check of {self.chart.check[-1].date:%Y-%m-%d}: {'; '.join(against)}"

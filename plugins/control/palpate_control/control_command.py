@@ -40,7 +40,7 @@ def control(
         str | None,
         typer.Option(metavar="VALUE", help='Its standard uncertainty (k = 1), such as "1.5 kPa".'),
     ] = None,
-    chart: Annotated[Path, typer.Option(help="The chart of this rig, tip and sensor.")] = _CHART,
+    chart: Annotated[Path, typer.Option(help="The chart of this robot, sensor and tip.")] = _CHART,
     track: TrackOption = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the chart into this file (.png, .svg or .pdf).")] = None,
     as_json: JsonOption = False,
@@ -98,13 +98,18 @@ def _with_run(run: Path, reference: Reference, path: Path, track: str | None) ->
         _demand_same(before, checked, reference, run, path)
     known = ChartReference(name=reference.name, value=reference.value, unit=reference.unit, std=reference.std)
     new = ControlChart(
-        quantity=reference.quantity, track=checked.track, reference=known, tip=checked.tip, sensor=checked.sensor
+        quantity=reference.quantity,
+        track=checked.track,
+        reference=known,
+        tip=checked.tip,
+        sensor=checked.sensor,
+        robot=checked.robot,
     )
     return append_check(path, new, checked.check)
 
 
 def _demand_same(chart: ControlChart, checked: RunCheck, reference: Reference, run: Path, path: Path) -> None:
-    """Raise ConfigurationError where a run is of another reference, track, tip or sensor than the chart's."""
+    """Raise ConfigurationError where a run is of another reference, track, tip, sensor or robot than the chart's."""
     known, other = chart.reference, "--chart FILE begins another one"
     if (known.value, known.unit, known.std) != (reference.value, reference.unit, reference.std):
         word, factor = display_unit(known.unit)
@@ -115,9 +120,11 @@ def _demand_same(chart: ControlChart, checked: RunCheck, reference: Reference, r
     if chart.tip != checked.tip:
         tips = f"{settings_text(checked.tip)}, in the chart {path} {settings_text(chart.tip)}"
         raise ConfigurationError(f"{run}: another tip than the chart's: {tips}; {other}")
-    if (key := other_identity(chart.sensor, checked.sensor)) is not None:
-        sensors = f"{key.replace('_', ' ')} {checked.sensor[key]}, in the chart {path} {chart.sensor[key]}"
-        raise ConfigurationError(f"{run}: another sensor than the chart's: {sensors}; {other}")
+    for word in ("sensor", "robot"):
+        before, present = getattr(chart, word), getattr(checked, word)
+        if (key := other_identity(before, present)) is not None:
+            both = f"{key.replace('_', ' ')} {present[key]}, in the chart {path} {before[key]}"
+            raise ConfigurationError(f"{run}: another {word} than the chart's: {both}; {other}")
 
 
 def _table(chart: ControlChart) -> Table:
@@ -143,11 +150,13 @@ def _table(chart: ControlChart) -> Table:
 
 
 def _within(distance: float, limit: float) -> tuple[str, str]:
-    """A distance from the centre and its limit, to three digits of the limit.
+    """A distance from the centre and its limit, to three digits of the limit; nothing before there is any.
 
     >>> _within(0.0672, 1.33)
     ('+0.07', '1.33')
     """
+    if not limit:
+        return "", ""
     digits = max(0, 2 - math.floor(math.log10(limit)))
     return f"{distance:+.{digits}f}", f"{limit:.{digits}f}"
 
@@ -155,8 +164,8 @@ def _within(distance: float, limit: float) -> tuple[str, str]:
 def _lines(chart: ControlChart, path: Path) -> Iterator[str]:
     """Verdict of the last check, why, where the limits come from, and what to do with the chart."""
     state = chart.states[-1]
-    sensor = settings_text(chart.sensor) if chart.sensor else "not identified"
-    yield f"track {chart.track}; tip: {settings_text(chart.tip)}; sensor: {sensor}"
+    sensor, robot = (settings_text(facts) if facts else "not identified" for facts in (chart.sensor, chart.robot))
+    yield f"track {chart.track}; tip: {settings_text(chart.tip)}; sensor: {sensor}; robot: {robot}"
     if state.own_scatter:
         yield f"limits: by the scatter of the first {BASELINE} checks in control"
     else:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 COVERAGE = 2.0  # k of expanded uncertainties
@@ -34,7 +34,7 @@ class CheckState:
     ewma: float
     ewma_limit: float
     own_scatter: bool  # whether the limits are those of the chart's own scatter
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[str, ...]
 
     @property
     def in_control(self) -> bool:
@@ -47,19 +47,20 @@ class _Average:
     """An EWMA since its centre: its variance from check to check, and its part of an error that all checks share."""
 
     centre: float
-    value: float = field(init=False)
+    value: float
     variance: float = 0.0
     common: float = 0.0
 
-    def __post_init__(self) -> None:
-        self.value = self.centre
-
-    def add(self, value: float, scatter: float, common: float) -> float:
-        """Take in a check; the standard deviation of the average."""
+    def add(self, value: float, scatter: float, common: float) -> None:
+        """Take in a check."""
         self.value += WEIGHT * (value - self.value)
         self.variance = (1 - WEIGHT) ** 2 * self.variance + (WEIGHT * scatter) ** 2
         self.common = (1 - WEIGHT) * self.common + WEIGHT * common
-        return math.hypot(math.sqrt(self.variance), self.common)
+
+    @property
+    def limit(self) -> float:
+        """Distance from the centre that it is allowed."""
+        return EWMA * math.hypot(math.sqrt(self.variance), self.common)
 
 
 def normalised_error(value: float, std: float, reference: float, reference_std: float) -> float:
@@ -79,29 +80,28 @@ def check_states(readings: Sequence[Reading], reference: float, reference_std: f
     At first the centre is the reference, and the limits follow from the stated uncertainties: what all checks share
     (tip, gain, reference) does not average out of the EWMA, what differs from check to check does. From the 26th check
     on the centre is the mean of the first 25 that were in control, their standard deviation the mean moving range over
-    1.128, and the EWMA begins at the centre.
+    1.128, and the EWMA begins at the centre. A check that is out of control by itself is no part of the EWMA, which
+    would call the next ones wrong, too.
     Sources: ISO 7870-2:2023 (chart for individuals), ISO 7870-6:2016 (EWMA); Lucas and Saccucci 1990 (3 sigma, lambda
     0.2 and L 2.859: 370 checks until a false alarm, each chart by itself).
     """
     states: list[CheckState] = []
     baseline: list[float] = []
-    average, own = _Average(reference), None
+    average, own = _Average(reference, reference), None
     for reading in readings:
         if own is None and len(baseline) == BASELINE:
-            own = _scatter(baseline)
-            average = _Average(sum(baseline) / BASELINE) if own else average
-        shared = 0.0 if own else math.sqrt(max(reading.std**2 - reading.repeat_std**2, 0.0) + reference_std**2)
-        spread = average.add(reading.value, own or reading.repeat_std, shared)
-        state = CheckState(
-            e_n=normalised_error(reading.value, reading.std, reference, reference_std),
-            centre=average.centre,
-            limit=SHEWHART * (own or math.hypot(reading.std, reference_std)),
-            ewma=average.value,
-            ewma_limit=EWMA * spread,
-            own_scatter=bool(own),
-        )
-        states.append(replace(state, reasons=tuple(_reasons(state, reading.value))))
-        if states[-1].in_control and len(baseline) < BASELINE:
+            own, middle = _scatter(baseline), sum(baseline) / BASELINE
+            average = _Average(middle, middle) if own else average
+        e_n = normalised_error(reading.value, reading.std, reference, reference_std)
+        limit = SHEWHART * (own or math.hypot(reading.std, reference_std))
+        reasons = list(_alone(e_n, reading.value - average.centre, limit))
+        if not reasons:
+            shared = 0.0 if own else math.sqrt(max(reading.std**2 - reading.repeat_std**2, 0.0) + reference_std**2)
+            average.add(reading.value, own or reading.repeat_std, shared)
+            if abs(average.value - average.centre) > average.limit:
+                reasons.append("the moving average (EWMA) is beyond its limits: a small change that lasts")
+        states.append(CheckState(e_n, average.centre, limit, average.value, average.limit, bool(own), tuple(reasons)))
+        if not reasons and len(baseline) < BASELINE:
             baseline.append(reading.value)
     return states
 
@@ -112,13 +112,9 @@ def _scatter(values: Sequence[float]) -> float:
     return sum(ranges) / len(ranges) / _RANGE
 
 
-def _reasons(state: CheckState, value: float) -> list[str]:
-    """What a check fails, a sentence each."""
-    reasons = []
-    if abs(state.e_n) > 1:
-        reasons.append(f"E_n is {state.e_n:.2f}, beyond 1: the value is not that of the reference")
-    if abs(value - state.centre) > state.limit:
-        reasons.append("the value is beyond the 3 sigma limits of the chart")
-    if abs(state.ewma - state.centre) > state.ewma_limit:
-        reasons.append("the moving average (EWMA) is beyond its limits: a small change that lasts")
-    return reasons
+def _alone(e_n: float, distance: float, limit: float) -> Iterator[str]:
+    """What a check fails by itself, a sentence each."""
+    if abs(e_n) > 1:
+        yield f"E_n is {e_n:.2f}, beyond 1: the value is not that of the reference"
+    if abs(distance) > limit:
+        yield "the value is beyond the 3 sigma limits of the chart"

@@ -30,6 +30,7 @@ class RunCheck:
     track: str
     tip: dict[str, Any]
     sensor: dict[str, str]
+    robot: dict[str, str]
     check: RecordedCheck
 
 
@@ -45,7 +46,8 @@ def check_of_run(path: Path, reference: Reference, track: str | None) -> RunChec
     return RunCheck(
         name,
         _tip(pipeline, document["tracks"][name]["model"]),
-        _sensor(pipeline, document["run"]),
+        _device(pipeline, document["run"], "force"),
+        _device(pipeline, document["run"], "position"),
         RecordedCheck(
             date=datetime.fromisoformat(document["run"]["started"]),
             run=str(path),
@@ -100,9 +102,9 @@ def _tip(pipeline: Mapping[str, Any], model: str) -> dict[str, Any]:
     return dict(named or (tips[0] if len(tips) == 1 else {}))
 
 
-def _sensor(pipeline: Mapping[str, Any], run: Mapping[str, Any]) -> dict[str, str]:
-    """What identifies the device that the force is read from."""
-    device = str(pipeline.get("alignment", {}).get("force", {}).get("channel", "")).partition(".")[0]
+def _device(pipeline: Mapping[str, Any], run: Mapping[str, Any], role: str) -> dict[str, str]:
+    """What identifies the device that force or position are read from."""
+    device = str(pipeline.get("alignment", {}).get(role, {}).get("channel", "")).partition(".")[0]
     stated = {
         key.removeprefix(f"{device}."): text for key, text in run["inputs"].items() if key.startswith(f"{device}.")
     }
