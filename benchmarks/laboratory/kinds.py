@@ -73,7 +73,7 @@ SPECIMEN = (
     _is("pulse", "the surface beats, 0.1 mm at 1.2 Hz", breathing=(0.1e-3, 1.2)),
     _is("water", "in water: buoyancy 0.5 N/m and drag 0.5 N s/m", liquid=0.5, drag=0.5),
     _is("oil", "in oil: drag 5 N s/m", liquid=0.5, drag=5.0),
-    _is("lift-off", "the tip leaves at each turn", depth=2.2e-3, amplitude=2.4e-3, pulls=False),
+    _is("lift-off", "the tip leaves at each turn", depth=2.2e-3, amplitude=2.4e-3),
 )
 
 RIG = (

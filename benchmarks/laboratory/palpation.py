@@ -33,7 +33,6 @@ class Palpation:
     liquid: float = 0.0  # [N/m] buoyancy of a shaft in water
     drag: float = 0.0  # [N s/m] of a liquid
     meniscus: float = 0.0  # [N] by which a wet tip is pulled from touch to the way out
-    pulls: bool = True  # a dashpot that holds the surface at the tip; False: the surface comes back slower
 
     # tip
     tip: str = "sphere"  # what the tip is: sphere (its paraboloid), exact-sphere, flat, cone
