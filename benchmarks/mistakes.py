@@ -43,7 +43,6 @@ def measured(mistake: Mistake, seed: int) -> dict[str, Any]:
     except palpate.PalpateError as error:  # refused before any estimate
         return row | {"refused": str(error).splitlines()[0]}
     truth = mistake.palpation().truth()
-    row["flags"] = sorted({flag["code"] for flag in run.document["run"].get("flags", ()) if flag["severity"] != "note"})
     for estimator in ESTIMATORS:
         track = run.document["tracks"][f"dimensionality-reduction/{estimator}"]
         values = [track["parameters"][name] for name in ("elasticity", "viscosity")]
@@ -116,7 +115,7 @@ def _doubts(rows: Sequence[dict[str, Any]]) -> str:
         return "refused"
     codes: Counter[str] = Counter()
     for row in rows:
-        codes.update({*row["flags"], *(code for one in ESTIMATORS[2:] for code in row[one]["flags"])})
+        codes.update({code for one in ESTIMATORS[2:] for code in row[one]["flags"]})
     return ", ".join(f"`{code}`" for code, count in sorted(codes.items()) if count > len(rows) / 2)
 
 
@@ -131,7 +130,7 @@ noise 0.05 N, 5 um and 0.67 mm/s; the approach through air and the way out are i
 - **covered**: further off, but within two of the stated uncertainties
 - **told**: the verdict is doubtful or invalid, or the record is refused
 - **silent**: beyond two uncertainties, and the verdict is good
-- **false alarm**: doubtful, though both values are within one uncertainty
+- **false alarm**: doubtful, though both values are within one uncertainty and 5 %
 
 *shown* is how many standard deviations the record differs from the best that the declared model makes of it: the root
 of twice the logarithm of the likelihood ratio of the truth to the declared model, by force and by velocity. Below 3

@@ -90,7 +90,7 @@ def _jkr(p: Palpation, depth: Floats, rate: Floats) -> Floats:
     """Johnson, Kendall and Roberts 1971: touches at depth 0, and comes off where the stable branch ends."""
     modulus, w = _modulus(p), p.adhesion
     least = (np.pi * w * p.radius**2 / (8 * modulus)) ** (1 / 3)  # of the stable branch at a given depth
-    a = np.linspace(least, p.radius, 20000)
+    a = np.linspace(least, 3 * p.radius, 60000)
     depths = a**2 / p.radius - np.sqrt(2 * np.pi * w * a / modulus)
     forces = 4 * modulus * a**3 / (3 * p.radius) - np.sqrt(8 * np.pi * w * modulus * a**3)
     touched = np.zeros(len(depth), bool)

@@ -14,7 +14,7 @@ from laboratory.motion import RATE
 from laboratory.palpation import Palpation
 from laboratory.sensing import Log, make_log
 
-RIGHT = 0.02  # of a value
+RIGHT, NEAR = 0.02, 0.05  # of a value
 SHOWN = 3.0  # standard deviations
 OUTCOMES = ("right", "covered", "told", "silent", "false alarm")
 MASS = 0.14  # [kg] as declared
@@ -24,7 +24,7 @@ def outcome(track: Mapping[str, Any], truth: tuple[float, float]) -> str:
     """What a track's result is, by its values, their combined uncertainties and its verdict.
 
     right: within 2 %, without doubt. covered: further off, but within two stated uncertainties. told: doubtful or
-    invalid. silent: beyond both, without doubt. false alarm: doubtful, and every value within one uncertainty.
+    invalid. silent: beyond both, without doubt. false alarm: doubtful, and every value within one uncertainty and 5 %.
     """
     found = [track["parameters"][name] for name in ("elasticity", "viscosity")]
     doubt = track["verdict"] in ("doubtful", "invalid")
@@ -33,7 +33,8 @@ def outcome(track: Mapping[str, Any], truth: tuple[float, float]) -> str:
     errors = [abs(one["value"] - true) for one, true in zip(found, truth, strict=True)]
     spreads = [one["combined"] for one in found]
     if doubt:
-        return "false alarm" if all(e <= u for e, u in zip(errors, spreads, strict=True)) else "told"
+        good = all(e <= min(u, NEAR * t) for e, u, t in zip(errors, spreads, truth, strict=True))
+        return "false alarm" if good else "told"
     if all(e <= RIGHT * true for e, true in zip(errors, truth, strict=True)):
         return "right"
     within = all(e <= max(2 * u, RIGHT * t) for e, u, t in zip(errors, spreads, truth, strict=True))
@@ -51,13 +52,13 @@ def shown(mistake: Mistake) -> float:
     if p.commanded is not None:
         return float("inf")
     log = make_log(p, 0, noise=False)
-    if p.motion_unit != 1.0 or p.force_unit > 1.0:
+    if p.motion_unit != 1.0:
         return float("inf")  # no such machine
     same, first = np.diff(log.stamp, prepend=-1.0) > 0, log.stamp < 0.9
     log = Log(*(column[same] for column in (log.stamp, log.force, log.height, log.velocity, log.measuring)))
     force = log.force - log.force[first[same]].mean()
     slope = np.gradient(log.height, log.stamp)
-    inertia = -MASS * np.gradient(log.velocity, log.stamp)
+    inertia = MASS * -np.gradient(log.velocity, log.stamp)
     even = _even(log.stamp)
     left = _best_left((force - inertia)[even], log.height[even], log.velocity[even], p)
     by_rate = ((log.velocity - slope) / p.velocity_noise)[even]
@@ -89,7 +90,11 @@ def _best_left(force: Floats, height: Floats, velocity: Floats, p: Palpation) ->
         depth = np.maximum(surface - height, 0.0)
         stiffness = 8 / 3 * clean.elasticity * np.sqrt(clean.radius * depth)
         damping = 8 * clean.viscosity * np.sqrt(clean.radius * depth)
-        variance = p.force_noise**2 + (stiffness * p.position_noise) ** 2 + (damping * p.velocity_noise) ** 2
+        variance = (
+            (p.force_unit * p.force_noise) ** 2
+            + (stiffness * p.position_noise) ** 2
+            + (damping * p.velocity_noise) ** 2
+        )
         return float(np.sum((force - a @ weights) ** 2 / variance))
 
     span = np.linspace(-3e-3, 3e-3, 61)
