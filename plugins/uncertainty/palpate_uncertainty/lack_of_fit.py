@@ -82,7 +82,7 @@ class _NullBase:
     @property
     def p(self) -> float:
         """Of the directed tests as a family."""
-        return min(1.0, len(self.directed) * min((p for p, _ in self.directed.values()), default=1.0))
+        return min((1.0, *(len(self.directed) * p for p, _ in self.directed.values())))
 
     def by_motion(self, found: WhitenessTest, power: float) -> WhitenessTest:
         """Findings on residuals of this power [N^2]: nothing where the noise of the motion makes such a pattern."""
