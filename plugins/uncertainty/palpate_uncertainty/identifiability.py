@@ -67,7 +67,9 @@ def _judge(track: TrackEvidence) -> Diagnosed:
     flags = []
     if elsewhere.any():
         said = [_said(track, names, int(i), float(best.theta[i])) for i in np.flatnonzero(elsewhere)]
-        flags.append(Flag("elsewhere", f"least squares on the same samples finds {', '.join(said)}"))
+        text = f"least squares on the same samples finds {', '.join(said)}"
+        effects = dict(zip(names, np.where(elsewhere, away, 0.0).tolist(), strict=True))
+        flags.append(Flag("elsewhere", text, effects=effects))
     if short.any() or blind:
         said = [
             _percent(names[i], float(track.values[i]), float(track.std[i]), float(bound[i]))
@@ -76,9 +78,9 @@ def _judge(track: TrackEvidence) -> Diagnosed:
         said += [f"{name} has no effect on the force" for name in blind]
         pairs = _pairs(names, correlation)
         alike = f"; hard to tell apart: {', '.join(pairs)}" if pairs else ""
-        flags.append(
-            Flag("overconfident", f"the estimator claims more than the record determines: {', '.join(said)}{alike}")
-        )
+        text = f"the estimator claims more than the record determines: {', '.join(said)}{alike}"
+        effects = dict(zip(names, np.where(short, np.sqrt(lacks), 0.0).tolist(), strict=True))
+        flags.append(Flag("overconfident", text, effects=effects | dict.fromkeys(blind, np.inf)))
     flags += _undetermined(track, np.hypot(track.combined, terms))
     table: dict[str, Any] = {
         "least_squares": dict(zip(names, best.theta.tolist(), strict=True)),
@@ -151,7 +153,8 @@ def _along_the_way(track: TrackEvidence) -> Diagnosed:
         for i in np.flatnonzero(wrong)
     ]
     terms = np.where(wrong, np.sqrt(np.mean(found**2, axis=0)), 0.0)
-    flag = Flag("elsewhere", f"least squares on stretches of the path finds {', '.join(said)}")
+    effects = dict(zip(names, terms.tolist(), strict=True))
+    flag = Flag("elsewhere", f"least squares on stretches of the path finds {', '.join(said)}", effects=effects)
     return Diagnosed((flag,), dict(zip(names, terms.tolist(), strict=True)), table={"stretches": table})
 
 
