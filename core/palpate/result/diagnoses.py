@@ -159,6 +159,7 @@ def _evidence(name: str, track: Diagnosable, result: TrackResult, of_run: RunEvi
         of_run.tables,
         _ending(track, of_run),
         result.parameters,
+        record.keeper.air_after,
     )
 
 

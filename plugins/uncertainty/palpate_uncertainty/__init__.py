@@ -29,6 +29,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "one-frequency": Diagnosis("palpate_uncertainty.delay.one_frequency:one_frequency"),
         "geometry": Diagnosis("palpate_uncertainty.undeclared_thickness:geometry", quick=True),
         "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),
+        "free-air": Diagnosis("palpate_uncertainty.free_air:free_air"),
         "unloading": Diagnosis("palpate_uncertainty.unloading:unloading"),
     }
 
