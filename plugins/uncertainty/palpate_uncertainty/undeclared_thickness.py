@@ -58,7 +58,7 @@ def _of(track: TrackEvidence) -> Diagnosed | None:
     if not _is_material(track, share):
         return Diagnosed(table=table)
     text = (
-        f"no thickness of the specimen is declared: below {1e3 * needed:.2g} mm an elasticity is over 5 % too high, "
+        f"no thickness of the specimen is declared: below {1e3 * needed:.0f} mm an elasticity is over 5 % too high, "
         f"at {1e3 * _USUAL:.0f} mm by {100 * share:.0f} % (contact radius {1e3 * radius:.2g} mm)"
     )
     return Diagnosed((Flag("thickness-undeclared", text),), table=table)
