@@ -9,7 +9,7 @@ from palpate_control.control_limits import (
     EWMA,
     SHEWHART,
     WEIGHT,
-    Reading,
+    CheckValue,
     check_states,
     normalised_error,
 )
@@ -18,7 +18,7 @@ ALONE = 0.0  # standard uncertainty of a reference that is exactly known
 
 
 def readings(values, std=1.0, repeat_std=1.0):
-    return [Reading(float(value), std, repeat_std) for value in values]
+    return [CheckValue(float(value), std, repeat_std) for value in values]
 
 
 def test_e_n_by_hand():

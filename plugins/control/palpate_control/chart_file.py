@@ -16,7 +16,7 @@ from palpate import ConfigurationError, Settings
 from palpate.host import write_whole
 from pydantic import Field, ValidationError
 
-from palpate_control.control_limits import CheckState, Reading, check_states
+from palpate_control.control_limits import CheckState, CheckValue, check_states
 
 _FORMAT = 1
 _HEAD = "# Control chart: checks of a rig on a reference, in SI units. `palpate control RUN` appends a check.\n"
@@ -57,7 +57,7 @@ class ControlChart(Settings):
     @property
     def states(self) -> list[CheckState]:
         """The state of every check."""
-        readings = [Reading(check.value, check.std, check.repeat_std) for check in self.check]
+        readings = [CheckValue(check.value, check.std, check.repeat_std) for check in self.check]
         return check_states(readings, self.reference.value, self.reference.std)
 
 

@@ -16,7 +16,7 @@ _RANGE = 2 / math.sqrt(math.pi)  # d_2: mean moving range of two values over the
 
 
 @dataclass(frozen=True)
-class Reading:
+class CheckValue:
     """The value of a check [SI], with its uncertainties."""
 
     value: float
@@ -74,7 +74,7 @@ def normalised_error(value: float, std: float, reference: float, reference_std: 
     return (value - reference) / (COVERAGE * math.hypot(std, reference_std))
 
 
-def check_states(readings: Sequence[Reading], reference: float, reference_std: float) -> list[CheckState]:
+def check_states(readings: Sequence[CheckValue], reference: float, reference_std: float) -> list[CheckState]:
     """The state of every check, in their order.
 
     At first the centre is the reference, and the limits follow from the stated uncertainties: what all checks share
