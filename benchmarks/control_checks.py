@@ -5,7 +5,9 @@ Run: python benchmarks/control_checks.py [--labs 100] [-o FILE.csv]: some ten mi
 Every laboratory has a tip whose radius is 0.5 % off (standard uncertainty), a specimen whose Poisson's ratio is up to
 0.02 below 0.5, a reference whose value is off by its stated uncertainty (spring 0.5 %, specimen 1.3 %), and noise:
 force 50 mN, position 5 um, velocity 0.67 mm/s. It stands in air for 1 s, presses, and oscillates at 1 Hz for 2 s. The
-forces are written out here; `palpate.fit` estimates with its defaults, and E_n is that of `palpate control`.
+forces are written out here. Each run is estimated by `casadi-fit`; its combined uncertainty, and what of it differs
+from run to run, are the shares of the value that `palpate.fit` states of one run of the check with its defaults. E_n is
+that of `palpate control`.
 
 Four checks: a spring of 3 N/mm; a sphere of 5 mm on the specimen (112.5 kPa, 362 Pa s) at 1 to 4 mm of depth; the
 ratio of that and of the value at 0.3 to 1.5 mm, beside what differs from run to run; a flat tip of 5 mm, at 0.3 to
@@ -41,7 +43,7 @@ LARGEST = {"gain": 0.5, "height": 0.5, "radius": 1.0, "compliance": 1e-3, "poiss
 UNITS = {"gain": ("%", 100), "height": ("%", 100), "radius": ("%", 100), "poisson": ("", -1), "tare": ("N", 1)}
 CHECKS = {"spring": ("spring",), "sphere": ("deep",), "two depths": ("deep", "shallow"), "flat": ("flat",)}
 ANOTHER = {"sphere of 10 mm for one of 5 mm": ("sphere", 10e-3), "flat of 5 mm for the sphere": ("flat", 5e-3)}
-Run = tuple[float, float, float, bool]
+START = -1e-3  # [m] depth at rest in the air
 _LEAST = 1e-3  # relative shift that counts as any
 
 
@@ -70,11 +72,8 @@ def true_force(lab: Lab, depth, rate, radius: float, poisson: float):
     return elastic + 4 * VISCOSITY / (1 - poisson) * np.sqrt(radius * deep) * rate
 
 
-def measured(lab: Lab) -> Run:
-    """Value, combined standard uncertainty, what of it differs from run to run [SI], and whether a flag doubts it."""
-    import palpate
-    from palpate_models import DimensionalityReduction, Flat, KelvinVoigt, Sphere
-
+def record_of(lab: Lab) -> tuple[np.ndarray, ...]:
+    """Time [s], reading of the force [N], height [m] and velocity [m/s], as the rig has them."""
     of_lab = np.random.default_rng([lab.seed, 1])
     radius = RADIUS * (1 + 0.005 * of_lab.standard_normal() + lab.mistakes.get("radius", 0.0))
     poisson = 0.5 - 0.02 * of_lab.uniform() + lab.mistakes.get("poisson", 0.0)
@@ -85,10 +84,8 @@ def measured(lab: Lab) -> Run:
     phase = 2 * np.pi * FREQUENCY * (time - AIR - APPROACH)
     middle, swing = (low + high) / 2, (high - low) / 2
     wave, speed = middle - swing * np.cos(phase), 2 * np.pi * FREQUENCY * swing * np.sin(phase)
-    start = -1e-3
-    slope = (low - start) / APPROACH
-    way = start + slope * (time - AIR)
-    moving = np.where(time < AIR + APPROACH, np.where(time < AIR, start, way), wave)
+    slope = (low - START) / APPROACH
+    moving = np.where(time < AIR + APPROACH, START + slope * np.maximum(time - AIR, 0.0), wave)
     rate = np.where(time < AIR + APPROACH, np.where(time < AIR, 0.0, slope), speed)
     depth, given = moving, lab.mistakes.get("compliance", 0.0)
     force = true_force(lab, depth, rate, radius, poisson)
@@ -97,35 +94,61 @@ def measured(lab: Lab) -> Run:
         force = true_force(lab, depth, np.gradient(depth, time), radius, poisson)
     reading = force * (1 + lab.mistakes.get("gain", 0.0)) + lab.mistakes.get("tare", 0.0) * (time > AIR)
     scale = 1 + lab.mistakes.get("height", 0.0)
-    record = palpate.record(
-        time=time,
-        force=reading + noise.normal(0.0, FORCE_STD, len(time)),
-        height=-scale * moving + noise.normal(0.0, HEIGHT_STD, len(time)),
-        velocity=-scale * rate + noise.normal(0.0, SPEED_STD, len(time)),
-        timing="0.1 ms",
-        tip_mass=0,
-    )
+    reading = reading + noise.normal(0.0, FORCE_STD, len(time))
+    height = -scale * moving + noise.normal(0.0, HEIGHT_STD, len(time))
+    return time, reading, height, -scale * rate + noise.normal(0.0, SPEED_STD, len(time))
+
+
+def model_of(lab: Lab):
+    """The contact model that the pipeline states."""
+    from palpate_models import DimensionalityReduction, Flat, KelvinVoigt, Sphere
+
     if lab.kind == "spring":
-        model = KelvinVoigt()
-    else:
-        tip = Flat(radius=RADIUS) if lab.kind == "flat" else Sphere(radius=RADIUS)
-        model = DimensionalityReduction(indenter=tip, thickness="half-space")
-    fit = palpate.fit(record, model=model)
+        return KelvinVoigt()
+    tip = Flat(radius=RADIUS) if lab.kind == "flat" else Sphere(radius=RADIUS)
+    return DimensionalityReduction(indenter=tip, thickness="half-space")
+
+
+def value_of(lab: Lab) -> float:
+    """Elasticity or stiffness as `casadi-fit` estimates it from the oscillation [SI], the air subtracted."""
+    from palpate import Problem, Samples
+    from palpate_fits import CasadiFit
+
+    time, reading, height, velocity = record_of(lab)
+    rows = time >= AIR + APPROACH
+    always = np.ones(int(rows.sum()), bool)
+    tared = (reading - reading[time < 0.9 * AIR].mean())[rows]
+    stamps, interval = np.rint(time[rows] * 1e9).astype(np.int64), np.diff(time[rows], prepend=time[rows][0])
+    samples = Samples(stamps, time[rows], interval, tared, height[rows], velocity[rows], always, always)
+    return float(CasadiFit().start(Problem(model_of(lab), 0.0)).run(samples).values[-1][0])
+
+
+def whole_fit(lab: Lab) -> tuple[float, float, bool]:
+    """Of a run with all its diagnoses: combined standard uncertainty and that of a repeat, as shares; any doubt."""
+    import palpate
+
+    time, reading, height, velocity = record_of(lab)
+    record = palpate.record(time=time, force=reading, height=height, velocity=velocity, timing="0.1 ms", tip_mass=0)
+    fit = palpate.fit(record, model=model_of(lab))
     value = fit.parameters["stiffness" if lab.kind == "spring" else "elasticity"]
     doubtful = any(flag.severity in ("doubtful", "invalid") for flag in fit.flags)
-    return value.value, value.combined, math.hypot(value.std, value.budget.get("tare", 0.0)), doubtful
+    repeat = math.hypot(value.std, value.budget.get("tare", 0.0))
+    return value.combined / value.value, repeat / value.value, doubtful
 
 
-def normalised(check: str, runs: Sequence[Run], seed: int) -> float:
+def doubted(lab: Lab) -> bool:
+    """Whether a run's own flags doubt it."""
+    return whole_fit(lab)[2]
+
+
+def normalised(check: str, values: Sequence[float], shares: Sequence[tuple[float, float, bool]], seed: int) -> float:
     """E_n of a check; of two depths that of their ratio, beside what differs from run to run."""
     if check == "two depths":
-        (deep, _, one, _), (shallow, _, other, _) = runs
-        return math.log(deep / shallow) / (2 * math.hypot(one / deep, other / shallow))
+        return math.log(values[0] / values[1]) / (2 * math.hypot(shares[0][1], shares[1][1]))
     kind = CHECKS[check][0]
     truth = SPRING if kind == "spring" else ELASTICITY
     off = REFERENCE[kind] * np.random.default_rng([seed, 3]).standard_normal()
-    value, std, *_ = runs[0]
-    return normalised_error(value, std, truth * (1 + off), truth * REFERENCE[kind])
+    return normalised_error(values[0], shares[0][0] * values[0], truth * (1 + off), truth * REFERENCE[kind])
 
 
 class Study:
@@ -133,24 +156,26 @@ class Study:
 
     def __init__(self, labs: int, pool: ProcessPoolExecutor) -> None:
         self.labs, self.pool, self.fits = labs, pool, 0
+        kinds = dict.fromkeys(kind for of_check in CHECKS.values() for kind in of_check)
+        self.shares = dict(zip(kinds, pool.map(whole_fit, [Lab(0, kind) for kind in kinds]), strict=True))
 
-    def runs(self, check: str, seeds: Sequence[int], **changes) -> list[list[Run]]:
-        """The runs of a check in each laboratory."""
+    def values(self, check: str, seeds: Sequence[int], **changes) -> list[list[float]]:
+        """The values of a check in each laboratory."""
         wanted = [replace(Lab(seed, kind), **changes) for seed in seeds for kind in CHECKS[check]]
         self.fits += len(wanted)
-        found = list(self.pool.map(measured, wanted, chunksize=5))
+        found = list(self.pool.map(value_of, wanted, chunksize=5))
         step = len(CHECKS[check])
         return [found[i : i + step] for i in range(0, len(found), step)]
 
     def errors(self, check: str, seeds: Sequence[int], **changes) -> np.ndarray:
         """E_n of a check in each laboratory."""
-        found = self.runs(check, seeds, **changes)
-        return np.array([normalised(check, runs, seed) for runs, seed in zip(found, seeds, strict=True)])
+        found, shares = self.values(check, seeds, **changes), [self.shares[kind] for kind in CHECKS[check]]
+        return np.array([normalised(check, values, shares, seed) for values, seed in zip(found, seeds, strict=True)])
 
     def slope(self, check: str, mistake: str) -> float:
         """Relative shift of a check's statistic by one size of a mistake, as one laboratory has it."""
-        shifted, clean = (self.runs(check, [0], mistakes=mistakes)[0] for mistakes in ({mistake: SIZES[mistake]}, {}))
-        logs = [math.log(a[0] / b[0]) for a, b in zip(shifted, clean, strict=True)]
+        shifted, clean = (self.values(check, [0], mistakes=mistakes)[0] for mistakes in ({mistake: SIZES[mistake]}, {}))
+        logs = [math.log(a / b) for a, b in zip(shifted, clean, strict=True)]
         return (logs[0] - logs[1] if check == "two depths" else logs[0]) / SIZES[mistake]
 
 
@@ -196,11 +221,11 @@ def main() -> None:
     rows, slopes = [], {}
     with ProcessPoolExecutor() as pool:
         study = Study(asked.labs, pool)
-        seeds = range(-(-6 * asked.labs // 10))  # for the sizes; all others count
+        seeds = range(asked.labs)
         for check in CHECKS:
             clean = study.errors(check, seeds)
-            repeats = [study.runs(check, [0], repeat=i)[0] for i in range(1, 26)]
-            logs = [math.log(r[0][0] / (r[1][0] if check == "two depths" else 1.0)) for r in repeats]
+            repeats = [study.values(check, [0], repeat=i)[0] for i in range(1, 26)]
+            logs = [math.log(v[0] / (v[1] if check == "two depths" else 1.0)) for v in repeats]
             scatter = float(np.std(logs, ddof=1))
             alarms = int((np.abs(clean) > 1).sum())
             print(
@@ -216,10 +241,11 @@ def main() -> None:
                 later = "" if change is None else text_of(mistake, math.copysign(change, SIZES[mistake]))
                 print(f"  {mistake}: {shown}; change {later}", flush=True)
             for name, tip in ANOTHER.items() if check in ("sphere", "two depths") else ():
-                runs = study.runs(check, seeds, tip=tip)
-                errors = [normalised(check, run, seed) for run, seed in zip(runs, seeds, strict=True)]
-                count, doubtful = sum(abs(e) > 1 for e in errors), sum(run[0][3] for run in runs)
-                print(f"  {name}: {count} of {len(seeds)}; {doubtful} doubtful by their own flags", flush=True)
+                count = int((np.abs(study.errors(check, seeds, tip=tip)) > 1).sum())
+                doubtful = sum(pool.map(doubted, [Lab(seed, "deep", tip=tip) for seed in range(10)]))
+                print(
+                    f"  {name}: {count} of {len(seeds)}; {doubtful} of 10 runs doubtful by their own flags", flush=True
+                )
     alike(slopes)
     print(f"{study.fits} fits")
     if asked.out:
