@@ -76,6 +76,14 @@ class FitRecord:
         """The same motion with another force (n,) [N]."""
         return replace(self, force=force)
 
+    def displaced(self, step: Floats) -> FitRecord:
+        """The same forces at heights that are other by so much (n,) [m]; of a record with a history."""
+        history = None if self.history is None else self.history.copy()
+        if history is not None:
+            history[0, 1] += step[0]
+            history[1:, 1] += step[:-1]
+        return replace(self, height=self.height + step, history=history)
+
     def thinned(self, most: int) -> FitRecord:
         """About `most` samples, one from each stretch of equal length, at places that no period of a motion shares."""
         step = len(self) / most

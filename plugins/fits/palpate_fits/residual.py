@@ -210,11 +210,11 @@ def _advanced(model: ContactModel, row: Any, x: Any, transition: Any, memory: An
     theta, surface, delay = parameters[: -len(EXTRAS)], parameters[-len(EXTRAS)], parameters[-1]
 
     step = row[6]
+    before, after = (surface - height - delay * rate for height, rate in ((row[7], row[8]), (row[0], row[1])))
+    rate = (after - before) / ca.if_else(step > 0, step, 1.0)
 
     def slope(share: float, state: Any) -> Any:
-        height = row[7] + share * (row[0] - row[7])
-        rate = row[8] + share * (row[1] - row[8])
-        smooth, smooth_rate = smooth_depth(surface - height - delay * rate, rate, transition)
+        smooth, smooth_rate = smooth_depth(before + share * (after - before), rate, transition)
         return ca.vertcat(*model.memory_rate(smooth, smooth_rate, theta, ca.vertsplit(state)))
 
     if (found := fade_states(slope, step, memory)) is not None:

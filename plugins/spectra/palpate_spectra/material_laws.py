@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from palpate import Floats
 
 from palpate_spectra.complex_moduli import ModulusLine
-from palpate_spectra.consistency import covariance_of, stack_moduli
+from palpate_spectra.joint_covariance import Attempt, RecordingScatter, fit_jointly, stack, stack_moduli
 from palpate_spectra.spectral_lines import Phasors
 
 _REFERENCE = 2 * math.pi  # [rad/s] at which a power law's modulus is given: 1 Hz
@@ -40,7 +41,8 @@ class LawFit:
     stds: Floats
     chi2: float
     freedom: int
-    bic: float
+    bic: float  # with the determinant of the covariance, which differs from law to law
+    scatter: RecordingScatter
 
     @property
     def p(self) -> float:
@@ -97,41 +99,56 @@ LAWS = (
 def law_fits(lines: Sequence[ModulusLine]) -> list[LawFit]:
     """Every law with a free delay, by generalised least squares; those that have fewer numbers than the lines have.
 
-    The covariance is that of noise and of all that is not exactly known but the timing, which is what is looked for.
+    The covariance is that of noise, of all that is not exactly known but the timing, which is what is looked for, and
+    of the scatter between recordings (`fit_jointly`). What few recordings tell of their scatter widens the standard
+    uncertainties by Student's factor.
     """
-    half = np.asarray(np.linalg.cholesky(covariance_of(lines, without=["timing"])), np.float64)
-    found = [_fit(law, lines, half) for law in LAWS if 2 * len(lines) > len(law.parameters) + 1]
+    found = [_fit(law, lines) for law in LAWS if 2 * len(lines) > len(law.parameters) + 1]
     return [one for one in found if one is not None]
 
 
-def _fit(law: MaterialLaw, lines: Sequence[ModulusLine], half: Floats) -> LawFit | None:
+def _fit(law: MaterialLaw, lines: Sequence[ModulusLine]) -> LawFit | None:
+    omega = 2 * np.pi * np.array([line.frequency for line in lines])
+    nu, count, longest = lines[0].poisson, len(law.parameters), min(_MOST, math.pi / float(omega.max()))
+
+    def error(x: Floats) -> Floats:
+        return stack_moduli(lines, float(x[count]) * longest) - stack(law.shear(omega, np.exp(x[:count]), nu))
+
+    best: Any = None
+
+    def attempt(half: Floats) -> Attempt:
+        nonlocal best
+        best = _least(law, lines, lambda x: np.linalg.solve(half, error(x)), None if best is None else best.x)
+        return Attempt(error(best.x), -half @ best.jac, law.shear(omega, np.exp(best.x[:count]), nu))
+
+    try:
+        joint = fit_jointly(lines, attempt, without=["timing"])
+    except (ValueError, np.linalg.LinAlgError):  # the law is not finite anywhere
+        return None
+    covariance = np.linalg.pinv(best.jac.T @ best.jac)
+    spread = np.sqrt(covariance.diagonal()) * joint.factors(covariance, best.jac)
+    values, parts = np.exp(best.x[:count]), joint.scatter.parts
+    return LawFit(
+        law, float(best.x[count]) * longest, float(spread[count]) * longest, values, values * spread[:count],
+        joint.chi2, 2 * len(lines) - count - 1 - parts,
+        joint.chi2 + joint.log_determinant + (count + 1 + parts) * math.log(2 * len(lines)), joint.scatter,
+    )  # fmt: skip
+
+
+def _least(
+    law: MaterialLaw, lines: Sequence[ModulusLine], left: Callable[[Floats], Floats], before: Floats | None
+) -> Any:
+    """The least squares of `left`, from the law's own starts and from what was found before."""
     from scipy.optimize import least_squares
 
-    omega = 2 * np.pi * np.array([line.frequency for line in lines])
-    nu, g = lines[0].poisson, np.array([line.shear for line in lines])
-    count, longest = len(law.parameters), min(_MOST, math.pi / float(omega.max()))
-
-    def left(x: Floats) -> Floats:
-        shear = law.shear(omega, np.exp(x[:count]), nu)
-        model = np.concatenate([shear.real, shear.imag])
-        return np.asarray(np.linalg.solve(half, stack_moduli(lines, float(x[count]) * longest) - model), np.float64)
-
-    best = None
-    for start in law.starts(omega, g, nu):
-        bounds = ([-80.0] * count + [-1.0], [min(math.log(u), 80.0) for u in law.upper] + [1.0])
-        x = np.array([*np.log(start), 0.0])
-        tried = least_squares(left, x, bounds=bounds, x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12)
-        if best is None or tried.cost < best.cost:
-            best = tried
-    if best is None or not np.isfinite(best.cost):
-        return None
-    spread = np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)))
-    values = np.exp(best.x[:count])
-    chi2, freedom = 2.0 * float(best.cost), 2 * len(lines) - count - 1
-    return LawFit(
-        law, float(best.x[count]) * longest, float(spread[count]) * longest, values, values * spread[:count], chi2,
-        freedom, chi2 + (count + 1) * math.log(2 * len(lines)),
-    )  # fmt: skip
+    omega, g = 2 * np.pi * np.array([line.frequency for line in lines]), np.array([line.shear for line in lines])
+    own = [np.array([*np.log(start), 0.0]) for start in law.starts(omega, g, lines[0].poisson)]
+    bounds = ([-80.0] * len(law.parameters) + [-1.0], [min(math.log(u), 80.0) for u in law.upper] + [1.0])
+    tried = [
+        least_squares(left, start, bounds=bounds, x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12)
+        for start in (own if before is None else [before, *own])
+    ]
+    return min(tried, key=lambda one: float(one.cost))
 
 
 def supported_laws(fits: Sequence[LawFit], level: float = 1e-3) -> list[LawFit]:
