@@ -128,7 +128,7 @@ def force_of(material: Material) -> Floats:
 
 def record(force: Floats, noise: float, draw: int) -> Samples:
     """What a rig says of it."""
-    random = np.random.default_rng([11, draw])
+    random = np.random.default_rng([11, draw, round(1e6 * noise)])
     time = INTERVAL * np.arange(len(force))
     depth = depth_of(time)
     reading = force + noise * random.standard_normal(len(time))
