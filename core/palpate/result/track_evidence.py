@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.contact import ContactModel
 from palpate.estimation import Estimator
@@ -57,6 +59,9 @@ class TrackEvidence:
     found: Mapping[str, UncertainValue] = field(
         default_factory=dict
     )  # by parameter, what diagnoses of a lower order left
+    air_after: Floats = field(
+        default_factory=lambda: np.zeros((3, 0))
+    )  # (3, a) time [s], force [N], position [m] after the last contact, at most 4096 samples
 
 
 @dataclass(frozen=True)
