@@ -61,7 +61,7 @@ def kramers_kronig(lines: Sequence[ModulusLine]) -> Consistency:
     basis = np.column_stack([np.ones(len(omega)), 1j * omega, turned / (1 + turned)])
     both, moduli, strengths = np.vstack([basis.real, basis.imag]), stack_moduli(lines), np.zeros(basis.shape[1])
 
-    def attempt(half: Floats) -> Attempt:
+    def attempt(half: Floats, _rounds: int) -> Attempt:
         white = np.linalg.solve(half, both)
         sizes = np.linalg.norm(white, axis=0)
         strengths[:] = nnls(white / sizes, np.linalg.solve(half, moduli))[0] / sizes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from palpate import Floats
@@ -13,9 +14,9 @@ from palpate_spectra.complex_moduli import ModulusLine
 from palpate_spectra.spectral_lines import Phasors
 
 _ROUNDS = 20
-_SETTLED = 1e-7  # of the largest modulus
+_SETTLED = 1e-6  # of the largest modulus
 _LEAST, _MOST = 1e-5, 3.0  # scatter of a modulus between recordings, as a share of it; below the least there is none
-_STARTS = ((0.05, 0.05), (0.05, 1e-4), (1e-4, 0.05))
+_TRIED = (1e-4, 2e-3, 1e-2, 5e-2, 0.25)  # first, of each
 _SINGULAR = 1e-9  # of the largest singular value
 
 
@@ -117,9 +118,10 @@ def _shift(line: ModulusLine, name: str, predicted: complex) -> complex:
 
 
 def fit_jointly(
-    lines: Sequence[ModulusLine], attempt: Callable[[Floats], Attempt], without: Sequence[str] = ()
+    lines: Sequence[ModulusLine], attempt: Callable[[Floats, int], Attempt], without: Sequence[str] = ()
 ) -> JointFit:
-    """A fit to all lines; `attempt` is least squares under the covariance of a Cholesky factor (2 n, 2 n) [Pa].
+    """A fit to all lines; `attempt` is least squares under the covariance of a Cholesky factor (2 n, 2 n) [Pa],
+    and is told how many there were before.
 
     Common factors are scaled by the fit's own prediction, and the scatter of the recordings is estimated from its
     residuals, until neither changes.
@@ -127,16 +129,16 @@ def fit_jointly(
     recordings = len({line.run for line in lines})
     measured = np.array([line.shear for line in lines], np.complex128)
     alone = np.sqrt(shared_covariance(lines, measured, without).diagonal())  # of each line by itself, as a start
-    found, scatter = attempt(np.diag(alone)), RecordingScatter()
+    found, scatter = attempt(np.diag(alone), 0), RecordingScatter()
     between: tuple[Floats, ...] = ()
-    for _ in range(_ROUNDS):
+    for rounds in range(1, _ROUNDS):
         shared = shared_covariance(lines, found.prediction, without)
         if recordings > 1:
             parts = _parts(lines, found.prediction)
             scatter = _scatter(found, shared, parts, recordings)
             between = (scatter.storage**2 * parts[0], scatter.loss**2 * parts[1])
         half = np.asarray(np.linalg.cholesky(sum(between, shared)), np.float64)
-        before, found = found.prediction, attempt(half)
+        before, found = found.prediction, attempt(half, rounds)
         if np.abs(found.prediction - before).max() < _SETTLED * np.abs(before).max():
             break
     return JointFit(found, half, scatter, between)
@@ -171,8 +173,8 @@ def _scatter(found: Attempt, shared: Floats, parts: tuple[Floats, Floats], recor
         return float(rest @ rest + 2.0 * determinants)
 
     bounds = [(math.log(_LEAST), math.log(_MOST))] * 2
-    tried = [minimize(cost, np.log(start), bounds=bounds, method="L-BFGS-B") for start in _STARTS]
-    best = min(tried, key=lambda one: float(one.fun))
+    start = min(product(np.log(_TRIED), repeat=2), key=lambda pair: cost(np.array(pair)))
+    best = minimize(cost, start, bounds=bounds, method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-7})
     shares = [share if share > 2 * _LEAST else 0.0 for share in np.exp(best.x).tolist()]
     return RecordingScatter(shares[0], shares[1], recordings)
 

@@ -15,6 +15,7 @@ from palpate_spectra.joint_covariance import Attempt, RecordingScatter, fit_join
 from palpate_spectra.spectral_lines import Phasors
 
 _REFERENCE = 2 * math.pi  # [rad/s] at which a power law's modulus is given: 1 Hz
+_SEARCHED = 2  # covariances under which every start is tried
 _MOST = 0.2  # [s] of delay, and less than half a period of the highest line
 
 
@@ -103,22 +104,27 @@ def law_fits(lines: Sequence[ModulusLine]) -> list[LawFit]:
     of the scatter between recordings (`fit_jointly`). What few recordings tell of their scatter widens the standard
     uncertainties by Student's factor.
     """
-    found = [_fit(law, lines) for law in LAWS if 2 * len(lines) > len(law.parameters) + 1]
+    found = [fit_law(law, lines) for law in LAWS if 2 * len(lines) > len(law.parameters) + 1]
     return [one for one in found if one is not None]
 
 
-def _fit(law: MaterialLaw, lines: Sequence[ModulusLine]) -> LawFit | None:
-    omega = 2 * np.pi * np.array([line.frequency for line in lines])
+def fit_law(law: MaterialLaw, lines: Sequence[ModulusLine]) -> LawFit | None:
+    """One law with a free delay; None where it is not finite anywhere."""
+    omega, moduli = 2 * np.pi * np.array([line.frequency for line in lines]), np.array([line.shear for line in lines])
     nu, count, longest = lines[0].poisson, len(law.parameters), min(_MOST, math.pi / float(omega.max()))
 
     def error(x: Floats) -> Floats:
         return stack_moduli(lines, float(x[count]) * longest) - stack(law.shear(omega, np.exp(x[:count]), nu))
 
     best: Any = None
+    starts = [np.array([*np.log(start), 0.0]) for start in law.starts(omega, moduli, nu)]
 
-    def attempt(half: Floats) -> Attempt:
+    def attempt(half: Floats, rounds: int) -> Attempt:
         nonlocal best
-        best = _least(law, lines, lambda x: np.linalg.solve(half, error(x)), None if best is None else best.x)
+        white = np.linalg.inv(half)
+        from_where = [*([] if best is None else [best.x]), *(starts if rounds < _SEARCHED else [])]
+        tried = [_least(law, lambda x: white @ error(x), start) for start in from_where]
+        best = min(tried, key=lambda one: float(one.cost))
         return Attempt(error(best.x), -half @ best.jac, law.shear(omega, np.exp(best.x[:count]), nu))
 
     try:
@@ -135,20 +141,12 @@ def _fit(law: MaterialLaw, lines: Sequence[ModulusLine]) -> LawFit | None:
     )  # fmt: skip
 
 
-def _least(
-    law: MaterialLaw, lines: Sequence[ModulusLine], left: Callable[[Floats], Floats], before: Floats | None
-) -> Any:
-    """The least squares of `left`, from the law's own starts and from what was found before."""
+def _least(law: MaterialLaw, left: Callable[[Floats], Floats], start: Floats) -> Any:
+    """Least squares over logarithms of the parameters and the delay, as a share of the longest."""
     from scipy.optimize import least_squares
 
-    omega, g = 2 * np.pi * np.array([line.frequency for line in lines]), np.array([line.shear for line in lines])
-    own = [np.array([*np.log(start), 0.0]) for start in law.starts(omega, g, lines[0].poisson)]
     bounds = ([-80.0] * len(law.parameters) + [-1.0], [min(math.log(u), 80.0) for u in law.upper] + [1.0])
-    tried = [
-        least_squares(left, start, bounds=bounds, x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12)
-        for start in (own if before is None else [before, *own])
-    ]
-    return min(tried, key=lambda one: float(one.cost))
+    return least_squares(left, start, bounds=bounds, x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12)
 
 
 def supported_laws(fits: Sequence[LawFit], level: float = 1e-3) -> list[LawFit]:
