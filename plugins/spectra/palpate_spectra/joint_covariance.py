@@ -63,21 +63,29 @@ class JointFit:
         """Logarithm of the covariance's determinant."""
         return 2.0 * float(np.log(self.half.diagonal()).sum())
 
-    def factors(self, spread: Floats, slopes: Floats) -> Floats:
-        """Factors (p,) that widen standard deviations for the few recordings that their scatter is known from.
+    def uncertainty(self, slopes: Floats) -> Floats:
+        """Standard uncertainties (p,) of parameters with these slopes (2 n, p) of the data.
 
-        `spread` is the covariance (p, p) of the parameters, `slopes` the whitened Jacobian (2 n, p). t(nu)/t(inf) of
-        95 %, with the degrees of freedom nu of Welch and Satterthwaite, one less than recordings for each part.
+        Where recordings scatter they are widened by t(nu)/t(inf) of 95 %, nu the degrees of freedom that the estimates
+        of the scatter leave: Satterthwaite's, 2 V^2/var(V), by the information of the restricted likelihood.
         """
         from scipy.stats import t
 
-        total = np.maximum(spread.diagonal(), 1e-300)
-        shares = np.zeros(len(total))
-        for part in self.between:
-            white = np.linalg.solve(self.half, np.linalg.solve(self.half, part).T)
-            shares += (np.diag(spread @ slopes.T @ white @ slopes @ spread) / total) ** 2
-        freedom = (self.scatter.recordings - 1) / np.maximum(shares, 1e-12)
-        return np.asarray(t.ppf(0.975, freedom) / t.ppf(0.975, np.inf))
+        white = np.linalg.solve(self.half, slopes)
+        sizes = np.maximum(np.linalg.norm(white, axis=0), 1e-300)
+        white = white / sizes
+        spread = np.linalg.pinv(white.T @ white, hermitian=True)
+        variance = np.maximum(spread.diagonal(), 1e-300)
+        parts = [np.linalg.solve(self.half, np.linalg.solve(self.half, part).T) for part in self.between if part.any()]
+        freedom = np.full(len(variance), np.inf)
+        if parts:  # of each part's own size, so that its share is 1
+            rest = np.eye(len(white)) - white @ spread @ white.T
+            projected = [rest @ part @ rest for part in parts]
+            information = np.array([[0.5 * np.sum(one * other) for other in projected] for one in projected])
+            by_part = np.array([np.diag(spread @ white.T @ part @ white @ spread) for part in parts])
+            spreading = np.sum(by_part * (np.linalg.pinv(information, hermitian=True) @ by_part), axis=0)
+            freedom = np.maximum(2.0 * variance**2 / np.maximum(spreading, 1e-300), 1.0)
+        return np.asarray(np.sqrt(variance) / sizes * t.ppf(0.975, freedom) / t.ppf(0.975, np.inf))
 
 
 def stack_moduli(lines: Sequence[ModulusLine], delay: float = 0.0) -> Floats:

@@ -16,6 +16,8 @@ from palpate_spectra.spectral_lines import Phasors
 
 _REFERENCE = 2 * math.pi  # [rad/s] at which a power law's modulus is given: 1 Hz
 _SEARCHED = 2  # covariances under which every start is tried
+_PROBE, _STEP = 1e-6, 1e-4  # for derivatives by the delay [s], and by a parameter as a share of its first guess
+_APART = 1.05  # ratio of frequencies
 _MOST = 0.2  # [s] of delay, and less than half a period of the highest line
 
 
@@ -33,11 +35,11 @@ class MaterialLaw:
 
 @dataclass(frozen=True)
 class LawFit:
-    """A law and a delay, fitted."""
+    """A law and a delay that describe lines best."""
 
     law: MaterialLaw
-    delay: float  # [s] of the force
-    delay_std: float  # [s]
+    delay: float  # [s] of the force, beyond what is declared
+    delay_std: float  # [s]; NaN where it is the declared one
     values: Floats
     stds: Floats
     chi2: float
@@ -97,55 +99,77 @@ LAWS = (
 )  # fmt: skip
 
 
-def law_fits(lines: Sequence[ModulusLine]) -> list[LawFit]:
-    """Every law with a free delay, by generalised least squares; those that have fewer numbers than the lines have.
+def several_frequencies(lines: Sequence[ModulusLine]) -> bool:
+    """Whether lines are at so different frequencies that a delay can be distinguished from a loss."""
+    return max(line.frequency for line in lines) > _APART * min(line.frequency for line in lines)
 
-    The covariance is that of noise, of all that is not exactly known but the timing, which is what is looked for, and
-    of the scatter between recordings (`fit_jointly`). What few recordings tell of their scatter widens the standard
-    uncertainties by Student's factor.
+
+def law_fits(lines: Sequence[ModulusLine]) -> list[LawFit]:
+    """Every law by generalised least squares; those that have fewer numbers than the lines have.
+
+    At several frequencies with a free delay: the covariance is that of noise, of all that is not exactly known but the
+    timing, which is what is looked for, and of the scatter between recordings (`fit_jointly`). At one frequency the
+    delay is the declared one, and its uncertainty counts; a law has two numbers there at most.
     """
-    found = [fit_law(law, lines) for law in LAWS if 2 * len(lines) > len(law.parameters) + 1]
+    free = several_frequencies(lines)
+    counts = [len(law.parameters) + 1 if free else len(law.parameters) for law in LAWS]
+    most = 2 * len(lines) - 1 if free else min(2 * len(lines) - 1, 2)
+    found = [fit_law(law, lines) for law, count in zip(LAWS, counts, strict=True) if count <= most]
     return [one for one in found if one is not None]
 
 
 def fit_law(law: MaterialLaw, lines: Sequence[ModulusLine]) -> LawFit | None:
-    """One law with a free delay; None where it is not finite anywhere."""
+    """One law, and a delay where there are several frequencies; None where it is not finite anywhere."""
     omega, moduli = 2 * np.pi * np.array([line.frequency for line in lines]), np.array([line.shear for line in lines])
-    nu, count, longest = lines[0].poisson, len(law.parameters), min(_MOST, math.pi / float(omega.max()))
+    nu, count, free = lines[0].poisson, len(law.parameters), several_frequencies(lines)
+    longest = min(_MOST, math.pi / float(omega.max())) if free else 0.0
+    starts = [np.array([*np.log(start), *([0.0] if free else [])]) for start in law.starts(omega, moduli, nu)]
 
     def error(x: Floats) -> Floats:
-        return stack_moduli(lines, float(x[count]) * longest) - stack(law.shear(omega, np.exp(x[:count]), nu))
+        return stack_moduli(lines, float(x[-1]) * longest) - stack(law.shear(omega, np.exp(x[:count]), nu))
 
     best: Any = None
-    starts = [np.array([*np.log(start), 0.0]) for start in law.starts(omega, moduli, nu)]
 
     def attempt(half: Floats, rounds: int) -> Attempt:
         nonlocal best
         white = np.linalg.inv(half)
-        from_where = [*([] if best is None else [best.x]), *(starts if rounds < _SEARCHED else [])]
-        tried = [_least(law, lambda x: white @ error(x), start) for start in from_where]
-        best = min(tried, key=lambda one: float(one.cost))
+        tried = [*([] if best is None else [best.x]), *(starts if rounds < _SEARCHED else [])]
+        best = min((_least(law, lambda x: white @ error(x), x) for x in tried), key=lambda one: float(one.cost))
         return Attempt(error(best.x), -half @ best.jac, law.shear(omega, np.exp(best.x[:count]), nu))
 
     try:
-        joint = fit_jointly(lines, attempt, without=["timing"])
+        joint = fit_jointly(lines, attempt, without=["timing"] if free else [])
     except (ValueError, np.linalg.LinAlgError):  # the law is not finite anywhere
         return None
-    covariance = np.linalg.pinv(best.jac.T @ best.jac)
-    spread = np.sqrt(covariance.diagonal()) * joint.factors(covariance, best.jac)
-    values, parts = np.exp(best.x[:count]), joint.scatter.parts
+    values, late = np.exp(best.x[:count]), float(best.x[-1]) * longest
+    scale = np.max([np.exp(start[:count]) for start in starts], axis=0)  # for a value may be next to nothing
+    stds = joint.uncertainty(_slopes(law, lines, values, scale, late if free else None))
+    numbers = count + int(free) + joint.scatter.parts
     return LawFit(
-        law, float(best.x[count]) * longest, float(spread[count]) * longest, values, values * spread[:count],
-        joint.chi2, 2 * len(lines) - count - 1 - parts,
-        joint.chi2 + joint.log_determinant + (count + 1 + parts) * math.log(2 * len(lines)), joint.scatter,
+        law, late, float(stds[count]) if free else math.nan, values, stds[:count], joint.chi2,
+        2 * len(lines) - numbers, joint.chi2 + joint.log_determinant + numbers * math.log(2 * len(lines)),
+        joint.scatter,
     )  # fmt: skip
 
 
+def _slopes(
+    law: MaterialLaw, lines: Sequence[ModulusLine], values: Floats, scale: Floats, delay: float | None
+) -> Floats:
+    """Derivatives (2 n, p) of the moduli by the parameters, and by the delay unless that is not free."""
+    omega, nu = 2 * np.pi * np.array([line.frequency for line in lines]), lines[0].poisson
+    here = stack(law.shear(omega, values, nu))
+    found = [(stack(law.shear(omega, values + step, nu)) - here) / step.sum() for step in np.diag(_STEP * scale)]
+    if delay is not None:
+        found.append((stack_moduli(lines, delay - _PROBE) - stack_moduli(lines, delay + _PROBE)) / (2 * _PROBE))
+    return np.column_stack(found)
+
+
 def _least(law: MaterialLaw, left: Callable[[Floats], Floats], start: Floats) -> Any:
-    """Least squares over logarithms of the parameters and the delay, as a share of the longest."""
+    """Least squares over logarithms of the parameters and, if it is free, the delay as a share of the longest."""
     from scipy.optimize import least_squares
 
-    bounds = ([-80.0] * len(law.parameters) + [-1.0], [min(math.log(u), 80.0) for u in law.upper] + [1.0])
+    free = len(start) - len(law.parameters)
+    bounds = ([-80.0] * len(law.parameters) + [-1.0] * free, [min(math.log(u), 80.0) for u in law.upper] + [1.0] * free)
     return least_squares(left, start, bounds=bounds, x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12)
 
 
