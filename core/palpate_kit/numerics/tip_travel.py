@@ -31,6 +31,7 @@ class TipTravel:
     rate: Floats  # (n,) d' [m/s]
     acceleration: Floats  # (n,) d'' [m/s^2]
     window: float  # [s] of the local polynomial
+    rate_noise: float = 0.0  # [m/s] standard deviation of the noise that is left in the rate
 
 
 def zero_phase_motion(samples: Samples, window: float | None, longest: float = _LONGEST) -> TipTravel:
@@ -174,7 +175,7 @@ def _motion(samples: Samples, interval: float, width: int, noise: tuple[float, f
     smooth *= share
     slope -= smooth  # minus the rate of the height
     np.negative(acceleration, out=acceleration)
-    return TipTravel(slope, acceleration, width * interval)
+    return TipTravel(slope, acceleration, width * interval, _rate_noise(noise, width, interval))
 
 
 def _stretches(intervals: Floats, usual: float) -> Iterator[slice]:

@@ -109,5 +109,6 @@ def _displacements(
         return
     random = np.random.default_rng(_SEED)
     for _ in range(_PATTERNS):
-        step = _STEP * random.choice([-1.0, 1.0], len(record))
-        yield (record.displaced(step), x), (record.displaced(-step), x)
+        step, rate_step = _STEP * random.choice([-1.0, 1.0], (2, len(record)))
+        rate_step = rate_step * (record.rate_noise / max(record.height_noise, 1e-12))
+        yield (record.displaced(step, rate_step), x), (record.displaced(-step, -rate_step), x)

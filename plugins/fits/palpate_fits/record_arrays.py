@@ -35,6 +35,7 @@ class FitRecord:
     transition: float  # [m] over which contact sets in; far below anything that is measured
     history: Floats | None = None  # (n, 4) interval [s], smooth height, and smooth height and rate of the sample before
     window: int = 1  # samples that a smooth height is made of
+    rate_noise: float = 0.0  # [m/s] standard deviation of the noise of the rate, for models with memory
     noise: float | None = None  # [m] of the height, by its third differences; None: not taken yet
 
     def __len__(self) -> int:
@@ -72,21 +73,26 @@ class FitRecord:
         """Some of the samples, which keep their history."""
         history = None if self.history is None else self.history[rows]
         height, rate, acceleration, force, time, weight = (part[rows] for part in self.parts)
-        return FitRecord(height, rate, acceleration, force, time, weight, self.transition, history, self.window)
+        return FitRecord(
+            height, rate, acceleration, force, time, weight, self.transition, history, self.window, self.rate_noise
+        )
 
     def with_force(self, force: Floats) -> FitRecord:
         """The same motion with another force (n,) [N]."""
         return replace(self, force=force)
 
-    def displaced(self, step: Floats) -> FitRecord:
-        """The same forces at heights that are other by so much (n,) [m]; of a record with a history."""
+    def displaced(self, step: Floats, rate_step: Floats) -> FitRecord:
+        """The same forces at heights and rates that are other by so much (n,) [m], [m/s]; of a record with a history.
+
+        A rate by a symmetric window does not know the noise of its own instant, so that the two are independent.
+        """
         history = None if self.history is None else self.history.copy()
         if history is not None:
             smooth = local_cubic(step, self.window) if 1 < self.window <= len(step) else step
             history[:, 1] += smooth
             history[0, 2] += smooth[0]
             history[1:, 2] += smooth[:-1]
-        return replace(self, height=self.height + step, history=history)
+        return replace(self, height=self.height + step, rate=self.rate + rate_step, history=history)
 
     def thinned(self, most: int) -> FitRecord:
         """About `most` samples, one from each stretch of equal length, at places that no period of a motion shares."""
@@ -129,5 +135,5 @@ def make_record(
     transition = whole if travel is None else min(whole, max(_TRANSITION * travel, noise))
     return FitRecord(
         height, rate, acceleration, force, centred, weight, transition, history, 1 if smooth is None else smooth[1],
-        noise if n > 3 else None,
+        noise=noise if n > 3 else None,
     )  # fmt: skip

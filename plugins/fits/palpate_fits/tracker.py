@@ -205,7 +205,8 @@ class FitTracker:
         if not keep.all():
             columns, smooth = tuple(column[keep] for column in columns), smooth[keep]
         width = round(motion.window / max(median(samples.interval[1:]), 1e-12))
-        return make_record(columns, max(course.travel, 1e-12), remembers, (smooth, width))
+        record = make_record(columns, max(course.travel, 1e-12), remembers, (smooth, width))
+        return replace(record, rate_noise=motion.rate_noise) if remembers else record
 
     def _longest_window(self, samples: Samples) -> float:
         """Window [s] beyond which the motion is not smoothed: a model with memory adds up what is blurred."""
