@@ -194,3 +194,18 @@ def test_repeat_takes_logs(recorded, palpate, tmp_path, root):
     done = palpate("repeat", root / "tests" / "logs" / "corpus" / "commas.csv")
     assert done.returncode == 2
     assert "carries no pipeline" in done.stderr
+
+
+def test_what_is_assumed_of_one_model_is_said_of_its_tracks_alone(recorded, palpate, tmp_path):
+    added = ["--add-model", "standard-linear-solid", "--tracks", "*/ekf"]
+    done = palpate("replay", recorded / "log.mcap", *added, "--set", 'run.assumed=["model.standard-linear-solid.*"]')
+    assert done.returncode == 0, done.stderr
+    (folder,) = {path.parent for path in tmp_path.glob("runs/*/result.json")}
+    said = {
+        name: [flag["message"] for flag in track["flags"] if flag["code"] == "assumed"]
+        for name, track in tracks(folder).items()
+    }
+    assert said["dr/ekf"] == []
+    (message,) = said["standard-linear-solid/ekf"]
+    assert "model.standard-linear-solid.poisson" in message
+    assert tracks(folder)["dr/ekf"]["verdict"] == tracks(recorded)["dr/ekf"]["verdict"]

@@ -62,7 +62,8 @@ def compare(
     given = {"force": force, "position": position, "velocity": velocity, "time": time, "rate": rate}
     choices = {role: text for role, text in given.items() if text is not None}
     with progress(f"look at {log}"):
-        pipeline, refused = with_what_runs(_chosen(_source(log, choices), models, estimators, overrides or []))
+        source, added = _chosen(_source(log, choices), models, estimators, overrides or [])
+        pipeline, refused = with_what_runs(source, added)
     if log.suffix != ".toml":
         told = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())
         typer.echo(f"taken for known: {told}", err=True)
@@ -141,16 +142,20 @@ def _source(log: Path, choices: Mapping[str, str]) -> Source:
     return Source(pipeline_of(suggestion, log), Path(f"{log.name}.toml"))
 
 
-def _chosen(source: Source, models: str | None, estimators: str | None, overrides: list[str]) -> Source:
-    """A source with the models and estimators that are named."""
+def _chosen(
+    source: Source, models: str | None, estimators: str | None, overrides: list[str]
+) -> tuple[Source, set[tuple[str, str]]]:
+    """A source with the models and estimators that are named, and those that it had no table of, by kind and name."""
+    added = set[tuple[str, str]]()
     for kind, given in (("model", models), ("estimator", estimators)):
         if given is not None:
+            added |= {(kind, name) for name in _names(given) if name not in source.tables.get(kind, {})}
             source.tables[kind] = {name: _table(kind, name, source.tables) for name in _names(given)}
             if kind == "model":
                 _forget_models(source.tables)
     for assignment in overrides:
         source.override(assignment)
-    return source
+    return source, added
 
 
 def _forget_models(tables: dict[str, Any]) -> None:

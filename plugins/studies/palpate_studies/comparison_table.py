@@ -20,7 +20,7 @@ _ORDER = ("good", "note", "doubtful", "invalid")
 
 
 def tables(result: Result, refused: Mapping[str, str]) -> Iterator[Table | str]:
-    """One table for each model, the best verdicts first, then what was `refused` (reasons by track), and counts."""
+    """One table for each model, the best verdicts first; why tracks are in none (`refused`, by track); and counts."""
     ordered = sorted(result.tracks.items(), key=lambda item: (item[1].model, _ORDER.index(item[1].verdict)))
     for model, group in groupby(ordered, key=lambda item: item[1].model):
         tracks = [track for _, track in group]
@@ -33,8 +33,11 @@ def tables(result: Result, refused: Mapping[str, str]) -> Iterator[Table | str]:
         yield Table.of(
             f"model {model}", [*headings, "residual\nN", "NIS", "flags"], rows, ["estimator", "verdict", "flags"]
         )
-    if refused:
-        yield Table.of("not run", ["track", "why"], [list(row) for row in refused.items()], ["track", "why"])
+    failed = {
+        name: flag.message for name, track in result.tracks.items() for flag in track.flags if flag.code == "failed"
+    }
+    for name, why in {**refused, **failed}.items():
+        yield f"{name} has no result: {why}"
     usable = sum(track.usable for track in result.tracks.values())
     yield f"{usable} of {len(result.tracks) + len(refused)} usable"
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container
 from copy import copy, deepcopy
 from dataclasses import replace
-from typing import Any
 
 from palpate import ConfigurationError, PluginError
 from palpate.host import ConsentError, Pipeline, Source, build_pipeline, start_tracks
@@ -13,25 +12,25 @@ from palpate.host import ConsentError, Pipeline, Source, build_pipeline, start_t
 _KINDS = ("model", "estimator")
 
 
-def with_what_runs(source: Source) -> tuple[Pipeline, dict[str, str]]:
+def with_what_runs(source: Source, added: Container[tuple[str, str]]) -> tuple[Pipeline, dict[str, str]]:
     """The pipeline with the tracks that start, and why each other one does not, by MODEL/ESTIMATOR.
 
-    A model or an estimator whose table or code is refused takes its own tracks along, and no others. Raises
-    ConfigurationError for a mistake in anything else, and where nothing is left.
+    A part whose code is refused, or that was `added` (kinds and names) and lacks what no table says, takes its own
+    tracks along, and no others. Raises UserError for a mistake in anything else, and where nothing is left.
     """
-    whole = deepcopy(source.tables)
-    try:
-        pipeline, refused = build_pipeline(_copied(source, whole)), dict[str, str]()
-    except (ConfigurationError, PluginError) as error:
-        if isinstance(error, ConsentError):
-            raise
-        pipeline, refused = _without_refused(source, whole, error)
+    pipeline, bad = _built(source, added)
+    refused = {
+        f"{model}/{estimator}": bad.get(("model", model)) or bad["estimator", estimator]
+        for model in source.tables["model"]
+        for estimator in source.tables["estimator"]
+        if ("model", model) in bad or ("estimator", estimator) in bad
+    }
     running = []
     for track in pipeline.tracks:
         try:
             start_tracks(replace(pipeline, tracks=(track,)))
         except (ConfigurationError, PluginError) as error:
-            refused[str(track.name)] = _reason(error, pipeline)
+            refused[str(track.name)] = str(error).removeprefix(f"{pipeline.path}: ")
         else:
             running.append(track)
     if not running:
@@ -39,47 +38,40 @@ def with_what_runs(source: Source) -> tuple[Pipeline, dict[str, str]]:
     return replace(pipeline, tracks=tuple(running)), refused
 
 
-def _without_refused(
-    source: Source, whole: Mapping[str, Any], error: ConfigurationError | PluginError
-) -> tuple[Pipeline, dict[str, str]]:
-    """The pipeline without the parts that are refused by themselves; raises `error` where these are not the cause."""
-    bad = {
-        kind: {name: why for name in whole.get(kind, {}) if (why := _refusal(source, whole, kind, name)) is not None}
-        for kind in _KINDS
-    }
-    tables = deepcopy(dict(whole))
-    for kind in _KINDS:
-        tables[kind] = {name: table for name, table in tables.get(kind, {}).items() if name not in bad[kind]}
-    if not any(bad.values()) or not all(tables[kind] for kind in _KINDS):
-        raise error
-    refused = {}
-    for model in whole["model"]:
-        for estimator in whole["estimator"]:
-            if (why := bad["model"].get(model, bad["estimator"].get(estimator))) is not None:
-                refused[f"{model}/{estimator}"] = why
-    return build_pipeline(_copied(source, tables)), refused
+def _built(source: Source, added: Container[tuple[str, str]]) -> tuple[Pipeline, dict[tuple[str, str], str]]:
+    """The pipeline without the parts that are refused, and why these are, by kind and name."""
+    bad: dict[tuple[str, str], str] = {}
+    while True:
+        try:
+            return build_pipeline(_without(source, bad)), bad
+        except ConsentError:
+            raise
+        except (ConfigurationError, PluginError) as error:
+            left = [(kind, name) for kind in _KINDS for name in source.tables.get(kind, {}) if (kind, name) not in bad]
+            if isinstance(error, PluginError):  # of a check, which does not say where
+                told = {part: str(error) for part in left if _builds(_without(source, {**bad, part: ""}))}
+            else:
+                told = {part: error.by_table[part] for part in left if part in added and part in error.by_table}
+            if not told or any(all((kind, name) in {**bad, **told} for name in source.tables[kind]) for kind in _KINDS):
+                raise
+            bad |= told
 
 
-def _refusal(source: Source, whole: Mapping[str, Any], kind: str, name: str) -> str | None:
-    """Why a part is refused although nothing but its tips stands beside it; None where it is not."""
-    tables = {key: table for key, table in whole.items() if key in ("run", "device", "alignment", "indenter")}
-    alone = _copied(source, {**tables, kind: {name: whole[kind][name]}})
-    alone.tables["run"] = {key: value for key, value in whole.get("run", {}).items() if key == "plugins"}
+def _builds(source: Source) -> bool:
     try:
-        build_pipeline(alone, estimates=False)
-    except ConsentError:
-        raise
-    except (ConfigurationError, PluginError) as error:
-        return str(error).removeprefix(f"{source.path}: ")
-    return None
+        build_pipeline(source)
+    except (ConfigurationError, PluginError):
+        return False
+    return True
 
 
-def _reason(error: Exception, pipeline: Pipeline) -> str:
-    return str(error).removeprefix(f"{pipeline.path}: ")
-
-
-def _copied(source: Source, tables: Mapping[str, Any]) -> Source:
-    """A source with other tables, which building may rename."""
+def _without(source: Source, bad: dict[tuple[str, str], str]) -> Source:
+    """A copy of a source, which building may change, without some of its parts and what was assumed of them."""
     other = copy(source)
-    other.tables = deepcopy(dict(tables))
+    other.tables = deepcopy(source.tables)
+    for kind, name in bad:
+        del other.tables[kind][name]
+    if isinstance(run := other.tables.get("run"), dict) and "assumed" in run:
+        gone = tuple(f"{kind}.{name}." for kind, name in bad)
+        run["assumed"] = [key for key in run["assumed"] if not key.startswith(gone)]
     return other
