@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from palpate import Flag
 from palpate.host import display_unit
+from palpate_kit.terminal.quantities import value_with_uncertainty
 
 from palpate_spectra.complex_moduli import ModulusLine, RecordingModuli
 from palpate_spectra.consistency import Consistency, unexplained_harmonics
@@ -99,5 +100,5 @@ def values_of(fit: LawFit) -> str:
     text = []
     for (name, unit), value, std in zip(fit.law.parameters, fit.values.tolist(), fit.stds.tolist(), strict=True):
         word, factor = display_unit(unit)
-        text.append(f"{name} {factor * value:.4g} ± {factor * std:.2g} {word}".removesuffix(" 1"))
+        text.append(f"{name} {value_with_uncertainty(factor * value, factor * std)} {word}".removesuffix(" 1"))
     return "\n".join(text)
