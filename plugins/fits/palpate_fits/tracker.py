@@ -204,9 +204,11 @@ class FitTracker:
         smooth = smooth_height(samples, motion.window) if remembers else samples.position
         if not keep.all():
             columns, smooth = tuple(column[keep] for column in columns), smooth[keep]
+        travel = max(course.travel, 1e-12)
+        if not remembers:
+            return make_record(columns, travel, remembers)
         width = round(motion.window / max(median(samples.interval[1:]), 1e-12))
-        record = make_record(columns, max(course.travel, 1e-12), remembers, (smooth, width))
-        return replace(record, rate_noise=motion.rate_noise) if remembers else record
+        return replace(make_record(columns, travel, smooth=(smooth, width)), rate_noise=motion.rate_noise)
 
     def _longest_window(self, samples: Samples) -> float:
         """Window [s] beyond which the motion is not smoothed: a model with memory adds up what is blurred."""
