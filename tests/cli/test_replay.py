@@ -196,6 +196,19 @@ def test_repeat_takes_logs(recorded, palpate, tmp_path, root):
     assert "carries no pipeline" in done.stderr
 
 
+def test_an_assumption_belongs_to_its_model_or_to_all(root):
+    from palpate.config import load_pipeline
+    from palpate.pipeline.run_result import _assumed
+
+    kinds = ["model.kv.type=kelvin-voigt", 'run.assumed=["model.dr.poisson", "alignment.tip_mass"]']
+    pipeline = load_pipeline(root / "pipelines" / "point.toml", kinds)
+    said = {model: [flag.message for flag in _assumed(pipeline, model)] for model in (None, "dr", "kv")}
+    assert ["alignment.tip_mass" in text and "poisson" not in text for text in said[None]] == [True]
+    assert ["model.dr.poisson" in text for text in said["dr"]] == [True]
+    assert said["kv"] == []
+
+
+@pytest.mark.slow
 def test_what_is_assumed_of_one_model_is_said_of_its_tracks_alone(recorded, palpate, tmp_path):
     added = ["--add-model", "standard-linear-solid", "--tracks", "*/ekf"]
     done = palpate("replay", recorded / "log.mcap", *added, "--set", 'run.assumed=["model.standard-linear-solid.*"]')

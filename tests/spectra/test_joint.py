@@ -26,7 +26,7 @@ def lines_of(values, sines, viscosity=362.0, **known):
     return found
 
 
-@pytest.mark.parametrize("sines", [ONE, THREE])
+@pytest.mark.parametrize("sines", [ONE, pytest.param(THREE, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("values", [(112.6e3, 118.0e3, 106.6e3), (71e3, 74e3, 78e3, 81e3)])
 def test_a_joint_value_lies_within_its_recordings(values, sines):
     """Peelle's puzzle: scaled by each measured value, common factors made 9 to 16 kPa of the first three."""

@@ -4,6 +4,7 @@ import csv
 
 import numpy as np
 import pytest
+from palpate import ConfigurationError
 from palpate_kit.figures import common_limits
 
 
@@ -65,6 +66,28 @@ def palpate_models():
 '''
 
 
+def test_what_lacks_a_key_or_does_not_start_leaves_the_others(point_pipeline):
+    from palpate.host import Source
+    from palpate_studies.compare_command import _chosen
+    from palpate_studies.tracks_that_run import with_what_runs
+
+    def runs(*overrides):
+        source, added = _chosen(Source.read(point_pipeline), "dr,jkr", "fit,ting-fit", ['run.tracks=["*"]', *overrides])
+        return with_what_runs(source, added)
+
+    point_pipeline.write_text(point_pipeline.read_text() + '\n[estimator.fit]\ntype = "casadi-fit"\n')
+    pipeline, refused = runs()
+    assert [str(track.name) for track in pipeline.tracks] == ["dr/fit", "dr/ting-fit"]
+    assert set(refused) == {"jkr/fit", "jkr/ting-fit"}
+    assert "radius: is missing" in refused["jkr/fit"]
+    pipeline, refused = runs("estimator.fit.fixed={ surface = 0.0 }", 'estimator.fit.contact_point="gradient"')
+    assert [str(track.name) for track in pipeline.tracks] == ["dr/ting-fit"]
+    assert "neither fixed nor bounded" in refused["dr/fit"]
+    with pytest.raises(ConfigurationError, match="thikness"):  # what the file itself says wrong stays a mistake
+        runs('model.dr.thikness="2 mm"')
+
+
+@pytest.mark.slow
 def test_what_cannot_run_is_a_row_with_the_reason(palpate, point_pipeline, tmp_path):
     """A model that lacks its radius, and one of the user's own that is wrong: the others have their rows."""
     (point_pipeline.parent / "own.py").write_text(OWN)
