@@ -129,6 +129,8 @@ def _plain(value: float) -> str:
 
 
 def _shown(found: UncertainValue) -> str:
+    if found.verdict == "invalid":
+        return "none"
     return value_with_uncertainty(_scaled(found.value, found.unit), _scaled(found.combined, found.unit))
 
 

@@ -51,6 +51,8 @@ def _row(track: TrackResult, units: Mapping[str, str]) -> list[str]:
 
 
 def _shown(found: UncertainValue | None) -> str:
+    if found is not None and found.verdict == "invalid":
+        return "none"
     factor = display_unit(found.unit)[1] if found else 1.0
     return value_with_uncertainty(found.value * factor, found.combined * factor) if found else ""
 

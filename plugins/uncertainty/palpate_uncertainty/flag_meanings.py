@@ -33,9 +33,11 @@ _MODEL = {
         "lack-of-fit", "The filter's standard deviation is below half of the Cramer-Rao bound of the samples it used."
     ),
     "implausible": FlagMeaning(
-        "invalid",
-        "A parameter is outside of what is possible, by more than its standard deviation explains.",
+        "doubtful",
+        "A parameter is outside of what is possible, by more than its standard deviation explains; it has no value.",
         "Check units and signs, declare delays, or use a model without that parameter.",
+        structural=True,
+        voids=True,
     ),
     "surface-mismatch": _doubtful(
         "The estimated surface is not where the tip first touched.",
