@@ -37,9 +37,9 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "The air does not tell the tilt of the baseline, which is held at zero, or the tilt is most of the force.",
             "Record air over a fourth of the depth at least, or take --no-tilt where the force in air is level.",
         ),
-        "tilted-baseline": FlagMeaning(
-            "note",
-            "The force changes along the way through air, beyond its uncertainty; the line is taken off.",
-            "Look for drift, drag in liquid, or a pull of the cable.",
+        "viscosity-unclear": FlagMeaning(
+            "doubtful",
+            "The press does not tell its viscosity, and what it allows moves the modulus by more than 5 %.",
+            "State it by --parameter, press slower or at two speeds, or record the way out, too.",
         ),
     }

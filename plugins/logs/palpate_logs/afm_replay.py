@@ -31,6 +31,8 @@ SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-force-qi", ".jpk-qi-data", ".j
 _SECOND = 1e9  # [ns]
 _BLOCK = 4096  # readings in one batch
 _AIR = 0.3  # of the way down whose mean is the tare
+_WAYS = (0.0, 1.0)  # in and out
+_SEGMENTS = {"creep-compliance": (0.0, 2.0, 1.0), "stress-relaxation": (3.0, 0.0, 2.0, 1.0)}  # by afmformats' number
 _ROWS = {"tip": "tip position", "measured": "height (measured)", "piezo": "height (piezo)"}
 
 
@@ -38,8 +40,8 @@ class AfmReplay(Recording):
     """One curve of an atomic force microscope as a device: channels force [N], height [m] and segment.
 
     The height is that of the tip: the cantilever's, plus force over spring constant; or one of the columns as recorded.
-    Segments are counted from 0: on the way in, 1: on the way out. The extra `palpate[afm]` brings afmformats, which
-    knows JPK, Bruker, Asylum, AFM workshop, NT-MDT and Optics11 files and others.
+    The segment is 0 on the way in, 1 on the way out, 2 at rest between, 3 before the way in. The extra `palpate[afm]`
+    brings afmformats, which knows JPK, Bruker, Asylum, AFM workshop, NT-MDT and Optics11 files and others.
     Source of the tip position: Cappella and Dietler 1999, as nanite and the makers' software have it.
     """
 
@@ -163,6 +165,14 @@ class _AfmCurve:
         value = self.data.metadata.get("duration approach", None)
         return float(value) if value is not None and np.isfinite(value) and value > 0 else None
 
+    @property
+    def segment(self) -> Floats:
+        """(n,) 0 on the way in, 1 on the way out, 2 between, 3 before; 0 throughout where the file does not say it."""
+        if "segment" not in self.columns:
+            return np.zeros(len(self.force))
+        meanings = _SEGMENTS.get(str(self.data.metadata.get("imaging mode")), _WAYS)
+        return np.array(meanings)[np.minimum(self.column("segment").astype(int), len(meanings) - 1)]
+
     def column(self, name: str) -> Floats:
         """(n,) as recorded."""
         return np.asarray(self.data[name], np.float64)
@@ -224,8 +234,7 @@ class _AfmLink:
         time = curve.time(self.log.rate, path)
         if time is None:
             raise LogError(f"{path}: the file contains no time: set rate of the device")
-        segment = curve.column("segment") if "segment" in curve.columns else np.zeros(len(time))
-        values = np.column_stack([curve.force, self._height(curve), segment])
+        values = np.column_stack([curve.force, self._height(curve), curve.segment])
         stamps = _stamps(time)
         for begin in range(0, len(stamps), _BLOCK):
             rows = slice(begin, begin + _BLOCK)
