@@ -72,19 +72,23 @@ def change_point(position: Floats, force: Floats) -> ChangePoint | None:
     spread = float(((shape - shape.mean()) ** 2).sum())
     slope = float((shape * centred).sum()) / spread if spread > 0 else 0.0
     offset = float(f.mean()) - slope * float(shape.mean())
-    if surface - bottom < least or total - left <= _GAIN * noise * _hanging_together(f - offset - slope * shape):
+    if surface - bottom < least or total - left <= _GAIN * noise * samples_as_one(f - offset - slope * shape):
         return None
     return ChangePoint(surface, offset, float(np.sqrt(noise)), slope * float(shape.max()))
 
 
 def least_way(height: Floats, reach: float) -> float:
     """Way [m] below which heights (n,) that cover a reach [m] do not go down: by their noise, and by their reach."""
-    third = height[3:] - height[:-3] - 3.0 * (height[2:-1] - height[1:-2])
-    noise = float(np.sqrt(np.mean(third * third) / 20.0))
-    return min(max(_LEAST_SHARE * reach, _LEAST_NOISE * noise), _MOST_WAY)
+    return min(max(_LEAST_SHARE * reach, _LEAST_NOISE * white_noise(height)), _MOST_WAY)
 
 
-def _hanging_together(residual: Floats) -> float:
+def white_noise(values: Floats) -> float:
+    """Standard deviation of white noise that would give the third differences of values (n,), n > 3."""
+    third = values[3:] - values[:-3] - 3.0 * (values[2:-1] - values[1:-2])
+    return float(np.sqrt(np.mean(third * third) / 20.0))
+
+
+def samples_as_one(residual: Floats) -> float:
     """How many samples count as one, from the scatter of the means of eighths; at least 1."""
     edges, sizes = even_parts(len(residual), _PARTS)
     parts = np.add.reduceat(residual, edges) / sizes

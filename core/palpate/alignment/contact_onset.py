@@ -11,7 +11,6 @@ from palpate.alignment.settings import AlignmentSettings
 from palpate.alignment.slow_rise import RiseFinder
 from palpate.estimation import Samples
 
-_LEAST_RISE = 0.03  # [N] of a tenth of a second's mean
 _BELIEVED = 0.1  # of the rise: what the law of a change point may leave, beside the noise
 _COME_UP = 0.1  # of its way down, that a tip may have come up and still be on it
 _NEAR = 3.0  # touch forces, up to which contact is looked at
@@ -28,7 +27,7 @@ class ContactOnset:
         self._settings, self._threshold, self._lookback = settings, threshold, lookback
         self._rise: RiseFinder | None = None
         if settings.touch_force is None and lookback.back:
-            self._rise = RiseFinder(lookback.interval, _LEAST_RISE)
+            self._rise = RiseFinder(lookback.interval, threshold.least_rise)
         self._searched = 0  # samples
         self._change: tuple[int, ChangePoint | None] | None = None  # the latest, with the end of what it was sought in
         self.held = HeldSamples(lookback)
@@ -101,8 +100,9 @@ class ContactOnset:
         """Index within what is held at which contact began, and its change point; None: where it shows."""
         assert self.shown is not None
         held, shown = self.held.samples, self.shown
-        after = held.force[shown : shown + 1 + self._lookback.after]
-        beyond = np.flatnonzero(run_lengths(after > _NEAR * self._threshold.force, 0) >= SAMPLES_IN_A_ROW)
+        after = held[shown : shown + 1 + self._lookback.after]
+        far = after.force > self._threshold.times(_NEAR, after.time)
+        beyond = np.flatnonzero(run_lengths(far, 0) >= SAMPLES_IN_A_ROW)
         end = shown + (int(beyond[0]) if len(beyond) else len(after))
         if self._change is None or self._change[0] != end:
             self._change = end, self._change_point(shown, end)
