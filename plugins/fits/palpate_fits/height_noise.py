@@ -13,7 +13,7 @@ from palpate_fits.solvers import Solution
 from palpate_fits.uncertainty import scaled_inverse
 from palpate_fits.unknowns import Unknowns
 
-_STEP = 1e-6  # [m]
+_STEP = 0.2  # of the depth over which contact sets in, 1 um in a palpation of 5 mm: no derivative is taken across it
 _SAMPLES = 20_000
 _AT_EDGE = 1e-3  # standard deviations
 _FARTHEST = 0.1  # of a value; a correction beyond that is no first order
@@ -21,10 +21,10 @@ _FARTHEST = 0.1  # of a value; a correction beyond that is no first order
 
 def force_noise(residual: Residual, record: FitRecord, x: Floats, surface: int) -> float:
     """Standard deviation [N] that the noise of the height gives the residual: its own times the RMS of dF/dd."""
-    thinned, up, down = record.thinned(_SAMPLES), x.copy(), x.copy()
-    up[surface] += _STEP
-    down[surface] -= _STEP
-    slope = (residual.errors(thinned, up) - residual.errors(thinned, down)) / (2 * _STEP)
+    thinned, up, down, step = record.thinned(_SAMPLES), x.copy(), x.copy(), _STEP * record.transition
+    up[surface] += step
+    down[surface] -= step
+    slope = (residual.errors(thinned, up) - residual.errors(thinned, down)) / (2 * step)
     return record.height_noise * float(np.sqrt(np.mean(slope**2)))
 
 
@@ -62,9 +62,9 @@ def correct_attenuation(residual: Residual, record: FitRecord, unknowns: Unknown
 
 def _by_surface(residual: Residual, record: FitRecord, x: Floats, place: int) -> tuple[Floats, Floats]:
     """Slopes in depth of the weighted residual (n,) and of its Jacobian (n, p)."""
-    up, down = x.copy(), x.copy()
-    up[place] += _STEP
-    down[place] -= _STEP
+    up, down, step = x.copy(), x.copy(), _STEP * record.transition
+    up[place] += step
+    down[place] -= step
     high, rising = residual.whole(record, up)
     low, falling = residual.whole(record, down)
-    return (high - low) / (2 * _STEP), (rising - falling) / (2 * _STEP)
+    return (high - low) / (2 * step), (rising - falling) / (2 * step)

@@ -102,7 +102,9 @@ class FitTracker:
         """The fit of a record; raises NotFitted where it cannot be done."""
         settings, notes = self._settings, list[Flag]()
         course = passage(samples)
-        motion = zero_phase_motion(samples, settings.smoothing, longest_window(self._problem.model))
+        motion = zero_phase_motion(
+            samples, settings.smoothing, longest_window(self._problem.model, max(course.travel, 1e-12))
+        )
         rows = segment_rows(self._windows, samples, motion.rate, course)
         rows = _without_saturation(samples, rows, notes)
         approach = first_approach(samples, course)
