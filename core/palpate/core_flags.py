@@ -14,12 +14,20 @@ def _doubtful(meaning: str, remedy: str) -> FlagMeaning:
     return FlagMeaning("doubtful", meaning, remedy)
 
 
+def _structural(meaning: str, remedy: str) -> FlagMeaning:
+    return FlagMeaning("doubtful", meaning, remedy, structural=True)
+
+
 def _note(meaning: str, remedy: str) -> FlagMeaning:
     return FlagMeaning("note", meaning, remedy)
 
 
+def _sign(of: str, meaning: str) -> FlagMeaning:
+    return FlagMeaning("note", meaning, "", evidence_of=of)
+
+
 _ESTIMATE = {
-    "diagnosis-failed": _doubtful(
+    "diagnosis-failed": _structural(
         "A plugin that judges results ended in an error; its judgement is missing.",
         "Report the error to the plugin's authors.",
     ),
@@ -27,10 +35,11 @@ _ESTIMATE = {
         "The force never stayed above the touch threshold; nothing was estimated.",
         "Press deeper, or look at sign, tare and channel of the force.",
     ),
-    "never-started": _invalid(
-        "The samples in contact were too few for the estimator to start on; nothing was estimated.",
-        "Palpate for longer, or shorten the estimator's start_duration.",
+    "no-estimate": _invalid(
+        "Nothing was estimated, for the reason that is given.",
+        "Palpate for longer, or change the setting that the message names.",
     ),
+    "never-started": _sign("no-estimate", "The samples in contact were too few for the estimator to start on."),
     "failed": _invalid(
         "The code of an estimator or a contact model raised an exception, or answered in a wrong form; none is given.",
         "Fix the plugin where the message says; parts have checks (docs: plugins/testing).",
@@ -43,55 +52,55 @@ _ESTIMATE = {
         "The force changes too little against its noise, or a parameter has too little effect on it, to be estimated.",
         "Palpate with a larger amplitude or deeper.",
     ),
+    "contradicted": _structural(
+        "Another track of the same model, which is as good, finds another value.",
+        "Compare what the two estimators assume (`palpate compare`), and use the fit where there is one.",
+    ),
+    "undetermined": _structural(
+        "The uncertainty of a value is more than 20 % of it.",
+        "Record a motion on which the value has more effect, or lessen the largest row of its budget.",
+    ),
     "not-converged": _doubtful(
         "The estimate still moves at the end, too little was tracked, or a solver stopped early.",
         "Palpate for longer, or use an estimator that converges faster.",
     ),
-    "depth-not-positive": _doubtful(
-        "The estimated depth was not positive although the force says that there is contact.",
-        "Check tare and touch threshold, or use a kinematic filter.",
+    "filter-unstable": _doubtful(
+        "The filter left its range: it restarted, its depth was not positive, or its step was too long.",
+        "Use a kinematic filter, or check tare, touch threshold and the noise that is declared.",
     ),
-    "restarted": _doubtful(
-        "The filter restarted from its start values.",
-        "Check the noise that is declared, or use a kinematic filter.",
+    "depth-not-positive": _sign(
+        "filter-unstable", "The estimated depth was not positive although the force says that there is contact."
     ),
-    "resumed": _note(
-        "The estimate was carried over a pause in the samples or in the contact.",
-        "Nothing, unless gaps are not expected.",
-    ),
-    "too-stiff": _doubtful(
-        "The contact is too stiff for the filter's time step.",
-        "Record faster, use a lighter tip, or use a kinematic filter.",
-    ),
-    "covariance-repaired": _doubtful(
-        "The covariance lost its positivity to rounding and was repaired.",
-        "Declare a larger noise of position or of the parameters.",
-    ),
-    "blind": _note("Samples lacked a measurement and were predicted only.", "Nothing, where they are few."),
+    "restarted": _sign("filter-unstable", "The filter restarted from its start values."),
+    "too-stiff": _sign("filter-unstable", "The contact is too stiff for the filter's time step."),
+    "covariance-repaired": _sign("filter-unstable", "The covariance lost its positivity to rounding and was repaired."),
+    "resumed": _sign("gaps", "The estimate was carried over a pause in the samples or in the contact."),
+    "blind": _sign("gaps", "Samples lacked a measurement and were predicted only."),
 }
 
 _RECORD = {
-    "invalid": _note("A stream has readings that are marked invalid.", "Look at the sensor, where they are many."),
-    "duplicates": _note("Time-stamps of a stream are repeated.", "Look at the recording, where they are many."),
-    "backwards": _doubtful(
+    "invalid": _sign("gaps", "A stream has readings that are marked invalid."),
+    "duplicates": _sign("gaps", "Time-stamps of a stream are repeated."),
+    "backwards": _structural(
         "The time of a stream goes backwards.", 'Use another clock, such as time = "log", or record again.'
     ),
-    "gaps": _note("Readings of a stream are missing.", "Look at the recording, where they are many."),
-    "saturated": _doubtful("Readings are at the limit of the sensor's range.", "Press less deep, or change the range."),
-    "stuck": _doubtful(
+    "gaps": _note(
+        "Readings of a stream are missing, repeated or marked invalid.", "Look at the recording, where they are many."
+    ),
+    "lost-readings": _structural(
+        "More than one in twenty samples has no force.", "Look at the force's stream, and record again."
+    ),
+    "saturated": _structural(
+        "Readings are at the limit of the sensor's range.", "Press less deep, or change the range."
+    ),
+    "stuck": _structural(
         "A stream repeats exactly one reading for long.", "Look at sensor and driver; record at the true rate."
     ),
-    "missing-force": _note("Samples have no force.", "Look at the force's stream, where they are many."),
-    "missing-velocity": _note("Samples have no velocity.", "Look at the velocity's stream, where they are many."),
-    "velocity-late": _doubtful(
-        "The velocity lags the position: filtered (a mean of n samples is late by (n - 1)/2), or of another clock.",
-        "Declare the velocity's delay in [alignment], or leave the velocity out.",
-    ),
-    "clock-drift": _doubtful(
+    "clock-drift": _structural(
         "The time-stamps of force and motion gain on one another over the record.",
         'Use one clock for both, such as time = "log".',
     ),
-    "clock-wander": _doubtful(
+    "clock-wander": _structural(
         "The clock of a device strayed by more than the timing's declared uncertainty.",
         "Keep the machine for the rig, or declare a larger uncertainty in [alignment].",
     ),
@@ -99,17 +108,12 @@ _RECORD = {
         "The payload that the robot counts on, or its centre of mass, is not what hangs on it.",
         "Set payload and payload_centre of the arm, or correct them on the pendant.",
     ),
-    "no-tare": _doubtful(
-        "The record has too little free air for the tare that is asked for.",
-        "Record half a second of free air first, or give the tare as a force.",
-    ),
-    "untared": _doubtful("Before the first touch the force is not zero.", 'Set tare = "free-air", or tare the sensor.'),
     "touched-again": _note("Contact was lost and found again.", "Nothing, unless one contact was meant."),
     "backlog": _note(
         "Estimates of a live run came more than a second after their readings, or end before the record does.",
         "Use fewer or faster tracks, or a less busy computer; a replay of the log makes all estimates.",
     ),
-    "ended-early": _doubtful(
+    "ended-early": _structural(
         "A device that no safety check needs ended its stream while an arm still moved.",
         "Look at the device and its driver; what it would have sent is missing.",
     ),
@@ -126,7 +130,7 @@ _RECORD = {
 }
 
 _PIPELINE = {
-    "assumed": _doubtful(
+    "assumed": _structural(
         "The result rests on assumed values, such as a tip's radius that a suggestion has put in.",
         "Correct them in the pipeline and take them out of [run] assumed, or state them with --set.",
     ),

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import IntFlag
 from operator import attrgetter
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,6 +139,7 @@ class Estimator(Part, ABC):
 
     kind: ClassVar[str] = "estimator"
     online: ClassVar[bool] = True  # False: it wants all samples in one block
+    motion: ClassVar[Literal["position", "velocity", "both"]] = "both"  # what it takes the tip's motion from
 
     @property
     def declared_noise(self) -> tuple[float, float] | None:

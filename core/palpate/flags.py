@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
-from typing import Literal, get_args
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, get_args
 
 Severity = Literal["note", "doubtful", "invalid"]
 Verdict = Literal["good", "note", "doubtful", "invalid"]
@@ -25,27 +26,92 @@ ADVICE: dict[Verdict, str] = {  # what a person is to do with a track of that ve
 
 @dataclass(frozen=True)
 class Flag:
-    """A failed assumption: a code for programs and a sentence for readers."""
+    """A failed assumption: a code for programs and a sentence for readers.
+
+    `effects` is by how much what the flag names can move each value [SI], by name of the value; a name that is missing
+    is not moved, infinity stands for no bound, and None for an effect that is not known.
+    """
 
     code: str  # of lower-case words with hyphens; registered by `palpate_flags`
     message: str
     severity: Severity | None = field(default=None, compare=False)  # from the registry, once a result is made
+    effects: Mapping[str, float] | None = field(default=None, compare=False)
+    cause: str = field(default="", compare=False)  # the row of the budget that holds the effects; "" where none does
+    evidence: tuple[Flag, ...] = field(default=(), compare=False)  # other signs of the same cause
+    remedy: str = field(default="", compare=False)  # from the registry
 
     def __str__(self) -> str:
         return f"{self.code}: {self.message}"
 
-    def table(self) -> dict[str, str | None]:
+    def table(self) -> dict[str, Any]:
         """As in ``result.json``."""
-        return {"code": self.code, "message": self.message, "severity": self.severity}
+        table: dict[str, Any] = {"code": self.code, "message": self.message, "severity": self.severity}
+        if self.remedy:
+            table["remedy"] = self.remedy
+        if self.effects is not None:
+            table["effects"] = {name: size if math.isfinite(size) else None for name, size in self.effects.items()}
+        if self.evidence:
+            table["evidence"] = [{"code": sign.code, "message": sign.message} for sign in self.evidence]
+        return table
+
+    @classmethod
+    def of_table(cls, table: Mapping[str, Any]) -> Flag:
+        """The flag of a table as `table` makes it."""
+        effects = table.get("effects")
+        if effects is not None:
+            effects = {name: math.inf if size is None else size for name, size in effects.items()}
+        evidence = tuple(cls(sign["code"], sign["message"]) for sign in table.get("evidence", ()))
+        remedy = table.get("remedy", "")
+        return cls(table["code"], table["message"], table["severity"], effects, "", evidence, remedy)
 
 
 @dataclass(frozen=True)
 class FlagMeaning:
-    """What a flag's code means, the same wherever it is raised; `SEVERITIES` says what each severity is."""
+    """What a flag's code means, the same wherever it is raised; `SEVERITIES` says what each severity is.
+
+    A `structural` flag is doubtful whatever it can move: a wrong clock, readings at the sensor's limit. A code that is
+    `evidence_of` another is no flag of its own, but a sign of what the other one names.
+    """
 
     severity: Severity
     meaning: str  # one sentence
     remedy: str  # what to do, one sentence
+    structural: bool = False
+    evidence_of: str = ""
+
+
+UNREGISTERED = FlagMeaning("doubtful", "A flag that no plugin has registered.", "Ask the authors of the plugin.", True)
+
+
+def judged_flags(flags: Iterable[Flag], meanings: Mapping[str, FlagMeaning]) -> tuple[Flag, ...]:
+    """Flags with severity and remedy, one for each cause: those that are evidence of another stand under that one.
+
+    Where the other one was not raised itself, its evidence raises it. Its effects are the largest of all that are
+    known, and not known where none is.
+    """
+    causes: dict[str, list[Flag]] = {}
+    for place, flag in enumerate(flags):
+        meaning = meanings.get(flag.code, UNREGISTERED)
+        apart = f" {place}" if meaning.severity == "note" and not meaning.evidence_of else ""  # notes are no doubts
+        head = meaning.evidence_of if meaning.evidence_of in meanings else flag.code
+        causes.setdefault(head + apart, []).append(flag)
+    return tuple(_one(code.partition(" ")[0], signs, meanings) for code, signs in causes.items())
+
+
+def _one(code: str, signs: list[Flag], meanings: Mapping[str, FlagMeaning]) -> Flag:
+    """The flag of one cause, with its evidence."""
+    meaning = meanings.get(code, UNREGISTERED)
+    own = [sign for sign in signs if sign.code == code]
+    known = [sign.effects for sign in signs if sign.effects is not None]
+    names = dict.fromkeys(name for effects in known for name in effects)
+    effects = {name: max(e.get(name, 0.0) for e in known) for name in names} if known else None
+    message = "; ".join(dict.fromkeys(sign.message for sign in own or signs))
+    evidence = (*(sign for sign in signs if sign.code != code), *(e for sign in own for e in sign.evidence))
+    cause = next((sign.cause for sign in own or signs if sign.cause), "")
+    return replace(
+        signs[0], code=code, message=message, severity=meaning.severity, effects=effects, cause=cause,
+        evidence=evidence, remedy=meaning.remedy,
+    )  # fmt: skip
 
 
 def verdict(flags: Iterable[Flag]) -> Verdict:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from palpate import hooks
 from palpate.discovery import Plugin, discover, missing_methods
 from palpate.errors import PalpateError, PluginError, suggest
-from palpate.flags import Flag, FlagMeaning
+from palpate.flags import Flag, FlagMeaning, judged_flags
 from palpate.offers import (
     CalibrationReader,
     Check,
@@ -110,9 +110,13 @@ class Registry:
         return (*self.failures.values(), *self.oddities)
 
     def judged(self, flags: Iterable[Flag]) -> tuple[Flag, ...]:
-        """Flags with their severity; an unregistered one is doubtful."""
-        entries = ((flag, self.flags.get(flag.code)) for flag in flags)
-        return tuple(replace(flag, severity=entry.meaning.severity if entry else "doubtful") for flag, entry in entries)
+        """Flags with severity and remedy, one for each cause; an unregistered one is doubtful."""
+        return judged_flags(flags, self.meanings)
+
+    @cached_property
+    def meanings(self) -> Mapping[str, FlagMeaning]:
+        """What each flag's code means."""
+        return {code: entry.meaning for code, entry in self.flags.items()}
 
     def demand_sound(self, parts: Mapping[str, Mapping[str, Part]]) -> None:
         """Raise PluginError where a check refuses one of a pipeline's parts, by kind and name, or fails itself."""

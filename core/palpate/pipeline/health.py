@@ -68,13 +68,12 @@ class HealthReporter:
             for writer in self._health:
                 writer.health(finite_tree(table))
         if self._flags:
-            flags = record_flags(report, self._pipeline.alignment, None)
-            self._tell_flags(None, (flag for flag in flags if tracks or flag.code != "no-tare"))  # it may still come
+            registry = self._pipeline.registry
+            self._tell_flags(None, registry.judged(record_flags(report, self._pipeline.alignment, None)))
             for name, found in tracks.items():
-                self._tell_flags(name, found.flags)
+                self._tell_flags(name, found.judged(registry, ()).flags)
 
-    def _tell_flags(self, track: str | None, flags: Iterable[Flag]) -> None:
-        current = self._pipeline.registry.judged(flags)
+    def _tell_flags(self, track: str | None, current: tuple[Flag, ...]) -> None:
         codes = {flag.code for flag in current}
         if codes != self._known.get(track, set()):
             self._known[track] = codes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from palpate.flags import Flag
 from palpate.pipeline.device_flags import device_flags
 from palpate.pipeline.interrupt import Interrupt
 from palpate.pipeline.live.live_facts import EstimateFacts, LiveFacts
-from palpate.result import SCHEMA, TrackResult, finite, record_flags, stream_tables
+from palpate.result import SCHEMA, TrackResult, contradictions, finite, record_flags, stream_tables
 
 _BEHIND = 1.0  # [s]; estimates that were less late at worst have kept up
 
@@ -70,12 +70,24 @@ def build_result(
         folder,
         {key: finite(value) for key, value in {**facts, **_alignment_facts(report, pipeline.alignment)}.items()},
         stream_tables(report),
-        {name: track.judged(pipeline.registry, flags) for name, track in found.items()},
+        _judged(pipeline, found, flags),
         flags,
         truth_of(pipeline.devices),
         interrupt.reason,
         interrupt.signal,
     )
+
+
+def _judged(
+    pipeline: Pipeline, found: Mapping[str, TrackResult], of_record: tuple[Flag, ...]
+) -> dict[str, TrackResult]:
+    """The tracks' verdicts, each by itself and then beside the others of its model."""
+    alone = {name: track.judged(pipeline.registry, of_record) for name, track in found.items()}
+    against = contradictions(alone)
+    return alone | {
+        name: replace(found[name], flags=(*found[name].flags, flag)).judged(pipeline.registry, of_record)
+        for name, flag in against.items()
+    }
 
 
 def _alignment_facts(report: AlignmentReport, settings: AlignmentSettings) -> dict[str, Any]:

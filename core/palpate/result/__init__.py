@@ -1,5 +1,6 @@
 """Results: what a run found, what may be wrong with it, and where it is written."""
 
+from palpate.result.agreement import contradictions
 from palpate.result.diagnoses import Diagnosable, RunEvidence, apply_diagnoses
 from palpate.result.record_flags import track_flags
 from palpate.result.record_outcome import record_flags, stream_tables, track_result
@@ -29,6 +30,7 @@ __all__ = [
     "UncertainValue",
     "acceleration",
     "apply_diagnoses",
+    "contradictions",
     "finite",
     "finite_tree",
     "make_folder",

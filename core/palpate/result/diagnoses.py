@@ -90,7 +90,10 @@ def with_findings(result: TrackResult, model: ContactModel, name: str, finding: 
         parameters=parameters,
         budget=(*result.budget, *_rows(result, names, name, finding)),
         derived=tuple(_derived(value, model, result, finding, cause) for value in result.derived),
-        flags=(*(flag for flag in result.flags if flag.code not in finding.settles), *finding.flags),
+        flags=(
+            *(flag for flag in result.flags if flag.code not in finding.settles),
+            *(flag if flag.cause else replace(flag, cause=cause) for flag in finding.flags),
+        ),
         diagnoses=dict(result.diagnoses) | ({name: finding.table} if finding.table else {}),
     )
 

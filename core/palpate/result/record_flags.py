@@ -10,9 +10,9 @@ from palpate.estimation import Status
 from palpate.flags import Flag
 from palpate.result.track_record import TrackRecord
 
-_LATE = 1e-3  # [s] of the velocity against the position
 _DRIFT = 5e-4  # [s] between the clocks of two streams over a record
-_AIR = 0.2  # of the force that counts as touch: 0.05 N where the sensor has the paper's noise
+_FEW = 0.01  # of the samples, that may lack a reading
+_MANY = 0.05  # of the samples, from which on what was lost counts, whatever it does
 _STUCK = 0.1  # [s] of exactly equal readings
 _STIFF = 0.01  # of the samples; the few long steps of an arm that hesitates are no property of the contact
 
@@ -23,20 +23,12 @@ def alignment_flags(report: AlignmentReport, settings: AlignmentSettings) -> Ite
         yield from _stream_flags(name, health)
         if health.rate and health.longest_repeat / health.rate > _STUCK:
             yield Flag("stuck", f"{name} repeats one reading for {health.longest_repeat / health.rate:.2f} s")
-    if report.missing_force:
-        yield Flag("missing-force", f"{report.missing_force} of {report.samples} samples have no force")
-    if report.missing_velocity > 1:
-        yield Flag("missing-velocity", f"{report.missing_velocity} of {report.samples} samples have no velocity")
-    if report.velocity_delay is not None:
-        late, uncertainty = report.velocity_delay
-        if abs(late) > max(_LATE, 5 * uncertainty):
-            what = f"the velocity is {1e3 * late:.2g} ms late against the position: filtered, or of another clock"
-            yield Flag("velocity-late", what)
+    for name, count in (("force", report.missing_force), ("velocity", report.missing_velocity)):
+        if count > max(1, _FEW * report.samples):
+            yield Flag("gaps", f"{count} of {report.samples} samples have no {name}")
+    if report.missing_force > _MANY * report.samples:
+        yield Flag("lost-readings", f"{report.missing_force} of {report.samples} samples have no force")
     yield from _drift_flags(report, settings)
-    if settings.tare == "free-air" and (report.tare is None or report.tare.noise is None):
-        yield Flag("no-tare", "the record is too short, or has no force, for a tare in free air")
-    if report.air_force is not None and abs(report.air_force) > _AIR * report.touch_force:
-        yield Flag("untared", f"before the first touch the force is {report.air_force:+.2g} N, where it should be none")
     if report.touches > 1:
         yield Flag("touched-again", f"contact was lost and found again {report.touches - 1} times")
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Protocol
 
 from palpate.contact import ContactModel
 from palpate.estimation import Estimates, Samples
 from palpate.fit_report import BudgetRow, FitReport
-from palpate.flags import Flag, Verdict, verdict
+from palpate.flags import VERDICTS, Flag, Verdict, verdict
 from palpate.registry import Registry
+from palpate.result.materiality import weigh
 from palpate.result.uncertain_value import DerivedValue, UncertainValue, finite, finite_tree
 
 
@@ -33,6 +35,7 @@ class TrackResult:
     budget: tuple[BudgetRow, ...] = ()  # every source with its effect on each parameter
     diagnoses: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # what diagnoses say, by name
     verdict: Verdict = "good"  # worst severity of its flags and those of the record
+    immaterial: tuple[Flag, ...] = ()  # that can move no value beyond its uncertainty
 
     @property
     def usable(self) -> bool:
@@ -40,9 +43,36 @@ class TrackResult:
         return self.verdict != "invalid"
 
     def judged(self, registry: Registry, of_record: Sequence[Flag]) -> TrackResult:
-        """The result with severities and verdict; flags of the record (judged, too) concern every track."""
-        flags = registry.judged(self.flags)
-        return replace(self, flags=flags, verdict=verdict((*of_record, *flags)))
+        """The result with the flags that matter, and its verdicts; flags of the record (judged) concern every track."""
+        free = self._free
+        flags = [*self.flags, *self._without_value(registry)]
+        weighed = weigh(flags, free, registry)
+        every = verdict(of_record)
+        common: Verdict = every if every in ("doubtful", "invalid") else "good"
+        by_value = {name: max(common, own, key=VERDICTS.index) for name, own in weighed.by_value.items()}
+        worst = max(by_value.values(), default=common, key=VERDICTS.index)
+        return replace(
+            self,
+            parameters={
+                name: replace(value, verdict=by_value.get(name, common)) for name, value in self.parameters.items()
+            },
+            derived=tuple(replace(value, found=replace(value.found, verdict=worst)) for value in self.derived),
+            flags=weighed.findings,
+            immaterial=weighed.immaterial,
+            verdict=verdict((*of_record, *weighed.findings)),
+        )
+
+    @property
+    def _free(self) -> Mapping[str, UncertainValue]:
+        """The parameters that were estimated, and not held fixed."""
+        unknowns = self.report.unknowns if self.report else {}
+        return {n: value for n, value in self.parameters.items() if n not in unknowns or unknowns[n].free}
+
+    def _without_value(self, registry: Registry) -> Iterator[Flag]:
+        """A track without any number, of which nothing else says why."""
+        lost = self.parameters and not any(math.isfinite(value.value) for value in self.parameters.values())
+        if lost and verdict(registry.judged(self.flags)) != "invalid":
+            yield Flag("no-estimate", "the track never had a value")
 
     def table(self) -> dict[str, Any]:
         """As in ``result.json``."""
@@ -58,6 +88,7 @@ class TrackResult:
             "nis": finite(self.nis),
             "budget": [finite_tree(asdict(row)) for row in self.budget],
             "flags": [flag.table() for flag in self.flags],
+            **({"immaterial": [flag.table() for flag in self.immaterial]} if self.immaterial else {}),
             "seconds_per_sample": self.seconds_per_sample,
             **({"fit": finite_tree(self.report.table())} if self.report else {}),
             **({"details": finite_tree(self.details)} if self.details else {}),

@@ -11,6 +11,7 @@ import numpy as np
 
 from palpate.contact import ContactModel
 from palpate.fit_report import Effect
+from palpate.flags import Verdict
 from palpate.vectors import Floats
 
 
@@ -39,6 +40,7 @@ class UncertainValue:
     places: Mapping[str, float] = field(default_factory=dict)  # of a sweep: how many, and how they differ
     last: Mapping[str, float] = field(default_factory=dict)  # of a sweep: value and std at its end
     left: Mapping[str, float] = field(default_factory=dict)  # terms that are others for the corrected value
+    verdict: Verdict | None = None  # None until it has been judged
 
     @property
     def combined(self) -> float:
@@ -46,6 +48,17 @@ class UncertainValue:
         if self.unknown:
             return math.nan
         return math.hypot(self.std, self.settling, self.systematic or 0.0)
+
+    @property
+    def of_one_place(self) -> float:
+        """Combined uncertainty without how the places of a sweep differ, which is no error."""
+        return self.without("places")
+
+    def without(self, *causes: str) -> float:
+        """Combined standard uncertainty of all parts but those of some causes, which may be unknown."""
+        others = [share for cause, share in self.budget.items() if cause not in (*causes, "places")]
+        own = [size for cause, size in (("estimator", self.std), ("settling", self.settling)) if cause not in causes]
+        return math.hypot(*own, *others)
 
     @property
     def corrected(self) -> UncertainValue | None:
@@ -69,8 +82,10 @@ class UncertainValue:
             known |= {"bias": self.bias.shift, "bias_std": finite(self.bias.std)}
             corrected = self.corrected
             known |= {"corrected": corrected.value, "corrected_combined": corrected.combined} if corrected else {}
+        if self.verdict is not None:
+            known["verdict"] = self.verdict
         along = {key: table for key, table in (("places", self.places), ("last", self.last)) if table}
-        return {**{key: finite(value) for key, value in known.items()}, **finite_tree(along)}
+        return {**{key: finite(entry) for key, entry in known.items()}, **finite_tree(along)}
 
     def effect(self, contribution: float, sensitivity: float | None = None) -> Effect:
         """What a source does to the value by a standard uncertainty [SI]."""

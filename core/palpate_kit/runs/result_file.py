@@ -57,7 +57,7 @@ def is_whole(path: Path) -> bool:
 
 def read_flags(tables: Iterable[Mapping[str, Any]]) -> tuple[Flag, ...]:
     """The flags of a result that was read."""
-    return tuple(Flag(table["code"], table["message"], table["severity"]) for table in tables)
+    return tuple(map(Flag.of_table, tables))
 
 
 def _document(path: Path) -> dict[str, Any]:

@@ -57,6 +57,9 @@ class ValueDocument(Document):
     )
     corrected: Number = Field(None, description="value less its known bias")
     corrected_combined: Number = Field(None, description="combined uncertainty of the corrected value")
+    verdict: Literal["good", "note", "doubtful", "invalid"] | Absent = Field(
+        None, description="worst severity of the flags that can move this value"
+    )
     places: PlacesDocument | Absent = None
     last: LastDocument | Absent = None
 
@@ -75,6 +78,13 @@ class DerivedValueDocument(ValueDocument):
     caveat: str = Field(description="what has to hold for it to be a property of the material")
 
 
+class EvidenceDocument(Document):
+    """A sign of what a flag names."""
+
+    code: str = Field(description="for programs")
+    message: str = Field(description="a sentence for readers")
+
+
 class FlagDocument(Document):
     """A failed assumption."""
 
@@ -85,6 +95,11 @@ class FlagDocument(Document):
     severity: Literal["note", "doubtful", "invalid"] | None = Field(
         description="what it means for the numbers; null where the code is not registered"
     )
+    remedy: str = Field("", description="what to do")
+    effects: dict[str, Number] = Field(
+        {}, description="by how much it can move each value [SI], by name; null without bound; absent where not known"
+    )
+    evidence: list[EvidenceDocument] = Field([], description="other signs of the same cause")
 
 
 class EffectDocument(Document):
@@ -163,6 +178,9 @@ class TrackDocument(Document):
     )
     budget: list[BudgetDocument] = Field(description="every source of uncertainty with its effect on each parameter")
     flags: list[FlagDocument] = Field(description="what speaks against it; those of the record come first")
+    immaterial: list[FlagDocument] = Field(
+        [], description="flags that can move no value beyond its uncertainty, and are no doubt"
+    )
     seconds_per_sample: float = Field(description="of computing [s]")
     fit: FitDocument | Absent = Field(None, description="of an offline fit")
     details: Open = Field({}, description="what the estimator says beyond its numbers; each fills it as it likes")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from palpate import Flag, ReportSection
@@ -12,6 +13,7 @@ from palpate.host import Result, TrackResult, UncertainValue, display_unit, func
 from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
 from palpate_kit.terminal.table import Table as Cells
 
+_SHOWN = 3  # flags of a track; the rest is counted
 _ALONG = "ranges along the path of the tip; by place: palpate map {folder}"
 
 if TYPE_CHECKING:
@@ -39,9 +41,7 @@ def result_view(result: Result, sections: Mapping[str, ReportSection] | None = N
         known = [_scaled(result.truth.get(name, math.nan), unit) for name, unit in units.items()]
         surface = _scaled(result.truth.get("surface", math.nan), "m")
         table.add_row("truth", *(_plain(v) for v in known), "", _plain(surface), "", "", style="dim")
-    lines = [f"  every track: {flag}" for flag in result.flags]
-    lines += list(_track_lines(result))
-    flags = [Text(line, style="yellow") for line in lines]
+    flags = [Text(line, style="yellow") for line in flag_lines(result)]
     head = [Text("flags")] if flags else [Text("no flags")]
     said = [Text(_ALONG.format(folder=result.folder))] if any(map(_swept, result.tracks.values())) else []
     return Group(
@@ -81,17 +81,31 @@ def _more(result: Result, sections: Mapping[str, ReportSection]) -> Iterator[Ren
             yield shown.view() if isinstance(shown, Cells) else Text(shown)
 
 
-def _track_lines(result: Result) -> Iterator[str]:
-    """Flags by track; an undeclared timing, which concerns most of them, is said once, with their names."""
-    undeclared = {label: flag for label, track in result.tracks.items() for flag in track.flags if _undeclared(flag)}
-    for flag in list(undeclared.values())[:1]:
-        yield f"  {', '.join(undeclared)}: {flag}"
-    for label, track in result.tracks.items():
-        yield from (f"  {label}: {flag}" for flag in track.flags if not _undeclared(flag))
+def flag_lines(result: Result) -> Iterator[str]:
+    """At most three flags of the record and of each track, the worst first; one that several tracks share is said once.
+
+    Each is followed by what to do; notes are not.
+    """
+    yield from _lines({"every track": result.flags})
+    yield from _lines({label: track.flags for label, track in result.tracks.items()})
 
 
-def _undeclared(flag: Flag) -> bool:
-    return flag.code == "timing-undeclared"
+def _lines(flags: Mapping[str, Sequence[Flag]]) -> Iterator[str]:
+    shared: dict[str, dict[str, Flag]] = {}
+    for label, every in flags.items():
+        for flag in every[:_SHOWN]:
+            shared.setdefault(flag.code, {})[label] = flag
+    for concerned in shared.values():
+        flag = next(iter(concerned.values()))
+        of_first = f" ({next(iter(concerned))})" if len(set(concerned.values())) > 1 else ""
+        yield f"  {', '.join(concerned)}: {flag}{of_first}"
+        if flag.severity != "note" and flag.remedy:
+            yield f"    -> {flag.remedy}"
+    more = {label: every[_SHOWN:] for label, every in flags.items() if every[_SHOWN:]}
+    for label, rest in more.items():
+        count = Counter("note" if flag.severity == "note" else "flag" for flag in rest)
+        counted = " and ".join(f"{n} {word}{'s' if n > 1 else ''}" for word, n in sorted(count.items()))
+        yield f"  {label}: and {counted}"
 
 
 def _range(track: TrackResult, name: str) -> str:

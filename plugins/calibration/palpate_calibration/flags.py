@@ -3,15 +3,22 @@
 from palpate import FlagMeaning
 
 
-def _doubtful(meaning: str, remedy: str) -> FlagMeaning:
-    return FlagMeaning("doubtful", meaning, remedy)
+def _structural(meaning: str, remedy: str) -> FlagMeaning:
+    return FlagMeaning("doubtful", meaning, remedy, structural=True)
+
+
+def _sign(of: str, meaning: str) -> FlagMeaning:
+    return FlagMeaning("note", meaning, "", evidence_of=of)
 
 
 CALIBRATION_FLAGS = {
-    "calibration-old": _doubtful("The calibration is older than allowed, or from the future.", "Calibrate again."),
-    "calibration-sensor": _doubtful("The calibration was made with another sensor or arm.", "Calibrate this one."),
-    "calibration-tip": _doubtful("The calibration was made with another tip.", "Calibrate with this tip."),
-    "calibration-offset": _doubtful(
+    "calibration-old": _structural("The calibration is older than allowed, or from the future.", "Calibrate again."),
+    "calibration-other": _structural(
+        "The calibration was made with another sensor, arm or tip.", "Calibrate what is on the robot now."
+    ),
+    "calibration-sensor": _sign("calibration-other", "The calibration was made with another sensor or arm."),
+    "calibration-tip": _sign("calibration-other", "The calibration was made with another tip."),
+    "calibration-offset": _structural(
         "The sensor was restarted after its offset was calibrated: the offset has moved.",
         "Calibrate again, or let the standstill or the free air give the tare.",
     ),
@@ -20,10 +27,10 @@ CALIBRATION_FLAGS = {
         "It is not known whether the sensor was restarted after its offset was calibrated.",
         "State [device.*] supply, or let the standstill or the free air give the tare.",
     ),
-    "calibration-mass": _doubtful(
-        "The tip's mass in the file contradicts the calibration.", "Correct one of them, or leave tip_mass out."
+    "calibration-contradicted": _structural(
+        "The tip's mass or a delay in the file contradicts the calibration.",
+        "Correct one of them, or leave tip_mass or the delay out of the file.",
     ),
-    "calibration-delay": _doubtful(
-        "The delay in the file contradicts the calibration.", "Correct one of them, or leave the delay out."
-    ),
+    "calibration-mass": _sign("calibration-contradicted", "The tip's mass in the file contradicts the calibration."),
+    "calibration-delay": _sign("calibration-contradicted", "The delay in the file contradicts the calibration."),
 }

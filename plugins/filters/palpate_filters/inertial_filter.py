@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from palpate import (
@@ -46,6 +46,7 @@ class PaperStart(Estimator, ABC):
     and the damping of the material at a depth of 1 mm so that they apply to every tip and model.
     """
 
+    motion: ClassVar[Literal["position", "velocity", "both"]] = "velocity"
     force_std: Force = Field(default=0.05, gt=0, description="standard deviation sigma_u of the force")
     velocity_std: Speed = Field(default=0.67e-3, gt=0, description="standard deviation sigma_vel of the velocity")
     start_depth: Length = Field(default=1e-3, gt=0, description="first guess of the depth")

@@ -42,14 +42,9 @@ _FIRST = 1e-3  # [m] and [m/s], what the gains begin from
 
 BIAS_FLAGS = {
     "noise-bias": FlagMeaning(
-        "note",
-        "The noise in this filter's own state biases its estimates by the amount predicted here.",
-        "Give the corrected value with its own uncertainty, or use a fit.",
-    ),
-    "noise-bias-large": FlagMeaning(
         "doubtful",
-        "The noise in this filter's own state biases its estimates by more than can be predicted.",
-        "Palpate faster or wider, or use a fit (inertial filters: or a kinematic one).",
+        "The noise in this filter's own state biases its estimates.",
+        "Give the corrected value where there is one, or use a fit (inertial filters: or a kinematic one).",
     ),
 }
 
@@ -213,7 +208,7 @@ def _said(track: TrackEvidence, bias: Floats) -> Diagnosed:
     """Flags, biases and a table."""
     limit, trust = _FADING if track.estimator.follows_changes else _CONSTANT
     nothing = _KINEMATIC if isinstance(track.estimator, KinematicSettings) else _NOTHING
-    biases, small, large = {}, [], []
+    biases, effects, small, large = {}, dict[str, float](), [], []
     for parameter, value, shift, combined in zip(
         track.model.parameters, track.values.tolist(), bias.tolist(), track.combined.tolist(), strict=True
     ):
@@ -221,16 +216,14 @@ def _said(track: TrackEvidence, bias: Floats) -> Diagnosed:
             continue
         std = trust * abs(shift) if abs(shift) <= limit * abs(value) else None
         biases[parameter.name] = Bias(shift, std)
+        effects[parameter.name] = abs(shift)
         share = f"{parameter.name} by {100 * shift / abs(value or 1.0):+.2g} %"
         if std is None:
             large.append(share)
         elif abs(shift) > max(_TELLING * abs(value), 0.25 * combined):
             # Its uncertainty is that of all judges together, some of whom have not spoken yet.
             small.append(f"{share}; corrected: {value - shift:.4g} {parameter.unit} (see its budget)")
-    flags = []
-    if small:
-        flags.append(Flag("noise-bias", f"the filter's own noise and time step shift {', '.join(small)}"))
-    if large:
-        what = f"the filter's own noise shifts {', '.join(large)}: too far to be corrected"
-        flags.append(Flag("noise-bias-large", what))
-    return Diagnosed(tuple(flags), biases=biases)
+    texts = [f"the filter's own noise and time step shift {', '.join(small)}"] if small else []
+    texts += [f"the filter's own noise shifts {', '.join(large)}: too far to be corrected"] if large else []
+    flags = (Flag("noise-bias", "; ".join(texts), effects=effects),) if texts else ()
+    return Diagnosed(flags, biases=biases)

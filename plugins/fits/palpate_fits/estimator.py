@@ -28,6 +28,7 @@ class CasadiFit(Estimator):
     """
 
     online: ClassVar[bool] = False
+    motion: ClassVar[Literal["position", "velocity", "both"]] = "position"
 
     segment: str = Field(
         default="active",

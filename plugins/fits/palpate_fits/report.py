@@ -267,7 +267,7 @@ def _misfit(fit: FitOutcome, found: ResidualScatter) -> Iterator[Flag]:
         yield Flag(
             "correlated-residuals",
             f"they hang together over {found.correlation_time:.3g} samples, so {found.samples} "
-            f"count as {found.effective_samples:.3g}; the std knows of it, but something is not in the model",
+            f"count as {found.effective_samples:.3g}; the std knows of it",
         )
 
 
@@ -288,11 +288,12 @@ def _flags(judged: _FitWithUncertainty, total: Floats) -> Iterator[Flag]:
     for pair in judged.identifiability["pairs"]:
         if pair["both_fitted"] and abs(pair["correlation"]) > INDISTINCT:
             found_so = f"{pair['first']} and {pair['second']} (correlation {pair['correlation']:+.5f})"
-            yield Flag("hard-to-tell-apart", found_so)
+            yield Flag("hard-to-tell-apart", found_so, effects={})
     for parameter, value, std in zip(fit.problem.model.parameters, x.tolist(), total.tolist(), strict=False):
         if parameter.role == "elastic" and std > _USELESS * abs(value):
             found_so = f"{parameter.name} of {value:.3g} {parameter.unit} has a std of {std:.2g}"
             yield Flag("not-identifiable", found_so)
         elif std > _USELESS * abs(value):
             found_so = f"{value:.3g} with a std of {std:.2g} {parameter.unit}"
-            yield Flag("undetermined", f"this record does not tell {parameter.name}: {found_so}")
+            text = f"this record does not tell {parameter.name}: {found_so}"
+            yield Flag("undetermined", text, effects={parameter.name: std})

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,7 @@ class TingFit(Estimator):
     """
 
     online: ClassVar[bool] = False
+    motion: ClassVar[Literal["position", "velocity", "both"]] = "position"
     unloading: ClassVar[str] = "ting"
 
     fixed: dict[str, float | str] = Field(default={}, description="known values, by name of the parameter")
@@ -202,8 +203,10 @@ class _TingTracker:
             parameter = parameters[place]
             text = f"{parameter.name} of {theta[place]:.3g} {parameter.unit} has a std of {std[place]:.2g}"
             elastic = parameter.role == "elastic"
-            yield Flag("not-identifiable", text) if elastic else Flag("undetermined", text)
+            effects = {parameter.name: float(std[place])}
+            yield Flag("not-identifiable", text) if elastic else Flag("undetermined", text, effects=effects)
         names = [parameters[place].name for place in np.flatnonzero(self._free)]
         for i, j in combinations(range(len(names)), 2):
             if abs(correlation[i, j]) > INDISTINCT:
-                yield Flag("hard-to-tell-apart", f"{names[i]} and {names[j]} (correlation {correlation[i, j]:+.5f})")
+                text = f"{names[i]} and {names[j]} (correlation {correlation[i, j]:+.5f})"
+                yield Flag("hard-to-tell-apart", text, effects={})

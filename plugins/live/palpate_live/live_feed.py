@@ -103,7 +103,7 @@ class PageFeed:
             self._found(name, track, True)
             if name in self._offline:
                 self._afterwards(name, self._offline.pop(name))
-            self.flags(name, tuple(Flag(**flag) for flag in track["flags"]))
+            self.flags(name, tuple(map(Flag.of_table, track["flags"])))
         if table["tracks"]:
             self.flags(None, ())  # every track has those of the record now
         self._tell({"kind": "result", "truth": table["truth"], "duration": record.get("log_duration")})

@@ -50,4 +50,9 @@ def _judged(track: TrackEvidence, model: RelaxingModel, span: float) -> Diagnose
         f"{lasting} is that at rest, and the slowest part found, {strength:.3g} Pa, fades in {slowest:.3g} s of a "
         f"record of {span:.3g} s: what fades more slowly is in it, which counts {share:.2g} Pa"
     )
-    return Diagnosed((Flag("still-fading", text),), {lasting: float(share)}, table={"slowest": slowest, "span": span})
+    share = float(share)
+    return Diagnosed(
+        (Flag("still-fading", text, effects={lasting: share}),),
+        {lasting: share},
+        table={"slowest": slowest, "span": span},
+    )

@@ -141,7 +141,7 @@ class RunPublisher:
             if places:
                 self._send_map(track, self._stamp)
         for track, found in table["tracks"].items():
-            self._flags[track] = tuple(Flag(f["code"], f["message"], f["severity"]) for f in found["flags"])
+            self._flags[track] = tuple(map(Flag.of_table, found["flags"]))
         self._talker.send(f"{self._base}/flags", *diagnostics(self._stamp, self._flags), latched=True)
 
     @property

@@ -33,14 +33,16 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "Check the tip's mass, delays and series_stiffness; take recordings of one specimen at one depth only.",
         ),
         "loss-not-distinguishable": FlagMeaning(
-            "doubtful",
+            "note",
             "The declared uncertainty of timing alone could explain the loss modulus at this frequency.",
-            "Calibrate the delay, or record several frequencies and look at the fitted delay.",
+            "",
+            evidence_of="delay-unclear",
         ),
         "delay-found": FlagMeaning(
-            "doubtful",
+            "note",
             "Under every law that the data support, the force is late by more than the declared timing allows.",
-            "Calibrate the delay, or declare it.",
+            "",
+            evidence_of="delay-unclear",
         ),
         "not-linear-viscoelastic": FlagMeaning(
             "doubtful",

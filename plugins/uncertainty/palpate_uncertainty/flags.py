@@ -6,10 +6,8 @@ from collections.abc import Iterator, Mapping, Set
 
 from palpate import ContactModel, Flag, Floats
 
-_MILLISECOND = 1e-3  # [s]
 _HARDLY = 0.01  # of a parameter
-_BARELY = 0.001  # of a parameter
-_OFFSET = 0.01  # [N]
+OFFSET = 0.01  # [N] standard uncertainty of a zero of which none is declared
 
 
 def timing_flags(
@@ -17,41 +15,40 @@ def timing_flags(
     values: Floats,
     shifts: Floats,
     uncertainty: float | None,
+    interval: float,
     held: Set[str] = frozenset(),
 ) -> Iterator[Flag]:
     """Parameters that a force or motion recorded late would shift, against the declared timing uncertainty [s].
 
-    `shifts` (k,) are those of `delay_shifts`. Left out: what is `held` fixed, and what is not viscous and moves by
-    less than a hundredth in 1 ms.
+    `shifts` (k,) are those of `delay_shifts`. Where none is declared, the effect is that of one `interval` [s] between
+    two samples.
     """
-    for parameter, value, shift in zip(model.parameters, values.tolist(), shifts.tolist(), strict=True):
-        if not shift or parameter.name in held:
-            continue
-        if parameter.role != "viscous" and abs(shift) * _MILLISECOND <= _HARDLY * abs(value):
-            continue
-        if uncertainty is None:
-            per_ms = f"{abs(shift) * _MILLISECOND:.3g} {parameter.unit}"
-            yield Flag("timing-undeclared", f"no timing uncertainty is declared; 1 ms is {per_ms} of {parameter.name}")
-        elif abs(value) < 2 * abs(shift) * uncertainty:
-            yield Flag(
-                "not-distinguishable-from-delay", f"{parameter.name} is within {uncertainty * 1e3:.3g} ms of none"
-            )
-
-
-def tare_flags(model: ContactModel, values: Floats, shifts: Floats | None) -> Iterator[Flag]:
-    """Elastic parameters that an offset of the force would shift; `shifts` (k,) per newton.
-
-    Left out: what moves by less than a thousandth in 10 mN.
-    """
-    if shifts is None:
+    moved = {
+        parameter.name: abs(shift)
+        for parameter, shift in zip(model.parameters, shifts.tolist(), strict=True)
+        if shift and parameter.name not in held
+    }
+    if not moved:
         return
-    moved = [
-        f"{abs(shift) * _OFFSET:.3g} {parameter.unit} of {parameter.name}"
-        for parameter, value, shift in zip(model.parameters, values.tolist(), shifts.tolist(), strict=True)
-        if parameter.role == "elastic" and abs(shift) * _OFFSET > _BARELY * abs(value)
-    ]
-    if moved:
-        yield Flag("tare-undeclared", f"no uncertainty of the tare is declared; 10 mN are {', '.join(moved)}")
+    if uncertainty is None:
+        effects = {name: shift * interval for name, shift in moved.items()}
+        text = f"no timing uncertainty is declared; a delay of one sample is {1e3 * interval:.2g} ms"
+        yield Flag("timing-undeclared", text, effects=effects, cause="timing")
+        return
+    value = {parameter.name: one for parameter, one in zip(model.parameters, values.tolist(), strict=True)}
+    if within := [name for name, shift in moved.items() if abs(value[name]) < 2 * shift * uncertainty]:
+        effects = {name: moved[name] * uncertainty for name in within}
+        text = f"{', '.join(within)} within {uncertainty * 1e3:.3g} ms of none"
+        yield Flag("not-distinguishable-from-delay", text, effects=effects, cause="timing")
+
+
+def tare_flags(model: ContactModel, shifts: Floats | None) -> Iterator[Flag]:
+    """Parameters that an undeclared offset of the force would shift; `shifts` (k,) per newton."""
+    if shifts is not None:
+        names = [parameter.name for parameter in model.parameters]
+        effects = {name: abs(shift) * OFFSET for name, shift in zip(names, shifts.tolist(), strict=True)}
+        text = f"no uncertainty of the tare is declared or measured; {1e3 * OFFSET:.0f} mN are assumed"
+        yield Flag("tare-undeclared", text, effects=effects, cause="tare")
 
 
 def compliance_flags(shares: Mapping[str, float], stiffness: float | None) -> Iterator[Flag]:

@@ -27,6 +27,7 @@ class Along:
     acceleration: Floats  # [m/s^2] z''
     given_way: Floats | None  # [N^2/m] dF/dd F + dF/dd' F'; None for a model that remembers
     stretched: Floats | None  # [N] dF/dd d + dF/dd' d'; the same
+    by_rate: Floats | None  # [N s/m] dF/dd'; the same
     _motion: tuple[Floats, Floats, Floats, NDArray[np.bool_]]  # time, depth, rate, rows that count
 
     def by_number(self, path: tuple[str, ...], value: float) -> Floats:
@@ -69,6 +70,7 @@ def _instantaneous(model: ContactModel, last: Tail, values: Floats) -> Along | N
         second[rows],
         by_depth * force + by_rate * change,
         by_depth * depth[rows] + by_rate * rate[rows],
+        by_rate,
         (last.time, depth, rate, rows),
     )
 
@@ -96,7 +98,9 @@ def _remembered(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> 
     except ValueError:  # states that change too fast for the samples
         return None
     jacobian, change = np.column_stack(columns)[rows], np.gradient(whole, time)[rows]
-    return Along(model, values, jacobian, whole[rows], change, second[rows], None, None, (time, depth, rate, rows))
+    return Along(
+        model, values, jacobian, whole[rows], change, second[rows], None, None, None, (time, depth, rate, rows)
+    )
 
 
 def _changed(part: Any, path: tuple[str, ...], change: float) -> Any:

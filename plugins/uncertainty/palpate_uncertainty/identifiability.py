@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
+from palpate.host import display_unit
 
 from palpate_uncertainty.model_alternatives import Refit, refit
 from palpate_uncertainty.plausibility import determines_all, weak_force, weak_force_flag
@@ -67,7 +68,9 @@ def _judge(track: TrackEvidence) -> Diagnosed:
     flags = []
     if elsewhere.any():
         said = [_said(track, names, int(i), float(best.theta[i])) for i in np.flatnonzero(elsewhere)]
-        flags.append(Flag("elsewhere", f"least squares on the same samples finds {', '.join(said)}"))
+        text = f"least squares on the same samples finds {', '.join(said)}"
+        effects = dict(zip(names, np.where(elsewhere, away, 0.0).tolist(), strict=True))
+        flags.append(Flag("elsewhere", text, effects=effects))
     if short.any() or blind:
         said = [
             _percent(names[i], float(track.values[i]), float(track.std[i]), float(bound[i]))
@@ -76,9 +79,9 @@ def _judge(track: TrackEvidence) -> Diagnosed:
         said += [f"{name} has no effect on the force" for name in blind]
         pairs = _pairs(names, correlation)
         alike = f"; hard to tell apart: {', '.join(pairs)}" if pairs else ""
-        flags.append(
-            Flag("overconfident", f"the estimator claims more than the record determines: {', '.join(said)}{alike}")
-        )
+        text = f"the estimator claims more than the record determines: {', '.join(said)}{alike}"
+        effects = dict(zip(names, np.where(short, np.sqrt(lacks), 0.0).tolist(), strict=True))
+        flags.append(Flag("overconfident", text, effects=effects | dict.fromkeys(blind, np.inf)))
     flags += _undetermined(track, np.hypot(track.combined, terms))
     table: dict[str, Any] = {
         "least_squares": dict(zip(names, best.theta.tolist(), strict=True)),
@@ -146,17 +149,20 @@ def _along_the_way(track: TrackEvidence) -> Diagnosed:
     if not wrong.any():
         return Diagnosed(table={"stretches": table})
     said = [
-        f"{names[i]} of {low[i]:.4g} to {high[i]:.4g} {track.model.parameters[i].unit} where its one "
-        f"value is {track.values[i]:.4g}"
+        f"{names[i]} of {scale * low[i]:.4g} to {scale * high[i]:.4g} {unit} where its one value is "
+        f"{scale * track.values[i]:.4g}"
         for i in np.flatnonzero(wrong)
+        for unit, scale in [display_unit(track.model.parameters[i].unit)]
     ]
     terms = np.where(wrong, np.sqrt(np.mean(found**2, axis=0)), 0.0)
-    flag = Flag("elsewhere", f"least squares on stretches of the path finds {', '.join(said)}")
+    effects = dict(zip(names, terms.tolist(), strict=True))
+    flag = Flag("elsewhere", f"least squares on stretches of the path finds {', '.join(said)}", effects=effects)
     return Diagnosed((flag,), dict(zip(names, terms.tolist(), strict=True)), table={"stretches": table})
 
 
 def _said(track: TrackEvidence, names: list[str], i: int, value: float) -> str:
-    return f"{names[i]} {value:.4g} {track.model.parameters[i].unit} where it gives {track.values[i]:.4g}"
+    unit, scale = display_unit(track.model.parameters[i].unit)
+    return f"{names[i]} {scale * value:.4g} {unit} where it gives {scale * track.values[i]:.4g}"
 
 
 def _percent(name: str, value: float, std: float, bound: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -20,12 +21,11 @@ _STILL = 1e-4  # [m]
 _STRETCH = 4.0  # [s] of a sweep
 _OF_A_SWEEP = 0.015  # of the variance of innovations; the most of 28 tracks of clean sweeps was 0.008
 _DEEP = 3e-3  # [m], where the surface is looked for first
-_SMALL = 0.005  # of a parameter; less does not matter
 _BY_MOTION = 1.0  # of the mean square of the force that noise of the motion makes
 _LEFT = 0.02  # of the misfit's power; an alternative that leaves less has explained it
 _FAINT = 0.01  # the same, of the variance of the noise
-_SLIGHT = 0.05  # of the variance of the noise; an unexplained pattern below it moves values by its size at most
 _NAMED = 0.2  # the same, for a reason that is worth naming though it does not explain it all
+_SETTLED = frozenset({"misfit", "correlated-residuals"})  # what a fit says of residuals that are noise after all
 
 
 def lack_of_fit(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -107,7 +107,7 @@ def _along_a_sweep(track: TrackEvidence) -> Diagnosed | None:
     base = _NullBase(local, fit, _null(track, fit.residual, phase), phase, frequency)
     if base.test(fit.residual).p >= LEVEL:  # the stretch alone does not show what it is
         names = [parameter.name for parameter in track.model.parameters]
-        flag = Flag("lack-of-fit", _sentence(found, [], False, False, found.null, {}))
+        flag = Flag("lack-of-fit", _sentence(found, [], False, found.null), effects=dict.fromkeys(names, math.inf))
         return Diagnosed((flag,), {}, frozenset(names), _table(found).table)
     return _explained(replace(track, values=fit.theta, surface=fit.surface), found, base)
 
@@ -165,7 +165,8 @@ def _by_innovations(track: TrackEvidence) -> WhitenessTest:
 
 
 def _table(found: WhitenessTest) -> Diagnosed:
-    return Diagnosed(table={"p": found.p, "tests": dict(found.tests), "null": found.null})
+    settled = _SETTLED if found.p >= LEVEL else frozenset[str]()
+    return Diagnosed(table={"p": found.p, "tests": dict(found.tests), "null": found.null}, settles=settled)
 
 
 def _explained(track: TrackEvidence, found: WhitenessTest, base: _NullBase) -> Diagnosed:
@@ -178,29 +179,22 @@ def _explained(track: TrackEvidence, found: WhitenessTest, base: _NullBase) -> D
     shifts = _shifts(track, removing or naming or [base.fit])
     if not removing:
         shifts = np.maximum(shifts, _by_size(base, first.misfit))
-    # What no alternative takes anything of may be the channel's noise after all, where there was no standstill; and
-    # where it is slight it does no more than its size can.
-    slight = base.null.source != "standstill" or first.misfit < _SLIGHT
-    known = bool(removing) or (slight and not naming)
     reasons = sorted((other.reason for other in removing or naming if other.reason), key=lambda reason: left[reason])
     effects = shifts / np.maximum(np.abs(track.values), 1e-300)
-    matters = bool(np.any((effects > _SMALL) & ~(shifts < 0.5 * track.combined)))
     names = [parameter.name for parameter in track.model.parameters]
     table = dict(_table(found).table) | {
-        "matters": matters,
         "effect": dict(zip(names, (100.0 * effects).tolist(), strict=True)),  # per cent
         "reasons": reasons,
         "explained": bool(removing),
         "left": left,
         "alternatives": _values(names, [other for other, _ in others]),
     }
-    if not matters:
-        return Diagnosed(table=table)
-    text = _sentence(
-        found, reasons, bool(removing), known, base.null.source, dict(zip(names, effects.tolist(), strict=True))
-    )
-    terms = dict(zip(names, shifts.tolist(), strict=True)) if known else {}
-    return Diagnosed((Flag("lack-of-fit", text),), terms, frozenset() if known else frozenset(names), table)
+    text = _sentence(found, reasons, bool(removing), base.null.source)
+    terms = dict(zip(names, shifts.tolist(), strict=True))
+    unknown = frozenset(name for name, shift in terms.items() if not np.isfinite(shift))
+    known = {name: shift for name, shift in terms.items() if name not in unknown}
+    bounds = {name: math.inf if name in unknown else shift for name, shift in terms.items()}
+    return Diagnosed((Flag("lack-of-fit", text, effects=bounds),), known, unknown, table)
 
 
 def _left(others: Sequence[tuple[Refit, WhitenessTest]], first: WhitenessTest) -> dict[str, float]:
@@ -237,23 +231,13 @@ def _removes(test: WhitenessTest, first: WhitenessTest) -> bool:
     return test.p >= LEVEL or test.misfit < max(_LEFT * first.misfit, _FAINT)
 
 
-def _sentence(
-    found: WhitenessTest, reasons: list[str], explained: bool, known: bool, null: str, effects: Mapping[str, float]
-) -> str:
+def _sentence(found: WhitenessTest, reasons: list[str], explained: bool, null: str) -> str:
     level = f"p {found.p:.0e}" if found.p > 1e-99 else "p < 1e-99"
-    sizes = [f"{name} by {_percent(effect)}" for name, effect in effects.items() if effect > _SMALL]
-    off = f"{', '.join(sizes)} may be wrong" if sizes else "its effect on the parameters is small"
     likely = f"; likely {' or '.join(reasons)}" if reasons else ""
-    unknown = "" if explained else "; no alternative explains it"
+    unknown = "" if explained else "; no alternative explains all of it"
     if not explained and null != "standstill":
         unknown += ", and no standstill gives the noise"
-    if not known:
-        unknown = "; no alternative explains all of it, so the uncertainty is not known"
-    return f"the residual is not the noise of the channel ({level}){likely}; {off}{unknown}"
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %" if share < 10 else "more than tenfold"
+    return f"the residual is not the noise of the channel ({level}){likely}{unknown}"
 
 
 def _by_size(base: _NullBase, misfit: float) -> Floats:

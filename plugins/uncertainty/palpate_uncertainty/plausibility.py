@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence, Set
 
 import numpy as np
-from palpate import ContactModel, Diagnosed, Flag, FlagMeaning, Tail, TrackEnd, TrackEvidence, contact_force
-from palpate.host import AlignmentReport
+from palpate import ContactModel, Diagnosed, Flag, Floats, Tail, TrackEnd, TrackEvidence, contact_force
 
+from palpate_uncertainty.force_sensitivity import along
+from palpate_uncertainty.influence import answer
 from palpate_uncertainty.information_bound import bounds_at_best, correlation, slope_by_chance, steady, white_noise
 
 _STILL_MOVING = 0.02  # of a value: slope times time tracked
@@ -18,34 +20,6 @@ _WEAK = 5.0  # standard deviations of its noise that a force swings by: above, i
 _DETERMINED = 0.2  # of a value: a weak force must determine it to this, by the Cramer-Rao bound
 _SOFT = (10.0, 1e9)  # [Pa] from the softest gels to hard rubber
 _SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the one that the first touch says
-
-PLAUSIBILITY_FLAGS = {
-    "implausible": FlagMeaning(
-        "doubtful",
-        "A parameter is outside of what is possible.",
-        "Do not use that parameter; check units, declare delays, or use a model without it.",
-    ),
-    "inconsistent": FlagMeaning(
-        "doubtful",
-        "The innovations are larger or smaller than the filter expects: noise or model is wrong.",
-        'Declare the noise as it is (noise = "measure"), or use another model.',
-    ),
-    "coloured-innovations": FlagMeaning(
-        "doubtful",
-        "Innovations correlate from sample to sample: the model misses something, or the data are filtered.",
-        "Use another model, declare delays, or record less filtered data.",
-    ),
-    "surface-mismatch": FlagMeaning(
-        "doubtful",
-        "The estimated surface is not where the tip first touched.",
-        "Check model and tip, and whether the first touch was real.",
-    ),
-    "beyond-model-range": FlagMeaning(
-        "doubtful",
-        "Depth or tip is outside the range of the model or of its thickness correction.",
-        "Palpate less deep, or use a model that is valid there.",
-    ),
-}
 
 
 def plausibility(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -71,11 +45,11 @@ def ending_flags(end: TrackEnd, model: ContactModel, online: bool, fitted: bool)
         yield from _convergence_flags(end, model)
     else:
         begun = tail.since(float(tail.time[0]) + end.average)
-        yield from _innovation_flags(begun, f"after the first {end.average:g} s")
-        yield from _colour_flags(begun)
+        yield from _innovation_flags(begun, model, last.std[-1], f"after the first {end.average:g} s")
+        yield from _colour_flags(begun, model, last.std[-1])
     if not fitted:  # a fit itself flags what its record does not determine
         yield from _force_flags(end, model)
-    yield from _surface_flags(last, model, end.report)
+    yield from _surface_flags(end, model)
     yield from _validity_flags(model, last)
 
 
@@ -83,10 +57,11 @@ def _bound_flags(last: Tail, model: ContactModel, held: Set[str]) -> Iterator[Fl
     for column, parameter in enumerate(model.parameters):
         value = float(last.values[:, column].mean())
         if parameter.name not in held and not parameter.lower < value < parameter.upper:
-            yield Flag("implausible", f"{parameter.name} of {value:.3g} {parameter.unit} is outside what is possible")
+            text = f"{parameter.name} of {value:.3g} {parameter.unit} is outside what is possible"
+            yield Flag("implausible", text, effects={parameter.name: math.inf})
         elif parameter.role == "elastic" and parameter.unit == "Pa" and not _SOFT[0] <= value <= _SOFT[1]:
-            found = f"{parameter.name} of {value:.3g} Pa is not that of anything soft ({_SOFT[0]:g} Pa to 1 GPa)"
-            yield Flag("implausible", f"{found}: are force and height in the units that are declared?")
+            text = f"{parameter.name} of {value:.3g} Pa is not that of anything soft ({_SOFT[0]:g} Pa to 1 GPa)"
+            yield Flag("implausible", f"{text}: are force and height in the units that are declared?")
 
 
 def _convergence_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
@@ -98,33 +73,47 @@ def _convergence_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
     if tracked < 2 * end.average or len(tail.time) < 10:
         yield Flag("not-converged", f"only {tracked:.2g} s were tracked")
         return
-    moving, chance = [], _BY_CHANCE * tracked * slope_by_chance(tail)
+    moving, effects, chance = [], {}, _BY_CHANCE * tracked * slope_by_chance(tail)
     for column, parameter in enumerate(model.parameters if not end.is_sweep else ()):
         value, rest = float(last.values[:, column].mean()), float(tail.unsettled(tail.values, tracked)[column])
         least = max(_STILL_MOVING * abs(value), 3.0 * float(last.std[-1, column]), float(chance[column]))
         if rest > least:
             moving.append(f"{parameter.name} by {100 * rest / tracked / abs(value):.2f} % a second")
+            effects[parameter.name] = rest
     if moving:
-        yield Flag("not-converged", f"still moving after {tracked:.3g} s: {', '.join(moving)}")
-    yield from _innovation_flags(last, f"in the last {end.average:g} s")
-    yield from _colour_flags(tail)
+        text = f"still moving after {tracked:.3g} s: {', '.join(moving)}"
+        yield Flag("not-converged", text, effects=effects, cause="settling")
+    yield from _innovation_flags(last, model, last.std[-1], f"in the last {end.average:g} s")
+    yield from _colour_flags(tail, model, last.std[-1])
 
 
-def _innovation_flags(seen: Tail, when: str) -> Iterator[Flag]:
-    """Whether innovations are as large as the filter expects."""
+def _innovation_flags(seen: Tail, model: ContactModel, std: Floats, when: str) -> Iterator[Flag]:
+    """Whether innovations are as large as the filter expects: sqrt(NIS) times as large, each std (k,) is as well."""
     known = np.isfinite(seen.nis)
     parts = (seen.nis[known], seen.nis[known & steady(seen)])  # a hesitation makes large ones, or a large scale of all
     nis, *others = [float(np.mean(part)) for part in parts if len(part)] or [1.0]
     if not any(_NIS_RANGE[0] <= one <= _NIS_RANGE[1] for one in (nis, *others)):
-        yield Flag("inconsistent", f"NIS of {nis:.2g} {when} where 1 is expected: noise or model is wrong")
+        text = f"NIS of {nis:.2g} {when} where 1 is expected: noise or model is wrong"
+        yield Flag("inconsistent", text, effects=_too_certain(model, std, math.sqrt(nis)))
 
 
-def _colour_flags(tail: Tail) -> Iterator[Flag]:
-    """Whether innovations predict one another."""
+def _colour_flags(tail: Tail, model: ContactModel, std: Floats) -> Iterator[Flag]:
+    """Whether innovations predict one another.
+
+    As an autoregression of the first order by a share r, n of them are worth n (1 - r)/(1 + r), and each standard
+    deviation `std` (k,) is too small by the root of that.
+    """
     lag, share = correlation(tail)
     if abs(share) > _COLOURED:
-        found = f"innovations {lag} samples apart correlate by {share:+.2f}"
-        yield Flag("coloured-innovations", f"{found}: the model misses something, or the data are filtered")
+        text = f"innovations {lag} samples apart correlate by {share:+.2f}"
+        scale = math.sqrt((1.0 + share) / max(1.0 - share, 1e-3))
+        yield Flag("coloured-innovations", text, effects=_too_certain(model, std, scale))
+
+
+def _too_certain(model: ContactModel, std: Floats, scale: float) -> dict[str, float]:
+    """By how much the standard deviation (k,) of each parameter has to grow where it is so many times too small."""
+    more = max(scale - 1.0, 0.0)
+    return {p.name: more * one for p, one in zip(model.parameters, std.tolist(), strict=True)}
 
 
 def _force_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
@@ -154,8 +143,12 @@ def determines_all(end: TrackEnd, model: ContactModel, noise: float) -> bool:
     return bool((bounds < _DETERMINED * values)[free].all())
 
 
-def _surface_flags(last: Tail, model: ContactModel, report: AlignmentReport) -> Iterator[Flag]:
-    """The model at the estimate must give the force of first touch where that was; none, where contact began there."""
+def _surface_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
+    """The model at the estimate must give the force of first touch where that was; none, where contact began there.
+
+    The effect is what least squares would find if the surface were held there.
+    """
+    last, report = end.last, end.report
     if report.first_touch is None or report.tare is None or report.tare.noise is None or model.memory:
         return  # what a material that relaxes answers to a first touch depends on the approach
     theta, surface = last.values.mean(axis=0), float(last.surface.mean())
@@ -165,7 +158,12 @@ def _surface_flags(last: Tail, model: ContactModel, report: AlignmentReport) -> 
     expected = float(depths[min(int(np.searchsorted(force, touch_force)), len(depths) - 1)])
     apart = surface - (report.first_touch[1] + expected)
     if abs(apart) > _SURFACE_TOLERANCE:
-        yield Flag("surface-mismatch", f"the estimated surface is {1e3 * apart:+.2f} mm from where the tip touched")
+        text = f"the estimated surface is {1e3 * apart:+.2f} mm from where the tip touched"
+        course = along(model, end.tail, last, theta)
+        moved = None if course is None else answer(course.jacobian[:, :-1], apart * course.jacobian[:, -1])
+        names = [parameter.name for parameter in model.parameters]
+        effects = None if moved is None else dict(zip(names, np.abs(moved).tolist(), strict=True))
+        yield Flag("surface-mismatch", text, effects=effects)
 
 
 def _validity_flags(model: ContactModel, last: Tail) -> Iterator[Flag]:

@@ -251,12 +251,15 @@ def _judged(track: TrackEvidence) -> Diagnosed:
         terms = dict(zip(names, spread.tolist(), strict=True))
         # A track that looks for the delay has no other word of it.
         settled = frozenset({"timing-undeclared"}) if included else frozenset[str]()
-        return Diagnosed((Flag("delay-by-law", text),), terms, table=table, settles=settled)
+        return Diagnosed((Flag("delay-by-law", text, effects=terms),), terms, table=table, settles=settled)
     settled = frozenset({"timing-undeclared"})
     if included:
         terms = {name: share for name, share in zip(names, spread.tolist(), strict=True) if share > 0}
         return Diagnosed(
-            (Flag("self-timed", f"the delay of the force, by law: {by_law}"),), terms, table=table, settles=settled
+            (Flag("self-timed", f"the delay of the force, by law: {by_law}", effects=terms),),
+            terms,
+            table=table,
+            settles=settled,
         )
     timed = _fitted(record.with_inertia(0.0), plain, 0.0, inflation)
     shifts, left = timed.values - own.values, np.hypot(own.values_std, spread)
@@ -275,7 +278,8 @@ def _judged(track: TrackEvidence) -> Diagnosed:
     ]
     corrected = f"; corrected: {', '.join(said)}" if said else ""
     text = f"the motion tells the delay of the force, by law: {by_law}{corrected}"
-    return Diagnosed((Flag("self-timed", text),), biases=biases, table=table, settles=settled)
+    effects = {name: abs(bias.shift) for name, bias in biases.items()}
+    return Diagnosed((Flag("self-timed", text, effects=effects),), biases=biases, table=table, settles=settled)
 
 
 def _by_another(told: Sequence[DelayFit], best: float) -> dict[str, Any]:

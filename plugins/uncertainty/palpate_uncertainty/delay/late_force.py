@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -32,5 +33,6 @@ def late_force(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
         parts = list(zip(track.model.parameters, np.abs(late * shifts).tolist(), strict=True))
         viscous = frozenset(parameter.name for parameter, _ in parts if is_viscous(parameter))
         terms = {parameter.name: shift for parameter, shift in parts if parameter.name not in viscous and shift > 0}
-        found[track.name] = Diagnosed((Flag("force-late", said),), terms=terms, unknown=viscous)
+        flag = Flag("force-late", said, effects=terms | dict.fromkeys(sorted(viscous), math.inf))
+        found[track.name] = Diagnosed((flag,), terms=terms, unknown=viscous)
     return found

@@ -1,0 +1,108 @@
+"""What the flags of this family mean, and which of them are signs of one cause."""
+
+from __future__ import annotations
+
+from palpate import FlagMeaning
+
+
+def _doubtful(meaning: str, remedy: str) -> FlagMeaning:
+    return FlagMeaning("doubtful", meaning, remedy)
+
+
+def _note(meaning: str, remedy: str) -> FlagMeaning:
+    return FlagMeaning("note", meaning, remedy)
+
+
+def _sign(of: str, meaning: str) -> FlagMeaning:
+    return FlagMeaning("note", meaning, "", evidence_of=of)
+
+
+_MODEL = {
+    "lack-of-fit": _doubtful(
+        "The model does not describe this record to the noise of its channel.",
+        "Use a model of the named reason (thickness, memory, timing, lift-off, tip, drift), a steadier segment, or a "
+        "fit in place of a filter.",
+    ),
+    "inconsistent": _sign("lack-of-fit", "The innovations are larger or smaller than the filter expects."),
+    "coloured-innovations": _sign("lack-of-fit", "Innovations correlate from sample to sample."),
+    "elsewhere": _sign(
+        "lack-of-fit",
+        "Least squares on the samples that a filter used ends more than three uncertainties from its estimate.",
+    ),
+    "overconfident": _sign(
+        "lack-of-fit", "The filter's standard deviation is below half of the Cramer-Rao bound of the samples it used."
+    ),
+    "implausible": FlagMeaning(
+        "doubtful",
+        "A parameter is outside of what is possible.",
+        "Do not use that parameter; check units, declare delays, or use a model without it.",
+        structural=True,
+    ),
+    "surface-mismatch": _doubtful(
+        "The estimated surface is not where the tip first touched.",
+        "Check model and tip, and whether the first touch was real.",
+    ),
+    "beyond-model-range": _doubtful(
+        "Depth or tip is outside the range of the model or of its thickness correction.",
+        "Palpate less deep, or use a model that is valid there.",
+    ),
+    "model-choice": _note(
+        "Several models are admitted; it gives the record's evidence for each, and their combined value.",
+        "Give the combined value, or state the geometry that leaves one model.",
+    ),
+    "choice-incomplete": FlagMeaning(
+        "doubtful",
+        "A model that the stated geometry admits has no result, so the spread of the models does not include it.",
+        "Correct the name in [choice] candidates, or let the model run with the same estimator.",
+        structural=True,
+    ),
+    "unloading": _doubtful(
+        "During unloading, a material with memory leaves the tip sooner than a contact that follows the depth.",
+        'Use ting-fit (one loading, one unloading), or fit the loading only (casadi-fit, segment = "load").',
+    ),
+    "outliers": _doubtful(
+        "Single readings of the force are off by many times its noise, and the estimator gives them full weight.",
+        "Set student = 4 (kinematic filters), a robust loss (fits), or find out what disturbs the sensor.",
+    ),
+}
+
+_RIG = {
+    "delay-unclear": _doubtful(
+        "The delay between force and motion is not known to what a value needs.",
+        "Calibrate the delay (`palpate calibrate`), or declare it with its uncertainty in [alignment].",
+    ),
+    "timing-undeclared": _sign("delay-unclear", "No uncertainty of the time between force and motion is declared."),
+    "self-timed": _sign("delay-unclear", "The motion determines the delay of the force, law by law."),
+    "delay-by-law": _sign("delay-unclear", "The record prefers a law other than the model's, with another delay."),
+    "not-distinguishable-from-delay": _sign(
+        "delay-unclear", "The declared uncertainty of timing alone could explain the parameter."
+    ),
+    "force-late": _doubtful(
+        "The force lags the motion by more than any passive contact can explain; no viscosity is valid.",
+        "Calibrate the timing (`palpate calibrate`), or declare the force's delay in [alignment].",
+    ),
+    "velocity-late": _doubtful(
+        "The velocity lags the position: filtered (a mean of n samples is late by (n - 1)/2), or of another clock.",
+        "Declare the velocity's delay in [alignment], or leave the velocity out.",
+    ),
+    "tare-unclear": _doubtful(
+        "The zero of the force is not known to what a value needs.",
+        'Record a second of free air first (tare = "free-air"), or set [alignment] tare_uncertainty.',
+    ),
+    "tare-undeclared": _sign("tare-unclear", "No uncertainty of the zero of the force is declared or measured."),
+    "untared": _sign("tare-unclear", "Before the first touch the force is not zero."),
+    "series-compliance": _note(
+        "Robot and sensor give way, which shifts a value by more than 1 %; counted as uncertainty, not corrected.",
+        "Stiffen the rig, or measure the position at the tip.",
+    ),
+    "thickness-undeclared": _note(
+        "No thickness of the specimen is declared, and a layer is stiffer than the half-space of the model.",
+        'Set thickness of the model: { height = "22 mm", bonded = false }, or "half-space" where it is thick.',
+    ),
+    "one-frequency": _note(
+        "At one frequency a fast-fading stiffness looks like viscosity; here it could be more than half of it.",
+        "Palpate at several frequencies, or call it the viscosity at this frequency.",
+    ),
+}
+
+FLAGS = {**_MODEL, **_RIG}
