@@ -22,6 +22,10 @@ from palpate_indentation.viscosity import PressViscosity, viscosity_of_press
 _SURE = 3.0  # standard uncertainties
 _MATTERS = 0.05  # of the modulus
 _LARGE = 0.5  # of the force
+_UNCLEAR = {  # by row of the budget
+    "contact point": ("contact-point-unclear", "the spread of the contact point"),
+    "viscosity": ("viscosity-unclear", "what is not known of the viscosity"),
+}
 
 
 @dataclass(frozen=True)
@@ -122,7 +126,7 @@ def analyse_press(
         law, press, branch, fitted, points, apart, by_contact,
         secant_profile(law, branch, fit, surface_std, settings.bins),
         tangent_profile(law, branch, fit, surface_std, settings.windows),
-        rise, tuple(sphere_laws(law, branch, press.noise, tilt=tilt, robust=settings.robust)),
+        rise, tuple(sphere_laws(law, branch, press.noise, viscosity, tilt=tilt, robust=settings.robust)),
         pull, sticking, radius, tuple(_flags(law, branch, fitted, budget, rise, pull)), viscosity, budget,
     )  # fmt: skip
 
@@ -159,18 +163,18 @@ def _flags(
     pull: PullOff | None,
 ) -> list[Flag]:
     found, fit = [], fitted.fit
-    parts = {row.source: row.contribution for row in budget}
     if abs(rise[0]) > max(_SURE * rise[1], _MATTERS):
         what = (
             f"the modulus changes by {rise[0]:+.0%} +- {rise[1]:.1%} from the shallower half of the depth to the deeper"
         )
-        found.append(Flag("modulus-over-depth", what))
-    if parts["contact point"] > _MATTERS * fit.modulus:
-        what = f"the spread of the contact point moves the modulus by {parts['contact point'] / fit.modulus:.0%}"
-        found.append(Flag("contact-point-unclear", what))
-    if parts.get("viscosity", 0.0) > _MATTERS * fit.modulus:
-        what = f"what is not known of the viscosity moves the modulus by {parts['viscosity'] / fit.modulus:.0%}"
-        found.append(Flag("viscosity-unclear", what))
+        found.append(Flag("modulus-over-depth", what, effects={law.name: 0.5 * abs(rise[0]) * fit.modulus}))
+    for row in budget:
+        others = float(np.linalg.norm([other.contribution for other in budget if other is not row]))
+        if row.source in _UNCLEAR and row.contribution > others:
+            code, what = _UNCLEAR[row.source]
+            effects = {law.name: row.contribution}
+            words = f"{what} moves the modulus by {row.contribution / fit.modulus:.0%}, more than all else"
+            found.append(Flag(code, words, effects=effects, cause=row.source))
     if pull is not None:
         found.append(Flag("adhesion", f"the material pulls with {pull.force:.3g} +- {pull.std:.2g} N"))
     return found + _of_baseline(law, branch, fitted)
@@ -183,7 +187,7 @@ def _of_baseline(law: ElasticLaw, branch: Branch, fitted: BaselineFit) -> list[F
             f"the air does not tell the tilt ({other.tilt:+.3g} +- {other.tilt_std:.2g} N/m by least squares): held at "
             f"zero, which counts {fitted.by_tilt / fit.modulus:.0%} in the uncertainty of the modulus"
         )
-        return [Flag("baseline-unclear", what)]
+        return [Flag("baseline-unclear", what, effects={law.name: fitted.by_tilt}, cause="tilt")]
     taken = abs(fit.tilt) * float(fit.surface - branch.height.min()) / force_of(law, branch, fit)
     if taken > _LARGE:
         what = f"the tilt of the baseline makes {taken:.0%} of the press's force over its depth"

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from palpate import Floats
-from palpate.host import finite_tree
+from palpate.host import finite_tree, registry as registries
 
 from palpate_indentation.adhesion import Theory, tabor
 from palpate_indentation.modulus_over_depth import ModulusProfile
@@ -43,7 +42,7 @@ def table(found: Indentation) -> dict[str, Any]:
         "adhesion": {one.name: _theory(one, found) for one in found.theories},
         "secant": _profile(found.secant),
         "tangent": _profile(found.tangent),
-        "flags": [{"code": flag.code, "message": flag.message} for flag in found.flags],
+        "flags": [flag.table() for flag in registries.load().judged(found.flags)],
     }
     plain: dict[str, Any] = finite_tree(document)
     return plain
@@ -65,8 +64,8 @@ def _row(row: BudgetRow, found: Indentation) -> dict[str, Any]:
 
 def bic_above_best(one: SphereLawFit, found: Indentation) -> float:
     """By the samples that count at the best: all laws have the same number of unknowns."""
-    best = min(found.spheres, key=lambda other: other.fit.rms).fit
-    return best.effective * 2.0 * float(np.log(one.fit.rms / best.rms))
+    best = min(found.spheres, key=lambda other: other.log_squares)
+    return best.fit.effective * (one.log_squares - best.log_squares)
 
 
 def second_best(found: Indentation) -> float | None:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 from palpate import Floats
+from palpate.host import PIPELINE
 from palpate_kit.runs.run_folder import RunFolder
 
 from palpate_indentation.approach_fit import CurveFit, fit_curve
@@ -43,7 +44,7 @@ def viscosity_of_run(place: Path, model: str, parameter: str) -> PressViscosity 
     track has the parameter with an uncertainty.
     """
     folder = RunFolder(place if place.is_dir() else place.parent)
-    if not folder.finished:
+    if not folder.finished or (place.suffix == ".toml" and place.name != PIPELINE):
         return None
     found = sorted(_values(folder.result["tracks"], model, parameter), key=lambda one: one[:2])
     if not found:

@@ -180,7 +180,7 @@ class _AfmCurve:
         if "segment" not in self.columns:
             return np.zeros(len(self.force))
         meanings = _SEGMENTS.get(str(self.data.metadata.get("imaging mode")), _WAYS)
-        return np.array(meanings)[np.minimum(self.column("segment").astype(int), len(meanings) - 1)]
+        return np.take(np.asarray(meanings), self.column("segment").astype(int), mode="clip")
 
     def column(self, name: str) -> Floats:
         """(n,) as recorded."""
