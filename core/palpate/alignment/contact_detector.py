@@ -9,7 +9,7 @@ import numpy as np
 from palpate.alignment.contact_hysteresis import ContactHysteresis
 from palpate.alignment.contact_onset import ContactOnset
 from palpate.alignment.contact_threshold import ContactThreshold
-from palpate.alignment.free_air import decides
+from palpate.alignment.free_air import FIRST_READINGS, decides, may_decide
 from palpate.alignment.held_samples import FIRST_SAMPLES, Lookback
 from palpate.alignment.load_compensation import LoadCompensation
 from palpate.alignment.settings import AlignmentSettings
@@ -109,9 +109,10 @@ class ContactDetector:
 
     def _can_settle(self, samples: Samples) -> bool:
         """Whether the tare can be settled: contact that is found within the lag still shortens it."""
-        if len(samples) < FIRST_SAMPLES:
+        stated = self._settings.tare != "free-air"
+        if len(samples) < (FIRST_READINGS if stated and may_decide(self._settings) else FIRST_SAMPLES):
             return False
-        if self._settings.tare != "free-air" and not decides(self._settings, samples):
+        if stated and not decides(self._settings, samples):
             return True
         return bool(samples.time[-1] > self._settings.tare_duration + self._settings.touch_lag)
 

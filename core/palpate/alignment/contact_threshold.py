@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.alignment.free_air import ROBOT_FORCE, FreeAir
+from palpate.alignment.free_air import ROBOT_FORCE, SIGMAS, FreeAir
 from palpate.alignment.settings import AlignmentSettings
 from palpate.alignment.tare import Tare
 from palpate.vectors import Floats
@@ -36,14 +36,14 @@ class ContactThreshold:
         if settings.touch_force is not None:
             return cls(settings.touch_force, settings.drift)
         if tare is not None and (air := tare.air) is not None:
-            return cls(_SIGMAS * air.noise, 0.0, _RISE_SIGMAS * air.noise, air)
+            return cls(SIGMAS * air.noise, 0.0, _RISE_SIGMAS * air.noise, air)
         noise = tare.noise if tare and tare.noise else _PAPER_NOISE
         return cls(max(_SIGMAS * noise, ROBOT_FORCE), settings.drift)
 
     @property
     def noise(self) -> float:
         """Standard deviation [N] of a force for which this is the threshold."""
-        return self.force / _SIGMAS
+        return self.force / _SIGMAS if self.air is None else self.air.noise
 
     def at(self, time: Floats) -> Floats:
         """Force (n,) [N] at a time [s]: the threshold, of which a tenth is for drift, or more."""
