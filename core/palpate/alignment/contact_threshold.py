@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from palpate.alignment.free_air import ROBOT_FORCE, SIGMAS, FreeAir
 from palpate.alignment.settings import AlignmentSettings
 from palpate.alignment.tare import Tare
+from palpate.estimation import Samples
 from palpate.vectors import Floats
 
 SAMPLES_IN_A_ROW = 3  # that must agree before contact is found or lost
@@ -51,9 +52,9 @@ class ContactThreshold:
             return self.air.at(time) + self.force + self.air.spread(time)
         return np.maximum(self.force, (1.0 - _FOR_DRIFT) * self.force + self.drift * time)
 
-    def times(self, count: float, time: Floats) -> Floats:
-        """So many thresholds (n,) [N] at a time [s], whatever the drift."""
-        return count * self.force + (self.air.at(time) if self.air is not None else 0.0 * time)
+    def above_air(self, samples: Samples) -> Floats:
+        """Force (n,) [N] of samples above the line that the air tells; as it is where none tells one."""
+        return samples.force if self.air is None else samples.force - self.air.at(samples.time)
 
 
 def run_lengths(condition: NDArray[np.bool_], before: int) -> NDArray[np.int64]:
