@@ -24,7 +24,7 @@ def palpate_flags() -> dict[str, FlagMeaning]:
         ),
         "contact-point-unclear": FlagMeaning(
             "doubtful",
-            "What methods differ by in the contact point moves the modulus by more than all that is else uncertain.",
+            "What methods differ by in the contact point moves the modulus by more than 5 %, and more than all else.",
             "Press deeper or slower, lower the noise, or record more air before contact.",
         ),
         "adhesion": FlagMeaning(
@@ -39,7 +39,7 @@ def palpate_flags() -> dict[str, FlagMeaning]:
         ),
         "viscosity-unclear": FlagMeaning(
             "doubtful",
-            "What a press leaves open of its viscosity moves the modulus by more than all that is else uncertain.",
+            "What a press leaves open of its viscosity moves the modulus by more than 5 %, and more than all else.",
             "State it by --parameter, press slower or at two speeds, or record the way out, too.",
         ),
     }

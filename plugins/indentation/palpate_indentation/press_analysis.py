@@ -112,7 +112,8 @@ def analyse_press(
         BudgetRow("fit", None, "", fit.modulus_std),
         BudgetRow("contact point", apart, "m", by_contact),
         *([BudgetRow("tilt", None, "", fitted.by_tilt)] if fitted.untold is not None else []),
-        *PressBudget(law, branch, fit, viscosity).rows(declared or Declared()),
+        *_of_viscosity(law, press, branch, fit, viscosity, tilt=tilt, robust=settings.robust),
+        *PressBudget(law, branch, fit).rows(declared or Declared()),
     )
     radius = sphere_radius(law.model)
     pull = pull_off(press.retract, press.noise) if press.retract is not None else None
@@ -143,6 +144,24 @@ def _viscosity(
     return given if given is not None else viscosity_of_press(law, press, branch, tilt=settings.tilt)
 
 
+def _of_viscosity(
+    law: ElasticLaw, press: Press, branch: Branch, fit: CurveFit, viscosity: PressViscosity | None, **how: bool
+) -> list[BudgetRow]:
+    """How far the modulus moves with the viscosity, at most all of it: by fits, since it is hardly a first order.
+
+    At one speed the viscous force has the shape of what a surface does that lies higher.
+    """
+    if viscosity is None or viscosity.std == 0:
+        return []
+    sides = (1.0,) if viscosity.value < viscosity.std else (1.0, -1.0)
+    moved = [
+        fit_curve(law.with_viscosity(viscosity.value + side * viscosity.std), branch, press.noise, **how).modulus
+        for side in sides
+    ]
+    shifts = [abs(value - fit.modulus) if np.isfinite(value) else fit.modulus for value in moved]
+    return [BudgetRow("viscosity", viscosity.std, viscosity.unit, min(float(np.mean(shifts)), fit.modulus))]
+
+
 def _rise(
     law: ElasticLaw, branch: Branch, fit: CurveFit, surface_std: float, viscosity: PressViscosity | None
 ) -> tuple[float, float]:
@@ -170,7 +189,7 @@ def _flags(
         found.append(Flag("modulus-over-depth", what, effects={law.name: 0.5 * abs(rise[0]) * fit.modulus}))
     for row in budget:
         others = float(np.linalg.norm([other.contribution for other in budget if other is not row]))
-        if row.source in _UNCLEAR and row.contribution > others:
+        if row.source in _UNCLEAR and row.contribution > max(others, _MATTERS * fit.modulus):
             code, what = _UNCLEAR[row.source]
             effects = {law.name: row.contribution}
             words = f"{what} moves the modulus by {row.contribution / fit.modulus:.0%}, more than all else"

@@ -14,7 +14,6 @@ from palpate_kit.runs.uncertainty_sources import UncertaintySource, sources_of
 from palpate_indentation.approach_fit import CurveFit
 from palpate_indentation.elastic_law import ElasticLaw
 from palpate_indentation.press import Branch
-from palpate_indentation.viscosity import PressViscosity
 
 _MASS = 0.05  # of itself, where no uncertainty of a tip's mass is declared
 _STEP = 1e-4  # of the deepest depth, and of a number of the model
@@ -49,8 +48,8 @@ class PressBudget:
     J has the derivatives by all that the fit has found: modulus, offset, tilt and surface.
     """
 
-    def __init__(self, law: ElasticLaw, branch: Branch, fit: CurveFit, viscosity: PressViscosity | None) -> None:
-        self._law, self._branch, self._fit, self._viscosity = law, branch, fit, viscosity
+    def __init__(self, law: ElasticLaw, branch: Branch, fit: CurveFit) -> None:
+        self._law, self._branch, self._fit = law, branch, fit
         step = _STEP * float((fit.surface - branch.height).max())
         by_surface = (self._force(law, step) - self._force(law, -step)) / (2 * step)
         columns = [law.geometry(fit.surface - branch.height), np.ones(len(branch)), by_surface]
@@ -66,10 +65,6 @@ class PressBudget:
 
     def rows(self, declared: Declared) -> Iterator[BudgetRow]:
         """Everything that is declared, or has a default; raises ConfigurationError for an uncertainty that is none."""
-        viscosity = self._viscosity
-        if viscosity is not None and viscosity.std > 0:
-            force = viscosity.std * self._law.damping(self._depth, self._branch.rate)
-            yield self._row("viscosity", viscosity.std, viscosity.unit, force)
         if declared.alignment is not None:
             yield from self._of_readings(declared.alignment)
         try:
