@@ -101,6 +101,7 @@ def test_a_viscosity_that_is_stated_comes_before_all_others():
     assert looked_at(samples, viscosity=other).viscosity == other
 
 
+@pytest.mark.slow
 def test_the_tip_ranks_first_or_none_does():
     """Of a viscous material; without the way out its viscosity could be anything, and the laws are not told apart."""
     samples = record(HERTZ, [STIFF, ETA], noise=0.02, deep=4e-3, speed=4e-3, seed=1)
