@@ -91,8 +91,8 @@ def with_findings(result: TrackResult, model: ContactModel, name: str, finding: 
         budget=(*result.budget, *_rows(result, names, name, finding)),
         derived=tuple(_derived(value, model, result, finding, cause) for value in result.derived),
         flags=(
-            *(flag for flag in result.flags if flag.code not in finding.settles),
-            *(flag if flag.cause else replace(flag, cause=cause) for flag in finding.flags),
+            *(replace(flag, effects={}) if flag.code in finding.settles else flag for flag in result.flags),
+            *(flag if flag.causes else replace(flag, causes=(cause,)) for flag in finding.flags),
         ),
         diagnoses=dict(result.diagnoses) | ({name: finding.table} if finding.table else {}),
     )
@@ -159,6 +159,7 @@ def _evidence(name: str, track: Diagnosable, result: TrackResult, of_run: RunEvi
         of_run.tables,
         _ending(track, of_run),
         result.parameters,
+        record.keeper.air_after,
     )
 
 

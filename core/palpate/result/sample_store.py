@@ -12,7 +12,7 @@ from palpate.vectors import Floats
 
 _BLOCK = 4096  # samples that are kept or dropped together
 _MOST = 16  # blocks
-_AIR = 4096  # samples before the first contact
+_AIR = 4096  # samples before the first contact, and after the last
 _COLUMNS = ("time", "force", "position", "velocity", "x", "y", "used", "surface", "innovation")
 
 
@@ -40,12 +40,15 @@ class Keeper:
     _count: int = 0  # samples in contact so far
     _air: list[Floats] = field(default_factory=list)  # pieces (3, m): time, force, position
     _air_count: int = 0
+    _after: list[Floats] = field(default_factory=list)  # the same of the samples since the last contact
+    _after_count: int = 0
 
     def add(self, samples: Samples, estimates: Estimates) -> None:
         """Take in a block of samples with a track's estimates."""
         used = (estimates.status & Status.IDLE) == 0
         rows = samples.contact | used
         self._listen(samples, rows)
+        self._follow(samples, rows)
         found = int(np.count_nonzero(rows))
         if not found:
             return
@@ -77,6 +80,20 @@ class Keeper:
         self._air.append(np.array([samples.time[:until], samples.force[:until], samples.position[:until]]))
         self._air_count += until
 
+    def _follow(self, samples: Samples, rows: NDArray[np.bool_]) -> None:
+        """Air since the last contact."""
+        begin = len(rows) - int(np.argmax(rows[::-1])) if rows.any() else 0
+        if begin:
+            self._after, self._after_count = [], 0
+        if not self._count and not begin:
+            return  # no contact yet
+        until = min(len(rows), begin + _AIR - self._after_count)
+        if until > begin:
+            self._after.append(
+                np.array([samples.time[begin:until], samples.force[begin:until], samples.position[begin:until]])
+            )
+            self._after_count += until - begin
+
     @property
     def kept(self) -> SampleStore:
         """What is kept so far."""
@@ -93,3 +110,8 @@ class Keeper:
     def air(self) -> Floats:
         """Time [s], force [N] and position [m] (3, a) before the first contact."""
         return np.concatenate(self._air, axis=1) if self._air else np.zeros((3, 0))
+
+    @property
+    def air_after(self) -> Floats:
+        """The same (3, a) after the last contact."""
+        return np.concatenate(self._after, axis=1) if self._after else np.zeros((3, 0))

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from palpate.alignment import AlignmentReport, AlignmentSettings
 from palpate.contact import ContactModel
 from palpate.estimation import Estimator
@@ -57,6 +59,9 @@ class TrackEvidence:
     found: Mapping[str, UncertainValue] = field(
         default_factory=dict
     )  # by parameter, what diagnoses of a lower order left
+    air_after: Floats = field(
+        default_factory=lambda: np.zeros((3, 0))
+    )  # (3, a) time [s], force [N], position [m] after the last contact, at most 4096 samples
 
 
 @dataclass(frozen=True)
@@ -82,7 +87,7 @@ class Diagnosed:
     biases: Mapping[str, Bias] = field(default_factory=dict)
     sources: tuple[Term, ...] = ()  # rows of the budget, each a cause of its own for all values
     delays: Mapping[str, float] = field(default_factory=dict)  # [s] that would explain a parameter or derived value
-    settles: frozenset[str] = frozenset()  # codes of flags by lower orders that do not hold any more
+    settles: frozenset[str] = frozenset()  # codes of flags by lower orders whose effect this diagnosis accounts for
     left: Mapping[str, float] = field(default_factory=dict)  # in place of `terms` for a corrected value
 
 

@@ -18,6 +18,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         # What others judge by holds its terms.
         "readings": Diagnosis("palpate_uncertainty.reading_faults:reading_faults", order=10, quick=True),
         "budget": Diagnosis("palpate_uncertainty.uncertainty_budget:budgets", order=10, quick=True),
+        "thickness": Diagnosis("palpate_uncertainty.other_geometries:other_geometries", order=10, quick=True),
         "late-force": Diagnosis("palpate_uncertainty.delay.late_force:late_force", order=10, quick=True, lost=True),
         # Settles what the budget states of undeclared timing.
         "self-timed": Diagnosis("palpate_uncertainty.delay.delay_from_motion:diagnose_delay", order=11),
@@ -28,6 +29,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "one-frequency": Diagnosis("palpate_uncertainty.delay.one_frequency:one_frequency"),
         "geometry": Diagnosis("palpate_uncertainty.undeclared_thickness:geometry", quick=True),
         "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),
+        "free-air": Diagnosis("palpate_uncertainty.free_air:free_air"),
         "unloading": Diagnosis("palpate_uncertainty.unloading:unloading"),
     }
 

@@ -60,6 +60,10 @@ _MODEL = {
         "During unloading, a material with memory leaves the tip sooner than a contact that follows the depth.",
         'Use ting-fit (one loading, one unloading), or fit the loading only (casadi-fit, segment = "load").',
     ),
+    "pull-off": _doubtful(
+        "The material pulls the tip on its way out, and the model leaves adhesion out.",
+        "Use the model jkr (soft, large tips) or dmt (stiff, small ones), or wet the surface.",
+    ),
     "outliers": _doubtful(
         "Single readings of the force are off by many times its noise, and the estimator gives them full weight.",
         "Set student = 4 (kinematic filters), a robust loss (fits), or find out what disturbs the sensor.",
@@ -86,11 +90,15 @@ _RIG = {
         "Declare the velocity's delay in [alignment], or leave the velocity out.",
     ),
     "tare-unclear": _doubtful(
-        "The zero of the force is not known to what a value needs.",
-        'Record a second of free air first (tare = "free-air"), or set [alignment] tare_uncertainty.',
+        "The force without contact is not known to what a value needs.",
+        'Record a second of free air first (tare = "free-air") or set [alignment] tare_uncertainty; find hum, drag, '
+        "cable or drift that it names.",
     ),
     "tare-undeclared": _sign("tare-unclear", "No uncertainty of the zero of the force is declared or measured."),
     "untared": _sign("tare-unclear", "Before the first touch the force is not zero."),
+    "force-in-air": _sign(
+        "tare-unclear", "In air the force follows the motion, has its frequency, or is not zero after the contact."
+    ),
     "series-compliance": _note(
         "Robot and sensor give way, which shifts a value by more than 1 %; counted as uncertainty, not corrected.",
         "Stiffen the rig, or measure the position at the tip.",

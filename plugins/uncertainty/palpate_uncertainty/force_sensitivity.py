@@ -30,6 +30,21 @@ class Along:
     by_rate: Floats | None  # [N s/m] dF/dd'; the same
     _motion: tuple[Floats, Floats, Floats, NDArray[np.bool_]]  # time, depth, rate, rows that count
 
+    @property
+    def time(self) -> Floats:
+        """Instants (n,) [s]."""
+        return self._motion[0][self._motion[3]]
+
+    @property
+    def depth(self) -> Floats:
+        """Depth (n,) [m] below the surface."""
+        return self._motion[1][self._motion[3]]
+
+    @property
+    def rate(self) -> Floats:
+        """Rate of the depth (n,) [m/s]."""
+        return self._motion[2][self._motion[3]]
+
     def by_number(self, path: tuple[str, ...], value: float) -> Floats:
         """Derivative (n,) of the force by a number among the model's keys."""
         step = _STEP * (abs(value) or 1.0)

@@ -5,14 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
 from palpate_uncertainty.channel_noise import ENOUGH, WHITE, Null, null_of
+from palpate_uncertainty.directed_tests import directed_tests, near_best
 from palpate_uncertainty.model_alternatives import Refit, alternatives, refit
 from palpate_uncertainty.refit import Course, hesitation_samples, make_course, possible, runs_of, sweeps
+from palpate_uncertainty.running_in import SteadyPart, steady_part
 from palpate_uncertainty.whiteness import WhitenessTest, oscillation, whiteness_tests
 
 LEVEL = 1e-3  # of the family's p
@@ -24,8 +28,13 @@ _DEEP = 3e-3  # [m], where the surface is looked for first
 _BY_MOTION = 1.0  # of the mean square of the force that noise of the motion makes
 _LEFT = 0.02  # of the misfit's power; an alternative that leaves less has explained it
 _FAINT = 0.01  # the same, of the variance of the noise
+_DRIFTS = 1.5  # times the drift that is allowed, as one of the record is known to some half of it
 _NAMED = 0.2  # the same, for a reason that is worth naming though it does not explain it all
-_SETTLED = frozenset({"misfit", "correlated-residuals"})  # what a fit says of residuals that are noise after all
+_SHALLOW = 0.05  # of the largest depth; nearer to the surface the slope of a viscous force has no bound
+_WHOLE = ("active", "contact", "all")  # segments of a fit that leave no part of the contact out on purpose
+# What innovations and residuals say where those of the model itself are noise: the noise that a filter was told is then
+# judged by the distance of its estimate from least squares.
+_SETTLED = frozenset({"misfit", "correlated-residuals", "coloured-innovations", "inconsistent"})
 
 
 def lack_of_fit(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -44,7 +53,7 @@ def lack_of_fit(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 @dataclass(frozen=True)
 class _NullBase:
-    """A model fitted to what a track used, and how it is tested."""
+    """A model fitted to samples of a track, and how it is tested."""
 
     course: Course
     fit: Refit
@@ -59,6 +68,26 @@ class _NullBase:
         )
         return self.by_motion(found, float(np.var(residual)))
 
+    @cached_property
+    def others(self) -> list[Refit]:
+        """What else the record may be."""
+        return list(alternatives(self.course, self.fit, self.frequency))
+
+    @cached_property
+    def directed(self) -> dict[str, tuple[float, float]]:
+        """By reason, p of what it explains that the model does not, and its share of the variance; see LEVEL."""
+        if self.course.model.memory:
+            return {}
+        runs, power = self.course.runs[self.course.used], float(np.var(self.fit.residual))
+        made = self.course.motion_noise(self.fit.theta, self.fit.surface)
+        found = directed_tests(self.fit, self.others, runs, self.null)
+        return {reason: pair for reason, pair in found.items() if pair[1] * power > _BY_MOTION * made}
+
+    @property
+    def p(self) -> float:
+        """Of the directed tests as a family."""
+        return min((1.0, *(len(self.directed) * p for p, _ in self.directed.values())))
+
     def by_motion(self, found: WhitenessTest, power: float) -> WhitenessTest:
         """Findings on residuals of this power [N^2]: nothing where the noise of the motion makes such a pattern."""
         made = self.course.motion_noise(self.fit.theta, self.fit.surface)
@@ -68,17 +97,16 @@ class _NullBase:
 def _judge(track: TrackEvidence, known: dict[Any, _NullBase]) -> Diagnosed | None:
     if np.count_nonzero(track.kept.used & ~hesitation_samples(track)) < _ENOUGH or not possible(track):
         return None
-    if track.report is not None and np.isfinite(track.kept.innovation).any():
-        found = _by_innovations(track)
-        if found.p < LEVEL:
-            base = _base(track, known)
-            found = base.by_motion(found, float(np.var(base.fit.residual)))
-        return _explained(track, found, _base(track, known)) if found.p < LEVEL else _table(found)
-    if sweeps(track):
+    fitted = track.report is not None and np.isfinite(track.kept.innovation).any()
+    if sweeps(track) and not fitted:
         return _along_a_sweep(track)
     base = _base(track, known)
     found = base.test(base.fit.residual)
-    return _explained(track, found, base) if found.p < LEVEL else _table(found)
+    if fitted and (own := _by_innovations(track)).p < found.p:
+        found = base.by_motion(own, float(np.var(base.fit.residual)))
+    if found.p < LEVEL or base.p < LEVEL:
+        return _explained(track, found, base)
+    return _table(found)
 
 
 def _along_a_sweep(track: TrackEvidence) -> Diagnosed | None:
@@ -127,8 +155,11 @@ def standstill(track: TrackEvidence) -> Floats:
 
 
 def _base(track: TrackEvidence, known: dict[Any, _NullBase]) -> _NullBase:
-    """The model fitted to the track's samples; once for all tracks that share them."""
-    used = track.kept.used
+    """The model fitted to all samples in contact, whether the track used them or not; once for all tracks of a model.
+
+    Of a fit that leaves a part of the contact out on purpose, or has unknowns beside the model, what it used.
+    """
+    used = _deep(track) if _judges_all(track) else track.kept.used
     key = id(track.model), int(np.count_nonzero(used)), float(track.kept.time[used][0])
     if key not in known:
         course = make_course(track, used)
@@ -137,6 +168,20 @@ def _base(track: TrackEvidence, known: dict[Any, _NullBase]) -> _NullBase:
         frequency, phase = rhythm or (None, None)
         known[key] = _NullBase(course, fit, _null(track, fit.residual, phase), phase, frequency)
     return known[key]
+
+
+def _deep(track: TrackEvidence) -> NDArray[np.bool_]:
+    """(n,) kept samples that are not just below the surface, and all that the track used."""
+    depth = track.surface - track.kept.position
+    return np.asarray((depth > _SHALLOW * np.nanmax(depth)) | track.kept.used)
+
+
+def _judges_all(track: TrackEvidence) -> bool:
+    """Whether a track's model is to hold for all samples in contact."""
+    names = {*(parameter.name for parameter in track.model.parameters), "surface"}
+    unknowns = track.report.unknowns if track.report is not None else {}
+    beside = any(unknown.free and name not in names for name, unknown in unknowns.items())
+    return not beside and not sweeps(track) and getattr(track.estimator, "segment", "active") in _WHOLE
 
 
 def _null(track: TrackEvidence, residual: Floats, phase: Floats | None) -> Null:
@@ -170,31 +215,69 @@ def _table(found: WhitenessTest) -> Diagnosed:
 
 
 def _explained(track: TrackEvidence, found: WhitenessTest, base: _NullBase) -> Diagnosed:
-    """The reason shown by the pattern, and by how much each parameter may be off for it."""
+    """The reason shown by the pattern, and by how much each parameter may be off for it.
+
+    A drift of the sensor's zero that the alignment allows is no reason for a doubt, and a row of the budget.
+    """
+    names = [parameter.name for parameter in track.model.parameters]
     first = base.test(base.fit.residual)
     others = _others(base, first)
     left = _left(others, first)
     removing = [other for other, test in others if _removes(test, first)]
+    if first.p >= LEVEL and base.p < LEVEL:  # too faint for any test but one that knows where to look
+        near = near_best(base.directed, len(base.fit.residual))
+        removing += [other for other in base.others if other.reason in near]
+    if slow := [other for other in removing if _is_allowed_drift(track, base, other)]:
+        terms = dict(zip(names, _shifts(track, slow).tolist(), strict=True))
+        return replace(_table(found), terms=terms, settles=_SETTLED)
     naming = [other for other, _ in others if left.get(other.reason, 1.0) < _NAMED]
     shifts = _shifts(track, removing or naming or [base.fit])
     if not removing:
         shifts = np.maximum(shifts, _by_size(base, first.misfit))
-    reasons = sorted((other.reason for other in removing or naming if other.reason), key=lambda reason: left[reason])
+    reasons = sorted(
+        {other.reason for other in removing or naming if other.reason}, key=lambda name: left.get(name, 1.0)
+    )
+    steady = _steady(track, base) if first.tests.get("time", 1.0) < LEVEL else None
+    if steady is not None:
+        shifts = np.maximum(shifts, np.abs(steady.fit.theta - track.values))
     effects = shifts / np.maximum(np.abs(track.values), 1e-300)
-    names = [parameter.name for parameter in track.model.parameters]
     table = dict(_table(found).table) | {
+        "directed": {reason: p for reason, (p, _) in base.directed.items()},
         "effect": dict(zip(names, (100.0 * effects).tolist(), strict=True)),  # per cent
         "reasons": reasons,
         "explained": bool(removing),
         "left": left,
         "alternatives": _values(names, [other for other, _ in others]),
     }
-    text = _sentence(found, reasons, bool(removing), base.null.source)
+    text = _sentence(replace(found, p=min(found.p, base.p)), reasons, bool(removing), base.null.source)
+    if steady is not None:
+        table["steady"] = {"from": steady.begin, **dict(zip(names, steady.fit.theta.tolist(), strict=True))}
+        text = f"{text}; {steady.sentence(track.model)}"
     terms = dict(zip(names, shifts.tolist(), strict=True))
     unknown = frozenset(name for name, shift in terms.items() if not np.isfinite(shift))
     known = {name: shift for name, shift in terms.items() if name not in unknown}
     bounds = {name: math.inf if name in unknown else shift for name, shift in terms.items()}
     return Diagnosed((Flag("lack-of-fit", text, effects=bounds),), known, unknown, table)
+
+
+def _is_allowed_drift(track: TrackEvidence, base: _NullBase, other: Refit) -> bool:
+    """Whether a refit is a drift of the force that is no faster than the alignment allows."""
+    if other.reason != "drift" or not other.numbers or track.ending is None:
+        return False
+    return abs(other.numbers[0]) <= _DRIFTS * track.ending.settings.drift * base.course.span
+
+
+def _steady(track: TrackEvidence, base: _NullBase) -> SteadyPart | None:
+    """The rest of the record that is one steady contact; None where there is none."""
+
+    def test(course: Course, residual: Floats) -> WhitenessTest:
+        rows = course.used
+        rhythm = oscillation(course.time[rows], course.height[rows])
+        phase = rhythm[1] if rhythm else None
+        null = _null(track, residual, phase)
+        return whiteness_tests(residual, course.runs[rows], course.time[rows], -course.height[rows], phase, null)
+
+    return steady_part(base.course, base.fit, test, LEVEL)
 
 
 def _left(others: Sequence[tuple[Refit, WhitenessTest]], first: WhitenessTest) -> dict[str, float]:
@@ -206,7 +289,7 @@ def _others(base: _NullBase, first: WhitenessTest) -> list[tuple[Refit, Whitenes
     """What else the record may be, tested; the model as it is where that is right and the track is far from it."""
     if first.p >= LEVEL:
         return [(base.fit, first)]
-    return [(other, base.test(other.residual)) for other in alternatives(base.course, base.fit, base.frequency)]
+    return [(other, base.test(other.residual)) for other in base.others]
 
 
 def _shifts(track: TrackEvidence, others: Sequence[Refit]) -> Floats:

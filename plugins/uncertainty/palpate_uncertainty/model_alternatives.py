@@ -16,6 +16,7 @@ _DEEPER = 1e-6  # [m], for slopes
 _LATEST = 0.02  # [s]
 _MOST = 3000  # samples that a refit looks at
 _FARTHEST = 0.02  # [m] that the surface may move
+_SOFTEST = 1e3  # [N/m] of arm and base
 _TOO_MUCH = 1e6  # [N]
 
 # From the model's parameters (k,), the surface [m] and the extra numbers:
@@ -44,6 +45,8 @@ class Refit:
     surface: float  # [m]
     candidates: Floats  # (c, k) what the parameters may be if this is the truth
     residual: Floats  # (n,) [N] over the course's fitted samples
+    extra: int = 0  # numbers that it adds to the model
+    numbers: tuple[float, ...] = ()  # those, where one asks for them
 
 
 Maker = Callable[[Course], ModelAlternative]
@@ -84,7 +87,15 @@ def refit(course: Course, theta: Floats, surface: float, make: Maker = no_change
     found = least_squares(normal_by_differences(residual, upper), start, lower, upper, most=40, gain=1e-12)
     numbers, full = parts(found.x), made if small is course else make(course)
     error = (course.force - full.force(*numbers))[course.used]
-    return Refit(made.reason, numbers[0], numbers[1], full.candidates(*numbers), error)
+    return Refit(
+        made.reason,
+        numbers[0],
+        numbers[1],
+        full.candidates(*numbers),
+        error,
+        len(made.start),
+        tuple(numbers[2].tolist()),
+    )
 
 
 def alternatives(course: Course, base: Refit, frequency: float | None = None) -> Iterator[Refit]:
@@ -99,6 +110,7 @@ def alternatives(course: Course, base: Refit, frequency: float | None = None) ->
         makers += [
             lambda c: _thickness(c, base.theta, shape),
             lambda c: _tip(c, elastic, shape),
+            lambda c: _compliance(c, base),
             _lift_off,
         ]
     for make in makers:
@@ -106,8 +118,10 @@ def alternatives(course: Course, base: Refit, frequency: float | None = None) ->
     if len(elastic) == 1 and not course.model.memory and all(p.role for p in course.model.parameters):
         viscous = any(parameter.role == "viscous" for parameter in course.model.parameters)
         fastest = 1.0 / (2.0 * np.pi * frequency) if frequency is not None and viscous else 0.0
-        stays, surface, at_first, residual = fit_relaxation(course, base.theta, base.surface, elastic[0], fastest)
-        yield Refit("memory", stays, surface, np.array([stays, at_first]), residual)
+        stays, surface, at_first, residual, branches = fit_relaxation(
+            course, base.theta, base.surface, elastic[0], fastest
+        )
+        yield Refit("memory", stays, surface, np.array([stays, at_first]), residual, branches)
 
 
 def _timing(course: Course) -> ModelAlternative:
@@ -129,6 +143,19 @@ def _drift(course: Course) -> ModelAlternative:
     ends = (most, most)
     return ModelAlternative(
         "drift", lambda t, s, x: course.forces(t, s) + x[0] * since + x[1], (0.0, 0.0), (-most, -most), ends
+    )
+
+
+def _compliance(course: Course, base: Refit) -> ModelAlternative:
+    """An arm or a base that gives way to the force as the model has it, to first order."""
+    force = course.forces(base.theta, base.surface)
+    change = course.change(base.theta, base.surface)
+    return ModelAlternative(
+        "compliance",
+        lambda theta, surface, x: course.yielded(theta, surface, float(x[0]) * force, float(x[0]) * change),
+        (0.0,),
+        (0.0,),
+        (1.0 / _SOFTEST,),
     )
 
 

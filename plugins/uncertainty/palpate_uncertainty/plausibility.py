@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence, Set
 
 import numpy as np
-from palpate import ContactModel, Diagnosed, Flag, Floats, Tail, TrackEnd, TrackEvidence, contact_force
+from palpate import ContactModel, Diagnosed, Flag, Floats, Indenter, Tail, TrackEnd, TrackEvidence, contact_force
 
 from palpate_uncertainty.force_sensitivity import along
 from palpate_uncertainty.influence import answer
@@ -82,7 +82,7 @@ def _convergence_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
             effects[parameter.name] = rest
     if moving:
         text = f"still moving after {tracked:.3g} s: {', '.join(moving)}"
-        yield Flag("not-converged", text, effects=effects, cause="settling")
+        yield Flag("not-converged", text, effects=effects, causes=("settling",))
     yield from _innovation_flags(last, model, last.std[-1], f"in the last {end.average:g} s")
     yield from _colour_flags(tail, model, last.std[-1])
 
@@ -170,5 +170,8 @@ def _validity_flags(model: ContactModel, last: Tail) -> Iterator[Flag]:
     """The model's own limits, at the greatest depth that was reached."""
     depth = float(np.max(last.surface - last.position)) if len(last.time) else 0.0
     problem = model.validity(depth) if np.isfinite(depth) and depth > 0 else ""
-    if problem:
-        yield Flag("beyond-model-range", problem)
+    if problem:  # where other geometries bound what is beyond, that is a row of the budget and no doubt by itself
+        tip = getattr(model, "indenter", None)
+        by_tip = isinstance(tip, Indenter) and bool(tip.validity(depth))
+        bounded = not by_tip and bool(model.other_geometries(depth, last.values.mean(axis=0).tolist()))
+        yield Flag("beyond-model-range", problem, effects={} if bounded else None)

@@ -52,6 +52,10 @@ class Course:
         """Contact force (n,) [N] of the model."""
         return self._force(self.depth(surface), self.rate, theta)
 
+    def yielded(self, theta: Floats, surface: float, way: Floats, speed: Floats) -> Floats:
+        """Contact force (n,) [N] where a way (n,) [m] of the depth, and its rate (n,) [m/s], are not the material's."""
+        return self._force(self.depth(surface) - way, self.rate - speed, theta)
+
     def _force(self, depth: Floats, rate: Floats, theta: Floats) -> Floats:
         if self.model.memory:
             return np.asarray(force_over_time(self.model, self.time, depth, rate, theta.tolist()))
@@ -124,13 +128,25 @@ def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
         acceleration[k:-k] = change / span
     force = kept.force - (track.tip_mass or 0.0) * np.nan_to_num(acceleration)
     (height, height_noise), (rate, rate_noise) = _quiet(kept.position, runs), _quiet(-kept.velocity, runs)
+    # Not the slope that the inertia is taken off by: its noise would make a force that is late.
+    smooth = _slopes(rate, kept.time, runs)
     known = np.isfinite(force) & np.isfinite(kept.position) & np.isfinite(kept.velocity) & np.isfinite(acceleration)
     known &= ~hesitation_samples(track)
     first, last = (float(kept.time[0]), float(kept.time[-1])) if len(kept.time) else (0.0, 0.0)
     return Course(
-        track.model, kept.time, force, height, np.nan_to_num(rate), np.nan_to_num(acceleration), runs, used & known,
+        track.model, kept.time, force, height, np.nan_to_num(rate), np.nan_to_num(smooth), runs, used & known,
         first, max(last - first, 1e-9), len(track.air_time) > 0, (height_noise, rate_noise),
     )  # fmt: skip
+
+
+def _slopes(values: Floats, time: Floats, runs: Runs) -> Floats:
+    """Slopes (n,) in time within the runs; none within a run of one sample."""
+    pieces = np.split(np.arange(len(values)), np.flatnonzero(np.diff(runs)) + 1)
+    slopes = [
+        np.gradient(values[p], time[p]) if len(p) > 1 and np.all(np.diff(time[p]) > 0) else np.zeros(len(p))
+        for p in pieces
+    ]
+    return np.concatenate(slopes) if len(values) else values
 
 
 def _quiet(values: Floats, runs: Runs) -> tuple[Floats, float]:

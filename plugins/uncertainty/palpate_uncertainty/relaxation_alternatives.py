@@ -17,7 +17,7 @@ _CLOSE = 1e-7  # [m]
 
 def fit_relaxation(
     course: Course, theta: Floats, surface: float, place: int, fastest: float = 0.0
-) -> tuple[Floats, float, Floats, Floats]:
+) -> tuple[Floats, float, Floats, Floats, int]:
     """Least squares of F = E A(d) + eta B(d, d') + sum of E g_i R_i[A], R_i what relaxes in a time, g_i >= 0.
 
     No R_i relaxes in less than `fastest` [s]: beside an oscillation of angular frequency w, what relaxes within 1/w is
@@ -26,7 +26,7 @@ def fit_relaxation(
     For models whose force is linear in their parameters, of which one, at `place`, is elastic. By variable projection
     over the surface (Golub and Pereyra 1973) and non-negative least squares (Lawson and Hanson 1974). Returns the
     parameters (k,), of which the elastic one is that of the force that stays, the surface [m], the parameters with all
-    branches, as at the first moment, and the residual (n,) [N] over the fitted samples.
+    branches, as at the first moment, the residual (n,) [N] over the fitted samples, and how many numbers that adds.
     """
     from scipy.optimize import minimize_scalar, nnls
 
@@ -50,7 +50,8 @@ def fit_relaxation(
     branches = weights[k : k + len(times)]
     at_first = stays.copy()
     at_first[place] += theta[place] * float(branches.sum())
-    return stays, float(found.x), at_first, (course.force - columns @ weights)[course.used]
+    left = (course.force - columns @ weights)[course.used]
+    return stays, float(found.x), at_first, left, len(times) * (1 if course.from_air else 2)
 
 
 def _times(course: Course, fastest: float) -> list[float]:
