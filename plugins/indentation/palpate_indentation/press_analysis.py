@@ -193,7 +193,7 @@ def _flags(
             code, what = _UNCLEAR[row.source]
             effects = {law.name: row.contribution}
             words = f"{what} moves the modulus by {row.contribution / fit.modulus:.0%}, more than all else"
-            found.append(Flag(code, words, effects=effects, cause=row.source))
+            found.append(Flag(code, words, effects=effects, causes=(row.source,)))
     if pull is not None:
         found.append(Flag("adhesion", f"the material pulls with {pull.force:.3g} +- {pull.std:.2g} N"))
     return found + _of_baseline(law, branch, fitted)
@@ -206,7 +206,7 @@ def _of_baseline(law: ElasticLaw, branch: Branch, fitted: BaselineFit) -> list[F
             f"the air does not tell the tilt ({other.tilt:+.3g} +- {other.tilt_std:.2g} N/m by least squares): held at "
             f"zero, which counts {fitted.by_tilt / fit.modulus:.0%} in the uncertainty of the modulus"
         )
-        return [Flag("baseline-unclear", what, effects={law.name: fitted.by_tilt}, cause="tilt")]
+        return [Flag("baseline-unclear", what, effects={law.name: fitted.by_tilt}, causes=("tilt",))]
     taken = abs(fit.tilt) * float(fit.surface - branch.height.min()) / force_of(law, branch, fit)
     if taken > _LARGE:
         what = f"the tilt of the baseline makes {taken:.0%} of the press's force over its depth"
