@@ -46,7 +46,7 @@ def change_point(position: Floats, force: Floats) -> ChangePoint | None:
     if len(z) < _FEWEST:
         return None
     top, bottom = float(z.max()), float(z.min())
-    least = least_way(z, top - bottom)
+    least = shortest_descent(z, top - bottom)
     if not top - bottom > least:
         return None
     step = -(-len(z) // _MOST)
@@ -77,7 +77,7 @@ def change_point(position: Floats, force: Floats) -> ChangePoint | None:
     return ChangePoint(surface, offset, float(np.sqrt(noise)), slope * float(shape.max()))
 
 
-def least_way(height: Floats, reach: float) -> float:
+def shortest_descent(height: Floats, reach: float) -> float:
     """Way [m] below which heights (n,) that cover a reach [m] do not go down: by their noise, and by their reach."""
     return min(max(_LEAST_SHARE * reach, _LEAST_NOISE * white_noise(height)), _MOST_WAY)
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from palpate.alignment.air_line import FIRST_READINGS, decides, may_decide
 from palpate.alignment.contact_hysteresis import ContactHysteresis
 from palpate.alignment.contact_onset import ContactOnset
 from palpate.alignment.contact_threshold import ContactThreshold
-from palpate.alignment.free_air import FIRST_READINGS, decides, may_decide
 from palpate.alignment.held_samples import FIRST_SAMPLES, Lookback
 from palpate.alignment.load_compensation import LoadCompensation
 from palpate.alignment.settings import AlignmentSettings

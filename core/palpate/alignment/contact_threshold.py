@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.alignment.free_air import ROBOT_FORCE, SIGMAS, FreeAir
+from palpate.alignment.air_line import ROBOT_FORCE, SIGMAS, AirLine
 from palpate.alignment.settings import AlignmentSettings
 from palpate.alignment.tare import Tare
 from palpate.estimation import Samples
@@ -29,7 +29,7 @@ class ContactThreshold:
     force: float  # [N]
     drift: float = 0.0  # [N/s]
     least_rise: float = _RISE  # [N] by which a slow rise shows
-    air: FreeAir | None = None  # that the force is compared with; None: with none
+    air: AirLine | None = None  # that the force is compared with; None: with none
 
     @classmethod
     def of(cls, settings: AlignmentSettings, tare: Tare | None) -> ContactThreshold:

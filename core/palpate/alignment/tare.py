@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.alignment.air_line import AirLine, air_line, decides
 from palpate.alignment.change_point import change_point, even_parts
-from palpate.alignment.free_air import FreeAir, decides, free_air
 from palpate.alignment.settings import AlignmentSettings
 from palpate.errors import LogError
 from palpate.estimation import Samples
@@ -27,7 +27,7 @@ class Tare:
     offset_std: float | None  # [N] standard uncertainty of the offset, from the scatter; None where none was measured
     noise: float | None  # [N] standard deviation of one sample in free air
     until: float | None = None  # [s] end of the free air that it comes from
-    air: FreeAir | None = None  # less the offset, of a record whose own noise says what counts as touch
+    air: AirLine | None = None  # less the offset, of a record whose own noise says what counts as touch
 
 
 def stated_tare(settings: AlignmentSettings, samples: Samples) -> Tare | None:
@@ -36,7 +36,7 @@ def stated_tare(settings: AlignmentSettings, samples: Samples) -> Tare | None:
         return None
     offset = 0.0 if settings.tare == "none" else float(settings.tare)
     head = where(samples, samples.time <= settings.tare_duration)
-    air = free_air(head) if decides(settings, samples) else None
+    air = air_line(head) if decides(settings, samples) else None
     return Tare(offset, settings.tare_uncertainty, None, air=None if air is None else air.less(offset))
 
 
@@ -50,7 +50,7 @@ def measured_tare(settings: AlignmentSettings, samples: Samples, before: float =
     window = where(window, np.isfinite(window.force))
     if len(window) < _FEWEST:
         return Tare(0.0, None, None)
-    if decides(settings, samples) and (air := free_air(window)) is not None:
+    if decides(settings, samples) and (air := air_line(window)) is not None:
         return Tare(air.level, air.level_std, air.noise, air.until, air.less(air.level))
     found = change_point(window.position, window.force)
     if found is not None:

@@ -15,7 +15,7 @@ from palpate_indentation.contact_points import ContactPointResult, contact_point
 from palpate_indentation.elastic_law import ElasticLaw
 from palpate_indentation.modulus_over_depth import ModulusProfile, change_over_depth, secant_profile, tangent_profile
 from palpate_indentation.press import Branch, Press
-from palpate_indentation.press_budget import BudgetRow, Declared, PressBudget
+from palpate_indentation.press_budget import Declared, PressBudget, PressBudgetRow
 from palpate_indentation.sphere_laws import SphereLawFit, sphere_laws, sphere_radius
 from palpate_indentation.viscosity import PressViscosity, viscosity_of_press
 
@@ -60,7 +60,7 @@ class Indentation:
     flags: tuple[Flag, ...]
 
     viscosity: PressViscosity | None  # None: the model has none, or none that the force is proportional to
-    budget: tuple[BudgetRow, ...]  # of everything, beginning with the fit itself
+    budget: tuple[PressBudgetRow, ...]  # of everything, beginning with the fit itself
 
     @property
     def fit(self) -> CurveFit:
@@ -109,9 +109,9 @@ def analyse_press(
     ]
     by_contact = 0.5 * abs(moved[0].modulus - moved[1].modulus) if moved else 0.0
     budget = (
-        BudgetRow("fit", None, "", fit.modulus_std),
-        BudgetRow("contact point", apart, "m", by_contact),
-        *([BudgetRow("tilt", None, "", fitted.by_tilt)] if fitted.untold is not None else []),
+        PressBudgetRow("fit", None, "", fit.modulus_std),
+        PressBudgetRow("contact point", apart, "m", by_contact),
+        *([PressBudgetRow("tilt", None, "", fitted.by_tilt)] if fitted.untold is not None else []),
         *_of_viscosity(law, press, branch, fit, viscosity, tilt=tilt, robust=settings.robust),
         *PressBudget(law, branch, fit).rows(declared or Declared()),
     )
@@ -146,7 +146,7 @@ def _viscosity(
 
 def _of_viscosity(
     law: ElasticLaw, press: Press, branch: Branch, fit: CurveFit, viscosity: PressViscosity | None, **how: bool
-) -> list[BudgetRow]:
+) -> list[PressBudgetRow]:
     """How far the modulus moves with the viscosity, at most all of it: by fits, since it is hardly a first order.
 
     At one speed the viscous force has the shape of what a surface does that lies higher.
@@ -159,7 +159,7 @@ def _of_viscosity(
         for side in sides
     ]
     shifts = [abs(value - fit.modulus) if np.isfinite(value) else fit.modulus for value in moved]
-    return [BudgetRow("viscosity", viscosity.std, viscosity.unit, min(float(np.mean(shifts)), fit.modulus))]
+    return [PressBudgetRow("viscosity", viscosity.std, viscosity.unit, min(float(np.mean(shifts)), fit.modulus))]
 
 
 def _rise(
@@ -177,7 +177,7 @@ def _flags(
     law: ElasticLaw,
     branch: Branch,
     fitted: BaselineFit,
-    budget: tuple[BudgetRow, ...],
+    budget: tuple[PressBudgetRow, ...],
     rise: tuple[float, float],
     pull: PullOff | None,
 ) -> list[Flag]:

@@ -28,7 +28,7 @@ class Declared:
 
 
 @dataclass(frozen=True)
-class BudgetRow:
+class PressBudgetRow:
     """One source of uncertainty."""
 
     source: str
@@ -63,7 +63,7 @@ class PressBudget:
         """Shift of the modulus by an error (n,) of the force [N]."""
         return float(self._answer @ error)
 
-    def rows(self, declared: Declared) -> Iterator[BudgetRow]:
+    def rows(self, declared: Declared) -> Iterator[PressBudgetRow]:
         """Everything that is declared, or has a default; raises ConfigurationError for an uncertainty that is none."""
         if declared.alignment is not None:
             yield from self._of_readings(declared.alignment)
@@ -83,7 +83,7 @@ class PressBudget:
         depth = stretch * self._depth + lower
         return self._fit.modulus * law.geometry(depth) + law.rest(depth, stretch * self._branch.rate)
 
-    def _of_readings(self, alignment: AlignmentSettings) -> Iterator[BudgetRow]:
+    def _of_readings(self, alignment: AlignmentSettings) -> Iterator[PressBudgetRow]:
         force, time = self._force(self._law), self._branch.time
         growth = np.gradient(force, time)
         if alignment.timing_uncertainty is not None:
@@ -115,9 +115,9 @@ class PressBudget:
             return source.std * self._force(self._law)
         return -source.std * (self._force(self._law, stretch=1 + _STEP) - self._force(self._law)) / _STEP
 
-    def _row(self, source: str, std: float, unit: str, error: Floats, declared: bool = True) -> BudgetRow:
+    def _row(self, source: str, std: float, unit: str, error: Floats, declared: bool = True) -> PressBudgetRow:
         name = source if declared else f"{source} (not declared)"
-        return BudgetRow(name, std, unit, abs(self.shift(error)))
+        return PressBudgetRow(name, std, unit, abs(self.shift(error)))
 
 
 def _changed(part: Any, path: Sequence[str], change: float) -> Any:

@@ -10,7 +10,7 @@ from palpate.host import finite_tree, registry as registries
 from palpate_indentation.adhesion import Theory, tabor
 from palpate_indentation.modulus_over_depth import ModulusProfile
 from palpate_indentation.press_analysis import Indentation
-from palpate_indentation.press_budget import BudgetRow
+from palpate_indentation.press_budget import PressBudgetRow
 from palpate_indentation.sphere_laws import SphereLawFit
 from palpate_indentation.viscosity import PressViscosity
 
@@ -52,7 +52,7 @@ def _viscosity(one: PressViscosity) -> dict[str, Any]:
     return {"value": one.value, "std": one.std, "unit": one.unit, "source": one.source, "words": one.words}
 
 
-def _row(row: BudgetRow, found: Indentation) -> dict[str, Any]:
+def _row(row: PressBudgetRow, found: Indentation) -> dict[str, Any]:
     """As in the budget of a track."""
     effect = {
         "sensitivity": row.contribution / row.std if row.std else None,

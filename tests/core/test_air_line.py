@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from palpate import Batch, Channel, Stream
 from palpate.alignment import Aligner, AlignmentSettings, Ports
-from palpate.alignment.change_point import change_point, least_way
+from palpate.alignment.change_point import change_point, shortest_descent
 from palpate.estimation import Samples
 
 RATE, AIR, DEEP = 2000.0, 2e-6, 0.6e-6
@@ -99,10 +99,10 @@ def test_a_touch_force_that_is_stated_stays():
 def test_the_least_way_down_is_of_the_record_and_no_more_than_a_robots():
     random = np.random.default_rng(1)
     still = 5e-6 * random.standard_normal(1000)
-    assert least_way(still, float(np.ptp(still))) == pytest.approx(2e-5, rel=0.1)
-    assert least_way(np.linspace(0.05, 0.0, 1000), 0.05) == 2e-5
+    assert shortest_descent(still, float(np.ptp(still))) == pytest.approx(2e-5, rel=0.1)
+    assert shortest_descent(np.linspace(0.05, 0.0, 1000), 0.05) == 2e-5
     small = np.linspace(2e-6, 0.0, 1000) + 1e-10 * random.standard_normal(1000)
-    assert least_way(small, 2e-6) == pytest.approx(4e-9, rel=0.05)
+    assert shortest_descent(small, 2e-6) == pytest.approx(4e-9, rel=0.05)
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-3, 1e-6])

@@ -20,7 +20,7 @@ _TILTED = 5.0  # standard uncertainties of a slope
 
 
 @dataclass(frozen=True)
-class FreeAir:
+class AirLine:
     """The force in free air by a line over time: its level, its slope, and how far readings scatter about it."""
 
     middle: float  # [s]
@@ -31,7 +31,7 @@ class FreeAir:
     noise: float  # [N] standard deviation of one reading
     until: float  # [s]
 
-    def less(self, offset: float) -> FreeAir:
+    def less(self, offset: float) -> AirLine:
         """The same of a force less an offset [N]."""
         return replace(self, level=self.level - offset)
 
@@ -65,7 +65,7 @@ def decides(settings: AlignmentSettings, samples: Samples) -> bool:
     )
 
 
-def free_air(samples: Samples) -> FreeAir | None:
+def air_line(samples: Samples) -> AirLine | None:
     """The air that samples begin with, until contact where they get there; None where there is too little."""
     samples = samples[np.isfinite(samples.force) & np.isfinite(samples.position)]
     air = samples[: _touched(samples)]
@@ -77,7 +77,7 @@ def free_air(samples: Samples) -> FreeAir | None:
     together = samples_as_one(left)
     stds = (math.sqrt(variance * together / size) for size in (len(air), power))
     level_std, slope_std = stds
-    return FreeAir(middle, level, level_std, slope, slope_std, math.sqrt(variance), float(air.time[-1]))
+    return AirLine(middle, level, level_std, slope, slope_std, math.sqrt(variance), float(air.time[-1]))
 
 
 def _touched(samples: Samples) -> int:
