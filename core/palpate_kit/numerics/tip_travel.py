@@ -15,7 +15,8 @@ _SHORTEST = 5  # samples
 _LONGEST = 0.2  # [s] that the window is widened to by itself
 _NOISE_SHARE = 0.02  # of the RMS rate, below which noise of the rate no longer bends an estimate
 _FORGOTTEN = 10.0  # times of the fastest state that are at least averaged
-_SHALLOW = 1e-3  # [m] depth at which it is the fastest
+_SHALLOW = 0.2  # of the depth that is reached: where it is the fastest
+_REACH, _MOST_SHALLOW = 5e-3, 1e-3  # [m] of a robot: where no record says how deep it goes, and however deep that is
 _GAP = 5.0  # median intervals
 _FEWEST_WINDOWS = 10  # side by side
 _MEDIAN = 0.6745  # of the absolute value of noise, in standard deviations
@@ -55,8 +56,8 @@ def zero_phase_motion(samples: Samples, window: float | None, longest: float = _
     return _motion(samples, interval, width, noise)
 
 
-def longest_window(model: ContactModel) -> float:
-    """Window [s] that blurs nothing that a model's states make of a motion, at the values where a search begins.
+def longest_window(model: ContactModel, depth: float = _REACH) -> float:
+    """Window [s] that blurs nothing that a model's states make of a motion to a depth [m], where a search begins.
 
     States average the rate themselves: its noise bends them less than what is blurred at a touch does.
     """
@@ -64,7 +65,8 @@ def longest_window(model: ContactModel) -> float:
         return _LONGEST
     guess = [1.0 if parameter.start is None else parameter.start for parameter in model.parameters]
     ones, count = [1.0] * len(model.memory), len(model.memory)
-    ends = (model.memory_rate(_SHALLOW, 0.0, guess, state) for state in (ones, [0.0] * count))
+    shallow = min(_SHALLOW * depth, _MOST_SHALLOW)
+    ends = (model.memory_rate(shallow, 0.0, guess, state) for state in (ones, [0.0] * count))
     forgetting = np.abs(np.subtract(*(np.array(end, float) for end in ends)))
     return _FORGOTTEN / float(forgetting.max()) if forgetting.max() > 0 else _LONGEST
 

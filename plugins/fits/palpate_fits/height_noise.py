@@ -15,7 +15,7 @@ from palpate_fits.solvers import Solution
 from palpate_fits.uncertainty import scaled_inverse
 from palpate_fits.unknowns import Unknowns
 
-_STEP = 1e-6  # [m]
+_STEP = 0.2  # of the depth over which contact sets in, 1 um in a palpation of 5 mm: no derivative is taken across it
 _SAMPLES = 20_000
 _AT_EDGE = 1e-3  # standard deviations
 _FARTHEST = {False: 0.1, True: 0.5}  # of a value; without and with memory
@@ -29,7 +29,7 @@ def force_noise(residual: Residual, record: FitRecord, x: Floats, surface: int) 
     """Standard deviation [N] that the noise of the height gives the residual: its own times the RMS of its slopes."""
     thinned = record if residual.model.memory else record.thinned(_SAMPLES)
     slopes = [
-        (residual.errors(high, above) - residual.errors(low, below)) / (2 * _STEP)
+        (residual.errors(high, above) - residual.errors(low, below)) / (2 * _STEP * record.transition)
         for (high, above), (low, below) in _displacements(residual, thinned, x, surface)
     ]
     return record.height_noise * float(np.sqrt(np.mean(np.square(slopes)[:, thinned.used])))
@@ -76,7 +76,7 @@ def _pull(residual: Residual, record: FitRecord, x: Floats, surface: int) -> Flo
     for (higher, above), (lower, below) in _displacements(residual, record, x, surface):
         high, rising = residual.whole(higher, above)
         low, falling = residual.whole(lower, below)
-        found += (rising - falling).T @ (high - low) / (4 * _STEP**2)
+        found += (rising - falling).T @ (high - low) / (4 * (_STEP * record.transition) ** 2)
     return found / (_PATTERNS if residual.model.memory else 1)
 
 
@@ -103,12 +103,12 @@ def _displacements(
     """Pairs of records and parameters at depths that are larger and smaller by a step."""
     if record.history is None or not residual.model.memory:
         up, down = x.copy(), x.copy()
-        up[surface] += _STEP
-        down[surface] -= _STEP
+        up[surface] += _STEP * record.transition
+        down[surface] -= _STEP * record.transition
         yield (record, up), (record, down)
         return
     random = np.random.default_rng(_SEED)
     for _ in range(_PATTERNS):
-        step, rate_step = _STEP * random.choice([-1.0, 1.0], (2, len(record)))
+        step, rate_step = _STEP * record.transition * random.choice([-1.0, 1.0], (2, len(record)))
         rate_step = rate_step * (record.rate_noise / max(record.height_noise, 1e-12))
         yield (record.displaced(step, rate_step), x), (record.displaced(-step, -rate_step), x)

@@ -109,7 +109,7 @@ class FitTracker:
         """The fit of a record; raises NotFitted where it cannot be done."""
         settings, notes = self._settings, list[Flag]()
         course = passage(samples)
-        motion = zero_phase_motion(samples, settings.smoothing, self._longest_window(samples))
+        motion = zero_phase_motion(samples, settings.smoothing, self._longest_window(samples, course.travel))
         rows = segment_rows(self._windows, samples, motion.rate, course)
         rows = _without_saturation(samples, rows, notes)
         approach = first_approach(samples, course)
@@ -210,9 +210,9 @@ class FitTracker:
         width = round(motion.window / max(median(samples.interval[1:]), 1e-12))
         return replace(make_record(columns, travel, smooth=(smooth, width)), rate_noise=motion.rate_noise)
 
-    def _longest_window(self, samples: Samples) -> float:
+    def _longest_window(self, samples: Samples, travel: float) -> float:
         """Window [s] beyond which the motion is not smoothed: a model with memory adds up what is blurred."""
-        longest = longest_window(self._problem.model)
+        longest = longest_window(self._problem.model, max(travel, 1e-12))
         return min(longest, cubic_window(samples)) if self._problem.model.memory else longest
 
     def _linear_places(self, unknowns: Unknowns) -> tuple[int, ...]:

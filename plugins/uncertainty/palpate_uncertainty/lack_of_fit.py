@@ -267,7 +267,9 @@ def _is_allowed_drift(track: TrackEvidence, base: _NullBase, other: Refit) -> bo
     """Whether a refit is a drift of the force that is no faster than the alignment allows."""
     if other.reason != "drift" or not other.numbers or track.ending is None:
         return False
-    return abs(other.numbers[0]) <= _DRIFTS * track.ending.settings.drift * base.course.span
+    tare = track.ending.report.tare
+    drift = track.ending.settings.drift if tare is None or tare.air is None else tare.air.slope_std
+    return abs(other.numbers[0]) <= _DRIFTS * drift * base.course.span
 
 
 def _steady(track: TrackEvidence, base: _NullBase) -> SteadyPart | None:
