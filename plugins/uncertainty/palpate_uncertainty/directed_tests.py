@@ -33,10 +33,10 @@ def directed_tests(base: Refit, others: Iterable[Refit], runs: Runs, null: Null)
     return found
 
 
-def near_best(found: Mapping[str, tuple[float, float]], samples: int) -> list[str]:
-    """The reasons that explain a record nearly as well as the best of them."""
+def near_best(found: Mapping[str, tuple[float, float]], samples: int, level: float) -> list[str]:
+    """The reasons, of a p below a level each, that explain a record nearly as well as the best of them."""
     most = max((share for _, share in found.values()), default=0.0)
-    return [reason for reason, (_, share) in found.items() if samples * (most - share) < _NEARLY]
+    return [name for name, (p, share) in found.items() if p < level and samples * (most - share) < _NEARLY]
 
 
 def _whitened(residual: Floats, runs: Runs, null: Null) -> Floats:

@@ -217,7 +217,7 @@ def _explained(track: TrackEvidence, found: WhitenessTest, base: _NullBase) -> D
     left = _left(others, first)
     removing = [other for other, test in others if _removes(test, first)]
     if first.p >= LEVEL and base.p < LEVEL:  # too faint for any test but one that knows where to look
-        near = near_best(base.directed, len(base.fit.residual))
+        near = near_best(base.directed, len(base.fit.residual), LEVEL / max(len(base.directed), 1))
         removing += [other for other in base.others if other.reason in near]
     naming = [other for other, _ in others if left.get(other.reason, 1.0) < _NAMED]
     shifts = _shifts(track, removing or naming or [base.fit])
