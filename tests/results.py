@@ -43,3 +43,13 @@ def checked():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pipeline_run, "write_new", written)
         yield
+
+
+def all_codes(*flags):
+    """Codes of flags and of the signs under them, of results and of lists of flags: whether they matter or not."""
+    found = set()
+    for one in flags:
+        every = (*one.flags, *getattr(one, "immaterial", ())) if hasattr(one, "flags") else one
+        for flag in every:
+            found |= {flag.code, *(sign.code for sign in flag.evidence)}
+    return found

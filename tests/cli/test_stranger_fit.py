@@ -60,7 +60,7 @@ def beside(point_pipeline):
 def test_run_shows_it_and_keeps_its_details(palpate, beside, tmp_path):
     done = palpate("run", beside, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    assert "dr/own: own-trouble: as always" in done.stdout
+    assert "dr/own, dr/says: own-trouble: as always" in done.stdout
     tracks = json.loads((tmp_path / "out" / "result.json").read_text())["tracks"]
     assert tracks["dr/own"]["details"]["unknowns"] == 3
     assert tracks["dr/own"]["details"]["7"] == [1.0, 1.0]

@@ -103,7 +103,7 @@ def drifting(random, stamps):
 
 
 HARMLESS = {f.__name__: f for f in (in_order, jittered_arrival, duplicated, out_of_order, with_gap, drifting)}
-SAID = {"duplicated": "duplicate", "out_of_order": "backwards", "with_gap": "gap"}
+SAID = {"duplicated": "repeated", "out_of_order": "backwards", "with_gap": "gap"}
 
 
 @pytest.mark.parametrize("name", HARMLESS)

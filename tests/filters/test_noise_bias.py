@@ -66,7 +66,7 @@ def test_the_bias_grows_with_the_square_of_the_noise_and_has_its_sign():
 )
 def test_what_the_first_order_does_not_reach_is_flagged_and_not_corrected(estimator, frequency):
     found = noise_bias([evidence(estimator, frequency)])["t"]
-    assert [flag.code for flag in found.flags] == ["noise-bias-large"]
+    assert [flag.code for flag in found.flags] == ["noise-bias"]
     assert found.biases["viscosity"].std is None
 
 

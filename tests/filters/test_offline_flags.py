@@ -4,6 +4,8 @@ import pytest
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
 
+from tests.results import all_codes
+
 INNOVATIONS = {"inconsistent", "coloured-innovations"}
 
 
@@ -18,7 +20,7 @@ def judged(point_pipeline, tmp_path):
             load_pipeline(point_pipeline, ["trajectory.press.duration=5 s", *chosen]), tmp_path / "out"
         )
         (track,) = result.tracks.values()
-        return track, {flag.code for flag in track.flags}
+        return track, all_codes(track)
 
     return run
 

@@ -68,7 +68,7 @@ def test_a_second_maximum_is_refused_by_name_in_rig_and_fit(tmp_path):
     with pytest.raises(ConfigurationError, match="more than one maximum"):
         run(tmp_path, "ting", sine)
     track = run(tmp_path, "following", sine).tracks["sls/fit"]
-    assert "more than one maximum" in {flag.code: flag.message for flag in track.flags}["not-fitted"]
+    assert "more than one maximum" in {flag.code: flag.message for flag in track.flags}["no-estimate"]
 
 
 @pytest.mark.parametrize(

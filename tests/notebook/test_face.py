@@ -264,7 +264,7 @@ def test_declared_delay_and_sign_act_as_in_a_pipeline(arrays):
 
 def test_what_is_not_declared_is_flagged(arrays):
     fit = palpate.fit(palpate.record(**arrays), tip=Sphere(radius="5 mm"))
-    assert "timing-undeclared" in {flag.code for flag in fit.flags}
+    assert "delay-unclear" in {flag["code"] for key in ("flags", "immaterial") for flag in fit.track.document[key]}
 
 
 def test_the_same_fit_to_the_bit(record, fitted):

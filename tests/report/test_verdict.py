@@ -50,32 +50,6 @@ def result(point, tmp_path):
     return judged
 
 
-def test_a_value_of_unknown_uncertainty_is_not_trusted(result):
-    def change(document):
-        document["tracks"] = {"dr/kinematic": document["tracks"]["dr/kinematic"]}
-        document["tracks"]["dr/kinematic"]["parameters"]["elasticity"]["combined"] = None
-
-    verdict = result(change)
-    assert verdict.level == LOOK
-    assert "elasticity" in verdict.tracks[0].reasons[0]
-
-
-def test_two_that_contradict_each_other_are_both_doubted_and_one_against_many_alone(result):
-    def apart(document):
-        good = document["tracks"]["dr/kinematic"]
-        other = json.loads(json.dumps(good))
-        other["parameters"]["elasticity"]["value"] *= 1.2
-        document["tracks"] = {"dr/a": good, "dr/b": other}
-
-    assert {track.level for track in result(apart).tracks} == {LOOK}
-
-    def third(document):
-        document["tracks"]["dr/c"] = document["tracks"]["dr/a"]
-
-    levels = {track.track: track.level for track in result(third).tracks}
-    assert levels == {"dr/a": TRUST, "dr/b": LOOK, "dr/c": TRUST}
-
-
 def test_other_models_may_differ(result):
     def change(document):
         good = document["tracks"]["dr/kinematic"]

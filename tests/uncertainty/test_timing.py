@@ -92,14 +92,14 @@ def test_a_closed_form_stands():
 def test_flags_of_models_without_a_closed_form():
     model, theta = HuntCrossley(), np.array([0.9, 6.0])
     shifts = delay_shifts(model, along(model, *tails(theta), theta), theta)
-    codes = list(timing_flags(model, theta, shifts, None))
-    assert len(codes) == 1
-    assert codes[0].code == "timing-undeclared"
-    assert "reference_damping" in codes[0].message
+    (flag,) = timing_flags(model, theta, shifts, None, 0.002)
+    assert flag.code == "timing-undeclared"
+    assert flag.effects["reference_damping"] == pytest.approx(0.002 * abs(shifts[1]))
     worth = theta[1] / abs(shifts[1])
-    assert not list(timing_flags(model, theta, shifts, 0.4 * worth))
-    (flag,) = timing_flags(model, theta, shifts, 0.6 * worth)
+    assert not list(timing_flags(model, theta, shifts, 0.4 * worth, 0.002))
+    (flag,) = timing_flags(model, theta, shifts, 0.6 * worth, 0.002)
     assert str(flag).startswith("not-distinguishable-from-delay: reference_damping")
+    assert flag.effects == {"reference_damping": pytest.approx(0.6 * theta[1])}
 
 
 def test_a_derived_viscosity_says_its_delay():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, ClassVar, Literal
@@ -117,6 +117,10 @@ class ContactModel(Part, ABC):
     def validity(self, depth: float) -> str:
         """Which assumption of this model fails at a depth [m], as a sentence; empty where all hold."""
         return ""
+
+    def other_geometries(self, depth: float, theta: Sequence[float]) -> Mapping[str, tuple[float, ...]]:
+        """Parameter values that mean the same force at a depth [m] under each geometry that what is stated admits."""
+        return {}
 
     def delay_shift(self, theta: Sequence[float]) -> tuple[float, ...]:
         """Shift of each estimated parameter per second that the force is recorded late [unit/s]; 0 where unknown.

@@ -40,14 +40,19 @@ def weigh(flags: Sequence[Flag], values: Mapping[str, UncertainValue], registry:
         if flag.severity == "doubtful" and not moved:
             immaterial.append(said)
             continue
-        sizes[id(said)] = max(
-            (_ratio(flag, name, values[name]) for name in flag.effects or {} if name in values), default=0
-        )
+        sizes[id(said)] = _size(flag, values)
         findings.append(said)
         for name in moved if flag.severity != "note" else ():
             by_value[name] = max(by_value[name], flag.severity or "doubtful", key=VERDICTS.index)
     findings.sort(key=lambda flag: (-VERDICTS.index(flag.severity or "doubtful"), -sizes[id(flag)]))
     return WeighedFlags(tuple(findings), tuple(immaterial), by_value)
+
+
+def _size(flag: Flag, values: Mapping[str, UncertainValue]) -> float:
+    """By how many uncertainties a flag moves a value at most; what is not known comes first."""
+    if flag.effects is None:
+        return math.inf
+    return max((_ratio(flag, name, values[name]) for name in flag.effects if name in values), default=0.0)
 
 
 def _moved(flag: Flag, values: Mapping[str, UncertainValue], registry: Registry) -> tuple[str, ...]:
@@ -86,6 +91,8 @@ def _wide(flags: Sequence[Flag], values: Mapping[str, UncertainValue]) -> Iterat
     for name, value in wide.items():
         rows = {"the estimator": value.std, "settling": value.settling, **value.budget}
         most = max((cause for cause in rows if cause != "places"), key=lambda cause: rows[cause])
+        if any(flag.cause == most and name in (flag.effects or {}) for flag in flags):
+            continue  # which says so already
         share = 100 * value.of_one_place / abs(value.value) if value.value else math.inf
         known = f"{share:.2g} %" if share < 1000 else "more than tenfold"
         text = f"{name} is known to {known} only, mostly for {most.replace('_', ' ')}"

@@ -45,7 +45,7 @@ class TrackResult:
     def judged(self, registry: Registry, of_record: Sequence[Flag]) -> TrackResult:
         """The result with the flags that matter, and its verdicts; flags of the record (judged) concern every track."""
         free = self._free
-        flags = [*self.flags, *self._without_value()]
+        flags = [*self.flags, *self._without_value(registry)]
         weighed = weigh(flags, free, registry)
         every = verdict(of_record)
         common: Verdict = every if every in ("doubtful", "invalid") else "good"
@@ -68,9 +68,10 @@ class TrackResult:
         unknowns = self.report.unknowns if self.report else {}
         return {n: value for n, value in self.parameters.items() if n not in unknowns or unknowns[n].free}
 
-    def _without_value(self) -> Iterator[Flag]:
+    def _without_value(self, registry: Registry) -> Iterator[Flag]:
         """A track without any number, of which nothing else says why."""
-        if self.parameters and not any(math.isfinite(value.value) for value in self.parameters.values()):
+        lost = self.parameters and not any(math.isfinite(value.value) for value in self.parameters.values())
+        if lost and verdict(registry.judged(self.flags)) != "invalid":
             yield Flag("no-estimate", "the track never had a value")
 
     def table(self) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from palpate import ContactModel, Floats, Indenter, MaterialValue, Parameter
 from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
+from palpate_models.other_layers import other_layers
 from palpate_models.parameters import ELASTICITY, VISCOSITY
 from palpate_models.thickness import HALF_SPACE, Thickness, contact_validity, corrected_contact
 
@@ -75,6 +76,10 @@ class DimensionalityReduction(ContactModel):
     def validity(self, depth: float) -> str:
         """What does not hold of tip or thickness correction at a depth [m]."""
         return contact_validity(self.indenter, self.thickness, depth)
+
+    def other_geometries(self, depth: float, theta: Sequence[float]) -> dict[str, tuple[float, ...]]:
+        """Layers that what is stated of the thickness admits as well, see `other_layers`."""
+        return other_layers(self.parameters, theta, self.indenter, self.thickness, depth)
 
     def delay_shift(self, theta: Sequence[float]) -> tuple[float, ...]:
         """A late force lowers viscosity by the shear modulus G = E/(2 (1 + nu)) per second, for every tip."""

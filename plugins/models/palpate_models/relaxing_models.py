@@ -11,6 +11,7 @@ from palpate import ContactModel, Floats, Indenter, MaterialValue, Parameter, se
 from pydantic import Field, model_validator
 
 from palpate_models.dimensionality_reduction import OptionalThickness
+from palpate_models.other_layers import other_layers
 from palpate_models.parameters import (
     DASHPOT_VISCOSITY,
     FLOW_VISCOSITY,
@@ -88,6 +89,10 @@ class RelaxingModel(ContactModel):
     def validity(self, depth: float) -> str:
         """What does not hold of tip or thickness correction at a depth [m]."""
         return contact_validity(self.indenter, self.thickness, depth)
+
+    def other_geometries(self, depth: float, theta: Sequence[float]) -> dict[str, tuple[float, ...]]:
+        """Layers that what is stated of the thickness admits as well, see `other_layers`."""
+        return other_layers(self.parameters, theta, self.indenter, self.thickness, depth)
 
 
 _ONE = ("relaxing_force",)

@@ -18,6 +18,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         # What others judge by holds its terms.
         "readings": Diagnosis("palpate_uncertainty.reading_faults:reading_faults", order=10, quick=True),
         "budget": Diagnosis("palpate_uncertainty.uncertainty_budget:budgets", order=10, quick=True),
+        "thickness": Diagnosis("palpate_uncertainty.other_geometries:other_geometries", order=10, quick=True),
         "late-force": Diagnosis("palpate_uncertainty.delay.late_force:late_force", order=10, quick=True, lost=True),
         "commanded-motion": Diagnosis("palpate_uncertainty.delay.commanded_motion:commanded_motion", order=10),
         # Settles what the budget states of undeclared timing.

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
+from palpate.host import display_unit
 
 from palpate_uncertainty.model_alternatives import Refit, refit
 from palpate_uncertainty.plausibility import determines_all, weak_force, weak_force_flag
@@ -148,9 +149,10 @@ def _along_the_way(track: TrackEvidence) -> Diagnosed:
     if not wrong.any():
         return Diagnosed(table={"stretches": table})
     said = [
-        f"{names[i]} of {low[i]:.4g} to {high[i]:.4g} {track.model.parameters[i].unit} where its one "
-        f"value is {track.values[i]:.4g}"
+        f"{names[i]} of {scale * low[i]:.4g} to {scale * high[i]:.4g} {unit} where its one value is "
+        f"{scale * track.values[i]:.4g}"
         for i in np.flatnonzero(wrong)
+        for unit, scale in [display_unit(track.model.parameters[i].unit)]
     ]
     terms = np.where(wrong, np.sqrt(np.mean(found**2, axis=0)), 0.0)
     effects = dict(zip(names, terms.tolist(), strict=True))
@@ -159,7 +161,8 @@ def _along_the_way(track: TrackEvidence) -> Diagnosed:
 
 
 def _said(track: TrackEvidence, names: list[str], i: int, value: float) -> str:
-    return f"{names[i]} {value:.4g} {track.model.parameters[i].unit} where it gives {track.values[i]:.4g}"
+    unit, scale = display_unit(track.model.parameters[i].unit)
+    return f"{names[i]} {scale * value:.4g} {unit} where it gives {scale * track.values[i]:.4g}"
 
 
 def _percent(name: str, value: float, std: float, bound: float) -> str:

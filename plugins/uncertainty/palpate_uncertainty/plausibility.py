@@ -170,5 +170,6 @@ def _validity_flags(model: ContactModel, last: Tail) -> Iterator[Flag]:
     """The model's own limits, at the greatest depth that was reached."""
     depth = float(np.max(last.surface - last.position)) if len(last.time) else 0.0
     problem = model.validity(depth) if np.isfinite(depth) and depth > 0 else ""
-    if problem:
-        yield Flag("beyond-model-range", problem)
+    if problem:  # where other geometries bound what is beyond, that is a row of the budget and no doubt by itself
+        bounded = bool(model.other_geometries(depth, last.values.mean(axis=0).tolist()))
+        yield Flag("beyond-model-range", problem, effects={} if bounded else None)

@@ -24,13 +24,13 @@ def reading_faults(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
         if (end := track.ending) is not None:
             course = along(track.model, end.tail, end.last, track.values)
             names = [parameter.name for parameter in track.model.parameters]
-            flags = (*_velocity(track, end, course, names), *_air_force(end, course, names))
+            flags = (*velocity_flags(track, end, course, names), *air_force_flags(end, course, names))
             if flags:
                 found[track.name] = Diagnosed(flags)
     return found
 
 
-def _velocity(track: TrackEvidence, end: TrackEnd, course: Along | None, names: Sequence[str]) -> Iterator[Flag]:
+def velocity_flags(track: TrackEvidence, end: TrackEnd, course: Along | None, names: Sequence[str]) -> Iterator[Flag]:
     """A velocity that lags the position, and what it moves by the way in which the estimator uses it.
 
     Where the velocity is all that it knows of the motion, the motion is late: theta shifts as with a delay of the force
@@ -53,7 +53,7 @@ def _velocity(track: TrackEvidence, end: TrackEnd, course: Along | None, names: 
     yield Flag("velocity-late", text, effects=_named(names, shifts))
 
 
-def _air_force(end: TrackEnd, course: Along | None, names: Sequence[str]) -> Iterator[Flag]:
+def air_force_flags(end: TrackEnd, course: Along | None, names: Sequence[str]) -> Iterator[Flag]:
     """A force before the first touch, and what it moves where it is a wrong zero."""
     report = end.report
     if "tare" in end.included or report.air_force is None or abs(report.air_force) <= _AIR * report.touch_force:

@@ -1,0 +1,34 @@
+"""What the geometries that are not stated, or not known well, leave open of every value."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from palpate import Diagnosed, Floats, TrackEvidence
+
+
+def other_geometries(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
+    """Of every track whose model names other geometries: how far its values may lie from theirs.
+
+    The truth is taken to lie anywhere between the value and the farthest of them: a rectangular distribution, whose
+    standard uncertainty about the value is that distance over sqrt(3) (GUM 4.3.7).
+    """
+    found = {}
+    for track in tracks:
+        depth = track.surface - track.kept.position[track.kept.used]
+        depth = depth[np.isfinite(depth) & (depth > 0)]
+        if len(depth) and np.isfinite(track.values).all():
+            others = track.model.other_geometries(float(np.mean(depth)), track.values.tolist())
+            if others:
+                spread = spread_between(others, track.values)
+                names = [parameter.name for parameter in track.model.parameters]
+                table = {name: dict(zip(names, values, strict=True)) for name, values in others.items()}
+                found[track.name] = Diagnosed(terms=dict(zip(names, spread.tolist(), strict=True)), table=table)
+    return found
+
+
+def spread_between(others: Mapping[str, Sequence[float]], values: Floats) -> Floats:
+    """Standard uncertainty (k,) of values by the farthest of others."""
+    return np.asarray(np.max([np.abs(np.array(one) - values) for one in others.values()], axis=0) / math.sqrt(3.0))
