@@ -74,6 +74,7 @@ force = {{ channel = "log.data_control.force", sign = {sign} }}
 position = {{ channel = "log.data_control.position" }}
 velocity = {{ channel = "log.data_control.velocity" }}
 tip_mass = "140 g"
+tare = "none"
 [indenter.tip]
 type = "sphere"
 radius = "10 mm"

@@ -21,6 +21,7 @@ POINT = """
 [model.dr]
 type = "dimensionality-reduction"
 indenter = "tip"
+thickness = "half-space"
 [estimator.fit]
 type = "casadi-fit"
 """

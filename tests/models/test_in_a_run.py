@@ -116,7 +116,9 @@ def test_a_range_that_is_left_is_flagged(tmp_path):
     thin = THICK.replace("22 mm", "12 mm")
     model = f'type = "dimensionality-reduction"\nindenter = "tip"\n{thin}'
     track = run(tmp_path, model, 'elasticity = "112 kPa"\nviscosity = "362 Pa*s"')
-    assert any(str(flag).startswith("beyond-model-range: the depth is 4") for flag in track.flags)
+    assert any(str(flag).startswith("beyond-model-range: the depth is 4") for flag in track.immaterial)
+    others = track.diagnoses["thickness"]
+    assert track.parameters["elasticity"].budget["thickness"] > 0.1 * track.parameters["elasticity"].value, others
 
 
 @pytest.mark.slow

@@ -91,7 +91,7 @@ def _wide(flags: Sequence[Flag], values: Mapping[str, UncertainValue]) -> Iterat
     for name, value in wide.items():
         rows = {"the estimator": value.std, "settling": value.settling, **value.budget}
         most = max((cause for cause in rows if cause != "places"), key=lambda cause: rows[cause])
-        if any(flag.cause == most and name in (flag.effects or {}) for flag in flags):
+        if any(flag.cause == most and name in (flag.effects or {}) and _ratio(flag, name, value) > 1 for flag in flags):
             continue  # which says so already
         share = 100 * value.of_one_place / abs(value.value) if value.value else math.inf
         known = f"{share:.2g} %" if share < 1000 else "more than tenfold"

@@ -13,12 +13,8 @@ FIT_FLAGS = {
     "not-fitted": _sign("no-estimate", "No fit was made, for the reason that is given."),
     "too-few-samples": _sign("no-estimate", "There are too few samples to fit."),
     "segment-empty": _sign("no-estimate", "The segment holds no samples."),
-    "no-force": FlagMeaning(
-        "invalid", "The record has no force, or one that never changes.", "Look at the sensor and the force's channel."
-    ),
-    "no-time": FlagMeaning(
-        "invalid", "The time does not advance from every sample to the next.", "Look at the record's time."
-    ),
+    "no-force": _sign("no-estimate", "The record has no force, or one that never changes."),
+    "no-time": _sign("no-estimate", "The time does not advance from every sample to the next."),
     "misfit": _sign("lack-of-fit", "The residual is more than twice the noise."),
     "correlated-residuals": _sign(
         "lack-of-fit", "The residuals correlate over many samples; the uncertainty counts it."

@@ -211,10 +211,10 @@ def _error_of_mean(values: Floats) -> float:
     """Standard deviation of the mean of values (n,), by the scatter of the means of blocks."""
     blocks = max(len(values) // _BLOCK, 1)
     if blocks < 5:
-        return float(np.std(values)) / np.sqrt(max(len(values), 1))
+        return float(np.std(values) / np.sqrt(max(len(values), 1)))
     means = values[: blocks * _BLOCK].reshape(blocks, _BLOCK).mean(axis=1)
-    white = float(np.std(values)) / np.sqrt(len(values))
-    return max(float(np.std(means, ddof=1)) / np.sqrt(blocks), white)
+    white = float(np.std(values) / np.sqrt(len(values)))
+    return max(float(np.std(means, ddof=1) / np.sqrt(blocks)), white)
 
 
 def _together(flags: Sequence[Flag]) -> dict[str, float]:

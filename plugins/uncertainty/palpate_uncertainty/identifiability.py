@@ -27,6 +27,8 @@ _STRETCH = 2.0  # [s] of a sweep
 _LIFTED = 0.1  # [s] between two samples in contact
 _UNEVEN = 0.1  # of a value, between one stretch of the way and all of it
 _STEP = 1e-4  # of a value, for slopes
+# What a filter went through, where least squares tells how far it has come out.
+_SETTLED = frozenset({"depth-not-positive", "restarted", "too-stiff", "covariance-repaired"})
 
 
 def identifiability(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -89,7 +91,8 @@ def _judge(track: TrackEvidence) -> Diagnosed:
         "pairs": _pairs(names, correlation),
         "without_effect": blind,
     }
-    return Diagnosed(tuple(flags), dict(zip(names, terms.tolist(), strict=True)), left=left, table=table)
+    found = dict(zip(names, terms.tolist(), strict=True))
+    return Diagnosed(tuple(flags), found, left=left, table=table, settles=_SETTLED)
 
 
 def _apart(track: TrackEvidence, name: str, best: float) -> float:

@@ -16,6 +16,7 @@ from palpate_uncertainty.channel_noise import ENOUGH, WHITE, Null, null_of
 from palpate_uncertainty.directed_tests import directed_tests, near_best
 from palpate_uncertainty.model_alternatives import Refit, alternatives, refit
 from palpate_uncertainty.refit import Course, hesitation_samples, make_course, possible, runs_of, sweeps
+from palpate_uncertainty.running_in import SteadyPart, steady_part
 from palpate_uncertainty.whiteness import WhitenessTest, oscillation, whiteness_tests
 
 LEVEL = 1e-3  # of the family's p
@@ -226,6 +227,9 @@ def _explained(track: TrackEvidence, found: WhitenessTest, base: _NullBase) -> D
     reasons = sorted(
         {other.reason for other in removing or naming if other.reason}, key=lambda name: left.get(name, 1.0)
     )
+    steady = _steady(track, base) if first.tests.get("time", 1.0) < LEVEL else None
+    if steady is not None:
+        shifts = np.maximum(shifts, np.abs(steady.fit.theta - track.values))
     effects = shifts / np.maximum(np.abs(track.values), 1e-300)
     names = [parameter.name for parameter in track.model.parameters]
     table = dict(_table(found).table) | {
@@ -237,11 +241,27 @@ def _explained(track: TrackEvidence, found: WhitenessTest, base: _NullBase) -> D
         "alternatives": _values(names, [other for other, _ in others]),
     }
     text = _sentence(replace(found, p=min(found.p, base.p)), reasons, bool(removing), base.null.source)
+    if steady is not None:
+        table["steady"] = {"from": steady.begin, **dict(zip(names, steady.fit.theta.tolist(), strict=True))}
+        text = f"{text}; {steady.sentence(track.model)}"
     terms = dict(zip(names, shifts.tolist(), strict=True))
     unknown = frozenset(name for name, shift in terms.items() if not np.isfinite(shift))
     known = {name: shift for name, shift in terms.items() if name not in unknown}
     bounds = {name: math.inf if name in unknown else shift for name, shift in terms.items()}
     return Diagnosed((Flag("lack-of-fit", text, effects=bounds),), known, unknown, table)
+
+
+def _steady(track: TrackEvidence, base: _NullBase) -> SteadyPart | None:
+    """The rest of the record that is one steady contact; None where there is none."""
+
+    def test(course: Course, residual: Floats) -> WhitenessTest:
+        rows = course.used
+        rhythm = oscillation(course.time[rows], course.height[rows])
+        phase = rhythm[1] if rhythm else None
+        null = _null(track, residual, phase)
+        return whiteness_tests(residual, course.runs[rows], course.time[rows], -course.height[rows], phase, null)
+
+    return steady_part(base.course, base.fit, test, LEVEL)
 
 
 def _left(others: Sequence[tuple[Refit, WhitenessTest]], first: WhitenessTest) -> dict[str, float]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence, Set
 
 import numpy as np
-from palpate import ContactModel, Diagnosed, Flag, Floats, Tail, TrackEnd, TrackEvidence, contact_force
+from palpate import ContactModel, Diagnosed, Flag, Floats, Indenter, Tail, TrackEnd, TrackEvidence, contact_force
 
 from palpate_uncertainty.force_sensitivity import along
 from palpate_uncertainty.influence import answer
@@ -171,5 +171,7 @@ def _validity_flags(model: ContactModel, last: Tail) -> Iterator[Flag]:
     depth = float(np.max(last.surface - last.position)) if len(last.time) else 0.0
     problem = model.validity(depth) if np.isfinite(depth) and depth > 0 else ""
     if problem:  # where other geometries bound what is beyond, that is a row of the budget and no doubt by itself
-        bounded = bool(model.other_geometries(depth, last.values.mean(axis=0).tolist()))
+        tip = getattr(model, "indenter", None)
+        by_tip = isinstance(tip, Indenter) and bool(tip.validity(depth))
+        bounded = not by_tip and bool(model.other_geometries(depth, last.values.mean(axis=0).tolist()))
         yield Flag("beyond-model-range", problem, effects={} if bounded else None)
