@@ -36,7 +36,7 @@ class Flag:
     message: str
     severity: Severity | None = field(default=None, compare=False)  # from the registry, once a result is made
     effects: Mapping[str, float] | None = field(default=None, compare=False)
-    cause: str = field(default="", compare=False)  # the row of the budget that holds the effects; "" where none does
+    causes: tuple[str, ...] = field(default=(), compare=False)  # rows of the budget that hold the effects
     evidence: tuple[Flag, ...] = field(default=(), compare=False)  # other signs of the same cause
     remedy: str = field(default="", compare=False)  # from the registry
 
@@ -62,7 +62,7 @@ class Flag:
             effects = {name: math.inf if size is None else size for name, size in effects.items()}
         evidence = tuple(cls(sign["code"], sign["message"]) for sign in table.get("evidence", ()))
         remedy = table.get("remedy", "")
-        return cls(table["code"], table["message"], table["severity"], effects, "", evidence, remedy)
+        return cls(table["code"], table["message"], table["severity"], effects, (), evidence, remedy)
 
 
 @dataclass(frozen=True)
@@ -107,9 +107,9 @@ def _one(code: str, signs: list[Flag], meanings: Mapping[str, FlagMeaning]) -> F
     effects = {name: max(e.get(name, 0.0) for e in known) for name in names} if known else None
     message = "; ".join(dict.fromkeys(sign.message for sign in own or signs))
     evidence = (*(sign for sign in signs if sign.code != code), *(e for sign in own for e in sign.evidence))
-    cause = next((sign.cause for sign in own or signs if sign.cause), "")
+    causes = tuple(dict.fromkeys(cause for sign in signs for cause in sign.causes))
     return replace(
-        signs[0], code=code, message=message, severity=meaning.severity, effects=effects, cause=cause,
+        signs[0], code=code, message=message, severity=meaning.severity, effects=effects, causes=causes,
         evidence=evidence, remedy=meaning.remedy,
     )  # fmt: skip
 

@@ -35,7 +35,7 @@ def test_what_moves_nothing_beyond_its_uncertainty_is_no_doubt():
 
 
 def test_a_larger_uncertainty_by_its_own_cause_makes_a_doubt_no_smaller():
-    flag = Flag("tare-unclear", "x", effects={"elasticity": 3.0}, cause="tare")
+    flag = Flag("tare-unclear", "x", effects={"elasticity": 3.0}, causes=("tare",))
     wide = UncertainValue(100.0, 1.0, "Pa").diagnosed("tare", 15.0)
     assert weigh([flag], values(elasticity=wide), REGISTRY).by_value["elasticity"] == "doubtful"
     by_another = UncertainValue(100.0, 1.0, "Pa").diagnosed("mass", 15.0)

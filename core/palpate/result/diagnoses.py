@@ -92,7 +92,7 @@ def with_findings(result: TrackResult, model: ContactModel, name: str, finding: 
         derived=tuple(_derived(value, model, result, finding, cause) for value in result.derived),
         flags=(
             *(flag for flag in result.flags if flag.code not in finding.settles),
-            *(flag if flag.cause else replace(flag, cause=cause) for flag in finding.flags),
+            *(flag if flag.causes else replace(flag, causes=(cause,)) for flag in finding.flags),
         ),
         diagnoses=dict(result.diagnoses) | ({name: finding.table} if finding.table else {}),
     )

@@ -33,8 +33,8 @@ def weigh(flags: Sequence[Flag], values: Mapping[str, UncertainValue], registry:
     findings, immaterial = [], []
     by_value: dict[str, Verdict] = dict.fromkeys(values, "good")
     sizes: dict[int, float] = {}
-    judged = registry.judged([*flags, *_wide(flags, values)])
-    for flag in judged:
+    judged = registry.judged(flags)
+    for flag in (*judged, *registry.judged(_wide(judged, values))):
         said = _with_effects(flag, values)
         moved = _moved(flag, values, registry)
         if flag.severity == "doubtful" and not moved:
@@ -67,7 +67,7 @@ def _moved(flag: Flag, values: Mapping[str, UncertainValue], registry: Registry)
 
 def _ratio(flag: Flag, name: str, value: UncertainValue) -> float:
     """What a flag names over the standard uncertainty of everything else."""
-    effect, others = (flag.effects or {})[name], value.without(flag.cause)
+    effect, others = (flag.effects or {})[name], value.without(*flag.causes)
     return effect / others if others > 0 else math.inf if effect > 0 else 0.0
 
 
@@ -91,7 +91,9 @@ def _wide(flags: Sequence[Flag], values: Mapping[str, UncertainValue]) -> Iterat
     for name, value in wide.items():
         rows = {"the estimator": value.std, "settling": value.settling, **value.budget}
         most = max((cause for cause in rows if cause != "places"), key=lambda cause: rows[cause])
-        if any(flag.cause == most and name in (flag.effects or {}) and _ratio(flag, name, value) > 1 for flag in flags):
+        if any(
+            most in flag.causes and name in (flag.effects or {}) and _ratio(flag, name, value) > 1 for flag in flags
+        ):
             continue  # which says so already
         share = 100 * value.of_one_place / abs(value.value) if value.value else math.inf
         known = f"{share:.2g} %" if share < 1000 else "more than tenfold"

@@ -33,13 +33,13 @@ def timing_flags(
     if uncertainty is None:
         effects = {name: shift * interval for name, shift in moved.items()}
         text = f"no timing uncertainty is declared; a delay of one sample is {1e3 * interval:.2g} ms"
-        yield Flag("timing-undeclared", text, effects=effects, cause="timing")
+        yield Flag("timing-undeclared", text, effects=effects, causes=("timing",))
         return
     value = {parameter.name: one for parameter, one in zip(model.parameters, values.tolist(), strict=True)}
     if within := [name for name, shift in moved.items() if abs(value[name]) < 2 * shift * uncertainty]:
         effects = {name: moved[name] * uncertainty for name in within}
         text = f"{', '.join(within)} within {uncertainty * 1e3:.3g} ms of none"
-        yield Flag("not-distinguishable-from-delay", text, effects=effects, cause="timing")
+        yield Flag("not-distinguishable-from-delay", text, effects=effects, causes=("timing",))
 
 
 def tare_flags(model: ContactModel, shifts: Floats | None) -> Iterator[Flag]:
@@ -48,7 +48,7 @@ def tare_flags(model: ContactModel, shifts: Floats | None) -> Iterator[Flag]:
         names = [parameter.name for parameter in model.parameters]
         effects = {name: abs(shift) * OFFSET for name, shift in zip(names, shifts.tolist(), strict=True)}
         text = f"no uncertainty of the tare is declared or measured; {1e3 * OFFSET:.0f} mN are assumed"
-        yield Flag("tare-undeclared", text, effects=effects, cause="tare")
+        yield Flag("tare-undeclared", text, effects=effects, causes=("tare",))
 
 
 def compliance_flags(shares: Mapping[str, float], stiffness: float | None) -> Iterator[Flag]:

@@ -82,7 +82,7 @@ def _convergence_flags(end: TrackEnd, model: ContactModel) -> Iterator[Flag]:
             effects[parameter.name] = rest
     if moving:
         text = f"still moving after {tracked:.3g} s: {', '.join(moving)}"
-        yield Flag("not-converged", text, effects=effects, cause="settling")
+        yield Flag("not-converged", text, effects=effects, causes=("settling",))
     yield from _innovation_flags(last, model, last.std[-1], f"in the last {end.average:g} s")
     yield from _colour_flags(tail, model, last.std[-1])
 
