@@ -16,11 +16,11 @@ SEVERITIES: dict[Severity, str] = {
     "note": "for information",
 }
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)  # from the best to the worst
-ADVICE: dict[Verdict, str] = {  # what a person is to do with a track of that verdict
-    "good": "trust it",
-    "note": "trust it",
-    "doubtful": "look at it",
-    "invalid": "do not use it",
+ADVICE: dict[Verdict, str] = {  # a verdict in words, and what a person is to do with a track of that verdict
+    "good": "good: trust it",
+    "note": "good: trust it",
+    "doubtful": "doubtful: look at it",
+    "invalid": "invalid: do not use it",
 }
 
 

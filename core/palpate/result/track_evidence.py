@@ -87,7 +87,7 @@ class Diagnosed:
     biases: Mapping[str, Bias] = field(default_factory=dict)
     sources: tuple[Term, ...] = ()  # rows of the budget, each a cause of its own for all values
     delays: Mapping[str, float] = field(default_factory=dict)  # [s] that would explain a parameter or derived value
-    settles: frozenset[str] = frozenset()  # codes of flags by lower orders that do not hold any more
+    settles: frozenset[str] = frozenset()  # codes of flags by lower orders whose effect this diagnosis accounts for
     left: Mapping[str, float] = field(default_factory=dict)  # in place of `terms` for a corrected value
 
 

@@ -41,7 +41,7 @@ def result_view(result: Result, sections: Mapping[str, ReportSection] | None = N
         known = [_scaled(result.truth.get(name, math.nan), unit) for name, unit in units.items()]
         surface = _scaled(result.truth.get("surface", math.nan), "m")
         table.add_row("truth", *(_plain(v) for v in known), "", _plain(surface), "", "", style="dim")
-    flags = [Text(line, style="yellow") for line in flag_lines(result)]
+    flags = [Text(line, style="yellow") for line in flag_lines(result.flags, result.tracks)]
     head = [Text("flags")] if flags else [Text("no flags")]
     said = [Text(_ALONG.format(folder=result.folder))] if any(map(_swept, result.tracks.values())) else []
     return Group(
@@ -81,13 +81,13 @@ def _more(result: Result, sections: Mapping[str, ReportSection]) -> Iterator[Ren
             yield shown.view() if isinstance(shown, Cells) else Text(shown)
 
 
-def flag_lines(result: Result) -> Iterator[str]:
+def flag_lines(of_record: Sequence[Flag], tracks: Mapping[str, TrackResult]) -> Iterator[str]:
     """At most three flags of the record and of each track, the worst first; one that several tracks share is said once.
 
     Each is followed by what to do; notes are not.
     """
-    yield from _lines({"every track": result.flags})
-    yield from _lines({label: track.flags for label, track in result.tracks.items()})
+    yield from _lines({"every track": of_record})
+    yield from _lines({label: track.flags for label, track in tracks.items()})
 
 
 def _lines(flags: Mapping[str, Sequence[Flag]]) -> Iterator[str]:

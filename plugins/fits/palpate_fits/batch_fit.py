@@ -44,6 +44,7 @@ from palpate.host import (
     inherited_approval,
     ports_of,
     resolved_text,
+    verdict,
     write_whole,
 )
 from palpate_kit.runs.pipeline_diff import differences
@@ -163,7 +164,7 @@ def _rows(fits: _Fits, device: str, curve: Curve) -> Iterator[Row]:
 def _numbers(found: Estimates, samples: Samples, names: Sequence[str], flags: Sequence[Flag]) -> Row:
     rows = np.flatnonzero(finite_rows(found.values))
     table: dict[str, float] = {}
-    if len(rows):
+    if len(rows) and verdict(flags) != "invalid":
         last = int(rows[-1])
         for name, value, std in zip(names, found.values[last], found.std[last], strict=True):
             table |= {name: value, f"{name}_std": std}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from palpate import BudgetRow, Effect, Flag
 from palpate.host import Result, TrackResult, display_unit
 from palpate_kit.terminal.quantities import value_with_uncertainty
+from palpate_kit.terminal.result_summary import flag_lines
 from palpate_kit.terminal.table import Table
 
 from palpate_fits.budget import TIMING
@@ -32,11 +33,11 @@ def fit_views(
         head = f"{name}: " if len(logs) > 1 else ""
         if sentence := evidence(tracks):
             yield Text(head + sentence)
-        for text in (*flags, *(f"{label}: {flag}" for label, track in tracks.items() for flag in track.flags)):
-            yield Text(f"  {head}{text}", style="yellow")
+        for line in flag_lines(flags, tracks):
+            yield Text(f"{head}{line}", style="yellow")
     for name, (tracks, _) in logs.items():
         for label, track in tracks.items():
-            if track.report is not None and track.report.budget:
+            if track.usable and track.report is not None and track.report.budget:
                 yield budget(f"{name}: {label}", track, all_sources(track, track.report.budget))
     if crossed:
         yield evaluation(crossed)
@@ -78,8 +79,8 @@ def comparison(logs: Mapping[str, Tracks]) -> Table:
 def _row(track: TrackResult) -> list[str]:
     codes = " ".join(sorted({flag.code for flag in track.flags}))
     report = track.report
-    if report is None and not (track.usable and any(math.isfinite(f.value) for f in track.parameters.values())):
-        return ["not fitted", "", "", "", "", "", "", "", codes]
+    if not track.usable or (report is None and not any(math.isfinite(f.value) for f in track.parameters.values())):
+        return ["not fitted" if report is None else "not usable", "", "", "", "", "", "", "", codes]
     lines = [_parameter(name, f.value, f.combined, f.unit) for name, f in track.parameters.items()]
     surface = value_with_uncertainty(1e3 * track.surface.value, 1e3 * track.surface.combined)
     if report is None:  # an offline estimator that is no fit, or reports nothing

@@ -139,10 +139,13 @@ def _autocovariance(errors: Floats, fitted: int) -> tuple[Floats, int]:
 
 @lru_cache(256)
 def _weights(reach: int, most: int, tapered: bool = False) -> Floats:
-    """Flat up to the reach, then falling to 0 at twice of it (Politis and Romano 1995); or falling from the start."""
+    """Flat up to the reach, then falling to 0 at twice of it (Politis and Romano 1995); or falling from the start.
+
+    Of the two only the latter makes no variance negative: it has to end at 0 (Bartlett 1950).
+    """
     lags = np.arange(min(2 * reach + 1, most))
     if tapered:
-        return 1.0 - lags / (2 * reach + 1.0)
+        return 1.0 - lags / len(lags)
     return np.clip(2.0 - lags / max(reach, 1), 0.0, 1.0)
 
 

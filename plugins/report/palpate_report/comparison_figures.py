@@ -40,7 +40,7 @@ def values_by_run(runs: Sequence[GroupRun], track: str, parameter: str, unit: st
                 continue
             number, value, combined = np.array(points).T
             fill = {} if level == LEVELS[0] else {"markerfacecolor": "white"}
-            label = group if level == LEVELS[0] else f"{group}: look at it"
+            label = group if level == LEVELS[0] else f"{group}: {LEVELS[1]}"
             axis.errorbar(
                 number,
                 factor * value,

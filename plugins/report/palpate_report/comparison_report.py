@@ -175,13 +175,14 @@ def _tests(
 
 def _row(run: GroupRun, track: str, parameters: Mapping[str, str]) -> dict[str, Any]:
     table = run.tracks.get(track)
+    numbers = table["parameters"] if table is not None and table["verdict"] != "invalid" else {}
     own = next((found for found in run.verdict.tracks if found.track == track), None)
     return {
         "name": run.name,
         "group": run.group,
         "level": own.level if own else run.verdict.level,
         "reasons": own.reasons if own else (run.verdict.reasons or (f"it has no track {track}",)),
-        "values": [(table or {}).get("parameters", {}).get(name) for name in parameters],
+        "values": [numbers.get(name) for name in parameters],
         "place": run.place,
     }
 

@@ -117,7 +117,7 @@ def budget_rows(table: Mapping[str, Any]) -> list[dict[str, Any]]:
     for name, found in table["parameters"].items():
         if found["value"] is None:
             return []
-        listed = {row["source"].partition(" ")[0] for row in table.get("budget", ())}
+        listed = {row["source"].partition(" ")[0].replace("-", "_") for row in table.get("budget", ())}
         for key, share in found.items():
             cause = key.removeprefix("systematic_")
             if key.startswith("systematic_") and share is not None and cause not in listed:
@@ -142,7 +142,7 @@ def budget_rows(table: Mapping[str, Any]) -> list[dict[str, Any]]:
 def _numbers(document: Mapping[str, Any], subject: Subject) -> list[tuple[str, str, str]]:
     """Name, value and notes of everything that the main track gives; along a path the range."""
     table = document.get("tracks", {}).get(subject.main)
-    if table is None or subject.main is None:
+    if table is None or subject.main is None or table["verdict"] == "invalid":
         return []
     if any("places" in found for found in table["parameters"].values()):
         return list(_along_the_way(table))

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from palpate import ADVICE
 
 from palpate_report.run_contents import RunContents
 
-Level = Literal["trust it", "look at it", "do not use it"]
-LEVELS: tuple[Level, ...] = ("trust it", "look at it", "do not use it")  # from the best to the worst
+Level = Literal["good: trust it", "doubtful: look at it", "invalid: do not use it"]
+LEVELS: tuple[Level, ...] = get_args(Level)  # from the best to the worst
 
 
 @dataclass(frozen=True)

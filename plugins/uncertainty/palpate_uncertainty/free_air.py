@@ -116,8 +116,7 @@ def _with_motion(track: TrackEvidence, found: _Motion, course: Along) -> Iterato
 
 def _moved_zero(track: TrackEvidence, end: TrackEnd, course: Along) -> Iterator[Flag]:
     """A force after the contact that is not the one before it: by drift, or a tare that was taken in contact."""
-    after = _far(track, _Air(*track.air_after))
-    force = after.force[np.isfinite(after.force)]
+    force, _, _ = _inertia_free(track, _far(track, _Air(*track.air_after)))
     if _estimates_zero(track, end) or len(force) < _ENOUGH:
         return
     zero, error = float(np.mean(force)), _error_of_mean(force)
@@ -146,10 +145,9 @@ def _adhesion(track: TrackEvidence, by_motion: _Motion, course: Along) -> Iterat
     after = _Air(*track.air_after)
     if len(after.time) < _ENOUGH:
         return
-    force = after.force - by_motion.weights[0] * np.gradient(after.height, after.time)
-    known = np.isfinite(force)
-    near = force[known & (after.height < track.surface + _NEAR)]
-    rest = force[known & (after.height > track.surface + _NEAR)]
+    force, speed, height = _inertia_free(track, after)
+    force = force - by_motion.weights[0] * speed
+    near, rest = force[height < track.surface + _NEAR], force[height > track.surface + _NEAR]
     if len(near) < _PULL or len(rest) < _ENOUGH:
         return
     mean = np.full(_PULL, 1.0 / _PULL)

@@ -28,10 +28,13 @@ _DEEP = 3e-3  # [m], where the surface is looked for first
 _BY_MOTION = 1.0  # of the mean square of the force that noise of the motion makes
 _LEFT = 0.02  # of the misfit's power; an alternative that leaves less has explained it
 _FAINT = 0.01  # the same, of the variance of the noise
+_DRIFTS = 1.5  # times the drift that is allowed, as one of the record is known to some half of it
 _NAMED = 0.2  # the same, for a reason that is worth naming though it does not explain it all
 _SHALLOW = 0.05  # of the largest depth; nearer to the surface the slope of a viscous force has no bound
 _WHOLE = ("active", "contact", "all")  # segments of a fit that leave no part of the contact out on purpose
-_SETTLED = frozenset({"misfit", "correlated-residuals"})  # what a fit says of residuals that are noise after all
+# What innovations and residuals say where those of the model itself are noise: the noise that a filter was told is then
+# judged by the distance of its estimate from least squares.
+_SETTLED = frozenset({"misfit", "correlated-residuals", "coloured-innovations", "inconsistent"})
 
 
 def lack_of_fit(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -212,7 +215,11 @@ def _table(found: WhitenessTest) -> Diagnosed:
 
 
 def _explained(track: TrackEvidence, found: WhitenessTest, base: _NullBase) -> Diagnosed:
-    """The reason shown by the pattern, and by how much each parameter may be off for it."""
+    """The reason shown by the pattern, and by how much each parameter may be off for it.
+
+    A drift of the sensor's zero that the alignment allows is no reason for a doubt, and a row of the budget.
+    """
+    names = [parameter.name for parameter in track.model.parameters]
     first = base.test(base.fit.residual)
     others = _others(base, first)
     left = _left(others, first)
@@ -220,6 +227,9 @@ def _explained(track: TrackEvidence, found: WhitenessTest, base: _NullBase) -> D
     if first.p >= LEVEL and base.p < LEVEL:  # too faint for any test but one that knows where to look
         near = near_best(base.directed)
         removing += [other for other in base.others if other.reason in near]
+    if slow := [other for other in removing if _is_allowed_drift(track, base, other)]:
+        terms = dict(zip(names, _shifts(track, slow).tolist(), strict=True))
+        return replace(_table(found), terms=terms, settles=_SETTLED)
     naming = [other for other, _ in others if left.get(other.reason, 1.0) < _NAMED]
     shifts = _shifts(track, removing or naming or [base.fit])
     if not removing:
@@ -231,7 +241,6 @@ def _explained(track: TrackEvidence, found: WhitenessTest, base: _NullBase) -> D
     if steady is not None:
         shifts = np.maximum(shifts, np.abs(steady.fit.theta - track.values))
     effects = shifts / np.maximum(np.abs(track.values), 1e-300)
-    names = [parameter.name for parameter in track.model.parameters]
     table = dict(_table(found).table) | {
         "directed": {reason: test.p for reason, test in base.directed.items()},
         "effect": dict(zip(names, (100.0 * effects).tolist(), strict=True)),  # per cent
@@ -249,6 +258,13 @@ def _explained(track: TrackEvidence, found: WhitenessTest, base: _NullBase) -> D
     known = {name: shift for name, shift in terms.items() if name not in unknown}
     bounds = {name: math.inf if name in unknown else shift for name, shift in terms.items()}
     return Diagnosed((Flag("lack-of-fit", text, effects=bounds),), known, unknown, table)
+
+
+def _is_allowed_drift(track: TrackEvidence, base: _NullBase, other: Refit) -> bool:
+    """Whether a refit is a drift of the force that is no faster than the alignment allows."""
+    if other.reason != "drift" or not other.numbers or track.ending is None:
+        return False
+    return abs(other.numbers[0]) <= _DRIFTS * track.ending.settings.drift * base.course.span
 
 
 def _steady(track: TrackEvidence, base: _NullBase) -> SteadyPart | None:

@@ -47,6 +47,7 @@ class Refit:
     candidates: Floats  # (c, k) what the parameters may be if this is the truth
     residual: Floats  # (n,) [N] over the course's fitted samples
     extra: int = 0  # numbers that it adds to the model
+    numbers: tuple[float, ...] = ()  # those, where one asks for them
 
 
 Maker = Callable[[Course], ModelAlternative]
@@ -87,7 +88,15 @@ def refit(course: Course, theta: Floats, surface: float, make: Maker = no_change
     found = least_squares(normal_by_differences(residual, upper), start, lower, upper, most=40, gain=1e-12)
     numbers, full = parts(found.x), made if small is course else make(course)
     error = (course.force - full.force(*numbers))[course.used]
-    return Refit(made.reason, numbers[0], numbers[1], full.candidates(*numbers), error, len(made.start))
+    return Refit(
+        made.reason,
+        numbers[0],
+        numbers[1],
+        full.candidates(*numbers),
+        error,
+        len(made.start),
+        tuple(numbers[2].tolist()),
+    )
 
 
 def alternatives(course: Course, base: Refit, frequency: float | None = None) -> Iterator[Refit]:

@@ -19,7 +19,7 @@ export function measured(value, u) {
 export const seconds = (t) => t >= 120 ? `${Math.floor(t / 60)} min ${Math.floor(t % 60)} s` : `${t.toFixed(1)} s`;
 
 const SEVERITIES = ["good", "note", "doubtful", "invalid"];
-const WORDS = { good: "no flags", note: "notes only", doubtful: "doubtful", invalid: "do not use" };
+const WORDS = { good: "good: trust it", note: "good: trust it", doubtful: "doubtful: look at it", invalid: "invalid: do not use it" };
 
 function worst(state, track) {
   let found = 0;
