@@ -93,7 +93,13 @@ def test_a_tare_taken_in_contact_shows_after_the_contact(estimated):
 
 
 @pytest.mark.parametrize(
-    ("kind", "off"), [("base-20", -0.088), ("layer-40", 0.227), ("two-layers", -0.122), ("relaxing-fast", 0.058)]
+    ("kind", "off"),
+    [
+        pytest.param("base-20", -0.088, marks=pytest.mark.slow),
+        ("layer-40", 0.227),
+        ("two-layers", -0.122),
+        ("relaxing-fast", 0.058),
+    ],
 )
 def test_the_way_in_shows_what_the_sine_does_not(estimated, kind, off):
     """The sine alone is described to the noise; the depths and speeds of the approach are not."""
