@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +69,7 @@ def build_result(
     flags = pipeline.registry.judged(run_flags)
     return Result(
         folder,
-        {key: finite(value) for key, value in {**facts, **_alignment_facts(report, pipeline.alignment)}.items()},
+        {key: finite(value) for key, value in {**facts, **_found_facts(pipeline, facts, report)}.items()},
         stream_tables(report),
         _judged(pipeline, found, flags),
         flags,
@@ -88,6 +89,13 @@ def _judged(
         name: replace(found[name], flags=(*found[name].flags, flag)).judged(pipeline.registry, of_record)
         for name, flag in against.items()
     }
+
+
+def _found_facts(pipeline: Pipeline, facts: Mapping[str, Any], report: AlignmentReport) -> dict[str, Any]:
+    """What alignment saw of the record, and the check of the rig behind it."""
+    control = pipeline.control
+    check = {} if control is None else {"control": control.facts(datetime.fromisoformat(facts["started"]))}
+    return {**_alignment_facts(report, pipeline.alignment), **check}
 
 
 def _alignment_facts(report: AlignmentReport, settings: AlignmentSettings) -> dict[str, Any]:
@@ -115,6 +123,8 @@ def _run_flags(
     yield from (Flag("device", text) for device in pipeline.devices.values() for text in device.warnings)
     if pipeline.calibration is not None:
         yield from pipeline.calibration.flags(pipeline, health)
+    if pipeline.control is not None:
+        yield from pipeline.control.flags(pipeline, health)
     yield from _backlog(live.estimates if live is not None else None)
     for name in motion.ended_early if motion is not None else ():
         yield Flag("ended-early", f"{name} sent its last reading before the motion was over")

@@ -100,6 +100,9 @@ def _judge(track: TrackEvidence, known: dict[Any, _NullBase]) -> Diagnosed | Non
     fitted = track.report is not None and np.isfinite(track.kept.innovation).any()
     if sweeps(track) and not fitted:
         return _along_a_sweep(track)
+    if fitted and getattr(track.estimator, "unloading", "following") == "ting":  # which no refit here does
+        own = _by_innovations(track)
+        return _explained(track, own, _base(track, known)) if own.p < LEVEL else _table(own)
     base = _base(track, known)
     found = base.test(base.fit.residual)
     if fitted and (own := _by_innovations(track)).p < found.p:
