@@ -71,7 +71,7 @@ def build_result(
         folder,
         {key: finite(value) for key, value in {**facts, **_found_facts(pipeline, facts, report)}.items()},
         stream_tables(report),
-        _judged(pipeline, found, flags),
+        _judged(pipeline, _with_assumptions(pipeline, found), flags),
         flags,
         truth_of(pipeline.devices),
         interrupt.reason,
@@ -139,11 +139,25 @@ def _rehearsal(facts: Mapping[str, Any]) -> Iterator[Flag]:
         yield Flag("rehearsal", f"simulated time, twin {twin}: the numbers are of its specimen, and of no real one")
 
 
-def _assumed(pipeline: Pipeline) -> Iterator[Flag]:
-    """The values that the run assumed although they were not stated."""
+def _assumed(pipeline: Pipeline, model: str | None = None) -> Iterator[Flag]:
+    """The values of a model, or (None) of what all models share, that the run assumed although they were not stated."""
     known = values_on_trust(pipeline)
-    if assumed := [f"{key} = {known.get(key, '? (there is no such setting)')}" for key in pipeline.run.assumed]:
+    concerned = [key for key in pipeline.run.assumed if _model_of(key, pipeline) == model]
+    if assumed := [f"{key} = {known.get(key, '? (there is no such setting)')}" for key in concerned]:
         yield Flag("assumed", f"not stated, but assumed: {', '.join(assumed)}")
+
+
+def _model_of(key: str, pipeline: Pipeline) -> str | None:
+    """The model that a key belongs to; None where it concerns every track."""
+    kind, _, rest = key.partition(".")
+    return next((name for name in pipeline.models if kind == "model" and rest.startswith(f"{name}.")), None)
+
+
+def _with_assumptions(pipeline: Pipeline, found: Mapping[str, TrackResult]) -> dict[str, TrackResult]:
+    """Tracks with what was assumed of their own model."""
+    return {
+        name: replace(track, flags=(*_assumed(pipeline, track.model), *track.flags)) for name, track in found.items()
+    }
 
 
 def _backlog(estimates: EstimateFacts | None) -> Iterator[Flag]:

@@ -33,10 +33,9 @@ _MODEL = {
         "lack-of-fit", "The filter's standard deviation is below half of the Cramer-Rao bound of the samples it used."
     ),
     "implausible": FlagMeaning(
-        "doubtful",
-        "A parameter is outside of what is possible.",
-        "Do not use that parameter; check units, declare delays, or use a model without it.",
-        structural=True,
+        "invalid",
+        "A parameter is outside of what is possible, by more than its standard deviation explains.",
+        "Check units and signs, declare delays, or use a model without that parameter.",
     ),
     "surface-mismatch": _doubtful(
         "The estimated surface is not where the tip first touched.",
