@@ -10,6 +10,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from palpate import PalpateError, UserError, to_si
 from palpate.host import (
@@ -180,14 +181,18 @@ class Maker:
             told = self.delay(recording.delay_of, published)
             motion, force = (f"{1e3 * max(late, 0.0):.3f} ms" for late in (told.delay, -told.delay))
             more = {"force.uncertainty": f"{1e3 * told.std:.3f} ms"}
-        return {"force.delay": force, "position.delay": motion, "velocity.delay": motion, **more}
+        channels = {"force": force, "position": motion, "velocity": motion}
+        given = self._tables(published).get("alignment", {})
+        return {f"{name}.delay": delay for name, delay in channels.items() if name in given} | more
 
     def delay(self, name: str, published: PublishedNumber) -> RecordDelay:
         """What a recording tells of its own delay, read by the pipeline of a row."""
         if name not in self.delays:
-            pipeline = tomllib.loads((self.paper / "pipelines" / published.pipeline).read_text("utf-8"))
-            self.delays[name] = record_delay(self.files[name], pipeline)
+            self.delays[name] = record_delay(self.files[name], self._tables(published))
         return self.delays[name]
+
+    def _tables(self, published: PublishedNumber) -> dict[str, Any]:
+        return tomllib.loads((self.paper / "pipelines" / published.pipeline).read_text("utf-8"))
 
 
 def _key(published: PublishedNumber) -> str:

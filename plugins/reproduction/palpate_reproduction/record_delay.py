@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from palpate import ConfigurationError, Floats, to_si
 
-_BANDS = (5.0, 6.0, 8.0, 12.0, 16.0, 25.0, 40.0)  # [Hz]
+_BANDS = (8.0, 12.0, 16.0, 25.0, 40.0)  # [Hz]
 _LATEST = 0.05  # [s]
 _EDGE = 0.4  # [s] at each end, which the low-pass bends
 
@@ -24,17 +24,18 @@ class RecordDelay:
     """
 
     together: float  # [s] delay + eta/G
-    least: float  # [s] the least delay, less its own standard uncertainty, of any band; at most `together`
+    least: float  # [s] the least delay of any band of frequencies, less its own standard uncertainty
+    most: float  # [s] the greatest, more by its own; at most `together`, as a contact has a viscosity
 
     @property
     def delay(self) -> float:
-        """The middle [s] between the least and the one at which no viscosity is left, as a contact has one."""
-        return (self.least + self.together) / 2
+        """The middle [s] of the two."""
+        return (self.least + self.most) / 2
 
     @property
     def std(self) -> float:
-        """Standard uncertainty [s]: every delay between the two is alike."""
-        return (self.together - self.least) / math.sqrt(12)
+        """Standard uncertainty [s]: every delay between them is alike."""
+        return (self.most - self.least) / math.sqrt(12)
 
 
 def record_delay(file: Path, pipeline: dict[str, Any]) -> RecordDelay:
@@ -57,7 +58,8 @@ def record_delay(file: Path, pipeline: dict[str, Any]) -> RecordDelay:
     place = CubicSpline(time, sosfiltfilt(butter(4, _BANDS[-1], fs=1.0 / step, output="sos"), height))
     bands = [_of_band(place, time, force, mass, band) for band in _BANDS]
     together = float(np.median([late + viscous for late, viscous, _ in bands]))
-    return RecordDelay(together, min(together, *(late - std for late, _, std in bands)))
+    most = min(together, max(late + std for late, _, std in bands))
+    return RecordDelay(together, min(most, *(late - std for late, _, std in bands)), most)
 
 
 def _of_band(
