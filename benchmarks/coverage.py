@@ -127,7 +127,7 @@ def model_of(draw: Draw, radius: float) -> ContactModel:
         "cone": Cone(angle=float(CONE)),
         "quartic": Power(exponent=4.0, coefficient=quartic(radius)),
     }
-    return DimensionalityReduction(indenter=tips[draw.tip], poisson=NOMINAL_NU)
+    return DimensionalityReduction(indenter=tips[draw.tip], poisson=NOMINAL_NU, thickness="half-space")
 
 
 def drawn(number: int) -> tuple[Draw, float]:
@@ -242,9 +242,13 @@ def rows_of(number: int, registry: Registry, estimators: Mapping[str, Estimator]
     limits = bounds(draw)
     truth = {"elasticity": draw.elasticity, "viscosity": draw.viscosity}
     for name, result in found.items():
-        severe = [flag.code for flag in result.flags if flag.severity != "note"]
         for i, (parameter, true) in enumerate(truth.items()):
             value = result.parameters[parameter]
+            severe = [
+                flag.code
+                for flag in result.flags
+                if value.verdict in ("doubtful", "invalid") and flag.severity != "note" and flag.code != "undetermined"
+            ]
             numbers = (
                 draw.elasticity,
                 believed,

@@ -81,6 +81,7 @@ from .offers import (
     CalibrationReader as CalibrationReader,
     Check as Check,
     Command as Command,
+    ControlReader as ControlReader,
     Diagnosis as Diagnosis,
     Display as Display,
     Fact as Fact,

@@ -15,8 +15,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
+from types import MappingProxyType
 
 _SHOWN = 12  # names in a message
 
@@ -50,6 +51,8 @@ class UserError(PalpateError):
 
 class ConfigurationError(UserError):
     """A pipeline file or a command line says something that cannot be."""
+
+    by_table: Mapping[tuple[str, ...], str] = MappingProxyType({})  # what is wrong, by path of a pipeline's tables
 
 
 class PluginError(UserError):

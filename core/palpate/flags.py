@@ -77,6 +77,7 @@ class FlagMeaning:
     meaning: str  # one sentence
     remedy: str  # what to do, one sentence
     structural: bool = False
+    voids: bool = False  # the values that it names are none
     evidence_of: str = ""
 
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         CalibrationReader,
         Check,
         Command,
+        ControlReader,
         Diagnosis,
         Display,
         Fact,
@@ -116,6 +117,11 @@ def palpate_calibrations() -> Mapping[str, CalibrationReader]:  # type: ignore[e
 
 
 @_hook
+def palpate_controls() -> Mapping[str, ControlReader]:  # type: ignore[empty-body]
+    """What reads control charts for ``[run] control``, by name; of several the first by name is used."""
+
+
+@_hook
 def palpate_facts() -> Mapping[str, Fact]:  # type: ignore[empty-body]
     """Lines for ``palpate info`` without a log, by name."""
 
@@ -175,6 +181,7 @@ _EXTENSIONS = {
     "recorder": ("palpate_recorders", "palpate.offers:Recorder"),
     "check": ("palpate_checks", "palpate.offers:Check"),
     "calibration": ("palpate_calibrations", "palpate.offers:CalibrationReader"),
+    "control chart": ("palpate_controls", "palpate.offers:ControlReader"),
     "fact": ("palpate_facts", "palpate.offers:Fact"),
     "flag": ("palpate_flags", "palpate.flags:FlagMeaning"),
 }

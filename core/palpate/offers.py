@@ -103,6 +103,13 @@ class CalibrationReader:
 
 
 @dataclass(frozen=True)
+class ControlReader:
+    """What reads the chart of ``[run] control``: ``function(path, valid for [s])`` answers the check behind a run."""
+
+    target: str  # "module:function"
+
+
+@dataclass(frozen=True)
 class Display:
     """What shows a run on the terminal: ``function(pipeline)`` answers a context with a writer that has `progress`."""
 
@@ -127,7 +134,19 @@ class Template:
             raise PluginError(f"template {self.path} of {self.package} cannot be read: {error}") from error
 
 
-Offer = Command | Report | ReportSection | Diagnosis | Summary | Recorder | Check | CalibrationReader | Display | Fact
+Offer = (
+    Command
+    | Report
+    | ReportSection
+    | Diagnosis
+    | Summary
+    | Recorder
+    | Check
+    | CalibrationReader
+    | ControlReader
+    | Display
+    | Fact
+)
 
 
 def function_of(offer: Offer) -> Callable[..., Any]:

@@ -17,6 +17,7 @@ from palpate.offers import (
     CalibrationReader,
     Check,
     Command,
+    ControlReader,
     Diagnosis,
     Display,
     Fact,
@@ -101,6 +102,7 @@ class Registry:
     recorders: Mapping[str, Recorder] = field(default_factory=dict)
     checks: Mapping[str, Check] = field(default_factory=dict)
     calibrations: Mapping[str, CalibrationReader] = field(default_factory=dict)
+    controls: Mapping[str, ControlReader] = field(default_factory=dict)
     facts: Mapping[str, Fact] = field(default_factory=dict)
     migrations: tuple[Migration, ...] = ()
 

@@ -338,3 +338,13 @@ def test_a_real_palpation_is_refused_as_contact(shared, name):
             recorder.feed("log", batch)
     with pytest.raises(LogError, match="in contact"):
         calibrate([recorder.record()], CalibrationSettings())
+
+
+def test_where_repeats_scatter_the_best_fit_is_not_the_mean():
+    """One repeat says 7 with a tenth of the others' uncertainty, and nine lie around 10: so does the mean."""
+    around = [9.0, 9.5, 10.0, 10.5, 11.0, 9.2, 10.8, 9.8, 10.2]
+    found = MeasuredValue.of([RepeatValue(7.0, 0.01), *(RepeatValue(value, 1e-1) for value in around)], "kg")
+    assert 9.0 < found.value < 10.5
+    assert found.combined > 0.2
+    low, high = found.interval
+    assert low < 10.0 < high

@@ -194,3 +194,31 @@ def test_repeat_takes_logs(recorded, palpate, tmp_path, root):
     done = palpate("repeat", root / "tests" / "logs" / "corpus" / "commas.csv")
     assert done.returncode == 2
     assert "carries no pipeline" in done.stderr
+
+
+def test_an_assumption_belongs_to_its_model_or_to_all(root):
+    from palpate.config import load_pipeline
+    from palpate.pipeline.run_result import _assumed
+
+    kinds = ["model.kv.type=kelvin-voigt", 'run.assumed=["model.dr.poisson", "alignment.tip_mass"]']
+    pipeline = load_pipeline(root / "pipelines" / "point.toml", kinds)
+    said = {model: [flag.message for flag in _assumed(pipeline, model)] for model in (None, "dr", "kv")}
+    assert ["alignment.tip_mass" in text and "poisson" not in text for text in said[None]] == [True]
+    assert ["model.dr.poisson" in text for text in said["dr"]] == [True]
+    assert said["kv"] == []
+
+
+@pytest.mark.slow
+def test_what_is_assumed_of_one_model_is_said_of_its_tracks_alone(recorded, palpate, tmp_path):
+    added = ["--add-model", "standard-linear-solid", "--tracks", "*/ekf"]
+    done = palpate("replay", recorded / "log.mcap", *added, "--set", 'run.assumed=["model.standard-linear-solid.*"]')
+    assert done.returncode == 0, done.stderr
+    (folder,) = {path.parent for path in tmp_path.glob("runs/*/result.json")}
+    said = {
+        name: [flag["message"] for flag in track["flags"] if flag["code"] == "assumed"]
+        for name, track in tracks(folder).items()
+    }
+    assert said["dr/ekf"] == []
+    (message,) = said["standard-linear-solid/ekf"]
+    assert "model.standard-linear-solid.poisson" in message
+    assert tracks(folder)["dr/ekf"]["verdict"] == tracks(recorded)["dr/ekf"]["verdict"]

@@ -1,6 +1,7 @@
 """Materiality: a flag is a doubt where it moves a value beyond its uncertainty, and of that value only."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from palpate import Flag, FlagMeaning
@@ -49,6 +50,16 @@ def test_what_is_not_known_or_without_bound_counts(effects):
 
 def test_a_structural_flag_counts_whatever_it_moves():
     assert set(weigh([Flag("saturated", "x")], values(), REGISTRY).by_value.values()) == {"doubtful"}
+
+
+def test_a_value_that_a_flag_voids_is_none_while_others_stay():
+    impossible = Flag("implausible", "x", effects={"viscosity": math.inf})
+    assert weigh([impossible], values(), REGISTRY).by_value == {"elasticity": "good", "viscosity": "invalid"}
+    one = track("dr", 100.0)
+    assert (
+        replace(one, flags=(Flag("implausible", "x", effects={"elasticity": 1.0}),)).judged(REGISTRY, ()).verdict
+        == "invalid"
+    )
 
 
 def test_a_wide_uncertainty_is_a_doubt_by_itself():

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from palpate import Problem
+from palpate import Problem, Samples
 from palpate_filters import KinematicFilter
 from palpate_fits import CasadiFit
+from palpate_models import DimensionalityReduction, Sphere
 
 _spec = importlib.util.spec_from_file_location("coverage_bench", Path(__file__).parents[2] / "benchmarks/coverage.py")
 bench = importlib.util.module_from_spec(_spec)
@@ -47,3 +48,34 @@ def test_noise_of_the_motion_is_no_lack_of_fit(estimator, frequency, elasticity)
         bench.load(), model, 0.14, samples, report, {"track": estimator}, {"poisson": bench.NU}
     ).values()
     assert "lack-of-fit" not in [flag.code for flag in found.flags]
+
+
+@pytest.mark.parametrize("scale", [1e-2, 1e-4])
+def test_a_fit_does_not_depend_on_the_scale_of_lengths(scale):
+    """The same press with every length a hundredth, or a ten-thousandth, and forces as they were: E by its unit.
+
+    A step of 1 um for the derivatives of the correction for noise of the height would reach across all of the press.
+    """
+    found = []
+    for factor in (1.0, scale):
+        height = factor * np.concatenate([np.linspace(1e-3, -2e-3, 1500), np.linspace(-2e-3, 1e-3, 1500)])
+        random = np.random.default_rng(7)
+        force = 16 / 9 * 1e5 * np.sqrt(5e-3) * np.maximum(-height / factor, 0.0) ** 1.5
+        force += 1e-3 * random.standard_normal(len(force))
+        height += factor * 2e-5 * random.standard_normal(len(force))
+        model = DimensionalityReduction(indenter=Sphere(radius=factor * 5e-3))
+        samples = samples_of(height, force)
+        tracker = CasadiFit(fixed={"viscosity": 0.0}).start(Problem(model, 0.0, None))
+        values = tracker.run(samples).values[:, 0]
+        found.append(float(values[np.isfinite(values)][-1]) * factor**2)
+    assert found[1] == pytest.approx(found[0], rel=1e-5)
+    assert found[0] == pytest.approx(1e5, rel=1e-2)
+
+
+def samples_of(height, force):
+    """Samples at 500 Hz, in contact below 0."""
+    time = np.arange(len(height)) / 500.0
+    contact = height < 0
+    velocity = np.gradient(height, time)
+    stamp = np.arange(len(height), dtype=np.int64) * 2_000_000
+    return Samples(stamp, time, np.full(len(time), 0.002), force, height, velocity, contact, contact)

@@ -15,7 +15,7 @@ from tests import result_documents
 
 def reading(name, value, residual=0.05, verdict="good", rejected=None):
     flags = (Flag("lack-of-fit", "x", "doubtful"),) if verdict == "doubtful" else ()
-    return ParameterValue(name, Path(name), "", "dr/fit", value, 1e3, "Pa", residual, flags, verdict, rejected)
+    return ParameterValue(name, Path(name), "", "dr/fit", value, 1e3, "Pa", None, residual, flags, verdict, rejected)
 
 
 GROUP = [reading(f"run_{i}", 1.1e5 + 1e3 * np.sin(i), 0.05 + 1e-4 * i) for i in range(12)]

@@ -34,3 +34,17 @@ def test_a_paraboloid_far_beyond_its_radius(tip, flagged):
 def test_innovations_as_large_as_they_should_be_are_not_flagged(run_point):
     tracks = run_point("trajectory.press.duration=4 s", 'run.tracks=["*/kinematic"]').tracks
     assert "inconsistent" not in {flag.code for flag in tracks["dr/kinematic"].flags}
+
+
+@pytest.mark.parametrize(("viscosity", "told"), [(-629471.0, True), (-3.0, False), (5.0, False)])
+def test_a_viscosity_below_nothing_by_more_than_its_std_is_no_value(viscosity, told):
+    """-3 +- 20 Pa s is none at all, as far as is known; -629471 +- 20 is no material."""
+    from types import SimpleNamespace
+
+    from palpate.registry import load
+    from palpate_models import Maxwell
+    from palpate_uncertainty.plausibility import _bound_flags
+
+    last = SimpleNamespace(values=np.array([[1e5, viscosity]]), std=np.array([[1e3, 20.0]]))
+    flags = load().judged(_bound_flags(last, Maxwell(indenter=Sphere(radius="5 mm")), set()))
+    assert [(flag.code, flag.severity) for flag in flags] == ([("implausible", "doubtful")] if told else [])

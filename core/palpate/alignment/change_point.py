@@ -15,7 +15,9 @@ _STEPS = np.arange(float(_GRID))
 _LEVELS = 4  # each a twentieth of the one before
 _FEWEST = 20  # samples
 _MOST = 4000  # samples; more are thinned
-_LEAST_WAY = 2e-5  # [m] from the surface to the deepest sample; less is no way down
+_LEAST_SHARE = 2e-3  # of all heights from the surface to the deepest sample; less is no way down
+_LEAST_NOISE = 4.0  # standard deviations of the height: the same
+_MOST_WAY = 2e-5  # [m] of a robot, which is a way down however far it has come
 _PARTS = 8
 _GAIN = 25.0  # of the sum of squares in units of the noise's variance; constant force reaches 15 once in 1000
 
@@ -43,11 +45,13 @@ def change_point(position: Floats, force: Floats) -> ChangePoint | None:
     z, f = (position, force) if known.all() else (position[known], force[known])
     if len(z) < _FEWEST:
         return None
+    top, bottom = float(z.max()), float(z.min())
+    least = shortest_descent(z, top - bottom)
+    if not top - bottom > least:
+        return None
     step = -(-len(z) // _MOST)
     z, f = z[::step], f[::step]
     top, bottom = float(z.max()), float(z.min())
-    if top - bottom < _LEAST_WAY:
-        return None
     centred = f - f.mean()
     total = float((centred**2).sum())
     best, count, held, pulls = (total, top), len(z), z, centred
@@ -68,12 +72,23 @@ def change_point(position: Floats, force: Floats) -> ChangePoint | None:
     spread = float(((shape - shape.mean()) ** 2).sum())
     slope = float((shape * centred).sum()) / spread if spread > 0 else 0.0
     offset = float(f.mean()) - slope * float(shape.mean())
-    if surface - bottom < _LEAST_WAY or total - left <= _GAIN * noise * _hanging_together(f - offset - slope * shape):
+    if surface - bottom < least or total - left <= _GAIN * noise * samples_as_one(f - offset - slope * shape):
         return None
     return ChangePoint(surface, offset, float(np.sqrt(noise)), slope * float(shape.max()))
 
 
-def _hanging_together(residual: Floats) -> float:
+def shortest_descent(height: Floats, reach: float) -> float:
+    """Way [m] below which heights (n,) that cover a reach [m] do not go down: by their noise, and by their reach."""
+    return min(max(_LEAST_SHARE * reach, _LEAST_NOISE * white_noise(height)), _MOST_WAY)
+
+
+def white_noise(values: Floats) -> float:
+    """Standard deviation of white noise that would give the third differences of values (n,), n > 3."""
+    third = values[3:] - values[:-3] - 3.0 * (values[2:-1] - values[1:-2])
+    return float(np.sqrt(np.mean(third * third) / 20.0))
+
+
+def samples_as_one(residual: Floats) -> float:
     """How many samples count as one, from the scatter of the means of eighths; at least 1."""
     edges, sizes = even_parts(len(residual), _PARTS)
     parts = np.add.reduceat(residual, edges) / sizes

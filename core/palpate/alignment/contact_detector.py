@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from palpate.alignment.air_line import FIRST_READINGS, decides, may_decide
 from palpate.alignment.contact_hysteresis import ContactHysteresis
 from palpate.alignment.contact_onset import ContactOnset
 from palpate.alignment.contact_threshold import ContactThreshold
@@ -85,7 +86,7 @@ class ContactDetector:
         if self._load is None:
             return self._before_tare(samples, final)
         samples = self._load.compensated(samples)
-        self._load.watch_pull(samples.force)
+        self._load.watch_pull(samples)
         if self._onset is None:
             return self._since_touch(samples)
         self._onset.feed(samples)
@@ -101,16 +102,19 @@ class ContactDetector:
         self._waiting = []
         self._load, onset, searched = _settled(self._settings, samples)
         samples = self._load.compensated(samples)
-        self._load.watch_pull(samples.force)
+        self._load.watch_pull(samples)
         onset.feed(samples[searched:])
         self._onset = onset
         return self._before_touch(onset, final)
 
     def _can_settle(self, samples: Samples) -> bool:
         """Whether the tare can be settled: contact that is found within the lag still shortens it."""
-        if self._settings.tare != "free-air":
-            return len(samples) >= FIRST_SAMPLES
-        return bool(len(samples) and samples.time[-1] > self._settings.tare_duration + self._settings.touch_lag)
+        stated = self._settings.tare != "free-air"
+        if len(samples) < (FIRST_READINGS if stated and may_decide(self._settings) else FIRST_SAMPLES):
+            return False
+        if stated and not decides(self._settings, samples):
+            return True
+        return bool(samples.time[-1] > self._settings.tare_duration + self._settings.touch_lag)
 
     def _before_touch(self, onset: ContactOnset, final: bool) -> Samples:
         """Samples in air that need not be held back; from the first touch on, all, marked from where it began."""
@@ -151,7 +155,7 @@ def _settled(settings: AlignmentSettings, samples: Samples) -> tuple[LoadCompens
     A tare in free air is measured twice where contact begins within its window: it ends there.
     """
     lookback = Lookback.of(settings, samples)
-    if (tare := stated_tare(settings)) is not None:
+    if (tare := stated_tare(settings, samples)) is not None:
         return *_begun(settings, tare, lookback), 0
     head = where(samples, samples.time <= settings.tare_duration + settings.touch_lag)
     load, onset = _begun(settings, measured_tare(settings, head), lookback)

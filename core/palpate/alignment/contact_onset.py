@@ -11,7 +11,6 @@ from palpate.alignment.settings import AlignmentSettings
 from palpate.alignment.slow_rise import RiseFinder
 from palpate.estimation import Samples
 
-_LEAST_RISE = 0.03  # [N] of a tenth of a second's mean
 _BELIEVED = 0.1  # of the rise: what the law of a change point may leave, beside the noise
 _COME_UP = 0.1  # of its way down, that a tip may have come up and still be on it
 _NEAR = 3.0  # touch forces, up to which contact is looked at
@@ -28,7 +27,7 @@ class ContactOnset:
         self._settings, self._threshold, self._lookback = settings, threshold, lookback
         self._rise: RiseFinder | None = None
         if settings.touch_force is None and lookback.back:
-            self._rise = RiseFinder(lookback.interval, _LEAST_RISE)
+            self._rise = RiseFinder(lookback.interval, threshold.least_rise)
         self._searched = 0  # samples
         self._change: tuple[int, ChangePoint | None] | None = None  # the latest, with the end of what it was sought in
         self.held = HeldSamples(lookback)
@@ -50,7 +49,7 @@ class ContactOnset:
         above = run_lengths(samples.force > self._threshold.at(samples.time), self.above)
         passed = np.flatnonzero(above >= SAMPLES_IN_A_ROW)
         found = int(passed[0]) if len(passed) else None
-        before = samples.force[:found]  # what rises later does not matter
+        before = self._threshold.above_air(samples[:found])  # what rises later does not matter
         for risen in self._rise.feed(before) if self._rise is not None else ():
             at = risen - self._searched
             if (found is None or at < found) and self._change_point(at + offset, at + offset + 1) is not None:
@@ -91,7 +90,7 @@ class ContactOnset:
     def _search_after(self, lost: int) -> None:
         held, shown = self.held.samples, self.shown
         if self._rise is not None:
-            unseen = held.force[shown : lost + 1]
+            unseen = self._threshold.above_air(held[shown : lost + 1])
             self._rise.feed(unseen)
             self._searched += len(unseen)
         self.shown, self.above, self._change = None, 0, None
@@ -101,8 +100,9 @@ class ContactOnset:
         """Index within what is held at which contact began, and its change point; None: where it shows."""
         assert self.shown is not None
         held, shown = self.held.samples, self.shown
-        after = held.force[shown : shown + 1 + self._lookback.after]
-        beyond = np.flatnonzero(run_lengths(after > _NEAR * self._threshold.force, 0) >= SAMPLES_IN_A_ROW)
+        after = held[shown : shown + 1 + self._lookback.after]
+        far = self._threshold.above_air(after) > _NEAR * self._threshold.force
+        beyond = np.flatnonzero(run_lengths(far, 0) >= SAMPLES_IN_A_ROW)
         end = shown + (int(beyond[0]) if len(beyond) else len(after))
         if self._change is None or self._change[0] != end:
             self._change = end, self._change_point(shown, end)
@@ -123,6 +123,6 @@ class ContactOnset:
         """The change point in the baseline, what is looked back over, and what is held up to `end`."""
         if not self._lookback.back:
             return None
-        position, force = self.held.stretch(self._earliest(shown), end)
-        found = change_point(position, force)
+        stretch = self.held.stretch(self._earliest(shown), end)
+        found = change_point(stretch.position, self._threshold.above_air(stretch))
         return found if found is not None and found.rms < 2.0 * self._threshold.noise + _BELIEVED * found.rise else None

@@ -7,16 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.alignment.air_line import ROBOT_FORCE, SIGMAS, AirLine
 from palpate.alignment.settings import AlignmentSettings
 from palpate.alignment.tare import Tare
+from palpate.estimation import Samples
 from palpate.vectors import Floats
 
 SAMPLES_IN_A_ROW = 3  # that must agree before contact is found or lost
 
-_PAPER_NOISE = 0.05  # [N], standard deviation of the sensor in the paper; where there is no free air to measure it in
+_PAPER_NOISE = 0.05  # [N] of a robot: standard deviation of the sensor in the paper; where no free air tells it
 _SIGMAS = 5.0
 _FOR_DRIFT = 0.1  # of the threshold
-_LEAST = 0.05  # [N]; a sensor without noise still feels the tip's inertia
+_RISE = 0.03  # [N] of a robot, of a tenth of a second's mean; less is none
+_RISE_SIGMAS = 0.6  # of the noise: the same of a record whose own noise says what counts as touch
 
 
 @dataclass(frozen=True)
@@ -25,23 +28,33 @@ class ContactThreshold:
 
     force: float  # [N]
     drift: float = 0.0  # [N/s]
+    least_rise: float = _RISE  # [N] by which a slow rise shows
+    air: AirLine | None = None  # that the force is compared with; None: with none
 
     @classmethod
     def of(cls, settings: AlignmentSettings, tare: Tare | None) -> ContactThreshold:
         """What the settings say, else five standard deviations of the noise in free air."""
         if settings.touch_force is not None:
             return cls(settings.touch_force, settings.drift)
+        if tare is not None and (air := tare.air) is not None:
+            return cls(SIGMAS * air.noise, 0.0, _RISE_SIGMAS * air.noise, air)
         noise = tare.noise if tare and tare.noise else _PAPER_NOISE
-        return cls(max(_SIGMAS * noise, _LEAST), settings.drift)
+        return cls(max(_SIGMAS * noise, ROBOT_FORCE), settings.drift)
 
     @property
     def noise(self) -> float:
         """Standard deviation [N] of a force for which this is the threshold."""
-        return self.force / _SIGMAS
+        return self.force / _SIGMAS if self.air is None else self.air.noise
 
     def at(self, time: Floats) -> Floats:
         """Force (n,) [N] at a time [s]: the threshold, of which a tenth is for drift, or more."""
+        if self.air is not None:
+            return self.air.at(time) + self.force + self.air.spread(time)
         return np.maximum(self.force, (1.0 - _FOR_DRIFT) * self.force + self.drift * time)
+
+    def above_air(self, samples: Samples) -> Floats:
+        """Force (n,) [N] of samples above the line that the air tells; as it is where none tells one."""
+        return samples.force if self.air is None else samples.force - self.air.at(samples.time)
 
 
 def run_lengths(condition: NDArray[np.bool_], before: int) -> NDArray[np.int64]:

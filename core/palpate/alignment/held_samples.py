@@ -8,7 +8,6 @@ import numpy as np
 
 from palpate.alignment.settings import AlignmentSettings
 from palpate.estimation import Samples
-from palpate.vectors import Floats
 
 FIRST_SAMPLES = 11  # from which the interval is taken
 
@@ -67,11 +66,11 @@ class HeldSamples:
         self._released = released[max(len(released) - self._lookback.baseline, 0) :]
         return given
 
-    def stretch(self, begin: int, end: int) -> tuple[Floats, Floats]:
-        """Position [m] and force [N] from one index to another of what is held, and of a baseline before it."""
-        position, force = self.samples.position[:end], self.samples.force[:end]
+    def stretch(self, begin: int, end: int) -> Samples:
+        """Samples from one index to another of what is held, and of a baseline before it."""
+        found = self.samples[:end]
         begin -= self._lookback.baseline
-        if (before := self._released) is not None:
-            position, force = np.concatenate([before.position, position]), np.concatenate([before.force, force])
-            begin += len(before)
-        return position[max(begin, 0) :], force[max(begin, 0) :]
+        if self._released is not None:
+            found = Samples.joined([self._released, found])
+            begin += len(self._released)
+        return found[max(begin, 0) :]

@@ -10,7 +10,6 @@ from palpate.alignment.contact_threshold import SAMPLES_IN_A_ROW
 from palpate.alignment.settings import AlignmentSettings
 from palpate.alignment.tare import Tare
 from palpate.estimation import Samples
-from palpate.vectors import Floats
 
 GRAVITY = 9.80665  # [m/s^2], standard
 
@@ -29,8 +28,9 @@ class LoadCompensation:
         force = samples.force - self.tare.offset
         return replace(samples, force=force if self._weight is None else force + self._weight)
 
-    def watch_pull(self, force: Floats) -> None:
-        """Take note of compensated forces (n,) [N] that are below none."""
+    def watch_pull(self, samples: Samples) -> None:
+        """Take note of compensated forces that are below none, or below what the air before contact tells."""
+        force = samples.force if self.tare.air is None else samples.force - self.tare.air.at(samples.time)
         if len(force) < SAMPLES_IN_A_ROW:
             return
         rest = len(force) - SAMPLES_IN_A_ROW + 1

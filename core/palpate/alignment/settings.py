@@ -82,12 +82,16 @@ class AlignmentSettings(Settings):
         "begins where the force passes touch_force",
     )
     touch_force: Force | None = Field(
-        default=None, gt=0, description="force that counts as touch; left out: 5 sigma of the free air, or 0.25 N"
+        default=None,
+        gt=0,
+        description="force that counts as touch; left out: 5 sigma of the free air, or 0.25 N; 10 sigma where tip_mass "
+        "is 0 and that is less than 0.05 N",
     )
     drift: ForceDrift = Field(
         default=1.5 / 3600,
         ge=0,
-        description="what the sensor's zero may drift by, which touch_force grows by; 1.5 N/h is a six-axis sensor's",
+        description="what the sensor's zero may drift by, which touch_force grows by; 1.5 N/h is a six-axis sensor's; "
+        "by the air itself where tip_mass is 0 and 10 sigma are less than 0.05 N",
     )
     force_limit: Force | None = Field(
         default=None, gt=0, description="readings at or beyond this magnitude are saturated"

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.alignment.air_line import AirLine, air_line, decides
 from palpate.alignment.change_point import change_point, even_parts
 from palpate.alignment.settings import AlignmentSettings
 from palpate.errors import LogError
 from palpate.estimation import Samples
 from palpate.vectors import Floats
 
-_WANDER = 0.02  # [N]; less is drift
+_WANDER = 0.02  # [N] of a robot; less is drift
 _FEWEST = 10  # samples
 
 
@@ -26,15 +27,17 @@ class Tare:
     offset_std: float | None  # [N] standard uncertainty of the offset, from the scatter; None where none was measured
     noise: float | None  # [N] standard deviation of one sample in free air
     until: float | None = None  # [s] end of the free air that it comes from
+    air: AirLine | None = None  # less the offset, of a record whose own noise says what counts as touch
 
 
-def stated_tare(settings: AlignmentSettings) -> Tare | None:
-    """The tare that the settings say; None where it is to be measured."""
-    if settings.tare == "none":
-        return Tare(0.0, settings.tare_uncertainty, None)
-    if settings.tare != "free-air":
-        return Tare(float(settings.tare), settings.tare_uncertainty, None)
-    return None
+def stated_tare(settings: AlignmentSettings, samples: Samples) -> Tare | None:
+    """The tare that the settings say, with the air that a record begins with; None where it is to be measured."""
+    if settings.tare == "free-air":
+        return None
+    offset = 0.0 if settings.tare == "none" else float(settings.tare)
+    head = where(samples, samples.time <= settings.tare_duration)
+    air = air_line(head) if decides(settings, samples) else None
+    return Tare(offset, settings.tare_uncertainty, None, air=None if air is None else air.less(offset))
 
 
 def measured_tare(settings: AlignmentSettings, samples: Samples, before: float = np.inf) -> Tare:
@@ -47,6 +50,8 @@ def measured_tare(settings: AlignmentSettings, samples: Samples, before: float =
     window = where(window, np.isfinite(window.force))
     if len(window) < _FEWEST:
         return Tare(0.0, None, None)
+    if decides(settings, samples) and (air := air_line(window)) is not None:
+        return Tare(air.level, air.level_std, air.noise, air.until, air.less(air.level))
     found = change_point(window.position, window.force)
     if found is not None:
         below = window.position < found.surface

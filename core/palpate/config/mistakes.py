@@ -30,7 +30,9 @@ def raise_mistakes(mistakes: Iterable[Mistake], source: Source) -> None:
     lines = [f"{source.where(m.location)}: {_named(m.location)}{m.problem}" for m in ordered]
     if len(lines) > 1:
         lines = [f"{source.path}: {len(lines)} mistakes", *(f"  {line}" for line in lines)]
-    raise ConfigurationError("\n".join(lines))
+    error = ConfigurationError("\n".join(lines))
+    error.by_table = {m.location[:2]: f"{_named(m.location)}{m.problem}" for m in reversed(ordered)}
+    raise error
 
 
 def _named(location: Location) -> str:

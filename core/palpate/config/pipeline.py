@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
@@ -38,6 +39,10 @@ class RunSettings(Settings):
         default=None, description="calibration file: mass, tare, timing and noise that this file leaves open"
     )
     calibration_valid: Time = Field(default=30 * 86400.0, gt=0, description="an older calibration is flagged")
+    control: InputFile | None = Field(
+        default=None, description="control chart of `palpate control`: the check of the rig that stands behind the run"
+    )
+    control_valid: Time = Field(default=30 * 86400.0, gt=0, description="an older check is called old")
     seed: int = Field(default=0, ge=0, description="seed of everything that is random")
     average: Time = Field(default=1.0, ge=0.05, description="results are means over so much time at the end")
     uncertainties: dict[str, float | str] = Field(
@@ -96,6 +101,18 @@ class CalibrationUse(Protocol):
         ...
 
 
+class ControlUse(Protocol):
+    """A control chart that a pipeline names, with the check that stands behind a run."""
+
+    def facts(self, started: datetime) -> Mapping[str, Any]:
+        """The last check for ``run.control`` of result.json; its age is that when the run started."""
+        ...
+
+    def flags(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Iterable[Flag]:
+        """Flags against it; `live` is the health that connected devices report, by name."""
+        ...
+
+
 @dataclass(frozen=True)
 class Track:
     """A contact model and an estimator, side by side with other tracks on the same samples."""
@@ -124,6 +141,7 @@ class Pipeline:
     tracks: tuple[Track, ...]
     registry: Registry
     calibration: CalibrationUse | None = None
+    control: ControlUse | None = None
     tables: Mapping[str, Settings] = field(default_factory=dict)  # those of analyses that the file has, by name
     stated: AlignmentSettings | None = None  # the alignment as the file has it, without the calibration
     renamed: tuple[Flag, ...] = ()  # what the file calls by a name of an older version

@@ -12,6 +12,7 @@ from palpate import registry as registries
 from palpate.alignment import AlignmentSettings
 from palpate.config.assumed_values import assumed_keys
 from palpate.config.calibration import calibration_of
+from palpate.config.control import control_of
 from palpate.config.declared_uncertainties import unknown_sources
 from palpate.config.migrations import MIGRATIONS, migrate
 from palpate.config.mistakes import Mistake, raise_mistakes
@@ -56,7 +57,8 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
     builder.mistakes += _missing(tables, registry, ("device", "model", "estimator") if estimates else ("device",))
     builder.mistakes += _wrong_signals(tables, stated, kinds["device"], safety)
     use, problems = calibration_of(run, stated, registry) if estimates else (None, [])
-    builder.mistakes += [*problems, *_wrong_uncertainties(run, kinds["model"])]
+    control, wrong_chart = control_of(run, registry) if estimates else (None, [])
+    builder.mistakes += [*problems, *wrong_chart, *_wrong_uncertainties(run, kinds["model"])]
     alignment = stated
     if use and stated:
         alignment = use.alignment(stated)
@@ -87,6 +89,7 @@ def build_pipeline(source: Source, estimates: bool = True) -> Pipeline:
         tracks=tracks,
         registry=registry,
         calibration=use,
+        control=control,
         tables=extra,
         stated=stated,
         renamed=renamed,

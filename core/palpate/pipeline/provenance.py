@@ -32,10 +32,11 @@ def run_facts(pipeline: Pipeline) -> dict[str, Any]:
     for plugin in pipeline.registry.plugins:
         if plugin.digest:
             inputs[f"plugin.{Path(plugin.name).name}.sha256"] = plugin.digest
-    if pipeline.run.calibration is not None:
-        with pipeline.run.calibration.open("rb") as file:
-            inputs["calibration.sha256"] = hashlib.file_digest(file, "sha256").hexdigest()
-        inputs["calibration.file"] = str(pipeline.run.calibration)
+    for name, path in (("calibration", pipeline.run.calibration), ("control", pipeline.run.control)):
+        if path is not None:
+            with path.open("rb") as file:
+                inputs[f"{name}.sha256"] = hashlib.file_digest(file, "sha256").hexdigest()
+            inputs[f"{name}.file"] = str(path)
     for path in _input_files(pipeline):
         inputs[f"file.{path}.sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
     return {

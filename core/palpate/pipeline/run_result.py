@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -68,9 +69,9 @@ def build_result(
     flags = pipeline.registry.judged(run_flags)
     return Result(
         folder,
-        {key: finite(value) for key, value in {**facts, **_alignment_facts(report, pipeline.alignment)}.items()},
+        {key: finite(value) for key, value in {**facts, **_found_facts(pipeline, facts, report)}.items()},
         stream_tables(report),
-        _judged(pipeline, found, flags),
+        _judged(pipeline, _with_assumptions(pipeline, found), flags),
         flags,
         truth_of(pipeline.devices),
         interrupt.reason,
@@ -88,6 +89,13 @@ def _judged(
         name: replace(found[name], flags=(*found[name].flags, flag)).judged(pipeline.registry, of_record)
         for name, flag in against.items()
     }
+
+
+def _found_facts(pipeline: Pipeline, facts: Mapping[str, Any], report: AlignmentReport) -> dict[str, Any]:
+    """What alignment saw of the record, and the check of the rig behind it."""
+    control = pipeline.control
+    check = {} if control is None else {"control": control.facts(datetime.fromisoformat(facts["started"]))}
+    return {**_alignment_facts(report, pipeline.alignment), **check}
 
 
 def _alignment_facts(report: AlignmentReport, settings: AlignmentSettings) -> dict[str, Any]:
@@ -115,6 +123,8 @@ def _run_flags(
     yield from (Flag("device", text) for device in pipeline.devices.values() for text in device.warnings)
     if pipeline.calibration is not None:
         yield from pipeline.calibration.flags(pipeline, health)
+    if pipeline.control is not None:
+        yield from pipeline.control.flags(pipeline, health)
     yield from _backlog(live.estimates if live is not None else None)
     for name in motion.ended_early if motion is not None else ():
         yield Flag("ended-early", f"{name} sent its last reading before the motion was over")
@@ -129,11 +139,25 @@ def _rehearsal(facts: Mapping[str, Any]) -> Iterator[Flag]:
         yield Flag("rehearsal", f"simulated time, twin {twin}: the numbers are of its specimen, and of no real one")
 
 
-def _assumed(pipeline: Pipeline) -> Iterator[Flag]:
-    """The values that the run assumed although they were not stated."""
+def _assumed(pipeline: Pipeline, model: str | None = None) -> Iterator[Flag]:
+    """The values of a model, or (None) of what all models share, that the run assumed although they were not stated."""
     known = values_on_trust(pipeline)
-    if assumed := [f"{key} = {known.get(key, '? (there is no such setting)')}" for key in pipeline.run.assumed]:
+    concerned = [key for key in pipeline.run.assumed if _model_of(key, pipeline) == model]
+    if assumed := [f"{key} = {known.get(key, '? (there is no such setting)')}" for key in concerned]:
         yield Flag("assumed", f"not stated, but assumed: {', '.join(assumed)}")
+
+
+def _model_of(key: str, pipeline: Pipeline) -> str | None:
+    """The model that a key belongs to; None where it concerns every track."""
+    kind, _, rest = key.partition(".")
+    return next((name for name in pipeline.models if kind == "model" and rest.startswith(f"{name}.")), None)
+
+
+def _with_assumptions(pipeline: Pipeline, found: Mapping[str, TrackResult]) -> dict[str, TrackResult]:
+    """Tracks with what was assumed of their own model."""
+    return {
+        name: replace(track, flags=(*_assumed(pipeline, track.model), *track.flags)) for name, track in found.items()
+    }
 
 
 def _backlog(estimates: EstimateFacts | None) -> Iterator[Flag]:

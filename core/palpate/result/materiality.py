@@ -28,7 +28,8 @@ def weigh(flags: Sequence[Flag], values: Mapping[str, UncertainValue], registry:
 
     What a flag names is compared with the combined standard uncertainty of all other causes: a larger uncertainty by
     the flag's own cause makes no doubt smaller. Structural flags, and those whose effect is not known, always count. An
-    uncertainty of more than 20 % of a value is a doubt of that value.
+    uncertainty of more than 20 % of a value is a doubt of that value. A value that a flag voids is
+    invalid by itself.
     """
     findings, immaterial = [], []
     by_value: dict[str, Verdict] = dict.fromkeys(values, "good")
@@ -43,9 +44,16 @@ def weigh(flags: Sequence[Flag], values: Mapping[str, UncertainValue], registry:
         sizes[id(said)] = _size(flag, values)
         findings.append(said)
         for name in moved if flag.severity != "note" else ():
-            by_value[name] = max(by_value[name], flag.severity or "doubtful", key=VERDICTS.index)
+            own = "invalid" if _leaves_nothing(flag, name, registry) else flag.severity or "doubtful"
+            by_value[name] = max(by_value[name], own, key=VERDICTS.index)
     findings.sort(key=lambda flag: (-VERDICTS.index(flag.severity or "doubtful"), -sizes[id(flag)]))
     return WeighedFlags(tuple(findings), tuple(immaterial), by_value)
+
+
+def _leaves_nothing(flag: Flag, name: str, registry: Registry) -> bool:
+    """Whether a flag says that a value is none, while others of its track may be used."""
+    meaning = registry.meanings.get(flag.code)
+    return meaning is not None and meaning.voids and name in (flag.effects or {})
 
 
 def _size(flag: Flag, values: Mapping[str, UncertainValue]) -> float:

@@ -50,6 +50,7 @@ class TrackResult:
         every = verdict(of_record)
         common: Verdict = every if every in ("doubtful", "invalid") else "good"
         by_value = {name: max(common, own, key=VERDICTS.index) for name, own in weighed.by_value.items()}
+        lost = bool(by_value) and all(own == "invalid" for own in by_value.values())
         worst = max(by_value.values(), default=common, key=VERDICTS.index)
         return replace(
             self,
@@ -59,7 +60,7 @@ class TrackResult:
             derived=tuple(replace(value, found=replace(value.found, verdict=worst)) for value in self.derived),
             flags=weighed.findings,
             immaterial=weighed.immaterial,
-            verdict=verdict((*of_record, *weighed.findings)),
+            verdict="invalid" if lost else verdict((*of_record, *weighed.findings)),
         )
 
     @property

@@ -15,8 +15,6 @@ from palpate.host import Registry, registry as registries
 from palpate_kit.logs.recording import Recording, Suggestion, SupportsSurvey, SystemSurvey
 
 _ADDRESS = re.compile(r"^[a-z]\w*:/{1,2}")  # a path loses one of two slashes
-_ASSUMED = ("indenter.*", "model.*", "alignment.tip_mass", "alignment.tare", "alignment.*.delay")
-ANALYSIS = "log-analysis"  # the template of tip, model and estimators
 
 
 def recording_of(log: Path, registry: Registry | None = None) -> type[Recording]:
@@ -53,12 +51,12 @@ def suggestion_of(log: Path, choices: dict[str, str]) -> Suggestion:
 def pipeline_of(suggestion: Suggestion, log: Path, beside: Path | None = None) -> str:
     """A pipeline in TOML with its reasons; for a file in the folder `beside`, with the log's path right from there."""
     templates = registries.load().templates
-    if ANALYSIS not in templates:
-        raise PluginError(f"no plugin offers the template {ANALYSIS!r} of tip, model and estimators")
+    if suggestion.template not in templates:
+        raise PluginError(f"no plugin offers the template {suggestion.template!r} of tip, model and estimators")
     if beside is not None:
         device = {**suggestion.device, "file": os.path.relpath(log.resolve(), beside.resolve())}
         suggestion = replace(suggestion, device=device)
-    return pipeline_text(suggestion, log, templates[ANALYSIS].text())
+    return pipeline_text(suggestion, log, templates[suggestion.template].text())
 
 
 def pipeline_text(suggestion: Suggestion, log: Path, rest: str) -> str:
@@ -70,7 +68,7 @@ def pipeline_text(suggestion: Suggestion, log: Path, rest: str) -> str:
     lines = [f"# {printable(text)}" for text in words]
     lines += ["", "[run]", f"name = {_toml(log.name)}"]
     lines += ["# Not stated anywhere: correct these below, and take them out of this list."]
-    lines += [f"assumed = {_toml(list(_ASSUMED))}", "", "[device.log]"]
+    lines += [f"assumed = {_toml(list(suggestion.assumed))}", "", "[device.log]"]
     tables = {key: value for key, value in suggestion.device.items() if key in ("signals", "columns")}
     for key, value in suggestion.device.items():
         if key not in tables:
@@ -84,7 +82,8 @@ def pipeline_text(suggestion: Suggestion, log: Path, rest: str) -> str:
     ]
     lines += ["[alignment]"]
     lines += [f"{key} = {_toml(value)}" for key, value in suggestion.alignment.items()]
-    lines += ['tip_mass = "140 g"                     # everything mounted behind the sensor: weigh it']
+    if "tip_mass" not in suggestion.alignment:
+        lines += ['tip_mass = "140 g"                     # everything mounted behind the sensor: weigh it']
     return "\n".join(lines) + "\n\n" + rest
 
 

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Batch, Device, LogError
 
+ASSUMED = ("indenter.*", "model.*", "alignment.tip_mass", "alignment.tare", "alignment.*.delay")
+
 
 @dataclass(frozen=True)
 class FieldSurvey:
@@ -66,6 +68,8 @@ class Suggestion:
     blanks: tuple[str, ...] = ()  # what no file can say, and a person must fill in
     hints: tuple[str, ...] = ()  # what else was found, such as a delay
     views: Mapping[str, Any] = field(default_factory=dict)  # by role: times [s], values as recorded, unit, sign
+    template: str = "log-analysis"  # of tip, model and estimators that go with it
+    assumed: tuple[str, ...] = ASSUMED  # what is not stated anywhere
 
 
 @dataclass(frozen=True)

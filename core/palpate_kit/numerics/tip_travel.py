@@ -15,8 +15,13 @@ _SHORTEST = 5  # samples
 _LONGEST = 0.2  # [s] that the window is widened to by itself
 _NOISE_SHARE = 0.02  # of the RMS rate, below which noise of the rate no longer bends an estimate
 _FORGOTTEN = 10.0  # times of the fastest state that are at least averaged
-_SHALLOW = 1e-3  # [m] depth at which it is the fastest
+_SHALLOW = 0.2  # of the depth that is reached: where it is the fastest
+_REACH, _MOST_SHALLOW = 5e-3, 1e-3  # [m] of a robot: where no record says how deep it goes, and however deep that is
 _GAP = 5.0  # median intervals
+_FEWEST_WINDOWS = 10  # side by side
+_MEDIAN = 0.6745  # of the absolute value of noise, in standard deviations
+_INSIDE = 0.4  # of the longest such window: what a local cubic blurs goes with its fourth power
+_CLEAR = 1.3  # of that median; more is a motion that a cubic does not follow
 _AT_ONCE = 65_536  # samples whose differences are taken at once
 
 
@@ -27,6 +32,7 @@ class TipTravel:
     rate: Floats  # (n,) d' [m/s]
     acceleration: Floats  # (n,) d'' [m/s^2]
     window: float  # [s] of the local polynomial
+    rate_noise: float = 0.0  # [m/s] standard deviation of the noise that is left in the rate
 
 
 def zero_phase_motion(samples: Samples, window: float | None, longest: float = _LONGEST) -> TipTravel:
@@ -37,8 +43,7 @@ def zero_phase_motion(samples: Samples, window: float | None, longest: float = _
     rate's mean square, so without a given window the shortest one is taken that keeps this share below 0.04 %, but none
     above the `longest` [s].
     """
-    interval = median(samples.interval[1:]) if len(samples) > 1 else 1.0
-    interval = interval if interval > 0 else 1.0
+    interval = _usual(samples)
     noise = noise_of(samples.position), noise_of(samples.velocity)
     if window is not None:
         return _motion(samples, interval, _odd(window / interval), noise)
@@ -51,8 +56,8 @@ def zero_phase_motion(samples: Samples, window: float | None, longest: float = _
     return _motion(samples, interval, width, noise)
 
 
-def longest_window(model: ContactModel) -> float:
-    """Window [s] that blurs nothing that a model's states make of a motion, at the values where a search begins.
+def longest_window(model: ContactModel, depth: float = _REACH) -> float:
+    """Window [s] that blurs nothing that a model's states make of a motion to a depth [m], where a search begins.
 
     States average the rate themselves: its noise bends them less than what is blurred at a touch does.
     """
@@ -60,9 +65,48 @@ def longest_window(model: ContactModel) -> float:
         return _LONGEST
     guess = [1.0 if parameter.start is None else parameter.start for parameter in model.parameters]
     ones, count = [1.0] * len(model.memory), len(model.memory)
-    ends = (model.memory_rate(_SHALLOW, 0.0, guess, state) for state in (ones, [0.0] * count))
+    shallow = min(_SHALLOW * depth, _MOST_SHALLOW)
+    ends = (model.memory_rate(shallow, 0.0, guess, state) for state in (ones, [0.0] * count))
     forgetting = np.abs(np.subtract(*(np.array(end, float) for end in ends)))
     return _FORGOTTEN / float(forgetting.max()) if forgetting.max() > 0 else _LONGEST
+
+
+def cubic_window(samples: Samples) -> float:
+    """Window [s] in which the motion is a cubic far within its noise, so that a local cubic does not blur it.
+
+    0.4 of the longest that shows no more than noise in the degree 4 of the heights in windows side by side, and so a
+    fortieth of what may hide there; by the median, for corners are few among them.
+    """
+    interval, noise, width = _usual(samples), noise_of(samples.position), _SHORTEST
+    while (wider := _odd(1.2 * width + 2)) * interval < _LONGEST and len(samples) >= _FEWEST_WINDOWS * wider:
+        fourth = samples.position[: len(samples) // wider * wider].reshape(-1, wider) @ _fourth_degree(wider)
+        if median(np.abs(fourth)) > _MEDIAN * _CLEAR * noise:
+            break
+        width = wider
+    return _odd(_INSIDE * width) * interval
+
+
+@cache
+def _fourth_degree(width: int) -> Floats:
+    """The polynomial of degree 4 (width,) that is orthogonal to those below it, of length 1."""
+    powers = np.linspace(-1.0, 1.0, width)[:, None] ** np.arange(5)
+    return np.asarray(np.linalg.qr(powers)[0][:, 4])
+
+
+def smooth_height(samples: Samples, window: float) -> Floats:
+    """Height (n,) [m] by local cubics over a symmetric window [s]; between gaps each stretch by itself."""
+    interval, found = _usual(samples), samples.position.copy()
+    for rows in _stretches(samples.interval, interval):
+        width = min(_odd(window / interval), (rows.stop - rows.start - 1) // 2 * 2 + 1)
+        if width >= _SHORTEST:
+            found[rows] = local_cubic(samples.position[rows], width)
+    return found
+
+
+def _usual(samples: Samples) -> float:
+    """Median interval [s] between samples."""
+    interval = median(samples.interval[1:]) if len(samples) > 1 else 1.0
+    return interval if interval > 0 else 1.0
 
 
 def median(values: Floats) -> float:
@@ -133,7 +177,7 @@ def _motion(samples: Samples, interval: float, width: int, noise: tuple[float, f
     smooth *= share
     slope -= smooth  # minus the rate of the height
     np.negative(acceleration, out=acceleration)
-    return TipTravel(slope, acceleration, width * interval)
+    return TipTravel(slope, acceleration, width * interval, _rate_noise(noise, width, interval))
 
 
 def _stretches(intervals: Floats, usual: float) -> Iterator[slice]:

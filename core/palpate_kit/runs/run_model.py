@@ -94,6 +94,20 @@ class FirstTouchDocument(Document):
     lag: float = Field(description="of the threshold behind the touch [s]")
 
 
+class ControlDocument(Document):
+    """The check of the rig that stands behind a run; `palpate control` made it."""
+
+    file: str = Field(description="the control chart")
+    reference: str = Field(description="what was palpated in the check")
+    date: str = Field(description="of the check, ISO 8601", json_schema_extra={"format": "date-time"})
+    age: float = Field(description="of the check when the run started [s]")
+    old: bool = Field(description="older than [run] control_valid")
+    checks: Count = Field(description="in the chart")
+    e_n: float = Field(description="(x - X)/sqrt(U_x^2 + U_X^2) of the check, expanded uncertainties of k = 2")
+    in_control: bool = Field(description="whether E_n, Shewhart's and the EWMA chart find nothing")
+    reasons: list[str] = Field(description="what they find, a sentence each")
+
+
 class RunDocument(Document):
     """Provenance, and what concerns every track."""
 
@@ -106,6 +120,7 @@ class RunDocument(Document):
     inputs: dict[str, str] = Field(description="what the run read: SHA-256 by the name of the input")
     host: str = Field(description="name of the computer")
     rehearsal: RehearsalDocument | Absent = Field(None, description="of a run in simulated time against a twin")
+    control: ControlDocument | Absent = Field(None, description="the check of the rig behind it, of [run] control")
     live: LiveDocument | Absent = Field(None, description="of a run that talked to devices")
     started: str = Field(description="date and time, ISO 8601", json_schema_extra={"format": "date-time"})
     duration: float = Field(description="of the computing [s]")

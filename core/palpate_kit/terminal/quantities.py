@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+_LARGE, _SMALL = 6, -4  # powers of ten, from and below which a number is written with its power
+_MANY = 1e3  # times a value; an uncertainty beyond that shares no power with it
 _ROUNDING = 1e-12  # of a value; less is no uncertainty
 
 
@@ -12,6 +14,10 @@ def value_with_uncertainty(value: float, std: float) -> str:
 
     >>> value_with_uncertainty(126.5312, 0.2134), value_with_uncertainty(0.3, 1.1e-17)
     ('126.53 ± 0.21', '0.3')
+    >>> value_with_uncertainty(-191151.2, 33757.3), value_with_uncertainty(6659825.0, 3417885.0)
+    ('-191000 ± 34000', '(6.7 ± 3.4)e6')
+    >>> value_with_uncertainty(-629471.0, 4.926e17), value_with_uncertainty(5.0013e-6, 1.2e-8)
+    ('-6.3e+05 ± 4.9e+17', '(5.001 ± 0.012)e-6')
     """
     if not math.isfinite(value):
         return "-"
@@ -19,8 +25,21 @@ def value_with_uncertainty(value: float, std: float) -> str:
         return f"{unsigned(f'{value:.4g}')} ± ?"
     if not (math.isfinite(std) and std > _ROUNDING * abs(value)):
         return unsigned(f"{value:.4g}")
-    digits = max(0, 1 - math.floor(math.log10(std)))
-    return f"{unsigned(f'{value:.{digits}f}')} ± {std:.{digits}f}"
+    size = math.floor(math.log10(max(abs(value), std)))
+    if std > _MANY * abs(value) and size >= _LARGE:
+        return f"{unsigned(f'{value:.2g}')} ± {std:.2g}"
+    if size >= _LARGE or size < _SMALL:
+        return f"({_plain(value / 10.0**size, std / 10.0**size)})e{size}"
+    return _plain(value, std)
+
+
+def _plain(value: float, std: float) -> str:
+    """Both to two digits of the uncertainty, but whole below a thousand."""
+    digits = 1 - math.floor(math.log10(std))
+    if digits < -1:
+        value, std = round(value, digits), round(std, digits)
+    places = max(0, digits)
+    return f"{unsigned(f'{value:.{places}f}')} ± {std:.{places}f}"
 
 
 def round_number(value: float) -> str:

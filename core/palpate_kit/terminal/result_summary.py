@@ -13,6 +13,7 @@ from palpate.host import Result, TrackResult, UncertainValue, display_unit, func
 from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
 from palpate_kit.terminal.table import Table as Cells
 
+_MILLINEWTON = 1e-3  # [N]
 _SHOWN = 3  # flags of a track; the rest is counted
 _ALONG = "ranges along the path of the tip; by place: palpate map {folder}"
 
@@ -53,6 +54,11 @@ def result_view(result: Result, sections: Mapping[str, ReportSection] | None = N
         *flags,
         Text(f"written to {result.folder}"),
     )
+
+
+def _residual(force: float) -> str:
+    """In mN, or with two digits where that is none."""
+    return f"{force:.3f}" if not 0 < force < _MILLINEWTON else f"{force:.2g}"
 
 
 def _derived(result: Result) -> list[RenderableType]:
@@ -129,6 +135,8 @@ def _plain(value: float) -> str:
 
 
 def _shown(found: UncertainValue) -> str:
+    if found.verdict == "invalid":
+        return "none"
     return value_with_uncertainty(_scaled(found.value, found.unit), _scaled(found.combined, found.unit))
 
 
@@ -139,8 +147,8 @@ def _cells(track: TrackResult, names: list[str]) -> list[str]:
     cells = [_shown(track.parameters[name]) if name in track.parameters else "" for name in names]
     if _swept(track):  # one value says nothing of all places
         cells = [_range(track, name) for name in names]
-        return [*cells, "", "", f"{track.force_rms:.3f}", f"{track.nis:.2f}"]
+        return [*cells, "", "", _residual(track.force_rms), f"{track.nis:.2f}"]
     every = [*track.parameters.values(), *(value.found for value in track.derived)]
     delays = [found.per_shear for found in every if found.per_shear is not None]
     delay = f"{delays[0] * 1e3:.2f}" if delays else ""
-    return [*cells, delay, _shown(track.surface), f"{track.force_rms:.3f}", f"{track.nis:.2f}"]
+    return [*cells, delay, _shown(track.surface), _residual(track.force_rms), f"{track.nis:.2f}"]

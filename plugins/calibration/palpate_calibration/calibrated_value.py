@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from palpate import Floats
 from palpate_kit.runs.calibration_file import CalibratedValue
 
 _PLENTY = 1e6  # degrees of freedom that count as infinitely many
@@ -25,10 +26,11 @@ class RepeatValue:
 class MeasuredValue:
     """A value with its uncertainty, by where it comes from [SI].
 
-    Combined as the GUM (JCGM 100:2008) does: the repeats are averaged with the weights of their fits, 1/u^2;
-    fit = (sum 1/u^2)^(-1/2); type A is the scatter of the repeats over the square root of their number. What the
-    repeats scatter beyond their fits, max(0, A^2 - fit^2), is added: combined^2 = fit^2 + excess + B^2. The 95 %
-    interval takes Student's factor for the degrees of freedom of Welch and Satterthwaite.
+    The repeats are averaged with weights 1/(u^2 + t^2), u of each one's fit and t the scatter beyond the fits, by which
+    the weighted squares add up to what is expected of them (Mandel and Paule 1970): where repeats scatter, one whose
+    fit is the best is not the mean. fit = (sum 1/u^2)^(-1/2); type A is the scatter of the repeats over the square root
+    of their number; combined^2 = 1/sum 1/(u^2 + t^2) + B^2 (JCGM 100:2008). The 95 % interval takes Student's factor
+    for the degrees of freedom of Welch and Satterthwaite.
     """
 
     value: float
@@ -52,16 +54,32 @@ class MeasuredValue:
         values = np.array([repeat.value for repeat in repeats])
         # A record without noise has a fit without uncertainty; it must not divide by zero.
         std = np.maximum([repeat.std for repeat in repeats], 1e-9 * np.abs(values) + 1e-30)
-        weights = std**-2 / (std**-2).sum()
-        mean = float((weights * values).sum())
+        beyond = _beyond(values, std)
+        weights = 1.0 / (std**2 + beyond)
+        mean = float((weights * values).sum() / weights.sum())
         fit = float((std**-2).sum() ** -0.5)
         freedom = sum(repeat.freedom for repeat in repeats)
         type_a = float(values.std(ddof=1) / math.sqrt(len(values))) if len(values) > 1 else None
-        excess = max(0.0, (type_a or 0.0) ** 2 - fit**2)
+        excess = max(0.0, float(1.0 / weights.sum()) - fit**2) if beyond else 0.0
         combined = math.sqrt(fit**2 + excess + type_b**2)
         spread = fit**4 / freedom + (excess**2 / (len(values) - 1) if excess else 0.0)
         factor = _student(combined**4 / spread)
         return cls(mean, unit, tuple(values.tolist()), fit, type_a, type_b, combined, factor)
+
+
+def _beyond(values: Floats, std: Floats) -> float:
+    """Variance by which values (n,) scatter beyond their standard uncertainties; 0 where they do not."""
+    from scipy.optimize import brentq
+
+    def surplus(variance: float) -> float:
+        weights = 1.0 / (std**2 + variance)
+        mean = (weights * values).sum() / weights.sum()
+        return float((weights * (values - mean) ** 2).sum()) - (len(values) - 1)
+
+    if len(values) < 2 or surplus(0.0) <= 0:
+        return 0.0
+    most = float(np.ptp(values) ** 2) * len(values)
+    return float(brentq(surplus, 0.0, most, xtol=1e-12 * most))
 
 
 def calibrated_value(measured: MeasuredValue) -> CalibratedValue:

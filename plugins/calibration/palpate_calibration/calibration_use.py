@@ -12,6 +12,7 @@ from typing import Any
 from palpate import Device, Flag
 from palpate.host import AlignmentSettings, Pipeline, Signal, plain_settings
 from palpate_kit.runs.calibration_file import CalibratedValue, Calibration, read_calibration
+from palpate_kit.runs.device_identity import is_identity, other_identity
 
 _SIGNIFICANT = 3.0  # standard uncertainties
 _LATE = 1e-4  # [s]; a velocity that is less late than this stays where it is
@@ -29,11 +30,7 @@ def identity_of(devices: Mapping[str, Device], channels: Mapping[str, str]) -> d
 def identity_in(facts: Mapping[str, Any]) -> dict[str, str]:
     """The part of a live device's facts that identifies it, and since when it is powered."""
     kept = ("powered_since", "supply")
-    return {key: text for key, text in facts.items() if isinstance(text, str) and (_identifies(key) or key in kept)}
-
-
-def _identifies(key: str) -> bool:
-    return "serial" in key or key == "identity"
+    return {key: text for key, text in facts.items() if isinstance(text, str) and (is_identity(key) or key in kept)}
 
 
 @dataclass(frozen=True)
@@ -166,12 +163,11 @@ class AppliedCalibration:
             then = self.calibration.channels.get(role, "")
             before = self.calibration.devices.get(then.partition(".")[0], {})
             present = devices.get(signal.channel.partition(".")[0], {})
-            for key in sorted(before.keys() & present.keys()):
-                if _identifies(key) and before[key] != present[key]:
-                    yield Flag(
-                        "calibration-sensor",
-                        f"{self.path} was made with another {role} device: {key} {before[key]}, now {present[key]}",
-                    )
+            if (key := other_identity(before, present)) is not None:
+                yield Flag(
+                    "calibration-sensor",
+                    f"{self.path} was made with another {role} device: {key} {before[key]}, now {present[key]}",
+                )
             if role == "force" and then.rpartition(".")[2] != signal.channel.rpartition(".")[2]:
                 yield Flag("calibration-sensor", f"{self.path} is of {then}, the force here is {signal.channel}")
 

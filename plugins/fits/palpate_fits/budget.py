@@ -124,8 +124,8 @@ class Sensitivities:
         record, history = self._record, self._record.history
         fixed = float(record.height.max())
         if history is not None:
-            history = history * np.array([1.0, 1 + share, 1 + share])
-            history[:, 1] -= fixed * share
+            history = history * np.array([1.0, 1 + share, 1 + share, 1 + share])
+            history[:, 1:3] -= fixed * share
         stretched = replace(
             record,
             height=fixed + (record.height - fixed) * (1 + share),

@@ -111,5 +111,6 @@ def _coarse(record: FitRecord) -> FitRecord:
     step = -(-len(record) // _SAMPLES)
     if step == 1:
         return record
-    coarse = make_record([part[::step] for part in record.parts])
+    smooth = record.columns[::step, 7]
+    coarse = make_record([part[::step] for part in record.parts], smooth=(smooth, 1))
     return replace(coarse, transition=record.transition)

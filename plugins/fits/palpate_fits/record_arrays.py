@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from palpate import Floats
 from palpate_kit.kernel.columns import ColumnTable
+from palpate_kit.numerics.local_cubic import local_cubic
 from palpate_kit.numerics.tip_travel import noise_of
 
 PARTS = ("height", "rate", "acceleration", "force", "time", "weight")
-COLUMNS = len(PARTS) + 3
+COLUMNS = len(PARTS) + 4
 _GOLDEN = 0.6180339887498949  # its multiples fill the interval from 0 to 1 evenly
 _TRANSITION = 1e-3  # of the way that the tip goes in contact
 
@@ -32,7 +33,9 @@ class FitRecord:
         Floats  # square root of the weight in the sum of squares; 0 for samples that are only there for their history
     )
     transition: float  # [m] over which contact sets in; far below anything that is measured
-    history: Floats | None = None  # (n, 3) interval [s], and height and rate of the sample before
+    history: Floats | None = None  # (n, 4) interval [s], smooth height, and smooth height and rate of the sample before
+    window: int = 1  # samples that a smooth height is made of
+    rate_noise: float = 0.0  # [m/s] standard deviation of the noise of the rate, for models with memory
     noise: float | None = None  # [m] of the height, by its third differences; None: not taken yet
 
     def __len__(self) -> int:
@@ -50,7 +53,7 @@ class FitRecord:
 
     @cached_property
     def columns(self) -> Floats:
-        """(n, 9) the parts and the history, or (n, 6) where there is none."""
+        """(n, 10) the parts and the history, or (n, 6) where there is none."""
         parts = np.column_stack(self.parts)
         return parts if self.history is None else np.concatenate([parts, self.history], axis=1)
 
@@ -70,11 +73,26 @@ class FitRecord:
         """Some of the samples, which keep their history."""
         history = None if self.history is None else self.history[rows]
         height, rate, acceleration, force, time, weight = (part[rows] for part in self.parts)
-        return FitRecord(height, rate, acceleration, force, time, weight, self.transition, history)
+        return FitRecord(
+            height, rate, acceleration, force, time, weight, self.transition, history, self.window, self.rate_noise
+        )
 
     def with_force(self, force: Floats) -> FitRecord:
         """The same motion with another force (n,) [N]."""
         return replace(self, force=force)
+
+    def displaced(self, step: Floats, rate_step: Floats) -> FitRecord:
+        """The same forces at heights and rates that are other by so much (n,) [m], [m/s]; of a record with a history.
+
+        A rate by a symmetric window does not know the noise of its own instant, so that the two are independent.
+        """
+        history = None if self.history is None else self.history.copy()
+        if history is not None:
+            smooth = local_cubic(step, self.window) if 1 < self.window <= len(step) else step
+            history[:, 1] += smooth
+            history[0, 2] += smooth[0]
+            history[1:, 2] += smooth[:-1]
+        return replace(self, height=self.height + step, rate=self.rate + rate_step, history=history)
 
     def thinned(self, most: int) -> FitRecord:
         """About `most` samples, one from each stretch of equal length, at places that no period of a motion shares."""
@@ -91,20 +109,31 @@ class FitRecord:
         return {}
 
 
-def make_record(columns: Sequence[Floats], travel: float | None = None, remembers: bool = True) -> FitRecord:
+def make_record(
+    columns: Sequence[Floats],
+    travel: float | None = None,
+    remembers: bool = True,
+    smooth: tuple[Floats, int] | None = None,
+) -> FitRecord:
     """A record from its columns as `PARTS` names them, each (n,); with what a model that `remembers` wants.
 
-    Contact sets in over a thousandth of the `travel` [m] in contact, or over the noise of the height where that is
-    more, and never over more than a thousandth of all heights.
+    It remembers the motion by `smooth`: heights (n,) [m], and of how many samples each is made; left out: the heights
+    as they are. Contact sets in over a thousandth of the `travel` [m] in contact, or over the noise of the height where
+    that is more, and never over more than a thousandth of all heights.
     """
     height, rate, acceleration, force, time, weight = columns
     n, history = len(height), None
     if remembers:
-        history = np.zeros((n, 3))
-        history[:1, 1], history[:1, 2] = height[:1], rate[:1]
-        history[1:, 0], history[1:, 1], history[1:, 2] = np.diff(time), height[:-1], rate[:-1]
+        remembered = height if smooth is None else smooth[0]
+        history = np.zeros((n, 4))
+        history[:, 1] = remembered
+        history[:1, 2], history[:1, 3] = remembered[:1], rate[:1]
+        history[1:, 0], history[1:, 2], history[1:, 3] = np.diff(time), remembered[:-1], rate[:-1]
     centred = time - 0.5 * (time[0] + time[-1]) if n else time
     whole = _TRANSITION * max(float(np.ptp(height)), 1e-12)
     noise = noise_of(height) if n > 3 else 0.0
     transition = whole if travel is None else min(whole, max(_TRANSITION * travel, noise))
-    return FitRecord(height, rate, acceleration, force, centred, weight, transition, history, noise if n > 3 else None)
+    return FitRecord(
+        height, rate, acceleration, force, centred, weight, transition, history, 1 if smooth is None else smooth[1],
+        noise=noise if n > 3 else None,
+    )  # fmt: skip

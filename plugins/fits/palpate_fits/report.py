@@ -106,6 +106,9 @@ def _judge(fit: FitOutcome) -> _FitWithUncertainty:
     from scipy.special import stdtrit
 
     found = scatter(fit.residual, fit.record, fit.solution.least, fit.loss)
+    if fit.problem.model.memory and fit.solution.moved is not None:  # the slopes there are those of another material
+        covariance = scatter(fit.residual, fit.record, fit.solution.x, fit.loss).covariance
+        found = replace(found, covariance=covariance)
     free = list(fit.residual.free)
     variance = found.covariance.diagonal()
     if not (variance >= 0).all():  # the unknowns cannot be told apart to the last digit

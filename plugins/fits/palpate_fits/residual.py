@@ -159,8 +159,8 @@ class _MemoryResidual:
     """Residual and slopes of a model with memory, sample by sample, as one step of a kernel.
 
     It carries its internal states from sample to sample, with their derivatives by the parameters; they follow their
-    rate equation over each interval, depth and rate linear within it: exactly where each state fades by itself, else by
-    Runge-Kutta 4.
+    rate equation over each interval, in which the tip goes straight from one smooth height to the next: exactly where
+    each state fades by itself, else by Runge-Kutta 4. A rate of its own would not add up to the depth.
     """
 
     def __init__(self, residual: Residual) -> None:
@@ -210,11 +210,11 @@ def _advanced(model: ContactModel, row: Any, x: Any, transition: Any, memory: An
     theta, surface, delay = parameters[: -len(EXTRAS)], parameters[-len(EXTRAS)], parameters[-1]
 
     step = row[6]
+    before, after = (surface - height - delay * rate for height, rate in ((row[8], row[9]), (row[7], row[1])))
+    rate = (after - before) / ca.if_else(step > 0, step, 1.0)
 
     def slope(share: float, state: Any) -> Any:
-        height = row[7] + share * (row[0] - row[7])
-        rate = row[8] + share * (row[1] - row[8])
-        smooth, smooth_rate = smooth_depth(surface - height - delay * rate, rate, transition)
+        smooth, smooth_rate = smooth_depth(before + share * (after - before), rate, transition)
         return ca.vertcat(*model.memory_rate(smooth, smooth_rate, theta, ca.vertsplit(state)))
 
     if (found := fade_states(slope, step, memory)) is not None:

@@ -32,12 +32,13 @@ from palpate_fits.arm_order import places_in_order
 from palpate_fits.identifiability import INDISTINCT
 
 _GRID = 400  # instants at which the model is asked
-_REVERSAL = 5e-5  # [m]; a shorter way up before the deepest point is noise, and no second maximum
+_REVERSAL = 0.01  # of the depth; a shorter way up before the deepest point is noise, and no second maximum
+_MOST_REVERSAL = 5e-5  # [m] of a robot, however deep it goes
 _FEWEST = 50  # samples
 _AROUND = 0.2  # [s] of air before touch and after lift-off that are fitted, too
 _QUANTILE = 1.96  # std of a value is a part of the wider side of the 95 % interval of its logarithm
 _USELESS = 0.5  # relative standard deviation
-_SURFACE = 1e-4  # [m], the unit of the surface in the solver
+_SURFACE = 0.02  # of the depth: the unit of the surface in the solver
 
 
 class TingFit(Estimator):
@@ -120,6 +121,8 @@ class _TingTracker:
         grid = np.linspace(time[0], time[-1], _GRID)
         on_grid = np.interp(grid, time, height)
         first = float(samples.position[np.flatnonzero(samples.contact)[0]])
+        deep = max(first - float(height.min()), 1e-12)
+        unit, reversal = _SURFACE * deep, min(_REVERSAL * deep, _MOST_REVERSAL)
 
         def values(x: Floats) -> Floats:
             theta = self._begin.copy()
@@ -127,8 +130,8 @@ class _TingTracker:
             return theta
 
         def modelled(x: Floats) -> Floats:
-            surface = first + _SURFACE * float(x[count])
-            pushed = loading_cycle_force(model, grid, surface - on_grid, values(x).tolist(), _REVERSAL)
+            surface = first + unit * float(x[count])
+            pushed = loading_cycle_force(model, grid, surface - on_grid, values(x).tolist(), reversal)
             return np.asarray(np.interp(time, grid, pushed))
 
         start = self._started(modelled, force, count)
@@ -138,7 +141,7 @@ class _TingTracker:
             lambda x: modelled(x) - force, np.clip(start, low + 1e-6, high - 1e-6), bounds=(low, high), x_scale="jac",
             diff_step=1e-5,
         )  # fmt: skip
-        return self._told(samples, rows, idle, (values(found.x), first + _SURFACE * float(found.x[count])), found)
+        return self._told(samples, rows, idle, (values(found.x), first + unit * float(found.x[count])), found, unit)
 
     def _started(self, modelled: Any, force: Floats, count: int) -> Floats:
         """The first guess, with all that is a modulus or a viscosity scaled to the force of the record."""
@@ -152,9 +155,15 @@ class _TingTracker:
         return np.asarray(x[: count + 1])
 
     def _told(
-        self, samples: Samples, rows: NDArray[np.bool_], idle: Estimates, at: tuple[Floats, float], found: Any
+        self,
+        samples: Samples,
+        rows: NDArray[np.bool_],
+        idle: Estimates,
+        at: tuple[Floats, float],
+        found: Any,
+        unit: float,
     ) -> Estimates:
-        """Estimates, flags and report of a fit that has ended."""
+        """Estimates, flags and report of a fit that has ended, its surface in a `unit` [m]."""
         theta, surface = at
         order = places_in_order(self._problem.model, theta)
         if self._free.all():
@@ -169,7 +178,7 @@ class _TingTracker:
         std[self._free] = theta[self._free] * np.expm1(_QUANTILE * spread[:count]) / _QUANTILE
         for column, value in ((idle.values, theta), (idle.std, std)):
             column[rows] = value
-        idle.surface[rows], idle.surface_std[rows] = surface, _SURFACE * spread[count]
+        idle.surface[rows], idle.surface_std[rows] = surface, unit * spread[count]
         idle.force[rows] = samples.force[rows] + left
         idle.nis[rows], idle.status[rows] = 1.0, 0
         idle.innovation[rows] = -left / max(math.sqrt(power), 1e-300)
@@ -177,9 +186,7 @@ class _TingTracker:
             p.name: Unknown(float(theta[i]), p.unit, bool(self._free[i]), float(std[i]), float(std[i]))
             for i, p in enumerate(self._problem.model.parameters)
         }
-        unknowns["surface"] = Unknown(
-            surface, "m", True, _SURFACE * float(spread[count]), _SURFACE * float(spread[count])
-        )
+        unknowns["surface"] = Unknown(surface, "m", True, unit * float(spread[count]), unit * float(spread[count]))
         rss = float(left @ left)
         bic = n * math.log(max(rss / n, 1e-300)) + (count + 2) * math.log(n)
         report = FitReport(

@@ -19,7 +19,14 @@ from palpate_kit.numerics.contact_point import (
 )
 from palpate_kit.numerics.refusal import NotFitted
 from palpate_kit.numerics.segments import RecordCourse, Rows, Window, passage, segment_rows
-from palpate_kit.numerics.tip_travel import TipTravel, longest_window, zero_phase_motion
+from palpate_kit.numerics.tip_travel import (
+    TipTravel,
+    cubic_window,
+    longest_window,
+    median,
+    smooth_height,
+    zero_phase_motion,
+)
 
 from palpate_fits.arm_order import in_order
 from palpate_fits.budget import BudgetSource
@@ -102,7 +109,7 @@ class FitTracker:
         """The fit of a record; raises NotFitted where it cannot be done."""
         settings, notes = self._settings, list[Flag]()
         course = passage(samples)
-        motion = zero_phase_motion(samples, settings.smoothing, longest_window(self._problem.model))
+        motion = zero_phase_motion(samples, settings.smoothing, self._longest_window(samples, course.travel))
         rows = segment_rows(self._windows, samples, motion.rate, course)
         rows = _without_saturation(samples, rows, notes)
         approach = first_approach(samples, course)
@@ -194,9 +201,19 @@ class FitTracker:
         known = np.isfinite(samples.force)
         force = samples.force if known.all() else np.where(known, samples.force, 0.0)
         columns: tuple[Floats, ...] = (samples.position, motion.rate, motion.acceleration, force, samples.time, weight)
+        smooth = smooth_height(samples, motion.window) if remembers else samples.position
         if not keep.all():
-            columns = tuple(column[keep] for column in columns)
-        return make_record(columns, max(course.travel, 1e-12), remembers)
+            columns, smooth = tuple(column[keep] for column in columns), smooth[keep]
+        travel = max(course.travel, 1e-12)
+        if not remembers:
+            return make_record(columns, travel, remembers)
+        width = round(motion.window / max(median(samples.interval[1:]), 1e-12))
+        return replace(make_record(columns, travel, smooth=(smooth, width)), rate_noise=motion.rate_noise)
+
+    def _longest_window(self, samples: Samples, travel: float) -> float:
+        """Window [s] beyond which the motion is not smoothed: a model with memory adds up what is blurred."""
+        longest = longest_window(self._problem.model, max(travel, 1e-12))
+        return min(longest, cubic_window(samples)) if self._problem.model.memory else longest
 
     def _linear_places(self, unknowns: Unknowns) -> tuple[int, ...]:
         free = unknowns.free

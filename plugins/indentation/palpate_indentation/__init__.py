@@ -24,7 +24,7 @@ def palpate_flags() -> dict[str, FlagMeaning]:
         ),
         "contact-point-unclear": FlagMeaning(
             "doubtful",
-            "What methods differ by in the contact point moves the modulus by more than 5 %.",
+            "What methods differ by in the contact point moves the modulus by more than 5 %, and more than all else.",
             "Press deeper or slower, lower the noise, or record more air before contact.",
         ),
         "adhesion": FlagMeaning(
@@ -37,9 +37,9 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "The air does not tell the tilt of the baseline, which is held at zero, or the tilt is most of the force.",
             "Record air over a fourth of the depth at least, or take --no-tilt where the force in air is level.",
         ),
-        "tilted-baseline": FlagMeaning(
-            "note",
-            "The force changes along the way through air, beyond its uncertainty; the line is taken off.",
-            "Look for drift, drag in liquid, or a pull of the cable.",
+        "viscosity-unclear": FlagMeaning(
+            "doubtful",
+            "What a press leaves open of its viscosity moves the modulus by more than 5 %, and more than all else.",
+            "State it by --parameter, press slower or at two speeds, or record the way out, too.",
         ),
     }

@@ -16,7 +16,6 @@ _SHARE = 0.1  # of the approach: length of the windows whose variances are compa
 _GRID = 41  # heights that are tried together
 _LEVELS = 3
 _DRAWS = 8  # of noise
-_SCALE = 1e-2  # [m]; see `press`
 
 
 @dataclass(frozen=True)
@@ -82,11 +81,10 @@ def _by_force(method: str) -> Callable[[Press, Floats], ContactPoint | None]:
 
 def _by_change_point(press: Press, force: Floats) -> ContactPoint | None:
     height = press.approach.height
-    scale = _SCALE / float(np.ptp(height))
-    found = change_point(scale * height, force)
+    found = change_point(height, force)
     if found is None:
         return None
-    surface = found.surface / scale
+    surface = found.surface
     depth = np.maximum(surface - height, 0.0)
     reach = max(float(depth.max()), 1e-300)
     rise = found.rise / reach**1.5

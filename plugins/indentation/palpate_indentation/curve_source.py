@@ -3,17 +3,32 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import typer
-from palpate import ConfigurationError, ContactModel, LogError, Samples
-from palpate.host import Source, build_parts, build_pipeline, is_live, run_pipeline, suggest, withdraw_folder
+from palpate import ConfigurationError, ContactModel, Floats, LogError, Samples
+from palpate.host import (
+    AlignmentSettings,
+    Pipeline,
+    Source,
+    build_parts,
+    build_pipeline,
+    is_live,
+    run_pipeline,
+    suggest,
+    withdraw_folder,
+)
 from palpate_kit.runs.replay_source import read_run_log, replay_source
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.runs.sample_observer import SampleObserver
 from palpate_kit.terminal.progress import progress, report_progress
+
+_SEGMENT = "segment"  # channel of a device that knows by itself which readings are on the way in
+_OF_MATERIAL = ("model", "indenter")
 
 
 @dataclass(frozen=True)
@@ -24,7 +39,11 @@ class WholeCurve:
     samples: Samples
     model: ContactModel
     model_name: str
-    tip_mass: float | None  # [kg]
+    segment: Floats | None  # (n,) of the record's own segments; None where it has none
+    alignment: AlignmentSettings
+    uncertainties: Mapping[str, Any]  # that the pipeline declares
+    place: Path
+    changed: bool  # whether what was run is not what the place says of model and tip
 
 
 def whole_record(place: Path, overrides: Sequence[str], model: str | None) -> WholeCurve:
@@ -50,7 +69,30 @@ def whole_record(place: Path, overrides: Sequence[str], model: str | None) -> Wh
         withdraw_folder(folder)
     if not kept.blocks:
         raise LogError(f"{place}: the record holds no samples")
-    return WholeCurve(place.name, Samples.joined(kept.blocks), models[model], model, pipeline.alignment.tip_mass)
+    samples = Samples.joined(kept.blocks)
+    changed = any(assignment.partition(".")[0].strip() in _OF_MATERIAL for assignment in overrides)
+    return WholeCurve(
+        place.name, samples, models[model], model, _segments(pipeline, samples), pipeline.alignment,
+        pipeline.run.uncertainties, place, changed,
+    )  # fmt: skip
+
+
+def _segments(pipeline: Pipeline, samples: Samples) -> Floats | None:
+    """Segment (n,) of each sample, of a record whose stream of the position has a channel of that name."""
+    signal = pipeline.alignment.position
+    device, _, rest = signal.channel.partition(".")
+    name = rest.rpartition(".")[0]
+    stream = next((one for one in pipeline.devices[device].streams if one.name == name), None)
+    columns = [channel.name for channel in stream.channels] if stream is not None else []
+    if _SEGMENT not in columns:
+        return None
+    with pipeline.devices[device].connect(pipeline.run.seed) as link:
+        batches = [batch for batch in link.batches() if batch.stream == name]
+    time = np.concatenate([batch.time if signal.time == "stamp" else batch.received for batch in batches])
+    values = np.concatenate([batch.values[:, columns.index(_SEGMENT)] for batch in batches])
+    order = np.argsort(time, kind="stable")
+    at = np.searchsorted(time[order] - round(signal.delay * 1e9), samples.stamp, side="right") - 1
+    return np.asarray(values[order][np.maximum(at, 0)], np.float64)
 
 
 def source_of(place: Path) -> Source:

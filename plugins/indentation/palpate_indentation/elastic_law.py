@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from palpate import ConfigurationError, ContactModel, Floats, to_si
 from palpate.host import suggest
 
-_TEST = (1e-3, 2e-3)  # [m] depths at which it is looked whether a force is proportional to its modulus
+_TEST = (0.1, 0.2)  # of the reach: depths at which it is looked whether a force is proportional to its modulus
+_REACH = 1e-2  # [m] of a robot's press, where no record says it
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,8 @@ class ElasticLaw:
     unit: str
     place: int
     held: tuple[float, ...]  # values of all parameters, with 0 for it
+    viscous: int | None = None  # place of the parameter that the force at speed is proportional to; None: there is none
+    stated: frozenset[str] = frozenset()  # names of the parameters whose value was given
 
     def geometry(self, depth: Floats) -> Floats:
         """(n,) force per modulus at rest at depths (n,) [m]; 0 above the surface."""
@@ -33,18 +36,44 @@ class ElasticLaw:
         """(n,) [N] what the held parameters make of depth and rate."""
         return self._force(depth, rate, self.held) if any(self.held) else np.zeros(len(depth))
 
+    def damping(self, depth: Floats, rate: Floats) -> Floats:
+        """(n,) force per unit of the viscous parameter at depths (n,) [m] and rates (n,) [m/s]."""
+        assert self.viscous is not None
+        unit = [0.0 if i == self.viscous else value for i, value in enumerate(self.held)]
+        without = self._force(depth, rate, unit)
+        unit[self.viscous] = 1.0
+        return self._force(depth, rate, unit) - without
+
+    @property
+    def viscosity(self) -> tuple[str, float, str] | None:
+        """Name, value and unit of the viscous parameter; None where there is none."""
+        if self.viscous is None:
+            return None
+        parameter = self.model.parameters[self.viscous]
+        return parameter.name, self.held[self.viscous], parameter.unit
+
+    def with_viscosity(self, value: float) -> ElasticLaw:
+        """The same with another value of the viscous parameter."""
+        held = tuple(value if i == self.viscous else old for i, old in enumerate(self.held))
+        return replace(self, held=held)
+
     def _force(self, depth: Floats, rate: Any, theta: Sequence[float]) -> Floats:
         inside = depth > 0
-        safe = np.where(inside, depth, 1.0e-3)
+        if not inside.any():
+            return np.zeros(len(depth))
+        safe = np.where(inside, depth, float(depth.max()))
         return np.where(inside, self.model.force(safe, rate, list(theta)) + 0.0 * safe, 0.0)
 
     def with_model(self, model: ContactModel) -> ElasticLaw:
         """The same of another model that has the same parameters."""
-        return ElasticLaw(model, self.name, self.unit, self.place, self.held)
+        return replace(self, model=model)
 
 
-def law_of(model: ContactModel, name: str, parameters: Mapping[str, str]) -> ElasticLaw:
-    """The law of a model; raises ConfigurationError where its force at rest is not proportional to one modulus."""
+def law_of(model: ContactModel, name: str, parameters: Mapping[str, str], reach: float = _REACH) -> ElasticLaw:
+    """The law of a model for presses of some reach [m].
+
+    Raises ConfigurationError where its force at rest is not proportional to one modulus.
+    """
     names = [parameter.name for parameter in model.parameters]
     elastic = [i for i, parameter in enumerate(model.parameters) if parameter.role == "elastic"]
     if model.adhesive or not elastic:
@@ -67,11 +96,22 @@ def law_of(model: ContactModel, name: str, parameters: Mapping[str, str]) -> Ela
             if parameter.unit in ("Pa", "N", "N/m"):
                 held[i] = 0.0
     law = ElasticLaw(model, names[place], model.parameters[place].unit, place, tuple(held))
-    depths = np.array(_TEST)
+    depths = reach * np.array(_TEST)
     once, twice = (
         law._force(depths, 0.0, [*held[:place], factor, *held[place + 1 :]]) - law.rest(depths, np.zeros(2))
         for factor in (1.0, 2.0)
     )
     if not np.allclose(twice, 2.0 * once, rtol=1e-9) or np.any(once <= 0):
         raise ConfigurationError(f"model {name}: its force at rest is not proportional to {names[place]}")
-    return law
+    return replace(law, viscous=_viscous_place(law, depths), stated=frozenset(parameters))
+
+
+def _viscous_place(law: ElasticLaw, depths: Floats) -> int | None:
+    """The parameter to which what the speed adds to the force is proportional, whatever the modulus."""
+    for i, parameter in enumerate(law.model.parameters):
+        if parameter.role == "viscous":
+            laws = (replace(law, viscous=i).with_viscosity(value) for value in (0.0, 1.0, 2.0))
+            none, one, two = (other.rest(depths, depths) for other in laws)  # at as many metres a second
+            if np.all(one > none) and np.allclose(two - none, 2.0 * (one - none), rtol=1e-9):
+                return i
+    return None

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from palpate import ConfigurationError, to_si
 from palpate.host import display_unit, make_folder, withdraw_folder, write_new
@@ -17,12 +18,17 @@ from palpate_kit.terminal.options import FolderOption, JsonOption, Overrides
 from palpate_kit.terminal.quantities import value_with_uncertainty
 from palpate_kit.terminal.table import Table, console
 
-from palpate_indentation.curve_source import whole_record
-from palpate_indentation.elastic_law import law_of
+from palpate_indentation.curve_source import WholeCurve, whole_record
+from palpate_indentation.elastic_law import ElasticLaw, law_of
 from palpate_indentation.modulus_over_depth import ModulusProfile
 from palpate_indentation.press import press_of
-from palpate_indentation.press_analysis import Indentation, PressSettings, analyse_press, bic_above_best, table
+from palpate_indentation.press_analysis import Indentation, PressSettings, analyse_press
+from palpate_indentation.press_budget import Declared
+from palpate_indentation.press_table import bic_above_best, second_best, table
+from palpate_indentation.viscosity import PressViscosity, viscosity_of_run
 
+_SHOWN = 0.05  # of the combined uncertainty; less of a part is in indentation.json only
+_DECISIVE = 10.0  # of BIC
 _NOT_PARAMETER = "write NAME=VALUE, such as viscosity='362 Pa*s'"
 
 
@@ -53,10 +59,15 @@ def indentation(
     contact_points.csv and indentation.png.
     """
     whole = whole_record(source, overrides or (), model)
-    law = law_of(whole.model, whole.model_name, _assigned(parameters or []))
-    press = press_of(whole.samples, _stretch(between), str(source))
+    assigned, stretch = _assigned(parameters or []), _stretch(between)
+    law_of(whole.model, whole.model_name, assigned)  # whose mistakes come before those of the record
+    press = press_of(whole.samples, stretch, str(source), segment=whole.segment, tip_mass=whole.alignment.tip_mass)
+    law = law_of(whole.model, whole.model_name, assigned, float(np.ptp(press.approach.height)))
     settings = PressSettings(tilt, robust, bins, windows, retract)
-    found = analyse_press(law, press, settings, str(source))
+    found = analyse_press(
+        law, press, settings, str(source),
+        viscosity=_of_run(whole, law), declared=Declared(whole.alignment, whole.uncertainties),
+    )  # fmt: skip
     folder = make_folder("indentation", out, datetime.now(UTC).astimezone())
     document = {"source": str(source), "model": whole.model_name, **table(found)}
     try:
@@ -70,6 +81,13 @@ def indentation(
         typer.echo(f"written to {folder}")
     if as_json:
         print_json({**document, "folder": folder})
+
+
+def _of_run(whole: WholeCurve, law: ElasticLaw) -> PressViscosity | None:
+    """The viscosity of the run that a record comes from; None where model or tip are no longer that run's."""
+    if law.viscosity is None or whole.changed:
+        return None
+    return viscosity_of_run(whole.place, whole.model_name, law.viscosity[0])
 
 
 def _assigned(given: list[str]) -> dict[str, str]:
@@ -101,12 +119,16 @@ def views(found: Indentation, model: str) -> list[Any]:
     word, factor = display_unit(unit)
     fit = found.fit
     length, per_length = _length(found.depth)
+    parts = [row for row in found.budget if row.contribution > _SHOWN * found.combined]
     shown: list[Any] = [
         f"{model}: {found.law.name} {value_with_uncertainty(factor * fit.modulus, factor * found.combined)} {word} "
-        f"(fit {factor * fit.modulus_std:.3g}, contact point {factor * found.by_contact:.3g}"
-        f"{f', tilt {factor * found.fitted.by_tilt:.3g}' * (found.fitted.untold is not None)} {word}); "
+        f"({', '.join(f'{row.source} {factor * row.contribution:.3g}' for row in parts)} {word}); "
         f"{per_length * found.depth:.3g} {length} deep; residual {_force(fit.rms)}, noise {_force(found.press.noise)}"
     ]
+    if (viscosity := found.viscosity) is not None:
+        name, scaled = display_unit(viscosity.unit)
+        value = value_with_uncertainty(scaled * viscosity.value, scaled * viscosity.std)
+        shown.append(f"viscosity taken off: {value} {name} ({viscosity.words})")
     tilted = found.fitted.untold or fit
     if tilted.tilt_std > 0:
         reach = float(found.branch.height.max() - found.branch.height.min())
@@ -136,6 +158,8 @@ def views(found: Indentation, model: str) -> list[Any]:
         ]  # fmt: skip
         headings = ("law of the sphere", f"E [{word}]", "std", "residual", "BIC above best")
         shown.append(Table.of("shape and large strain", headings, laws, ("law of the sphere",)))
+        if (second := second_best(found)) is not None and second < _DECISIVE:
+            shown.append("shape and large strain: the press does not tell these laws apart")
     if found.pull is not None:
         shown += _adhesion(found, word, factor)
     shown += [f"{flag.code}: {flag.message}" for flag in found.flags]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import lazy_loader
-from palpate import Command, plugin
+from palpate import Command, Template, plugin
 
 if TYPE_CHECKING:
     from palpate_logs.afm_replay import AfmReplay
@@ -45,6 +45,12 @@ def palpate_devices() -> dict[str, str]:
 def palpate_sinks() -> dict[str, str]:
     """Tables to write to."""
     return {"csv": "palpate_logs.csv_sink:CsvSink"}
+
+
+@plugin
+def palpate_templates() -> dict[str, Template]:
+    """What a pipeline needs besides a force curve."""
+    return {"afm-analysis": Template("palpate_logs", "templates/afm_analysis.toml", "tip and model of a force curve")}
 
 
 @plugin

@@ -31,15 +31,20 @@ SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-force-qi", ".jpk-qi-data", ".j
 _SECOND = 1e9  # [ns]
 _BLOCK = 4096  # readings in one batch
 _AIR = 0.3  # of the way down whose mean is the tare
+ANALYSIS = "afm-analysis"  # the template of tip, model and estimator
+_CHANNELS = {"force": "N", "height": "m", "segment": "1", "approach": "1"}
+_WAYS = (0.0, 1.0)  # in and out
+_SEGMENTS = {"creep-compliance": (0.0, 2.0, 1.0), "stress-relaxation": (3.0, 0.0, 2.0, 1.0)}  # by afmformats' number
 _ROWS = {"tip": "tip position", "measured": "height (measured)", "piezo": "height (piezo)"}
 
 
 class AfmReplay(Recording):
-    """One curve of an atomic force microscope as a device: channels force [N], height [m] and segment.
+    """One curve of an atomic force microscope as a device: channels force [N], height [m], segment and approach.
 
     The height is that of the tip: the cantilever's, plus force over spring constant; or one of the columns as recorded.
-    Segments are counted from 0: on the way in, 1: on the way out. The extra `palpate[afm]` brings afmformats, which
-    knows JPK, Bruker, Asylum, AFM workshop, NT-MDT and Optics11 files and others.
+    The segment is 0 on the way in, 1 on the way out, 2 at rest between, 3 before the way in, as the file has it; the
+    approach is 1 on the way in, else 0. The extra `palpate[afm]` brings afmformats, which knows JPK, Bruker, Asylum,
+    AFM workshop, NT-MDT and Optics11 files and others.
     Source of the tip position: Cappella and Dietler 1999, as nanite and the makers' software have it.
     """
 
@@ -57,9 +62,7 @@ class AfmReplay(Recording):
     def streams(self) -> tuple[Stream, ...]:
         """One stream without a name: channels are addressed as ``device.channel``."""
         regular(self.file)
-        return (
-            Stream("", (Channel("force", "N"), Channel("height", "m"), Channel("segment", "1")), None, clock="file"),
-        )
+        return (Stream("", tuple(Channel(name, unit) for name, unit in _CHANNELS.items()), None, clock="file"),)
 
     @property
     def provenance(self) -> Mapping[str, str]:
@@ -111,13 +114,21 @@ class AfmReplay(Recording):
         if curve.spring_constant is None and "tip position" not in curve.columns:
             device["spring_constant"] = "? N/m"
             blanks.append("spring_constant: the file does not state it")
-        alignment: dict[str, Any] = {"force": {"channel": "log.force"}, "position": {"channel": "log.height"}}
+        elif curve.spring_constant is not None:
+            reasons.append(f"spring constant: {curve.spring_constant:.4g} N/m, as the file states it")
+        roles = {"force": "force", "position": "height", "measuring": "approach"}
+        alignment: dict[str, Any] = {role: {"channel": f"log.{name}"} for role, name in roles.items()}
+        reasons.append("measuring: the way in, as the file has it")
         time = curve.time(None, path)
         if time is not None and curve.duration is not None:
             alignment["tare_duration"] = f"{_AIR * curve.duration:.3g} s"
             reasons.append(f"tare: the mean of the first {_AIR:.0%} of the approach, which has to be in air")
-        doubts.append("the tip: the file does not state its shape and size")
-        return Suggestion(device, alignment, tuple(reasons), tuple(doubts), tuple(blanks))
+        alignment["tip_mass"] = "0 g"
+        doubts.append("the tip: the file does not state its shape and size; state them in [indenter.tip]")
+        return Suggestion(
+            device, alignment, tuple(reasons), tuple(doubts), tuple(blanks), template=ANALYSIS,
+            assumed=("model.*", "alignment.tare", "alignment.*.delay"),
+        )  # fmt: skip
 
     @classmethod
     def tables(cls, path: Path) -> Iterator[tuple[str, tuple[str, ...], Batch]]:
@@ -162,6 +173,14 @@ class _AfmCurve:
         """Of the approach [s]."""
         value = self.data.metadata.get("duration approach", None)
         return float(value) if value is not None and np.isfinite(value) and value > 0 else None
+
+    @property
+    def segment(self) -> Floats:
+        """(n,) 0 on the way in, 1 on the way out, 2 between, 3 before; 0 throughout where the file does not say it."""
+        if "segment" not in self.columns:
+            return np.zeros(len(self.force))
+        meanings = _SEGMENTS.get(str(self.data.metadata.get("imaging mode")), _WAYS)
+        return np.take(np.asarray(meanings), self.column("segment").astype(int), mode="clip")
 
     def column(self, name: str) -> Floats:
         """(n,) as recorded."""
@@ -224,8 +243,8 @@ class _AfmLink:
         time = curve.time(self.log.rate, path)
         if time is None:
             raise LogError(f"{path}: the file contains no time: set rate of the device")
-        segment = curve.column("segment") if "segment" in curve.columns else np.zeros(len(time))
-        values = np.column_stack([curve.force, self._height(curve), segment])
+        segment = curve.segment
+        values = np.column_stack([curve.force, self._height(curve), segment, segment == 0])
         stamps = _stamps(time)
         for begin in range(0, len(stamps), _BLOCK):
             rows = slice(begin, begin + _BLOCK)

@@ -23,7 +23,8 @@ def _cells(document: Document) -> tuple[list[str], list[list[str]]]:
     rows = []
     for name, track in tracks.items():
         found = {} if track["verdict"] == "invalid" else _values(track)
-        values = [UncertainQuantity.of(key, found[key]).number if key in found else "" for key in units]
+        usable = {key for key, value in found.items() if value.get("verdict") != "invalid"}
+        values = [UncertainQuantity.of(key, found[key]).number if key in usable else "" for key in units]
         nis = "" if track["nis"] is None else f"{track['nis']:.2f}"
         rows.append([name, *values, nis, track["verdict"]])
     if truth:

@@ -17,7 +17,7 @@ from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
 
 from palpate_report.anonymous import Anonymous
 from palpate_report.comparison_figures import caption_of, sites_of, values_by_run
-from palpate_report.group_numbers import APART, GroupRun, numbers_of
+from palpate_report.group_numbers import APART, GroupRun, common_of, numbers_of
 from palpate_report.run_contents import RunContents
 from palpate_report.run_report import render
 from palpate_report.run_verdict import LEVELS, judge
@@ -139,8 +139,10 @@ def _statistics(runs: Sequence[GroupRun], group: str, track: str, parameter: str
         float(values.std(ddof=1)),
         float(np.sqrt(np.nanmean(combined**2))) if np.isfinite(combined).any() else math.nan,
     )
+    # What the runs have in common does not scatter, and no mean takes any of it away.
+    of_mean = math.hypot(std / math.sqrt(len(values)), common_of(runs, group, track, parameter))
     return row | {
-        "mean": value_with_uncertainty(factor * float(values.mean()), factor * std / math.sqrt(len(values))),
+        "mean": value_with_uncertainty(factor * float(values.mean()), factor * of_mean),
         "std": f"{factor * std:.3g}",
         "combined": f"{factor * stated:.3g}" if math.isfinite(stated) else "?",
         "ratio": f"{std / stated:.2f}" if stated > 0 else "–",

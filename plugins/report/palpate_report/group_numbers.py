@@ -41,6 +41,13 @@ def number_of(run: GroupRun, track: str, parameter: str) -> Mapping[str, Any] | 
     return found if found and found["value"] is not None else None
 
 
+def common_of(runs: Sequence[GroupRun], group: str, track: str, parameter: str) -> float:
+    """Median of what the usable runs of a group state for what they have in common [SI]; 0 where none does."""
+    found = [number_of(run, track, parameter) for run in runs if group == run.group]
+    told = [table["systematic"] for table in found if table and table.get("systematic") is not None]
+    return float(np.median(told)) if told else 0.0
+
+
 def numbers_of(
     runs: Sequence[GroupRun], group: str | None, track: str, parameter: str
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -27,7 +27,7 @@ def value_of(found: Mapping[str, Any]) -> str:
     >>> value_of({"value": 112836.1, "combined": 1772.7, "unit": "Pa"})
     '112.8 ± 1.8 kPa'
     """
-    if found["value"] is None:
+    if found["value"] is None or found.get("verdict") == "invalid":
         return "–"
     word, factor = display_unit(found["unit"])
     combined = found.get("combined")

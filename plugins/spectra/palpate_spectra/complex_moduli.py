@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,7 @@ class ModulusLine:
     shifts: Mapping[str, complex]  # of G* [Pa] by one standard uncertainty of each source
     by_delay: complex  # derivative of G* by the delay of the force [Pa/s]
     delayed: Callable[[float], complex]  # G* [Pa] if the force is late by so much [s]
+    apart: Mapping[str, str] = field(default_factory=dict)  # by source: lines of one word share it; none: all do
 
     @property
     def young(self) -> complex:
@@ -155,7 +156,15 @@ def _line(recorded: RecordedOscillation, fit: LineFit, bend: float) -> ModulusLi
         recorded.name, frequency, abs(d), float(fit.level[_DEPTH]), abs(a), poisson, value, noise,
         float(fit.freedom[0]),
         {name: shift for name, shift in shifts.items() if shift}, by_delay, lambda delay: shear(delay=delay),
+        _apart(recorded),
     )  # fmt: skip
+
+
+def _apart(recorded: RecordedOscillation) -> dict[str, str]:
+    """Each recording has its own uncertainty of the skin, and each tip one of its radius."""
+    sources = sources_of(recorded.model, recorded.uncertainties)
+    of_tip = {source.name: repr(source.value) for source in sources if source.path[:1] == ("indenter",)}
+    return {"surface": recorded.name, **of_tip}
 
 
 def _of_model(

@@ -10,6 +10,7 @@ import numpy as np
 from palpate import Floats
 
 from palpate_spectra.complex_moduli import ModulusLine, RecordingModuli
+from palpate_spectra.joint_covariance import Attempt, fit_jointly, stack_moduli
 
 _PER_DECADE = 6  # relaxation times of the test
 _BEYOND = 30.0  # times the frequencies' range, to either side
@@ -43,29 +44,6 @@ class Harmonic:
     p: float
 
 
-def stack_moduli(lines: Sequence[ModulusLine], delay: float = 0.0) -> Floats:
-    """G' of all lines, then G'' (2 n,) [Pa], of a force that is late by `delay` [s]."""
-    values = np.array([line.delayed(delay) if delay else line.shear for line in lines], np.complex128)
-    return np.concatenate([values.real, values.imag])
-
-
-def covariance_of(lines: Sequence[ModulusLine], without: Sequence[str] = ()) -> Floats:
-    """Covariance (2 n, 2 n) [Pa^2] of `stack_moduli`; what is not exactly known is common to all lines.
-
-    But for the skin, which each recording has its own uncertainty of.
-    """
-    n = len(lines)
-    total = np.diag([line.noise**2 for line in lines] * 2)
-    for name in {name for line in lines for name in line.shifts} - set(without):
-        for run in dict.fromkeys(line.run for line in lines) if name == "surface" else ("",):
-            shift = np.array(
-                [line.shifts.get(name, 0.0) if run in ("", line.run) else 0.0 for line in lines], np.complex128
-            )
-            both = np.concatenate([shift.real, shift.imag])
-            total = total + np.outer(both, both)
-    return np.asarray(total.reshape(2 * n, 2 * n))
-
-
 def kramers_kronig(lines: Sequence[ModulusLine]) -> Consistency:
     """Whether G' and G'' belong to one causal, passive, linear material.
 
@@ -81,15 +59,20 @@ def kramers_kronig(lines: Sequence[ModulusLine]) -> Consistency:
     times = np.geomspace(1 / (_BEYOND * omega.max()), _BEYOND / omega.min(), math.ceil(_PER_DECADE * decades))
     turned = 1j * np.outer(omega, times)
     basis = np.column_stack([np.ones(len(omega)), 1j * omega, turned / (1 + turned)])
-    half = np.linalg.cholesky(covariance_of(lines))
-    white = np.linalg.solve(half, np.vstack([basis.real, basis.imag]))
-    sizes = np.linalg.norm(white, axis=0)
-    strengths, rest = nnls(white / sizes, np.linalg.solve(half, stack_moduli(lines)))
+    both, moduli, strengths = np.vstack([basis.real, basis.imag]), stack_moduli(lines), np.zeros(basis.shape[1])
+
+    def attempt(half: Floats, _rounds: int) -> Attempt:
+        white = np.linalg.solve(half, both)
+        sizes = np.linalg.norm(white, axis=0)
+        strengths[:] = nnls(white / sizes, np.linalg.solve(half, moduli))[0] / sizes
+        return Attempt(moduli - both @ strengths, both[:, strengths > 0], basis @ strengths)
+
+    joint = fit_jointly(lines, attempt)
     # Neighbouring times share a strength: together they are one arm, of a time between theirs.
     active = strengths[:2] > 0
     arms = np.flatnonzero(np.diff(np.concatenate([[0], (strengths[2:] > 0).astype(int)])) == 1)
-    freedom = max(2 * len(lines) - int(active.sum()) - 2 * len(arms), 0)
-    return Consistency(float(rest**2), freedom, float(chi2.sf(rest**2, freedom)) if freedom else math.nan)
+    freedom = max(2 * len(lines) - int(active.sum()) - 2 * len(arms) - joint.scatter.parts, 0)
+    return Consistency(joint.chi2, freedom, float(chi2.sf(joint.chi2, freedom)) if freedom else math.nan)
 
 
 def harmonics(answer: RecordingModuli) -> list[Harmonic]:

@@ -6,10 +6,11 @@ from collections.abc import Iterator, Sequence
 
 from palpate import Flag
 from palpate.host import display_unit
+from palpate_kit.terminal.quantities import value_with_uncertainty
 
 from palpate_spectra.complex_moduli import ModulusLine, RecordingModuli
 from palpate_spectra.consistency import Consistency, unexplained_harmonics
-from palpate_spectra.material_laws import LawFit, supported_laws
+from palpate_spectra.material_laws import LawFit, several_frequencies, supported_laws
 
 _FAR = 3.0  # standard uncertainties of a delay
 
@@ -69,8 +70,9 @@ def _laws(answers: Sequence[RecordingModuli], fits: Sequence[LawFit]) -> Iterato
 
 def sentence(fits: Sequence[LawFit], lines: Sequence[ModulusLine]) -> str:
     """The data's evidence on law and delay, as one sentence."""
-    if len({round(line.frequency, 3) for line in lines}) < 2:
-        return "One frequency cannot distinguish a delay from a loss: record another, or calibrate the timing."
+    if not several_frequencies(lines):
+        text = "One frequency cannot distinguish a delay from a loss: record another, or calibrate the timing."
+        return f"{text} {between(fits)}".strip()
     if not fits:
         return "So few frequencies cannot test a law with a free delay."
     standing = supported_laws(fits)
@@ -80,7 +82,17 @@ def sentence(fits: Sequence[LawFit], lines: Sequence[ModulusLine]) -> str:
     text = f"The data support {' or '.join(fit.law.name for fit in standing)}"
     refuted = [fit.law.name for fit in fits if fit not in standing]
     text += f" (not {', not '.join(refuted)})" if refuted else ""
-    return f"{text}; under {best.law.name} the force is late by {1e3 * best.delay:.3g} ± {1e3 * best.delay_std:.2g} ms."
+    text = f"{text}; under {best.law.name} the force is late by {1e3 * best.delay:.3g} ± {1e3 * best.delay_std:.2g} ms."
+    return f"{text} {between(standing)}".strip()
+
+
+def between(fits: Sequence[LawFit]) -> str:
+    """How far recordings scatter under the best law; nothing of a single one."""
+    if not fits or fits[0].scatter.recordings < 2:
+        return ""
+    known = fits[0].scatter
+    shares = f"{100 * known.storage:.2g} % in G' and {100 * known.loss:.2g} % in G''"
+    return f"Beyond what they state, the {known.recordings} recordings scatter by {shares}."
 
 
 def values_of(fit: LawFit) -> str:
@@ -88,5 +100,5 @@ def values_of(fit: LawFit) -> str:
     text = []
     for (name, unit), value, std in zip(fit.law.parameters, fit.values.tolist(), fit.stds.tolist(), strict=True):
         word, factor = display_unit(unit)
-        text.append(f"{name} {factor * value:.4g} ± {factor * std:.2g} {word}".removesuffix(" 1"))
+        text.append(f"{name} {value_with_uncertainty(factor * value, factor * std)} {word}".removesuffix(" 1"))
     return "\n".join(text)

@@ -5,15 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from palpate import Floats
 
 from palpate_spectra.complex_moduli import ModulusLine
-from palpate_spectra.consistency import covariance_of, stack_moduli
+from palpate_spectra.joint_covariance import Attempt, RecordingScatter, fit_jointly, stack, stack_moduli
 from palpate_spectra.spectral_lines import Phasors
 
 _REFERENCE = 2 * math.pi  # [rad/s] at which a power law's modulus is given: 1 Hz
+_SEARCHED = 2  # covariances under which every start is tried
+_PROBE, _STEP = 1e-6, 1e-4  # for derivatives by the delay [s], and by a parameter as a share of its first guess
+_APART = 1.05  # ratio of frequencies
 _MOST = 0.2  # [s] of delay, and less than half a period of the highest line
 
 
@@ -31,16 +35,17 @@ class MaterialLaw:
 
 @dataclass(frozen=True)
 class LawFit:
-    """A law and a delay, fitted."""
+    """A law and a delay that describe lines best."""
 
     law: MaterialLaw
-    delay: float  # [s] of the force
-    delay_std: float  # [s]
+    delay: float  # [s] of the force, beyond what is declared
+    delay_std: float  # [s]; NaN where it is the declared one
     values: Floats
     stds: Floats
     chi2: float
     freedom: int
-    bic: float
+    bic: float  # with the determinant of the covariance, which differs from law to law
+    scatter: RecordingScatter
 
     @property
     def p(self) -> float:
@@ -94,44 +99,78 @@ LAWS = (
 )  # fmt: skip
 
 
-def law_fits(lines: Sequence[ModulusLine]) -> list[LawFit]:
-    """Every law with a free delay, by generalised least squares; those that have fewer numbers than the lines have.
+def several_frequencies(lines: Sequence[ModulusLine]) -> bool:
+    """Whether lines are at so different frequencies that a delay can be distinguished from a loss."""
+    return max(line.frequency for line in lines) > _APART * min(line.frequency for line in lines)
 
-    The covariance is that of noise and of all that is not exactly known but the timing, which is what is looked for.
+
+def law_fits(lines: Sequence[ModulusLine]) -> list[LawFit]:
+    """Every law by generalised least squares; those that have fewer numbers than the lines have.
+
+    At several frequencies with a free delay: the covariance is that of noise, of all that is not exactly known but the
+    timing, which is what is looked for, and of the scatter between recordings (`fit_jointly`). At one frequency the
+    delay is the declared one, and its uncertainty counts; a law has two numbers there at most.
     """
-    half = np.asarray(np.linalg.cholesky(covariance_of(lines, without=["timing"])), np.float64)
-    found = [_fit(law, lines, half) for law in LAWS if 2 * len(lines) > len(law.parameters) + 1]
+    free = several_frequencies(lines)
+    counts = [len(law.parameters) + 1 if free else len(law.parameters) for law in LAWS]
+    most = 2 * len(lines) - 1 if free else min(2 * len(lines) - 1, 2)
+    found = [fit_law(law, lines) for law, count in zip(LAWS, counts, strict=True) if count <= most]
     return [one for one in found if one is not None]
 
 
-def _fit(law: MaterialLaw, lines: Sequence[ModulusLine], half: Floats) -> LawFit | None:
+def fit_law(law: MaterialLaw, lines: Sequence[ModulusLine]) -> LawFit | None:
+    """One law, and a delay where there are several frequencies; None where it is not finite anywhere."""
+    omega, moduli = 2 * np.pi * np.array([line.frequency for line in lines]), np.array([line.shear for line in lines])
+    nu, count, free = lines[0].poisson, len(law.parameters), several_frequencies(lines)
+    longest = min(_MOST, math.pi / float(omega.max())) if free else 0.0
+    starts = [np.array([*np.log(start), *([0.0] if free else [])]) for start in law.starts(omega, moduli, nu)]
+
+    def error(x: Floats) -> Floats:
+        return stack_moduli(lines, float(x[-1]) * longest) - stack(law.shear(omega, np.exp(x[:count]), nu))
+
+    best: Any = None
+
+    def attempt(half: Floats, rounds: int) -> Attempt:
+        nonlocal best
+        white = np.linalg.inv(half)
+        tried = [*([] if best is None else [best.x]), *(starts if rounds < _SEARCHED else [])]
+        best = min((_least(law, lambda x: white @ error(x), x) for x in tried), key=lambda one: float(one.cost))
+        return Attempt(error(best.x), -half @ best.jac, law.shear(omega, np.exp(best.x[:count]), nu))
+
+    try:
+        joint = fit_jointly(lines, attempt, without=["timing"] if free else [])
+    except (ValueError, np.linalg.LinAlgError):  # the law is not finite anywhere
+        return None
+    values, late = np.exp(best.x[:count]), float(best.x[-1]) * longest
+    scale = np.max([np.exp(start[:count]) for start in starts], axis=0)  # for a value may be next to nothing
+    stds = joint.uncertainty(_slopes(law, lines, values, scale, late if free else None))
+    numbers = count + int(free) + joint.scatter.parts
+    return LawFit(
+        law, late, float(stds[count]) if free else math.nan, values, stds[:count], joint.chi2,
+        2 * len(lines) - numbers, joint.chi2 + joint.log_determinant + numbers * math.log(2 * len(lines)),
+        joint.scatter,
+    )  # fmt: skip
+
+
+def _slopes(
+    law: MaterialLaw, lines: Sequence[ModulusLine], values: Floats, scale: Floats, delay: float | None
+) -> Floats:
+    """Derivatives (2 n, p) of the moduli by the parameters, and by the delay unless that is not free."""
+    omega, nu = 2 * np.pi * np.array([line.frequency for line in lines]), lines[0].poisson
+    here = stack(law.shear(omega, values, nu))
+    found = [(stack(law.shear(omega, values + step, nu)) - here) / step.sum() for step in np.diag(_STEP * scale)]
+    if delay is not None:
+        found.append((stack_moduli(lines, delay - _PROBE) - stack_moduli(lines, delay + _PROBE)) / (2 * _PROBE))
+    return np.column_stack(found)
+
+
+def _least(law: MaterialLaw, left: Callable[[Floats], Floats], start: Floats) -> Any:
+    """Least squares over logarithms of the parameters and, if it is free, the delay as a share of the longest."""
     from scipy.optimize import least_squares
 
-    omega = 2 * np.pi * np.array([line.frequency for line in lines])
-    nu, g = lines[0].poisson, np.array([line.shear for line in lines])
-    count, longest = len(law.parameters), min(_MOST, math.pi / float(omega.max()))
-
-    def left(x: Floats) -> Floats:
-        shear = law.shear(omega, np.exp(x[:count]), nu)
-        model = np.concatenate([shear.real, shear.imag])
-        return np.asarray(np.linalg.solve(half, stack_moduli(lines, float(x[count]) * longest) - model), np.float64)
-
-    best = None
-    for start in law.starts(omega, g, nu):
-        bounds = ([-80.0] * count + [-1.0], [min(math.log(u), 80.0) for u in law.upper] + [1.0])
-        x = np.array([*np.log(start), 0.0])
-        tried = least_squares(left, x, bounds=bounds, x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12)
-        if best is None or tried.cost < best.cost:
-            best = tried
-    if best is None or not np.isfinite(best.cost):
-        return None
-    spread = np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)))
-    values = np.exp(best.x[:count])
-    chi2, freedom = 2.0 * float(best.cost), 2 * len(lines) - count - 1
-    return LawFit(
-        law, float(best.x[count]) * longest, float(spread[count]) * longest, values, values * spread[:count], chi2,
-        freedom, chi2 + (count + 1) * math.log(2 * len(lines)),
-    )  # fmt: skip
+    free = len(start) - len(law.parameters)
+    bounds = ([-80.0] * len(law.parameters) + [-1.0] * free, [min(math.log(u), 80.0) for u in law.upper] + [1.0] * free)
+    return least_squares(left, start, bounds=bounds, x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12)
 
 
 def supported_laws(fits: Sequence[LawFit], level: float = 1e-3) -> list[LawFit]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -107,13 +108,19 @@ def law_table(fits: Sequence[LawFit]) -> Table:
     """Laws with their delay, and how they stand."""
     rows = [
         [
-            fit.law.name, values_of(fit), value_with_uncertainty(1e3 * fit.delay, 1e3 * fit.delay_std),
+            fit.law.name, values_of(fit),
+            _late_by(fit),
             f"{fit.chi2:.3g} / {fit.freedom}", f"{fit.p:.2g}", f"{fit.bic:.4g}",
         ]
         for fit in fits
     ]  # fmt: skip
     headings = ["law", "values", "force late by\nms", "chi^2 / freedom", "p", "BIC"]
     return Table.of("a law and a delay together", headings, rows, ["law", "values"])
+
+
+def _late_by(fit: LawFit) -> str:
+    """The delay of a law [ms]."""
+    return "as declared" if math.isnan(fit.delay_std) else value_with_uncertainty(1e3 * fit.delay, 1e3 * fit.delay_std)
 
 
 def _kramers_kronig(found: Consistency) -> str:
@@ -163,7 +170,7 @@ def document(
         "laws": [
             {
                 "law": fit.law.name, "delay": fit.delay, "delay_std": fit.delay_std, "chi2": fit.chi2, "p": fit.p,
-                "freedom": fit.freedom, "bic": fit.bic,
+                "freedom": fit.freedom, "bic": fit.bic, "scatter": fit.scatter,
                 "parameters": {
                     name: {"value": value, "std": std, "unit": unit}
                     for (name, unit), value, std in zip(fit.law.parameters, fit.values.tolist(), fit.stds.tolist())

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from palpate import ConfigurationError, PalpateError, UserError, printable
-from palpate.host import Pipeline, Source, analysis, build_pipeline, make_folder, values_on_trust, write_new
+from palpate.host import Pipeline, Source, analysis, make_folder, values_on_trust, write_new
 from palpate_kit.figures import save_figure
 from palpate_kit.jobs.engines import SchedulerOption, StageOption, demand_scheduler
 from palpate_kit.jobs.job import Job
@@ -24,6 +24,7 @@ from palpate_kit.terminal.progress import progress, report_progress
 from palpate_kit.terminal.table import console
 
 from palpate_studies import comparison_table
+from palpate_studies.tracks_that_run import with_what_runs
 
 if TYPE_CHECKING:
     from palpate.host import Result
@@ -50,6 +51,8 @@ def compare(
 ) -> None:
     """Run every model with every estimator on one log, read once; print one table, draw one picture.
 
+    What cannot run is a row with the reason.
+
     Of a sweep along a line, the curves are drawn, too, with the lumps in each.
     """
     from palpate.host import run_pipeline
@@ -59,7 +62,8 @@ def compare(
     given = {"force": force, "position": position, "velocity": velocity, "time": time, "rate": rate}
     choices = {role: text for role, text in given.items() if text is not None}
     with progress(f"look at {log}"):
-        pipeline = _pipeline(_source(log, choices), models, estimators, overrides or [])
+        source, added = _chosen(_source(log, choices), models, estimators, overrides or [])
+        pipeline, refused = with_what_runs(source, added)
     if log.suffix != ".toml":
         told = ", ".join(f"{key} = {text}" for key, text in values_on_trust(pipeline).items())
         typer.echo(f"taken for known: {told}", err=True)
@@ -72,15 +76,15 @@ def compare(
         else:
             result = _there(pipeline, out, scheduler, stage)
     if as_json:
-        print_json({**result.table(), "folder": result.folder})
+        print_json({**result.table(), "folder": result.folder, "not_run": refused})
     else:
-        _tell(result, reference)
+        _tell(result, refused, reference)
     result.demand_whole()
-    write_new(result.folder / "compare.csv", comparison_table.csv_text(result))
+    write_new(result.folder / "compare.csv", comparison_table.csv_text(result, refused))
     with print_aside(as_json):
         typer.echo(f"picture: {_draw(result, reference)}\nwritten to {result.folder}, all tracks in compare.csv")
         _along(pipeline, result, points)
-    if any(flag.code == "failed" for track in result.tracks.values() for flag in track.flags):
+    if all(any(flag.code == "failed" for flag in track.flags) for track in result.tracks.values()):
         raise typer.Exit(1)
 
 
@@ -96,9 +100,9 @@ def _there(pipeline: Pipeline, out: Path | None, scheduler: str, stage: str | No
     return outcome.result
 
 
-def _tell(result: Result, reference: str | None) -> None:
+def _tell(result: Result, refused: Mapping[str, str], reference: str | None) -> None:
     terminal = console()
-    for shown in comparison_table.tables(result):
+    for shown in comparison_table.tables(result, refused):
         terminal.print(shown if isinstance(shown, str) else shown.view(), highlight=False)
     for flag in result.flags:
         terminal.print(f"every track: {flag}", style="yellow", markup=False, highlight=False)
@@ -138,15 +142,20 @@ def _source(log: Path, choices: Mapping[str, str]) -> Source:
     return Source(pipeline_of(suggestion, log), Path(f"{log.name}.toml"))
 
 
-def _pipeline(source: Source, models: str | None, estimators: str | None, overrides: list[str]) -> Pipeline:
+def _chosen(
+    source: Source, models: str | None, estimators: str | None, overrides: list[str]
+) -> tuple[Source, set[tuple[str, str]]]:
+    """A source with the models and estimators that are named, and those that it had no table of, by kind and name."""
+    added = set[tuple[str, str]]()
     for kind, given in (("model", models), ("estimator", estimators)):
         if given is not None:
+            added |= {(kind, name) for name in _names(given) if name not in source.tables.get(kind, {})}
             source.tables[kind] = {name: _table(kind, name, source.tables) for name in _names(given)}
             if kind == "model":
                 _forget_models(source.tables)
     for assignment in overrides:
         source.override(assignment)
-    return build_pipeline(source)
+    return source, added
 
 
 def _forget_models(tables: dict[str, Any]) -> None:

@@ -19,8 +19,8 @@ _CURVES = 7  # in one panel
 _ORDER = ("good", "note", "doubtful", "invalid")
 
 
-def tables(result: Result) -> Iterator[Table | str]:
-    """One table for each model, the best verdicts first, and how many tracks can be used."""
+def tables(result: Result, refused: Mapping[str, str]) -> Iterator[Table | str]:
+    """One table for each model, the best verdicts first; why tracks are in none (`refused`, by track); and counts."""
     ordered = sorted(result.tracks.items(), key=lambda item: (item[1].model, _ORDER.index(item[1].verdict)))
     for model, group in groupby(ordered, key=lambda item: item[1].model):
         tracks = [track for _, track in group]
@@ -33,8 +33,13 @@ def tables(result: Result) -> Iterator[Table | str]:
         yield Table.of(
             f"model {model}", [*headings, "residual\nN", "NIS", "flags"], rows, ["estimator", "verdict", "flags"]
         )
+    failed = {
+        name: flag.message for name, track in result.tracks.items() for flag in track.flags if flag.code == "failed"
+    }
+    for name, why in {**refused, **failed}.items():
+        yield f"{name} has no result: {why}"
     usable = sum(track.usable for track in result.tracks.values())
-    yield f"{usable} of {len(result.tracks)} usable"
+    yield f"{usable} of {len(result.tracks) + len(refused)} usable"
 
 
 def _row(track: TrackResult, units: Mapping[str, str]) -> list[str]:
@@ -46,6 +51,8 @@ def _row(track: TrackResult, units: Mapping[str, str]) -> list[str]:
 
 
 def _shown(found: UncertainValue | None) -> str:
+    if found is not None and found.verdict == "invalid":
+        return "none"
     factor = display_unit(found.unit)[1] if found else 1.0
     return value_with_uncertainty(found.value * factor, found.combined * factor) if found else ""
 
@@ -54,7 +61,7 @@ def _true(value: float | None, unit: str) -> str:
     return "" if value is None else round_number(value * display_unit(unit)[1])
 
 
-def csv_text(result: Result) -> str:
+def csv_text(result: Result, refused: Mapping[str, str]) -> str:
     """Every track in SI: a row for each parameter, with its uncertainty, verdict and flags."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -66,6 +73,9 @@ def csv_text(result: Result) -> str:
         for name, found in track.parameters.items():
             numbers = [_number(value) for value in (found.value, found.std, found.combined, result.truth.get(name))]
             writer.writerow([track.model, track.estimator, track.verdict, name, found.unit, *numbers, codes])
+    for name, why in refused.items():
+        model, _, estimator = name.partition("/")
+        writer.writerow([model, estimator, "not run", *([""] * 6), why])
     return text.getvalue()
 
 

@@ -25,6 +25,7 @@ class ParameterValue:
     value: float | None  # [SI]
     std: float | None  # [SI] combined standard uncertainty
     unit: str
+    systematic: float | None  # [SI] part of it that repeats have in common; None where it is not told
     residual: float | None  # [N] RMS
     flags: tuple[Flag, ...]
     verdict: str
@@ -59,7 +60,7 @@ def readings(path: Path, track: str | None, parameter: str, *, first: bool = Fal
             known, flags = row["unknowns"].get(parameter, {}), read_flags(row["flags"])
             yield ParameterValue(
                 f"{path}#{key}", file.parent, key, name, known.get("value"), known.get("std"), known.get("unit", ""),
-                row["rms"], flags, verdict(flags), rejected.get(key),
+                known.get("systematic"), row["rms"], flags, verdict(flags), rejected.get(key),
             )  # fmt: skip
         return
     for log in sorted(results.by_log, key=natural):
@@ -77,7 +78,7 @@ def _of_run(
     found, (path, key) = known[parameter], named
     return ParameterValue(
         f"{path}#{key}" if key else str(path), file.parent, key, name, found["value"], found["combined"], found["unit"],
-        result["force_rms"], read_flags(result["flags"]), result["verdict"],
+        found.get("systematic"), result["force_rms"], read_flags(result["flags"]), result["verdict"],
         RunFolder(file.parent).rejected.get(key),
     )  # fmt: skip
 

@@ -21,7 +21,7 @@ from palpate_studies.log_estimates import LogRuns
 from palpate_studies.parameter_values import natural, readings
 from palpate_studies.repeat_figure import draw_repeatability
 from palpate_studies.repeat_tables import views
-from palpate_studies.repeatability import against_truth, repeatability
+from palpate_studies.repeatability import against_truth, repeatability, uncertainty_of_mean
 from palpate_studies.repeated_runs import perform
 
 
@@ -33,6 +33,7 @@ class _Group:
     unit: str = ""
     values: list[float] = field(default_factory=list)
     stated: list[float] = field(default_factory=list)  # standard uncertainty of each
+    common: list[float] = field(default_factory=list)  # part of it that the runs share, of those that tell it
     tracked: list[tuple[Path, str]] = field(default_factory=list)
     skipped: int = 0
     rejected: dict[str, str] = field(default_factory=dict)  # by run: why
@@ -55,6 +56,7 @@ class _Group:
                 self.values.append(reading.value)
                 self.tracked += [(reading.folder, reading.track)] if reading.key == "" else []
                 self.stated.append(reading.std or 0.0)
+                self.common += [] if reading.systematic is None else [reading.systematic]
             else:
                 self.skipped += 1
 
@@ -134,6 +136,7 @@ def _document(groups: Mapping[str, _Group], parameter: str, truth: str | None) -
     found = repeatability({name: group.values for name, group in groups.items()})
     document: dict[str, Any] = finite_tree({**counted, **found})
     for name, group in groups.items():
+        document["groups"][name] |= finite_tree(uncertainty_of_mean(np.array(group.values), np.array(group.common)))
         document["groups"][name]["force_error"] = finite_tree(force_error(group.tracked))
     if truth is not None:
         known = _truth(truth, unit)

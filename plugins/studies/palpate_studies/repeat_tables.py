@@ -21,7 +21,16 @@ def views(document: dict[str, Any]) -> Iterator[Any]:
 
     word, factor = display_unit(document["unit"])
     table = Table(title=f"{document['parameter']} [{word}]", title_justify="left")
-    headings = ("group", "n", "mean", "std", "of mean", "correlation\nof neighbours", "correlation\nwith order (p)")
+    headings = (
+        "group",
+        "n",
+        "mean",
+        "std",
+        "scatter\nof mean",
+        "common",
+        "correlation\nof neighbours",
+        "correlation\nwith order (p)",
+    )
     for heading in headings:
         table.add_column(heading, justify="left" if heading == "group" else "right")
     for name, found in document["groups"].items():
@@ -61,9 +70,10 @@ def _statistics(found: dict[str, Any], factor: float) -> list[str]:
     std = (found["std"] or 0.0) * factor
     trend = found["correlation_with_order"]
     return [
-        value_with_uncertainty(found["mean"] * factor, (found["std_of_mean"] or 0.0) * factor),
+        value_with_uncertainty(found["mean"] * factor, (found["combined_of_mean"] or 0.0) * factor),
         f"{std:.3g}",
         f"{(found['std_of_mean'] or 0.0) * factor:.3g}",
+        "-" if found["common"] is None else f"{found['common'] * factor:.3g}",
         "-" if found["correlation"] is None else f"{found['correlation']:+.2f}",
         "-" if trend is None else f"{trend:+.2f} ({found['correlation_with_order_p']:.2g})",
     ]

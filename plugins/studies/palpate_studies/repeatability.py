@@ -153,6 +153,17 @@ def anova(groups: Mapping[str, Floats]) -> dict[str, Any] | None:
     return {"f": float(whole.statistic), "p": float(whole.pvalue), "pairs": rows}
 
 
+def uncertainty_of_mean(values: Floats, common: Floats) -> dict[str, float]:
+    """What runs have in common, and with it the combined standard uncertainty of the mean of their values (n,).
+
+    Radius, Poisson's ratio, timing and mass have the same error in all repeats: it does not scatter, and no mean takes
+    any of it away (GUM F.1.2.3). It is the median of what the runs state (m,); NaN where none does.
+    """
+    shared = float(np.median(common)) if len(common) else math.nan
+    scatter = Repeatability(values).std_of_mean if len(values) > 1 else math.nan
+    return {"common": shared, "combined_of_mean": float(np.hypot(scatter, shared if len(common) else 0.0))}
+
+
 def against_truth(values: Floats, combined: Floats, truth: float) -> dict[str, float]:
     """Error of the mean of values (n,) against a truth, relative, and its standard uncertainty.
 

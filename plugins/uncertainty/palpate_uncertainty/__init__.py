@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate import Command, Diagnosis, FlagMeaning, plugin
+from palpate import Command, Diagnosis, FlagMeaning, ReportSection, plugin
 
 if TYPE_CHECKING:
     from palpate import Settings
@@ -31,7 +31,14 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "outliers": Diagnosis("palpate_uncertainty.outliers:outliers"),
         "free-air": Diagnosis("palpate_uncertainty.free_air:free_air"),
         "unloading": Diagnosis("palpate_uncertainty.unloading:unloading"),
+        "assumptions": Diagnosis("palpate_uncertainty.assumptions:assumptions"),
     }
+
+
+@plugin
+def palpate_report_sections() -> dict[str, ReportSection]:
+    """What the values of a run take on trust."""
+    return {"assumptions": ReportSection("palpate_uncertainty.assumption_line:assumption_lines", order=80)}
 
 
 @plugin

@@ -34,9 +34,10 @@ _MODEL = {
     ),
     "implausible": FlagMeaning(
         "doubtful",
-        "A parameter is outside of what is possible.",
-        "Do not use that parameter; check units, declare delays, or use a model without it.",
+        "A parameter is outside of what is possible, by more than its standard deviation explains; it has no value.",
+        "Check units and signs, declare delays, or use a model without that parameter.",
         structural=True,
+        voids=True,
     ),
     "surface-mismatch": _doubtful(
         "The estimated surface is not where the tip first touched.",

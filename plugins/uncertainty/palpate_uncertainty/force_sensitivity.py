@@ -48,11 +48,19 @@ class Along:
     def by_number(self, path: tuple[str, ...], value: float) -> Floats:
         """Derivative (n,) of the force by a number among the model's keys."""
         step = _STEP * (abs(value) or 1.0)
-        up, down = (self._force(_changed(self.model, path, side * step)) for side in (1.0, -1.0))
+        up, down = (self._force(with_change(self.model, path, side * step)) for side in (1.0, -1.0))
         return np.asarray((up - down) / (2 * step))
 
-    def _force(self, model: Any) -> Floats:
+    def by_height_scale(self) -> Floats:
+        """Change (n,) of the force [N] per unit of the scale of heights, with which depth and rate grow."""
+        if self.stretched is not None:
+            return self.stretched
+        up, down = (self._force(self.model, 1.0 + side * _STEP) for side in (1.0, -1.0))
+        return np.asarray((up - down) / (2 * _STEP))
+
+    def _force(self, model: Any, scale: float = 1.0) -> Floats:
         time, depth, rate, rows = self._motion
+        depth, rate = scale * depth, scale * rate
         if model.memory:
             return np.asarray(force_over_time(model, time, depth, rate, self.values.tolist()))[rows]
         return np.asarray(contact_force(model, depth[rows], rate[rows], self.values.tolist()))
@@ -118,9 +126,9 @@ def _remembered(model: ContactModel, tail: Tail, last: Tail, values: Floats) -> 
     )
 
 
-def _changed(part: Any, path: tuple[str, ...], change: float) -> Any:
+def with_change(part: Any, path: tuple[str, ...], change: float) -> Any:
     """Settings with a number among their keys changed by so much; not validated, for derivatives."""
     name, *rest = path
     inner = getattr(part, name)
-    changed = _changed(inner, tuple(rest), change) if rest else inner + change
+    changed = with_change(inner, tuple(rest), change) if rest else inner + change
     return part.model_copy(update={name: changed})

@@ -44,7 +44,9 @@ def free_air(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
         course = along(track.model, end.tail, end.last, track.values)
         if course is not None:
             by_motion = _Motion.of(track)
-            flags = (*_tone(track, course), *_with_motion(track, by_motion, course), *_moved_zero(track, end, course))
+            flags = (*_tone(track, course), *_moved_zero(track, end, course))
+            if not track.model.adhesive:  # what pulls the tip near the surface is the model's
+                flags = (*flags, *_with_motion(track, by_motion, course))
             flags = (*flags, *_adhesion(track, by_motion, course))
             if flags:
                 found[track.name] = Diagnosed(flags, _together(flags))

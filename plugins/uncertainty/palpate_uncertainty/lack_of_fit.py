@@ -100,6 +100,9 @@ def _judge(track: TrackEvidence, known: dict[Any, _NullBase]) -> Diagnosed | Non
     fitted = track.report is not None and np.isfinite(track.kept.innovation).any()
     if sweeps(track) and not fitted:
         return _along_a_sweep(track)
+    if fitted and getattr(track.estimator, "unloading", "following") == "ting":  # which no refit here does
+        own = _by_innovations(track)
+        return _explained(track, own, _base(track, known)) if own.p < LEVEL else _table(own)
     base = _base(track, known)
     found = base.test(base.fit.residual)
     if fitted and (own := _by_innovations(track)).p < found.p:
@@ -264,7 +267,9 @@ def _is_allowed_drift(track: TrackEvidence, base: _NullBase, other: Refit) -> bo
     """Whether a refit is a drift of the force that is no faster than the alignment allows."""
     if other.reason != "drift" or not other.numbers or track.ending is None:
         return False
-    return abs(other.numbers[0]) <= _DRIFTS * track.ending.settings.drift * base.course.span
+    tare = track.ending.report.tare
+    drift = track.ending.settings.drift if tare is None or tare.air is None else tare.air.slope_std
+    return abs(other.numbers[0]) <= _DRIFTS * drift * base.course.span
 
 
 def _steady(track: TrackEvidence, base: _NullBase) -> SteadyPart | None:

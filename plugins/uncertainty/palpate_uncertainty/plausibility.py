@@ -18,6 +18,7 @@ _NIS_RANGE = (0.5, 1.6)  # of the mean over the last second; 0.9 to 1.1 would be
 _COLOURED = 0.3  # autocorrelation of innovations; 0.1 comes by chance alone
 _WEAK = 5.0  # standard deviations of its noise that a force swings by: above, it is not tested what it determines
 _DETERMINED = 0.2  # of a value: a weak force must determine it to this, by the Cramer-Rao bound
+_EXPLAINED = 2.0  # standard deviations outside of what is possible
 _SOFT = (10.0, 1e9)  # [Pa] from the softest gels to hard rubber
 _SURFACE_TOLERANCE = 5e-4  # [m] between the surface that a track finds and the one that the first touch says
 
@@ -55,8 +56,9 @@ def ending_flags(end: TrackEnd, model: ContactModel, online: bool, fitted: bool)
 
 def _bound_flags(last: Tail, model: ContactModel, held: Set[str]) -> Iterator[Flag]:
     for column, parameter in enumerate(model.parameters):
-        value = float(last.values[:, column].mean())
-        if parameter.name not in held and not parameter.lower < value < parameter.upper:
+        value, std = float(last.values[:, column].mean()), float(last.std[-1, column])
+        beyond = max(parameter.lower - value, value - parameter.upper)
+        if parameter.name not in held and beyond > _EXPLAINED * std:  # nearer it is at the edge, as far as is known
             text = f"{parameter.name} of {value:.3g} {parameter.unit} is outside what is possible"
             yield Flag("implausible", text, effects={parameter.name: math.inf})
         elif parameter.role == "elastic" and parameter.unit == "Pa" and not _SOFT[0] <= value <= _SOFT[1]:

@@ -30,24 +30,41 @@ def stiffer_by(radius: float, height: float) -> float:
     return share * (_BONDED[0] + share * (_BONDED[1] + share * (_BONDED[2] + share * _BONDED[3])))
 
 
-def _of(track: TrackEvidence) -> Diagnosed | None:
-    tip = getattr(track.model, "indenter", None)
+def half_space_from(track: TrackEvidence) -> float | None:
+    """How thick [m] the specimen has to be for its elasticity to be within 5 %; None where a thickness is stated."""
+    radius = _contact_radius(track)
+    return None if radius is None else radius * _BONDED[0] / _MATTERS
+
+
+def _contact_radius(track: TrackEvidence) -> float | None:
+    """Mean contact radius [m] on a half-space; None where a thickness is stated, or the model knows of none."""
+    tip, thickness = getattr(track.model, "indenter", None), getattr(track.model, "thickness", None)
     if "thickness" not in type(track.model).model_fields or not isinstance(tip, Indenter):
-        return None
-    if getattr(track.model, "thickness", None) is not None:
         return None
     depth = track.surface - track.kept.position[track.kept.used]
     depth = depth[np.isfinite(depth) & (depth > 0)]
-    if not len(depth):
+    if thickness not in (None, "half-space") or not len(depth):
         return None
     radius = float(tip.contact_radius(float(np.mean(depth))))
-    needed = radius * _BONDED[0] / _MATTERS
-    if not np.isfinite(needed) or needed < _THIN:
+    return radius if np.isfinite(radius) else None
+
+
+def _of(track: TrackEvidence) -> Diagnosed | None:
+    radius, needed = _contact_radius(track), half_space_from(track)
+    if getattr(track.model, "thickness", None) is not None or radius is None or needed is None or needed < _THIN:
         return None
-    usual = f"at {1e3 * _USUAL:.0f} mm by {100 * stiffer_by(radius, _USUAL):.0f} %"
-    text = (
-        f"no thickness of the specimen is declared: below {1e3 * needed:.2g} mm an elasticity is over 5 % too high, "
-        f"{usual} (contact radius {1e3 * radius:.2g} mm)"
-    )
     table = {"contact_radius": radius, "half_space_from": needed}
+    share = stiffer_by(radius, _USUAL)
+    if not _is_material(track, share):
+        return Diagnosed(table=table)
+    text = (
+        f"no thickness of the specimen is declared: below {1e3 * needed:.0f} mm an elasticity is over 5 % too high, "
+        f"at {1e3 * _USUAL:.0f} mm by {100 * share:.0f} % (contact radius {1e3 * radius:.2g} mm)"
+    )
     return Diagnosed((Flag("thickness-undeclared", text),), table=table)
+
+
+def _is_material(track: TrackEvidence, share: float) -> bool:
+    """Whether a share of an elastic parameter is more than its combined uncertainty."""
+    parameters = zip(track.model.parameters, track.values.tolist(), track.combined.tolist(), strict=True)
+    return any(p.role == "elastic" and not share * abs(value) <= combined for p, value, combined in parameters)

@@ -1,0 +1,40 @@
+"""Control of a rig: checks on a reference of known stiffness, their chart, and the check that stands behind a run."""
+
+from __future__ import annotations
+
+from palpate import Command, ControlReader, FlagMeaning, ReportSection, plugin
+
+
+@plugin
+def palpate_commands() -> dict[str, Command]:
+    """Checking a rig."""
+    return {
+        "control": Command(
+            "palpate_control.control_command:control", "Check a rig on a reference of known stiffness.", "hardware"
+        )
+    }
+
+
+@plugin
+def palpate_controls() -> dict[str, ControlReader]:
+    """The check that stands behind a run."""
+    return {"control": ControlReader("palpate_control.chart_use:chart_use")}
+
+
+@plugin
+def palpate_report_sections() -> dict[str, ReportSection]:
+    """That check in a line."""
+    return {"control": ReportSection("palpate_control.check_line:check_lines", order=81)}
+
+
+@plugin
+def palpate_flags() -> dict[str, FlagMeaning]:
+    """What its flag means."""
+    return {
+        "out-of-control": FlagMeaning(
+            "doubtful",
+            "The last check of the rig is out of control, or was made with another tip, sensor or robot.",
+            "Find out what changed (docs: control), and check again before the next run.",
+            structural=True,
+        )
+    }

@@ -1,0 +1,135 @@
+"""The chart of a rig's checks: a small text file in TOML, SI inside, to which checks are appended."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from palpate import ConfigurationError, Settings
+from palpate.host import write_whole
+from pydantic import Field, ValidationError
+
+from palpate_control.control_limits import CheckState, CheckValue, check_states
+
+_FORMAT = 1
+_HEAD = "# Control chart: checks of a rig on a reference, in SI units. `palpate control RUN` appends a check.\n"
+
+
+class ChartReference(Settings):
+    """What is palpated in every check of a chart."""
+
+    name: str = Field(min_length=1, description="what it is")
+    value: float = Field(gt=0, allow_inf_nan=False, description="in its unit")
+    unit: str = Field(description="SI")
+    std: float = Field(gt=0, allow_inf_nan=False, description="standard uncertainty")
+
+
+class RecordedCheck(Settings):
+    """One check, as in the file."""
+
+    date: datetime = Field(description="when its run started, with time zone")
+    run: str = Field(description="the run folder")
+    digest: str = Field(description="SHA-256 of the run's result.json")
+    value: float = Field(allow_inf_nan=False, description="in the reference's unit")
+    std: float = Field(gt=0, allow_inf_nan=False, description="combined standard uncertainty")
+    repeat_std: float = Field(ge=0, allow_inf_nan=False, description="of it, what differs from check to check")
+
+
+class ControlChart(Settings):
+    """The checks of one robot with one sensor and tip on one reference."""
+
+    format: int = Field(default=_FORMAT, ge=1, le=_FORMAT, description="version of this format")
+    quantity: str = Field(description="the value that is compared: elasticity, stiffness, ...")
+    track: str = Field(description="model and estimator of every check")
+    reference: ChartReference
+    tip: dict[str, Any] = Field(default={}, description="type and numbers of the tip; none for a spring without one")
+    sensor: dict[str, str] = Field(default={}, description="what identifies the device of the force")
+    robot: dict[str, str] = Field(default={}, description="what identifies the device of the position")
+    check: tuple[RecordedCheck, ...] = Field(default=(), description="the checks, the oldest first")
+
+    @property
+    def states(self) -> list[CheckState]:
+        """The state of every check."""
+        readings = [CheckValue(check.value, check.std, check.repeat_std) for check in self.check]
+        return check_states(readings, self.reference.value, self.reference.std)
+
+
+def read_chart(path: Path) -> ControlChart:
+    """The chart in a file; raises ConfigurationError where it cannot be read, is damaged, or is none."""
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise ConfigurationError(f"{path}: cannot read the control chart: {reason}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{path}: is a damaged control chart, not TOML: {error}") from error
+    try:
+        chart = ControlChart.model_validate(tables)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise ConfigurationError(f"{path}: is no control chart: {_place(first['loc'])}: {first['msg']}") from error
+    for number, check in enumerate(chart.check, 1):
+        if check.date.tzinfo is None:
+            raise ConfigurationError(f"{path}: is no control chart: check {number}: date has no time zone")
+    for number, (before, after) in enumerate(pairwise(chart.check), 2):
+        if after.date < before.date:
+            raise ConfigurationError(f"{path}: is a damaged control chart: check {number} is older than the one before")
+    return chart
+
+
+def append_check(path: Path, chart: ControlChart, check: RecordedCheck) -> ControlChart:
+    """The chart with one more check, written: whole, or as it was. What stands in the file stays to the letter.
+
+    `chart` is used where there is no file yet. Raises ConfigurationError for a check that is in the chart already, or
+    is older than its last, OutputError where it cannot be written.
+    """
+    with _alone(path.parent):
+        text = path.read_text(encoding="utf-8") if path.exists() else _head(chart)
+        chart = read_chart(path) if path.exists() else chart
+        for number, other in enumerate(chart.check, 1):
+            if other.digest == check.digest:
+                raise ConfigurationError(f"{check.run}: is check {number} of {path} already")
+        if chart.check and check.date < chart.check[-1].date:
+            last = chart.check[-1].date
+            raise ConfigurationError(f"{check.run}: of {check.date} is older than the last check of {path}, of {last}")
+        write_whole(path, f"{text.rstrip()}\n\n{_block(check)}")
+    return chart.model_copy(update={"check": (*chart.check, check)})
+
+
+def _place(steps: tuple[int | str, ...]) -> str:
+    """A place in the file as people count: ``check 3, value``."""
+    words = [f" {step + 1}" if isinstance(step, int) else f", {step}" for step in steps]
+    return "".join(words).removeprefix(", ")
+
+
+def _head(chart: ControlChart) -> str:
+    import tomli_w
+
+    return _HEAD + tomli_w.dumps(chart.model_dump(mode="python", exclude={"check"}))
+
+
+def _block(check: RecordedCheck) -> str:
+    import tomli_w
+
+    return f"[[check]]\n{tomli_w.dumps(check.model_dump(mode='python'))}"
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """While no other process appends in a folder, so that none loses the other's check."""
+    try:
+        handle = os.open(folder, os.O_RDONLY)
+    except OSError as error:
+        raise ConfigurationError(f"{folder}: there is no such folder: {error.strerror}") from error
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)

@@ -1,0 +1,78 @@
+"""A control chart that a pipeline names: the check behind a run, and what speaks against it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from palpate import ConfigurationError, Flag
+from palpate.host import Pipeline, plain_settings
+from palpate_kit.runs.device_identity import other_identity
+
+from palpate_control.chart_file import ControlChart, read_chart
+from palpate_control.control_limits import CheckState
+
+
+@dataclass(frozen=True)
+class ChartUse:
+    """A chart with at least one check."""
+
+    path: Path
+    chart: ControlChart
+    state: CheckState  # of the last check
+    valid_for: float  # [s]
+
+    def facts(self, started: datetime) -> dict[str, Any]:
+        """The last check, for ``run.control`` of result.json."""
+        last = self.chart.check[-1]
+        age = (started - last.date).total_seconds()
+        return {
+            "file": str(self.path),
+            "reference": self.chart.reference.name,
+            "date": last.date.isoformat(),
+            "age": age,
+            "old": age > self.valid_for,
+            "checks": len(self.chart.check),
+            "e_n": self.state.e_n,
+            "in_control": self.state.in_control,
+            "reasons": list(self.state.reasons),
+        }
+
+    def flags(self, pipeline: Pipeline, live: Mapping[str, Mapping[str, Any]]) -> Iterator[Flag]:
+        """That the check is out of control, or was one of another tip, sensor or robot."""
+        against = list(self.state.reasons)
+        tips = [plain_settings(tip, pipeline.registry) for tip in pipeline.indenters.values()]
+        if self.chart.tip and tips and self.chart.tip not in tips:
+            against.append(f"the check was made with another tip: {settings_text(self.chart.tip)}")
+        signals = {"sensor": pipeline.alignment.force, "robot": pipeline.alignment.position}
+        for word, signal in signals.items():
+            name, before = signal.channel.partition(".")[0], getattr(self.chart, word)
+            device = pipeline.devices.get(name)
+            present = {**(device.provenance if device is not None else {}), **live.get(name, {})}
+            if (key := other_identity(before, present)) is not None:
+                is_now = f"{key.replace('_', ' ')} {before[key]}, now {present[key]}"
+                against.append(f"the check was made with another {word}: {is_now}")
+        if against:
+            yield Flag(
+                "out-of-control", f"{self.path}, check of {self.chart.check[-1].date:%Y-%m-%d}: {'; '.join(against)}"
+            )
+
+
+def chart_use(path: Path, valid_for: float) -> ChartUse:
+    """The chart in a file, whose last check is called old after `valid_for` [s]; raises ConfigurationError."""
+    chart = read_chart(path)
+    if not chart.check:
+        raise ConfigurationError(f"{path}: holds no check yet")
+    return ChartUse(path, chart, chart.states[-1], valid_for)
+
+
+def settings_text(table: Mapping[str, Any]) -> str:
+    """Settings in a line.
+
+    >>> settings_text({"type": "sphere", "radius": 0.005})
+    'type sphere, radius 0.005'
+    """
+    return ", ".join(f"{key} {value}" for key, value in table.items()) or "none"

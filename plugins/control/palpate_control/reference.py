@@ -1,0 +1,117 @@
+"""The reference that a check is compared with: on the command line, or in a TOML table."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from palpate import ConfigurationError, to_si
+from palpate.host import Source, build_parts, dimension, plain_settings, registry, suggest
+
+QUANTITIES = {"Pa": "elasticity", "N/m": "stiffness", "Pa*s": "viscosity", "N*s/m": "damping"}
+_KEYS = ("name", "value", "uncertainty", "tip")
+_UNCERTAINTY = 'its standard uncertainty (k = 1; half of what a certificate states for k = 2), such as "1.5 kPa"'
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A reference specimen or spring [SI]."""
+
+    name: str
+    value: float
+    unit: str
+    std: float
+    tip: dict[str, Any] | None = None  # with which its value was determined, where that is stated
+
+    @property
+    def quantity(self) -> str:
+        """The value of a run that it is compared with."""
+        return QUANTITIES[self.unit]
+
+
+def read_reference(given: str, uncertainty: str | None) -> Reference:
+    """The reference that a command line states: a value with a unit, or a TOML file; raises ConfigurationError."""
+    if not given.endswith(".toml"):
+        if uncertainty is None:
+            raise ConfigurationError(f"--uncertainty is missing: the reference needs {_UNCERTAINTY}")
+        return _reference("reference", given, uncertainty, "--reference", "--uncertainty")
+    if uncertainty is not None:
+        raise ConfigurationError(f"--uncertainty: {given} states that of its reference; leave one of them out")
+    table = _table(Path(given))
+    for key in table:
+        if key not in _KEYS:
+            raise ConfigurationError(f"{given}: [reference] {key}: there is no such key{suggest(key, _KEYS)}")
+    missing = [key for key in ("name", "value", "uncertainty") if key not in table]
+    if missing:
+        wanted = {
+            "name": "what the reference is",
+            "value": 'its value, such as "112.5 kPa"',
+            "uncertainty": _UNCERTAINTY,
+        }
+        raise ConfigurationError(f"{given}: [reference] {missing[0]} is missing: {wanted[missing[0]]}")
+    keys = (f"{given}: [reference] value", f"{given}: [reference] uncertainty")
+    tip = _tip(Path(given), table["tip"]) if "tip" in table else None
+    return _reference(str(table["name"]), table["value"], table["uncertainty"], *keys, tip)
+
+
+def _reference(
+    name: str, value: Any, uncertainty: Any, value_key: str, std_key: str, tip: dict[str, Any] | None = None
+) -> Reference:
+    """A reference, each of its two numbers checked under its key."""
+    unit = _unit(value, value_key)
+    number, std = (_number(text, unit, key) for text, key in ((value, value_key), (uncertainty, std_key)))
+    return Reference(name, number, unit, std, tip)
+
+
+def _unit(value: Any, key: str) -> str:
+    """The SI unit of a value with a unit."""
+    if not isinstance(value, str) or re.fullmatch(r"\s*[-+.\deE]+\s*", value):
+        raise ConfigurationError(
+            f'{key}: {value!r} has no unit; write for example "112.5 kPa", or "3.2 N/mm" of a spring'
+        )
+    for unit in QUANTITIES:
+        try:
+            to_si(value, unit)
+        except ValueError:
+            continue
+        return unit
+    allowed = ", ".join(dimension(unit) for unit in QUANTITIES)
+    raise ConfigurationError(f"{key}: {value!r} is none of {allowed}")
+
+
+def _number(value: Any, unit: str, key: str) -> float:
+    if not isinstance(value, str):
+        raise ConfigurationError(f"{key}: {value!r} has no unit")
+    try:
+        number = to_si(value, unit)
+    except ValueError as error:
+        raise ConfigurationError(f"{key}: {error}") from error
+    if number <= 0:
+        raise ConfigurationError(f"{key}: {value!r} must be larger than 0")
+    return number
+
+
+def _table(path: Path) -> dict[str, Any]:
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise ConfigurationError(f"{path}: cannot read the reference: {reason}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{path}: not TOML: {error}") from error
+    table = tables.get("reference")
+    if not isinstance(table, dict):
+        raise ConfigurationError(f"{path}: the table [reference] is missing: name, value, uncertainty")
+    return table
+
+
+def _tip(path: Path, table: Any) -> dict[str, Any]:
+    """The tip of a reference as runs state theirs."""
+    source = Source("", path)
+    source.tables = {"indenter": {"tip": table}}
+    known = registry.load()
+    found: dict[str, Any] = plain_settings(build_parts(source, "indenter", known)["tip"], known)
+    return found

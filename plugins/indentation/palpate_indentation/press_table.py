@@ -1,0 +1,110 @@
+"""A press as plain data, as in ``indentation.json``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from palpate import Floats
+from palpate.host import finite_tree, registry as registries
+
+from palpate_indentation.adhesion import Theory, tabor
+from palpate_indentation.modulus_over_depth import ModulusProfile
+from palpate_indentation.press_analysis import Indentation
+from palpate_indentation.press_budget import PressBudgetRow
+from palpate_indentation.sphere_laws import SphereLawFit
+from palpate_indentation.viscosity import PressViscosity
+
+
+def table(found: Indentation) -> dict[str, Any]:
+    """As in ``indentation.json`` [SI]."""
+    fit = found.fit
+    document: dict[str, Any] = {
+        "parameter": found.law.name,
+        "unit": found.law.unit,
+        "value": fit.modulus,
+        "std": fit.modulus_std,
+        "contact_point": found.by_contact,
+        "combined": found.combined,
+        "surface": {"value": fit.surface, "std": fit.surface_std, "spread": found.surface_spread},
+        "baseline": {"offset": fit.offset, "tilt": fit.tilt, "tilt_std": fit.tilt_std, "by_tilt": found.fitted.by_tilt},
+        "viscosity": None if found.viscosity is None else _viscosity(found.viscosity),
+        "budget": [_row(row, found) for row in found.budget],
+        "rms": fit.rms,
+        "noise": found.press.noise,
+        "correlation_time": fit.correlation_time,
+        "depth": found.depth,
+        "rise_over_depth": {"value": found.rise[0], "std": found.rise[1]},
+        "contact_points": {
+            name: {"surface": p.surface, "std": p.std, "by_the_fit": p.usual} for name, p in found.points.items()
+        },
+        "spheres": {one.tip: _alternative(one, found) for one in found.spheres},
+        "pull_off": None if found.pull is None else {"force": found.pull.force, "std": found.pull.std},
+        "adhesion": {one.name: _theory(one, found) for one in found.theories},
+        "secant": _profile(found.secant),
+        "tangent": _profile(found.tangent),
+        "flags": [flag.table() for flag in registries.load().judged(found.flags)],
+    }
+    plain: dict[str, Any] = finite_tree(document)
+    return plain
+
+
+def _viscosity(one: PressViscosity) -> dict[str, Any]:
+    return {"value": one.value, "std": one.std, "unit": one.unit, "source": one.source, "words": one.words}
+
+
+def _row(row: PressBudgetRow, found: Indentation) -> dict[str, Any]:
+    """As in the budget of a track."""
+    effect = {
+        "sensitivity": row.contribution / row.std if row.std else None,
+        "contribution": row.contribution,
+        "percent": 100.0 * row.contribution / found.fit.modulus,
+    }
+    return {"source": row.source, "std": row.std, "unit": row.unit, "effects": {found.law.name: effect}}
+
+
+def bic_above_best(one: SphereLawFit, found: Indentation) -> float:
+    """By the samples that count at the best: all laws have the same number of unknowns."""
+    best = min(found.spheres, key=lambda other: other.log_squares)
+    return best.fit.effective * (one.log_squares - best.log_squares)
+
+
+def second_best(found: Indentation) -> float | None:
+    """BIC of the second-best law of a sphere above that of the best; None where there are no two."""
+    others = sorted(bic_above_best(one, found) for one in found.spheres)
+    return others[1] if len(others) > 1 else None
+
+
+def _alternative(one: SphereLawFit, found: Indentation) -> dict[str, Any]:
+    return {
+        "value": one.fit.modulus,
+        "std": one.fit.modulus_std,
+        "surface": one.fit.surface,
+        "rms": one.fit.rms,
+        "bic_above_best": bic_above_best(one, found),
+        "chosen": one.chosen,
+    }
+
+
+def _theory(one: Theory, found: Indentation) -> dict[str, Any]:
+    assert found.radius is not None
+    poisson = float(getattr(found.law.model, "poisson", 0.5))
+    return {
+        "value": one.modulus,
+        "std": one.modulus_std,
+        "adhesion_work": one.work,
+        "adhesion_work_std": one.work_std,
+        "surface": one.surface,
+        "rms": one.rms,
+        "tabor": tabor(found.radius, one.work, one.modulus, poisson),
+    }
+
+
+def _profile(profile: ModulusProfile) -> dict[str, Floats]:
+    return {
+        "begin": profile.begin,
+        "end": profile.end,
+        "value": profile.modulus,
+        "noise": profile.noise,
+        "contact_point": profile.contact,
+        "combined": profile.std,
+    }

@@ -1,0 +1,77 @@
+"""The line of a result that says what was taken on trust."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from palpate.host import Result, TrackResult
+
+_WORDS = {
+    "force_scale": "force",
+    "position_scale": "height",
+    "indenter.radius": "tip radius",
+    "poisson": "Poisson's ratio",
+    "thickness.height": "thickness",
+}
+_LEAST = 0.05  # per cent of a value by 1 % of an assumption; less is in result.json only
+_FIRST = ("elasticity", "stiffness")  # the value that is looked at first, where a track has it
+_SECOND = ("viscosity", "damping")
+
+
+def assumption_lines(result: Result) -> list[str]:
+    """One line for the run, by its best track; none where nothing is known of any."""
+    known = [track for track in result.tracks.values() if track.diagnoses.get("assumptions")]
+    if not known:
+        return []
+    severities = ("good", "note", "doubtful", "invalid")
+    best = min(known, key=lambda track: (severities.index(track.verdict), _width(track)))
+    return [_line(best.diagnoses["assumptions"])]
+
+
+def _width(track: TrackResult) -> float:
+    """Relative combined uncertainty of what is looked at first."""
+    shares = [found.combined / abs(found.value) for found in track.parameters.values() if found.value]
+    return shares[0] if shares else float("inf")
+
+
+def _line(table: Mapping[str, Any]) -> str:
+    """The assumptions of one track: those that scale, then those that are yes or no."""
+    values = dict.fromkeys(name for shares in table["percent"].values() for name in shares)
+    first = next((name for name in _FIRST if name in values), next(iter(values)))
+    second = next((name for name in _SECOND if name in values), None)
+    scales = list(_scales(table["percent"], first, second))
+    both = first if second is None else f"{first}/{second}"
+    others = ", ".join(_conditions(table, first))
+    return f"on trust, % of {both} for 1 % of it: {', '.join(scales)}; {others}"
+
+
+def _scales(percent: Mapping[str, Mapping[str, float]], first: str, second: str | None) -> Iterator[str]:
+    """Name and effects of each number, the largest first; the second value is said where it differs."""
+    sizes = {
+        name: [abs(shares.get(value, 0.0)) for value in (first, second) if value] for name, shares in percent.items()
+    }
+    for name, shown in sorted(sizes.items(), key=lambda item: -max(item[1])):
+        if max(shown) > _LEAST:
+            texts = list(dict.fromkeys(f"{share:.1f}" for share in shown))
+            yield f"{_WORDS.get(name, name.replace('_', ' ').replace('.', ' '))} {'/'.join(texts)}"
+
+
+def _conditions(table: Mapping[str, Any], first: str) -> Iterator[str]:
+    """What is no number of the pipeline, each with the size at which it begins to matter."""
+    stiffness, thick = table.get("rigid_above", {}).get(first), table.get("half_space_above")
+    yield "rigid mount" + (f" ({_rounded(1e-3 * stiffness)} N/mm: 1 %)" if stiffness else "")
+    yield "flat, level skin"
+    if thick:
+        yield f"thick specimen ({_rounded(1e3 * thick)} mm: 5 %)"
+    if "frequency" in table:
+        yield f"{table['frequency']:.2g} Hz only"
+
+
+def _rounded(number: float) -> str:
+    """A positive number to two digits, without a power of ten.
+
+    >>> _rounded(206.1), _rounded(0.0234)
+    ('210', '0.023')
+    """
+    return f"{float(f'{number:.2g}'):g}"

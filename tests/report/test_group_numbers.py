@@ -1,0 +1,21 @@
+"""The mean of a group of runs carries what the runs have in common."""
+
+from types import SimpleNamespace
+
+from palpate_report.comparison_report import _statistics
+from palpate_report.group_numbers import common_of
+
+
+def run(value, systematic=2e3, verdict="good"):
+    numbers = {"value": value, "std": 100.0, "combined": 2.1e3, "systematic": systematic, "unit": "Pa"}
+    tracks = {"dr/fit": {"verdict": verdict, "parameters": {"elasticity": numbers}}}
+    return SimpleNamespace(group="soft", tracks=tracks)
+
+
+def test_the_mean_of_runs_carries_their_common_part():
+    runs = [run(112e3), run(112.4e3), run(111.6e3), run(112e3), run(50e3, 9e3, "invalid")]
+    assert common_of(runs, "soft", "dr/fit", "elasticity") == 2e3
+    row = _statistics(runs, "soft", "dr/fit", "elasticity", "Pa")
+    assert row["mean"] == "112.0 ± 2.0"  # scatter alone: 0.16
+    assert (row["count"], row["unit"]) == (4, "kPa")
+    assert common_of([run(1.0, None)], "soft", "dr/fit", "elasticity") == 0.0
