@@ -73,7 +73,7 @@ MORE = {  # what a command wants besides
     "info": ["--suggest"],
     "plot": ["time"],
     "fit choose": ["--models", "dr,kelvin-voigt"],
-    "reproduce": ["eq:model_unc"],
+    "reproduce": ["app:correction_factor"],
 }
 ENDINGS = {"log export": "out.csv", "log recover": "out.mcap"}
 KINDS = ("log", "run", "bare")

@@ -54,7 +54,7 @@ def record_delay(file: Path, pipeline: dict[str, Any]) -> RecordDelay:
     table = np.loadtxt(file, delimiter=",", usecols=[column["column"] for column in columns])
     height = table[:, 0] * to_si(f"1 {columns[0]['unit']}", "m")
     force = table[:, 1] * to_si(f"1 {columns[1]['unit']}", "N")
-    time = np.arange(len(height)) * step
+    time: Floats = np.arange(len(height), dtype=np.float64) * step
     place = CubicSpline(time, sosfiltfilt(butter(4, _BANDS[-1], fs=1.0 / step, output="sos"), height))
     bands = [_of_band(place, time, force, mass, band) for band in _BANDS]
     together = float(np.median([late + viscous for late, viscous, _ in bands]))
