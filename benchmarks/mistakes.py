@@ -130,7 +130,7 @@ noise 0.05 N, 5 um and 0.67 mm/s; the approach through air and the way out are i
 - **covered**: further off, but within two of the stated uncertainties
 - **told**: the verdict is doubtful or invalid, or the record is refused
 - **silent**: beyond two uncertainties, and the verdict is good
-- **false alarm**: doubtful, though both values are within one uncertainty and 5 %
+- **false alarm**: doubtful, though both values are within 2 %
 
 *shown* is how many standard deviations the record differs from the best that the declared model makes of it: the root
 of twice the logarithm of the likelihood ratio of the truth to the declared model, by force and by velocity. Below 3

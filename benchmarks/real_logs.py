@@ -92,7 +92,7 @@ def runs(folder: Path, scratch: Path) -> dict[str, str]:
         for declared, timing in (("timing declared", ', uncertainty = "0.5 ms"'), ("timing not declared", "")):
             point = POINT.format(file=file, radius=radius, motion=motion, force=force, timing=timing)
             texts[f"{name}, {declared}"] = point + ESTIMATORS
-    for name, columns in (("ur3e_load_unload_soft_1", (3, 4, 5, 1)), ("foam_white_1_p", (2, 4, 5, -1))):
+    for name, columns in (("ur3e_load_unload_soft_1", (3, 4, 5, -1)), ("foam_white_1_p", (2, 4, 5, -1))):
         bag = scratch / f"{name}.db3"
         with gzip.open(folder / "rosbag2" / f"{name}.db3.gz") as packed, bag.open("wb") as whole:
             shutil.copyfileobj(packed, whole)

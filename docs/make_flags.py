@@ -22,6 +22,9 @@ the force) counts by the effect of that default, not by its absence.
 
 **One cause, one flag.** Some codes are signs of what another flag names: they raise that flag, and stand under its
 `evidence`. The terminal shows at most three flags of a track, those that move a value most.
+
+What is flagged on real logs, and whether it is true: [measured](flags-real-logs.md). What is said of 99 mistakes of
+laboratories: [measured](flags-measured.md).
 """
 
 

@@ -14,7 +14,7 @@ from laboratory.motion import RATE
 from laboratory.palpation import Palpation
 from laboratory.sensing import Log, make_log
 
-RIGHT, NEAR = 0.02, 0.05  # of a value
+RIGHT = 0.02  # of a value
 SHOWN = 3.0  # standard deviations
 OUTCOMES = ("right", "covered", "told", "silent", "false alarm")
 MASS = 0.14  # [kg] as declared
@@ -24,19 +24,19 @@ def outcome(track: Mapping[str, Any], truth: tuple[float, float]) -> str:
     """What a track's result is, by its values, their combined uncertainties and its verdict.
 
     right: within 2 %, without doubt. covered: further off, but within two stated uncertainties. told: doubtful or
-    invalid. silent: beyond both, without doubt. false alarm: doubtful, and every value within one uncertainty and 5 %.
+    invalid. silent: beyond both, without doubt. false alarm: doubtful, and both values within 2 %.
     """
     found = [track["parameters"][name] for name in ("elasticity", "viscosity")]
     doubt = track["verdict"] in ("doubtful", "invalid")
     if any(one["value"] is None or one["combined"] is None for one in found):
         return "told" if doubt else "silent"
     errors = [abs(one["value"] - true) for one, true in zip(found, truth, strict=True)]
-    spreads = [one["combined"] for one in found]
     if doubt:
-        good = all(e <= min(u, NEAR * t) for e, u, t in zip(errors, spreads, truth, strict=True))
+        good = all(e <= RIGHT * true for e, true in zip(errors, truth, strict=True))
         return "false alarm" if good else "told"
     if all(e <= RIGHT * true for e, true in zip(errors, truth, strict=True)):
         return "right"
+    spreads = [one["combined"] for one in found]
     within = all(e <= max(2 * u, RIGHT * t) for e, u, t in zip(errors, spreads, truth, strict=True))
     return "covered" if within else "silent"
 

@@ -113,15 +113,18 @@ def test_point_palpations_give_what_least_squares_gives(
 
 
 @pytest.mark.parametrize("estimator", ["casadi-fit", "ekf"])
-def test_a_small_lack_of_fit_is_not_made_large_by_what_hardly_explains_it(authors_log, tmp_path, estimator):
-    """A pattern over phase of 2 % of the noise: fast branches of memory, or a drift, would move E by 37 %."""
+def test_a_slow_memory_is_found_without_a_standstill_and_the_uncertainty_holds_the_dynamometer(
+    authors_log, tmp_path, estimator
+):
+    """A quarter of the residual's variance hangs together for longer than a channel does; branches take most of it."""
     (tmp_path / "point.toml").write_text(authors_log("d10mm_soft") + POINT.replace("casadi-fit", estimator))
     track = run_pipeline(load_pipeline(tmp_path / "point.toml"), tmp_path / "out").tracks["dr/fit"]
     assert "lack-of-fit" in all_codes(track)
-    elasticity, viscosity = track.parameters["elasticity"], track.parameters["viscosity"]
+    elasticity = track.parameters["elasticity"]
     assert elasticity.value == pytest.approx(127.2e3, rel=0.01)
-    assert 0.01 < elasticity.combined / elasticity.value < 0.03
-    assert viscosity.combined / viscosity.value < 0.25
+    assert abs(elasticity.value - 112.5e3) < 2 * elasticity.combined  # by the dynamometer
+    assert elasticity.combined / elasticity.value < 0.25
+    assert "likely memory" in str(next(flag for flag in track.flags if flag.code == "lack-of-fit"))
 
 
 @pytest.fixture

@@ -113,6 +113,25 @@ def test_a_keeper_keeps_the_same_samples_however_they_are_cut():
     assert len(kept[0][1][0]) == np.count_nonzero(~contact)
 
 
+def test_a_keeper_keeps_the_air_after_the_last_contact_however_it_is_cut():
+    n = 9000
+    time = np.arange(n) / 500.0
+    contact = ((time > 1.0) & (time < 3.0)) | ((time > 5.0) & (time < 6.0))
+    force = np.random.default_rng(0).standard_normal(n)
+    samples = Samples(np.arange(n), time, np.full(n, 0.002), force, force, force, contact, contact)
+    kept = []
+    for ends in ([n], [1, 700, 2501, 2502, 3100, 8000, n], [*range(331, n, 331), n]):
+        keeper, begin = Keeper(), 0
+        for end in ends:
+            keeper.add(samples[begin:end], Estimates.idle(samples[begin:end], 2))
+            begin = end
+        kept.append(keeper.air_after)
+    after = np.flatnonzero(time >= 6.0)[:4096]
+    for air in kept:
+        np.testing.assert_array_equal(air, [time[after], force[after], force[after]])
+    assert Keeper().air_after.shape == (3, 0)
+
+
 @pytest.mark.parametrize("estimator", [CasadiFit(), KinematicFilter(), KinematicSmoother(), ExtendedKalmanFilter()])
 @pytest.mark.parametrize("colour", [0.0, 0.8])
 def test_a_clean_record_is_not_flagged(evidence, estimator, colour):

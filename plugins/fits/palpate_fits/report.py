@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -284,7 +285,9 @@ def _flags(judged: _FitWithUncertainty, total: Floats) -> Iterator[Flag]:
         if judged.held[j]:
             by_force = names[place] == "surface" and fit.settings.force_uncertainty is not None
             what = "where the measured force leaves force_uncertainty" if by_force else "a bound"
-            yield Flag("at-bound", f"{names[place]} is at {what}, {x[place]:.5g} {fit.unknowns.items[place].unit}")
+            text = f"{names[place]} is at {what}, {x[place]:.5g} {fit.unknowns.items[place].unit}"
+            own = any(parameter.name == names[place] for parameter in fit.problem.model.parameters)
+            yield Flag("at-bound", text, effects={names[place]: math.inf} if own else None)
     yield from _misfit(fit, found)
     for name in judged.identifiability["without_effect"]:
         yield Flag("not-identifiable", f"{name} has no effect on the force in this record")

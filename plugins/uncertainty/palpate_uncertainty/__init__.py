@@ -20,6 +20,7 @@ def palpate_diagnoses() -> dict[str, Diagnosis]:
         "budget": Diagnosis("palpate_uncertainty.uncertainty_budget:budgets", order=10, quick=True),
         "thickness": Diagnosis("palpate_uncertainty.other_geometries:other_geometries", order=10, quick=True),
         "late-force": Diagnosis("palpate_uncertainty.delay.late_force:late_force", order=10, quick=True, lost=True),
+        "commanded-motion": Diagnosis("palpate_uncertainty.delay.commanded_motion:commanded_motion", order=10),
         # Settles what the budget states of undeclared timing.
         "self-timed": Diagnosis("palpate_uncertainty.delay.delay_from_motion:diagnose_delay", order=11),
         "lack-of-fit": Diagnosis("palpate_uncertainty.lack_of_fit:lack_of_fit"),

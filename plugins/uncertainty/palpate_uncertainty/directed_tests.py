@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from palpate import Floats
@@ -12,31 +13,41 @@ from palpate_uncertainty.chi_square import chance_of_more
 from palpate_uncertainty.model_alternatives import Refit
 
 _CLIPPED = 6.0  # standard deviations; what is beyond is an outlier
-_NEARLY = 10.0  # of twice the logarithm of the likelihood, within which an alternative explains as well as the best
+_NEARLY = 10.0  # of BIC, within which an alternative explains as well as the best
 
 
-def directed_tests(base: Refit, others: Iterable[Refit], runs: Runs, null: Null) -> Mapping[str, tuple[float, float]]:
-    """By reason: p of what an alternative takes from the residual, and the share of the variance that it takes.
+@dataclass(frozen=True)
+class DirectedTest:
+    """What one alternative takes from the residual of a model."""
+
+    p: float
+    share: float  # of the variance
+    bic: float  # less than that of the model, by so much
+
+
+def directed_tests(base: Refit, others: Iterable[Refit], runs: Runs, null: Null) -> dict[str, DirectedTest]:
+    """By reason, the test of each alternative that adds numbers to the model.
 
     Under the model an alternative of m more numbers takes a chi square of m degrees of freedom from the sum of squares
     of the whitened residuals over their variance (Wilks 1938). A pattern below the noise of single samples, which means
     over bins or lags miss, shows so. The variance of slow means that the null does not know divides it.
     """
     left = _whitened(base.residual, runs, null)
-    found = {}
+    n, found = max(len(left), 1), {}
     for other in others:
         if other.reason and other.extra:
             less = _whitened(other.residual, runs, null)
             power = max(float(np.mean(less**2)), 1e-300)
             gain = max(float(np.sum(left**2)) / power - len(left), 0.0) / null.excess
-            found[other.reason] = chance_of_more(other.extra, gain), gain * null.excess / max(len(left), 1)
+            bic = gain - other.extra * float(np.log(n))
+            found[other.reason] = DirectedTest(chance_of_more(other.extra, gain), gain * null.excess / n, bic)
     return found
 
 
-def near_best(found: Mapping[str, tuple[float, float]], samples: int) -> list[str]:
+def near_best(found: Mapping[str, DirectedTest]) -> list[str]:
     """The reasons that explain a record nearly as well as the best of them."""
-    most = max((share for _, share in found.values()), default=0.0)
-    return [reason for reason, (_, share) in found.items() if samples * (most - share) < _NEARLY]
+    most = max((test.bic for test in found.values()), default=0.0)
+    return [reason for reason, test in found.items() if most - test.bic < _NEARLY]
 
 
 def _whitened(residual: Floats, runs: Runs, null: Null) -> Floats:

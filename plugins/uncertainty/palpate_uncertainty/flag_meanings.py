@@ -74,9 +74,11 @@ _MODEL = {
 _RIG = {
     "delay-unclear": _doubtful(
         "The delay between force and motion is not known to what a value needs.",
-        "Calibrate the delay (`palpate calibrate`), or declare it with its uncertainty in [alignment].",
+        "Calibrate the delay (`palpate calibrate`), or declare it with its uncertainty in [alignment]; log the "
+        "measured pose, not the command.",
     ),
     "timing-undeclared": _sign("delay-unclear", "No uncertainty of the time between force and motion is declared."),
+    "commanded-motion": _sign("delay-unclear", "The position has no noise of a sensor: it may be the command."),
     "self-timed": _sign("delay-unclear", "The motion determines the delay of the force, law by law."),
     "delay-by-law": _sign("delay-unclear", "The record prefers a law other than the model's, with another delay."),
     "not-distinguishable-from-delay": _sign(
@@ -109,7 +111,7 @@ _RIG = {
         'Set thickness of the model: { height = "22 mm", bonded = false }, or "half-space" where it is thick.',
     ),
     "one-frequency": _note(
-        "At one frequency a fast-fading stiffness looks like viscosity; here it could be more than half of it.",
+        "At one frequency a fast-fading stiffness looks like viscosity; here it could be more than a tenth of it.",
         "Palpate at several frequencies, or call it the viscosity at this frequency.",
     ),
 }

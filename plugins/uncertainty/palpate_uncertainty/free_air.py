@@ -119,7 +119,7 @@ def _with_motion(track: TrackEvidence, found: _Motion, course: Along) -> Iterato
 def _moved_zero(track: TrackEvidence, end: TrackEnd, course: Along) -> Iterator[Flag]:
     """A force after the contact that is not the one before it: by drift, or a tare that was taken in contact."""
     force, _, _ = _inertia_free(track, _far(track, _Air(*track.air_after)))
-    if "tare" in end.included or len(force) < _ENOUGH:
+    if _estimates_zero(track, end) or len(force) < _ENOUGH:
         return
     zero, error = float(np.mean(force)), _error_of_mean(force)
     if abs(zero) < _SURE * error:
@@ -127,6 +127,13 @@ def _moved_zero(track: TrackEvidence, end: TrackEnd, course: Along) -> Iterator[
     shifts = per_newton(course)
     text = f"after the contact the force is {zero:+.2g} +- {error:.1g} N, where it should be none"
     yield Flag("force-in-air", text, effects=_named(track, None if shifts is None else zero * shifts))
+
+
+def _estimates_zero(track: TrackEvidence, end: TrackEnd) -> bool:
+    """Whether the zero of the force is an unknown of the estimator."""
+    if track.report is None:
+        return "tare" in end.included
+    return any(unknown.free and name == "bias" for name, unknown in track.report.unknowns.items())
 
 
 def _adhesion(track: TrackEvidence, by_motion: _Motion, course: Along) -> Iterator[Flag]:

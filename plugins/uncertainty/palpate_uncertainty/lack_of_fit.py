@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from palpate import Diagnosed, Flag, Floats, TrackEvidence
 
 from palpate_uncertainty.channel_noise import ENOUGH, WHITE, Null, null_of
-from palpate_uncertainty.directed_tests import directed_tests, near_best
+from palpate_uncertainty.directed_tests import DirectedTest, directed_tests, near_best
 from palpate_uncertainty.model_alternatives import Refit, alternatives, refit
 from palpate_uncertainty.refit import Course, hesitation_samples, make_course, possible, runs_of, sweeps
 from palpate_uncertainty.running_in import SteadyPart, steady_part
@@ -74,19 +74,19 @@ class _NullBase:
         return list(alternatives(self.course, self.fit, self.frequency))
 
     @cached_property
-    def directed(self) -> dict[str, tuple[float, float]]:
-        """By reason, p of what it explains that the model does not, and its share of the variance; see LEVEL."""
+    def directed(self) -> dict[str, DirectedTest]:
+        """By reason, what it explains that the model does not; nothing that the noise of the motion makes."""
         if self.course.model.memory:
             return {}
         runs, power = self.course.runs[self.course.used], float(np.var(self.fit.residual))
         made = self.course.motion_noise(self.fit.theta, self.fit.surface)
         found = directed_tests(self.fit, self.others, runs, self.null)
-        return {reason: pair for reason, pair in found.items() if pair[1] * power > _BY_MOTION * made}
+        return {reason: test for reason, test in found.items() if test.share * power > _BY_MOTION * made}
 
     @property
     def p(self) -> float:
         """Of the directed tests as a family."""
-        return min((1.0, *(len(self.directed) * p for p, _ in self.directed.values())))
+        return min((1.0, *(len(self.directed) * test.p for test in self.directed.values())))
 
     def by_motion(self, found: WhitenessTest, power: float) -> WhitenessTest:
         """Findings on residuals of this power [N^2]: nothing where the noise of the motion makes such a pattern."""
@@ -228,7 +228,7 @@ def _explained(track: TrackEvidence, found: WhitenessTest, base: _NullBase) -> D
     left = _left(others, first)
     removing = [other for other, test in others if _removes(test, first)]
     if first.p >= LEVEL and base.p < LEVEL:  # too faint for any test but one that knows where to look
-        near = near_best(base.directed, len(base.fit.residual))
+        near = near_best(base.directed)
         removing += [other for other in base.others if other.reason in near]
     if slow := [other for other in removing if _is_allowed_drift(track, base, other)]:
         terms = dict(zip(names, _shifts(track, slow).tolist(), strict=True))
@@ -245,7 +245,7 @@ def _explained(track: TrackEvidence, found: WhitenessTest, base: _NullBase) -> D
         shifts = np.maximum(shifts, np.abs(steady.fit.theta - track.values))
     effects = shifts / np.maximum(np.abs(track.values), 1e-300)
     table = dict(_table(found).table) | {
-        "directed": {reason: p for reason, (p, _) in base.directed.items()},
+        "directed": {reason: test.p for reason, test in base.directed.items()},
         "effect": dict(zip(names, (100.0 * effects).tolist(), strict=True)),  # per cent
         "reasons": reasons,
         "explained": bool(removing),

@@ -16,6 +16,7 @@ _DEEPER = 1e-6  # [m], for slopes
 _LATEST = 0.02  # [s]
 _MOST = 3000  # samples that a refit looks at
 _FARTHEST = 0.02  # [m] that the surface may move
+_HEAVIEST = 10.0  # [kg]
 _SOFTEST = 1e3  # [N/m] of arm and base
 _TOO_MUCH = 1e6  # [N]
 
@@ -99,12 +100,12 @@ def refit(course: Course, theta: Floats, surface: float, make: Maker = no_change
 
 
 def alternatives(course: Course, base: Refit, frequency: float | None = None) -> Iterator[Refit]:
-    """Refits of all that the residual may show to be wrong; for a model with memory of its own only timing and drift.
+    """Refits of all that the residual may show to be wrong; of a model with memory only timing, drift and mass.
 
     `frequency` [Hz] is that of a motion that oscillates with one.
     """
     elastic = [i for i, parameter in enumerate(course.model.parameters) if parameter.role == "elastic"]
-    makers: list[Maker] = [_timing, _drift]
+    makers: list[Maker] = [_timing, _drift, _mass]
     shape = _shape(course, base) if elastic and not course.model.memory else None
     if shape is not None:
         makers += [
@@ -156,6 +157,17 @@ def _compliance(course: Course, base: Refit) -> ModelAlternative:
         (0.0,),
         (0.0,),
         (1.0 / _SOFTEST,),
+    )
+
+
+def _mass(course: Course) -> ModelAlternative:
+    """Another mass behind the sensor than was taken off."""
+    return ModelAlternative(
+        "mass",
+        lambda theta, surface, x: course.forces(theta, surface) + x[0] * course.acceleration,
+        (0.0,),
+        (-_HEAVIEST,),
+        (_HEAVIEST,),
     )
 
 

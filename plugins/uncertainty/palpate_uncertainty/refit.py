@@ -18,6 +18,7 @@ _GAP = 2.5  # of the usual interval
 APART = 1e-3  # [m] sideways, from which on it is a sweep
 _WINDOWS = (5, 9, 15, 25, 41)  # samples
 _BENT = 0.1  # of the noise that smoothing may take from the signal
+_CORNER = 4.0  # standard deviations of a mean over the window
 
 
 @dataclass(frozen=True)
@@ -127,11 +128,12 @@ def make_course(track: TrackEvidence, used: NDArray[np.bool_]) -> Course:
         span = np.where(whole, kept.time[2 * k :] - kept.time[: -2 * k], np.nan)
         acceleration[k:-k] = change / span
     force = kept.force - (track.tip_mass or 0.0) * np.nan_to_num(acceleration)
-    (height, height_noise), (rate, rate_noise) = _quiet(kept.position, runs), _quiet(-kept.velocity, runs)
+    height, height_noise, corners = _quiet(kept.position, runs)
+    rate, rate_noise, jerks = _quiet(-kept.velocity, runs)
     # Not the slope that the inertia is taken off by: its noise would make a force that is late.
     smooth = _slopes(rate, kept.time, runs)
     known = np.isfinite(force) & np.isfinite(kept.position) & np.isfinite(kept.velocity) & np.isfinite(acceleration)
-    known &= ~hesitation_samples(track)
+    known &= ~hesitation_samples(track) & ~corners & ~jerks
     first, last = (float(kept.time[0]), float(kept.time[-1])) if len(kept.time) else (0.0, 0.0)
     return Course(
         track.model, kept.time, force, height, np.nan_to_num(rate), np.nan_to_num(smooth), runs, used & known,
@@ -149,24 +151,27 @@ def _slopes(values: Floats, time: Floats, runs: Runs) -> Floats:
     return np.concatenate(slopes) if len(values) else values
 
 
-def _quiet(values: Floats, runs: Runs) -> tuple[Floats, float]:
-    """Heights or rates (n,) by local cubics over a symmetric window, and the standard deviation of the noise left.
+def _quiet(values: Floats, runs: Runs) -> tuple[Floats, float, NDArray[np.bool_]]:
+    """Heights or rates (n,) by local cubics over a symmetric window, the noise left, and where the motion is bent.
 
     A noisy regressor takes from what it multiplies (a viscosity by the noise of the rate over its mean square), and the
     residual shows that as a pattern over phase. The window is the longest, of at most 41 samples, that takes less from
-    the signal than a tenth of the noise.
+    the signal than a tenth of the noise. Where the motion has a corner, it takes more of it: (n,) of the samples by it.
     """
     third = np.diff(values, 3)
     third = third[np.isfinite(third)]
     noise = float(np.sqrt(np.mean(third**2) / 20.0)) if len(third) else 0.0
     if noise == 0.0 or not np.isfinite(values).all():
-        return values, 0.0
+        return values, 0.0, np.zeros(len(values), bool)
     pieces = np.split(values, np.flatnonzero(np.diff(runs)) + 1)
-    smooth, left = values, 0.0
+    smooth, left, corners = values, 0.0, np.zeros(len(values), bool)
     for width in _WINDOWS:
         tried = np.concatenate([local_cubic(p, width) if len(p) >= width else p for p in pieces])
         taken = np.convolve(values - tried, np.ones(width) / width, "valid")  # what is slow in it was signal
         if float(np.mean(taken**2)) > (_BENT**2 + 2.0 / width) * noise**2:
             break
         smooth, left = tried, noise * float(np.linalg.norm(cubic_weights(width)))
-    return np.asarray(smooth), left
+        bent = np.convolve(values - tried, np.full(width, 1.0 / width), "same")
+        corners = np.abs(bent) > _CORNER * noise / np.sqrt(width)
+        corners = np.convolve(corners, np.ones(width), "same") > 0.5
+    return np.asarray(smooth), left, np.asarray(corners)

@@ -17,6 +17,7 @@ LAGS, PHASES, BLOCKS, DEPTHS = 50, 32, 20, 10
 # Lags that say nothing of the model: the tip's inertia is taken off by a slope of the velocity over 11 samples, which
 # an arm that is commanded unevenly does not follow, and readings between two samples are shared by both.
 _NEAR = 10
+_BLOCK_LAGS = 20  # blocks of `_NEAR` samples, where no standstill tells the channel's own memory
 _FEWEST = 8  # samples of a bin, for its mean to be nearly normal
 _CLIPPED = 6.0  # standard deviations; what is beyond is an outlier, which is flagged as such
 _SHARE = 0.5  # of the motion's variance in one line of its spectrum, from which on it oscillates
@@ -45,6 +46,7 @@ def whiteness_tests(
     and the sums of means by `null.excess`.
     Sources: Bartlett 1946; Ljung and Box 1978; Holm 1979.
     """
+    known_runs = runs
     white, known = null.whitened(values, runs)
     white, runs, time, depth = white[known], runs[known], time[known], depth[known]
     scale = float(np.median(np.abs(white - np.median(white)))) * 1.4826 if len(white) else 0.0
@@ -53,7 +55,9 @@ def whiteness_tests(
     white = np.clip(white, -_CLIPPED * scale, _CLIPPED * scale)
     white = white / np.sqrt(np.mean(white**2))
     tests, patterns = {}, {}
-    if null.source != "residual":  # whitened by themselves, they have no memory left to test
+    if null.source == "residual":  # whitened by themselves they have no memory left to test
+        tests["memory"], patterns["memory"] = _slow_memory(values, known_runs)
+    else:
         tests["memory"], patterns["memory"] = _memory(white, runs, null)
     order = np.argsort(np.argsort(depth, kind="stable"), kind="stable")
     bins = {"time": (np.arange(len(white)) * BLOCKS // len(white), BLOCKS)}
@@ -90,6 +94,30 @@ def _memory(white: Floats, runs: Runs, null: Null) -> tuple[float, float]:
     if len(null.coefficients):
         total /= 1.0 + n / max(null.samples, 1)
     return float(chance_of_more(LAGS, total)), float(np.sqrt(max(2.0 * (total - LAGS), 0.0) / (n * LAGS)))
+
+
+def _slow_memory(values: Floats, runs: Runs) -> tuple[float, float]:
+    """As `_memory` of values that nothing at rest is known of: of the means of blocks, but for neighbouring ones.
+
+    A channel hangs together for some samples, and no noise at rest says for how many: what hangs together for longer
+    than two blocks of 10 samples is not the channel.
+    """
+    blocks = np.flatnonzero(runs[_NEAR - 1 :: _NEAR] == runs[: len(runs) - _NEAR + 1 : _NEAR])
+    means = values[: len(values) // _NEAR * _NEAR].reshape(-1, _NEAR).mean(axis=1)[blocks]
+    means = means[np.isfinite(means)]
+    if len(means) < 4 * _BLOCK_LAGS:
+        return 1.0, 0.0
+    scale = float(np.median(np.abs(means - np.median(means)))) * 1.4826
+    means = np.clip(means - means.mean(), -_CLIPPED * scale, _CLIPPED * scale)
+    n, power = len(means), max(float((means**2).sum()), 1e-300)
+    shares = [float((means[lag:] * means[:-lag]).sum()) / power for lag in range(1, _BLOCK_LAGS + 2)]
+    total = sum(n * (n + 2.0) / (n - lag) * share**2 for lag, share in enumerate(shares[1:], start=2))
+    total /= 1.0 + 2.0 * shares[0] ** 2
+    of_all = float(np.var(means)) / max(float(np.nanvar(values)), 1e-300)
+    return (
+        float(chance_of_more(_BLOCK_LAGS, total)),
+        of_all * float(np.sqrt(max(2.0 * (total - _BLOCK_LAGS), 0.0) / (n * _BLOCK_LAGS))),
+    )
 
 
 def _means(white: Floats, bins: NDArray[np.int64], count: int, excess: float) -> tuple[float, float]:

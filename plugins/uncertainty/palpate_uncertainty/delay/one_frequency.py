@@ -14,7 +14,7 @@ from palpate_uncertainty.force_sensitivity import along
 from palpate_uncertainty.whiteness import oscillation
 
 FADING = 0.1  # of the stiffness
-_MATTERS = 0.5  # of a viscosity
+_MATTERS = 0.1  # of a viscosity
 
 
 def one_frequency(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
@@ -29,7 +29,7 @@ def one_frequency(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
 
 
 def _said(track: TrackEvidence, table: Mapping[str, Any]) -> Diagnosed:
-    """The table, and a flag where it is more than half of the value."""
+    """The table, and a flag where it is more than a tenth of the value."""
     values = {p.name: v for p, v in zip(track.model.parameters, track.values.tolist(), strict=True)}
     parts = [
         f"{100 * FADING:.0f} % of the stiffness fading within {1e3 * table['time']:.2g} ms would look like "
