@@ -73,7 +73,7 @@ MORE = {  # what a command wants besides
     "info": ["--suggest"],
     "plot": ["time"],
     "fit choose": ["--models", "dr,kelvin-voigt"],
-    "reproduce": ["eq:model_unc"],
+    "reproduce": ["app:correction_factor"],
 }
 ENDINGS = {"log export": "out.csv", "log recover": "out.mcap"}
 KINDS = ("log", "run", "bare")
@@ -333,7 +333,7 @@ def test_pipelines_in_the_folder_of_a_paper_are_not_named(palpate, tmp_path, roo
     (paper / "pipelines" / "point.toml").write_text(text)
     (paper / "items" / "one.toml").write_text(
         'label = "one"\ntitle = "One"\n[[published]]\nrow = "E"\nquantity = "elasticity"\nunit = "kPa"\nvalue = 1.0\n'
-        'tolerance = 0.1\nreason = "none"\nsource = "simulated"\npipeline = "point.toml"\ntrack = "dr/ekf"\n'
+        'source = "simulated"\npipeline = "point.toml"\ntrack = "dr/ekf"\n'
     )
     done = palpate("reproduce", "--paper", paper, "--out", tmp_path / "out")
     assert done.returncode == 2

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping, Sequence
+from decimal import Decimal
 from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
@@ -13,10 +15,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 HERE = Path(__file__).parent
 
-FLAG = "flag "
-
 T = TypeVar("T", bound=BaseModel)
-Source = Literal["recording", "simulated", "self-consistency", "arithmetic"]
+Source = Literal["recording", "simulated", "arithmetic"]
 
 
 class _Strict(BaseModel):
@@ -24,7 +24,11 @@ class _Strict(BaseModel):
 
 
 class AuthorsRecording(_Strict):
-    """A public file of the paper's authors, with the delays that its time-stamps do not contain."""
+    """A public file of the paper's authors, and what is known of the delays that it does not state.
+
+    Delays that were chosen since the published numbers come out with them are `fitted`. Only rows that are fitted, too,
+    use those; the others have the delay that the record `delay_of` tells of itself.
+    """
 
     repository: str
     commit: str
@@ -33,7 +37,15 @@ class AuthorsRecording(_Strict):
     sha256: str = Field(pattern="^[0-9a-f]{64}$")
     motion_delay: str = "0 ms"
     force_delay: str = "0 ms"
+    fitted: bool = False
+    delay_of: str = ""  # name of a recording of the same kind
     reason: str  # for the delays
+
+    @model_validator(mode="after")
+    def _told(self) -> Self:
+        if self.fitted and not self.delay_of:
+            raise ValueError("delays that were fitted to the paper need delay_of, the recording that tells one itself")
+        return self
 
     @property
     def url(self) -> str:
@@ -45,20 +57,30 @@ class PublishedNumber(_Strict):
     """One number of the paper, and how it is reproduced."""
 
     row: str  # what it is of, such as "S2, R 5 mm"
-    quantity: str  # parameter of the model, or: rss, rms, nis, lumps, or "flag CODE", which is 1 where it is raised
+    quantity: str  # parameter of the model, or: rss, rms, nis, lumps
     unit: str = ""  # as published; SI where left out
-    value: float
-    spread: float | None = None  # standard deviation as published
-    tolerance: float = Field(ge=0)  # of palpate/paper - 1
-    reason: str  # for the tolerance
+    value: Decimal  # with the digits that are printed
+    spread: float | None = None  # standard uncertainty as published
     source: Source = "recording"
+    fitted: str = ""  # which constant was chosen so that this number comes out
     shown: str = ""  # why it is shown, and not judged
+    known: str = ""  # of the reason, where it is outside
     pipeline: str = ""  # file in pipelines/
     recording: str = ""  # name in recordings.toml
     track: str = ""
     set: Mapping[str, str | float | int | bool | list[str | float]] = {}
     formula: str = ""  # of arithmetic, with the names of `given`
-    given: Mapping[str, float] = {}
+    given: Mapping[str, Decimal] = {}
+
+    @property
+    def number(self) -> float:
+        """The published value."""
+        return float(self.value)
+
+    @property
+    def possible(self) -> bool:
+        """Whether a public recording can say that it is reproduced."""
+        return self.source == "recording" and not self.fitted and not self.shown
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
@@ -77,6 +99,7 @@ class MissingNumber(_Strict):
 
     what: str
     reason: str
+    numbers: int = 0  # how many it is
 
 
 class Item(_Strict):
@@ -92,6 +115,12 @@ class Item(_Strict):
     def name(self) -> str:
         """The label without its kind: tab:visc_silic is visc_silic."""
         return self.label.partition(":")[2] or self.label
+
+
+def half_digit(value: Decimal) -> float:
+    """Half of the last digit that is printed."""
+    exponent = value.as_tuple().exponent
+    return 0.5 * 10.0**exponent if isinstance(exponent, int) else math.nan
 
 
 def load_items(paper: Path, names: Sequence[str] = ()) -> list[Item]:
@@ -114,12 +143,19 @@ def load_recordings(paper: Path) -> dict[str, AuthorsRecording]:
 
 
 def check_recordings(items: Sequence[Item], recordings: Mapping[str, AuthorsRecording]) -> None:
-    """Raise ConfigurationError where an item asks for a recording that is not described."""
+    """Raise ConfigurationError where a recording is not described, and where two rows are one number."""
+    for owner, name in [(name, recording.delay_of) for name, recording in recordings.items()] + [
+        (item.label, row.recording) for item in items for row in item.published
+    ]:
+        if name and name not in recordings:
+            raise ConfigurationError(f"{owner}: there is no recording {name!r}{suggest(name, recordings)}")
+    seen: dict[str, str] = {}
     for item in items:
         for row in item.published:
-            if row.recording and row.recording not in recordings:
-                message = f"{item.label}: there is no recording {row.recording!r}{suggest(row.recording, recordings)}"
-                raise ConfigurationError(message)
+            where = f"{item.label}: {row.row}, {row.quantity}"
+            key = row.model_dump_json(include={"quantity", "source", "fitted", "pipeline", "recording", "track", "set"})
+            if row.possible and seen.setdefault(key, where) != where:
+                raise ConfigurationError(f"{where}: is the same number as {seen[key]}")
 
 
 def _read(path: Path, kind: type[T]) -> T:
@@ -128,7 +164,7 @@ def _read(path: Path, kind: type[T]) -> T:
 
 def _tables(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text("utf-8"))
+        return tomllib.loads(path.read_text("utf-8"), parse_float=Decimal)
     except (tomllib.TOMLDecodeError, OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"{path}: {error}") from error
 

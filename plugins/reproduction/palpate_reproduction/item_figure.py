@@ -12,10 +12,10 @@ from palpate_reproduction.item_rows import Row
 
 _COLOURS = {
     "reproduced": "tab:green",
-    "checked": "tab:olive",
-    "agrees": "tab:blue",
+    "arithmetic": "tab:olive",
+    "simulated": "tab:blue",
+    "fitted": "tab:purple",
     "outside": "tab:red",
-    "shown": "0.5",
 }
 
 
@@ -27,9 +27,9 @@ def draw(item: Item, rows: Sequence[Row], path: Path) -> None:
     (axis,) = axes.ravel()
     for place, row in enumerate(known):
         published = row.published
-        if not published.shown:
-            low, high = 1 - published.tolerance, 1 + published.tolerance
-            axis.barh(place, high - low, left=low, height=0.8, color="0.9", zorder=0)
+        if row.tolerance:
+            share = row.tolerance / abs(published.number)
+            axis.barh(place, 2 * share, left=1 - share, height=0.8, color="0.9", zorder=0)
         filled = published.source in ("recording", "arithmetic")
         colour = _COLOURS.get(row.status, "0.5")
         axis.errorbar(

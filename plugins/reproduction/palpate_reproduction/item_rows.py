@@ -6,10 +6,11 @@ import contextlib
 import io
 import json
 import math
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 from palpate import PalpateError, UserError, to_si
 from palpate.host import (
@@ -28,10 +29,10 @@ from palpate_kit.jobs.job import Job
 from palpate_kit.runs.run_folder import RunFolder
 from palpate_kit.terminal.progress import progress, report_progress
 
-from palpate_reproduction.item import FLAG, AuthorsRecording, Item, PublishedNumber
-from palpate_reproduction.paper_formulas import value_of
-
-Status = Literal["reproduced", "checked", "agrees", "outside", "shown", "skipped", "failed"]
+from palpate_reproduction.item import AuthorsRecording, Item, PublishedNumber
+from palpate_reproduction.paper_formulas import rounding, value_of
+from palpate_reproduction.record_delay import RecordDelay, record_delay
+from palpate_reproduction.verdict import COMMON, Status, judge
 
 
 @dataclass(frozen=True)
@@ -42,13 +43,14 @@ class Row:
     status: Status
     value: float | None = None  # in the published unit
     std: float | None = None  # the same, combined
+    tolerance: float | None = None  # the same; None where the row is not judged
     said: str = ""  # why it was skipped, failed, or is only shown
     flags: tuple[str, ...] = ()  # codes that are more than notes
 
     @property
     def ratio(self) -> float | None:
         """palpate over paper."""
-        return None if self.value is None or not self.published.value else self.value / self.published.value
+        return None if self.value is None or not self.published.value else self.value / self.published.number
 
     @property
     def ratio_std(self) -> float | None:
@@ -56,7 +58,7 @@ class Row:
         if self.ratio is None or self.value is None:
             return None
         own = 0.0 if self.std is None or not self.value else self.std / self.value
-        theirs = (self.published.spread or 0.0) / self.published.value
+        theirs = (self.published.spread or 0.0) / self.published.number
         return abs(self.ratio) * math.hypot(own, theirs)
 
 
@@ -68,13 +70,14 @@ class Maker:
     folder: Path  # for run folders
     files: Mapping[str, Path]  # recordings on this machine
     recordings: Mapping[str, AuthorsRecording]
+    delays: dict[str, RecordDelay] = field(default_factory=dict)  # by recording, as they are asked for
     _runs: dict[str, Result | PalpateError] = field(default_factory=dict)
 
     def make_ahead(self, items: Sequence[Item], scheduler: str, stage: str | None = None) -> None:
         """Make the runs of all items on the workers of a scheduler. Raises UserError."""
         wanted: dict[str, PublishedNumber] = {}
         for published in (row for item in items for row in item.published):
-            if published.source != "arithmetic" and (not published.recording or published.recording in self.files):
+            if published.source != "arithmetic" and not self._lacking(published):
                 wanted.setdefault(_key(published), published)
         keys, jobs = {}, []
         for number, (key, published) in enumerate(wanted.items(), start=1):
@@ -100,37 +103,48 @@ class Maker:
         return [self._row(published) for published in item.published]
 
     def _row(self, published: PublishedNumber) -> Row:
-        if published.recording and published.recording not in self.files:
-            return Row(published, "skipped", said=f"{published.recording} is not here")
+        if lacking := self._lacking(published):
+            return Row(published, "skipped", said=lacking)
         try:
-            value, std, flags = self._found(published)
+            value, std, unshared, flags = self._value(published)
         except ConsentError:
             raise
         except PalpateError as error:
             return Row(published, "failed", said=str(error))
         if value is None or not math.isfinite(value):
             return Row(published, "failed", said="no usable value", flags=flags)
-        return Row(published, _judged(published, value), value, std, published.shown, flags)
+        status, tolerance = judge(published, value, unshared)
+        reasons = {"outside": published.known, "fitted": published.fitted, "shown": published.shown}
+        return Row(published, status, value, std, tolerance, reasons.get(status, ""), flags)
 
-    def _found(self, published: PublishedNumber) -> tuple[float | None, float | None, tuple[str, ...]]:
-        """Value and standard uncertainty in the published unit, and what is flagged."""
+    def _lacking(self, published: PublishedNumber) -> str:
+        """Which recording a row asks for that is not here; empty where none."""
+        if not published.recording:
+            return ""
+        if published.recording not in self.files:
+            return f"{published.recording} is not here"
+        other = "" if published.fitted else self.recordings[published.recording].delay_of
+        return f"{other}, which tells its delay, is not here" if other and other not in self.files else ""
+
+    def _value(self, published: PublishedNumber) -> tuple[float | None, float | None, float, tuple[str, ...]]:
+        """Value, combined uncertainty, the one without what is common to both numbers, and what is flagged."""
         if published.source == "arithmetic":
-            return value_of(published.formula, published.given), None, ()
+            given = {name: float(number) for name, number in published.given.items()}
+            return value_of(published.formula, given), None, rounding(published.formula, published.given), ()
         result = self._run(published)
         track = result.tracks.get(published.track)
         if track is None:
             raise UserError(f"there is no track {published.track!r}")
         flags = tuple(dict.fromkeys(f.code for f in (*result.flags, *track.flags) if f.severity != "note"))
         if published.quantity == "lumps":
-            return float(_lumps(result.folder, published.track)), None, flags
+            return float(_lumps(result.folder, published.track)), None, 0.0, flags
         if published.quantity in ("rss", "rms", "nis"):
-            return _of_residual(track, published.quantity), None, flags
-        if published.quantity.startswith(FLAG):
-            return float(published.quantity.removeprefix(FLAG) in flags), None, flags
-        found = _parameter(track, published.quantity)
-        scale = to_si(f"1 {published.unit}", found.unit) if published.unit else 1.0
-        usable = track.usable and math.isfinite(found.value)
-        return (found.value / scale if usable else None), found.combined / scale, flags
+            return _of_residual(track, published.quantity), None, 0.0, flags
+        estimate = _parameter(track, published.quantity)
+        scale = to_si(f"1 {published.unit}", estimate.unit) if published.unit else 1.0
+        usable = track.usable and math.isfinite(estimate.value)
+        value = estimate.value / scale if usable else None
+        return value, estimate.combined / scale, estimate.without(*COMMON) / scale, flags
 
     def _run(self, published: PublishedNumber) -> Result:
         key = _key(published)
@@ -155,19 +169,37 @@ class Maker:
         own = [f"{key}={_text(value)}" for key, value in published.set.items()]
         if not published.recording:
             return own
-        recording = self.recordings[published.recording]
-        delays = {
-            "force": recording.force_delay,
-            "position": recording.motion_delay,
-            "velocity": recording.motion_delay,
-        }
+        delays = self._delays(published)
         file = json.dumps(str(self.files[published.recording].resolve()))
-        return [f"device.log.file={file}", *(f"alignment.{k}.delay={v}" for k, v in delays.items()), *own]
+        return [f"device.log.file={file}", *(f"alignment.{key}={text}" for key, text in delays.items()), *own]
+
+    def _delays(self, published: PublishedNumber) -> dict[str, str]:
+        """Keys of the alignment: delays that were fitted to the paper only where the row says so."""
+        recording = self.recordings[published.recording]
+        motion, force, more = recording.motion_delay, recording.force_delay, dict[str, str]()
+        if recording.delay_of and not published.fitted:
+            told = self.delay(recording.delay_of, published)
+            motion, force = (f"{1e3 * max(late, 0.0):.3f} ms" for late in (told.delay, -told.delay))
+            more = {"force.uncertainty": f"{1e3 * told.std:.3f} ms"}
+        channels = {"force": force, "position": motion, "velocity": motion}
+        given = self._tables(published).get("alignment", {})
+        return {f"{name}.delay": delay for name, delay in channels.items() if name in given} | more
+
+    def delay(self, name: str, published: PublishedNumber) -> RecordDelay:
+        """What a recording tells of its own delay, read by the pipeline of a row."""
+        if name not in self.delays:
+            self.delays[name] = record_delay(self.files[name], self._tables(published))
+        return self.delays[name]
+
+    def _tables(self, published: PublishedNumber) -> dict[str, Any]:
+        return tomllib.loads((self.paper / "pipelines" / published.pipeline).read_text("utf-8"))
 
 
 def _key(published: PublishedNumber) -> str:
     """What rows share that are of one run."""
-    return json.dumps([published.pipeline, published.recording, dict(published.set)], sort_keys=True)
+    return json.dumps(
+        [published.pipeline, published.recording, dict(published.set), bool(published.fitted)], sort_keys=True
+    )
 
 
 def _name(number: int, published: PublishedNumber) -> str:
@@ -176,16 +208,6 @@ def _name(number: int, published: PublishedNumber) -> str:
 
 def _text(value: object) -> str:
     return value if isinstance(value, str) else json.dumps(value)
-
-
-def _judged(published: PublishedNumber, value: float) -> Status:
-    if published.shown:
-        return "shown"
-    if not abs(value - published.value) <= published.tolerance * abs(published.value) + 1e-12:
-        return "outside"
-    if published.source == "recording":
-        return "reproduced"
-    return "checked" if published.source == "arithmetic" else "agrees"
 
 
 def _parameter(track: TrackResult, name: str) -> UncertainValue:

@@ -11,10 +11,11 @@ from palpate_kit.terminal.quantities import round_number, value_with_uncertainty
 from palpate_kit.terminal.table import Table
 
 from palpate_reproduction.item import Item
-from palpate_reproduction.item_rows import Row, Status
+from palpate_reproduction.item_rows import Row
+from palpate_reproduction.verdict import Status
 
 HEADINGS = ("row", "quantity", "palpate", "paper", "ratio", "allowed\n+- %", "source", "verdict")
-_WORDS = {"skipped": "skipped", "failed": "FAILED", "outside": "OUTSIDE"}
+_WORDS = {"failed": "FAILED", "outside": "OUTSIDE"}
 
 
 def cells(row: Row) -> list[str]:
@@ -24,9 +25,9 @@ def cells(row: Row) -> list[str]:
     ratio = "-" if row.ratio is None else _number(row.ratio, row.ratio_std)
     unit = f" {published.unit}" if published.unit else ""
     verdict = _WORDS.get(row.status, row.status)
-    allowed = "" if published.shown else f"{100 * published.tolerance:g}"
+    allowed = "" if row.tolerance is None else f"{100 * row.tolerance / abs(published.number):.2g}"
     return [
-        published.row, published.quantity + unit, own, _number(published.value, published.spread), ratio, allowed,
+        published.row, published.quantity + unit, own, _number(published.number, published.spread), ratio, allowed,
         published.source, verdict,
     ]  # fmt: skip
 
@@ -41,19 +42,31 @@ def table_of(item: Item, rows: Sequence[Row]) -> Table:
     return Table.of(f"{item.label}: {item.title}", HEADINGS, lines, ("row", "quantity", "source", "verdict"))
 
 
-def tally(rows: Sequence[Row]) -> str:
-    """How many rows ended how."""
+def tally(made: Sequence[tuple[Item, Sequence[Row]]]) -> str:
+    """First how many distinct numbers are reproduced of those that can be, then how all others ended, and why.
+
+    A number that a public recording could give, and one for which there is none, are counted each by itself.
+    """
+    rows = [row for _, item_rows in made for row in item_rows]
     count = Counter(row.status for row in rows)
+    possible = sum(row.published.possible for row in rows)
+    impossible = sum(missing.numbers for item, _ in made for missing in item.missing)
     words: dict[Status, str] = {
-        "reproduced": "reproduced from recordings",
-        "checked": "of the paper's own arithmetic checked",
-        "agrees": "simulated and within tolerance, which does not count as reproduced",
         "outside": "outside of their tolerance",
+        "no test": "with a tolerance over 20 %, which is no test",
         "failed": "failed",
+        "skipped": "whose recording is not here",
+        "fitted": "to which a constant was fitted",
+        "arithmetic": "of the paper's own arithmetic that come out",
+        "simulated": "simulated",
         "shown": "shown and not judged",
-        "skipped": "skipped",
     }
-    return ", ".join(f"{count[status]} {word}" for status, word in words.items() if count[status]) or "nothing to do"
+    own = sum(row.status == "outside" and row.published.source == "arithmetic" for row in rows)
+    words["outside"] += f" ({own} of the paper's own arithmetic)" if own else ""
+    others = [f"{count[status]} {word}" for status, word in words.items() if count[status]]
+    others += [f"{impossible} not possible from public data"] if impossible else []
+    first = f"{count['reproduced']} distinct of {possible} possible numbers reproduced"
+    return first + (f"\nnot among them: {', '.join(others)}" if others else "")
 
 
 def csv_text(item: Item, rows: Sequence[Row]) -> str:
@@ -62,17 +75,17 @@ def csv_text(item: Item, rows: Sequence[Row]) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([
         "label", "row", "quantity", "unit", "palpate", "palpate_std", "paper", "paper_spread", "ratio", "ratio_std",
-        "tolerance", "reason", "source", "recording", "verdict", "flags", "said",
+        "tolerance", "source", "recording", "verdict", "flags", "said",
     ])  # fmt: skip
     for row in rows:
         p = row.published
-        numbers = [_plain(v) for v in (row.value, row.std, p.value, p.spread, row.ratio, row.ratio_std, p.tolerance)]
+        numbers = [_plain(v) for v in (row.value, row.std, p.number, p.spread, row.ratio, row.ratio_std, row.tolerance)]
         writer.writerow([
-            item.label, p.row, p.quantity, p.unit, *numbers, p.reason, p.source, p.recording, row.status,
+            item.label, p.row, p.quantity, p.unit, *numbers, p.source, p.recording, row.status,
             " ".join(row.flags), row.said,
         ])  # fmt: skip
     for missing in item.missing:
-        writer.writerow([item.label, missing.what, *[""] * 13, "not reproduced", "", missing.reason])
+        writer.writerow([item.label, missing.what, *[""] * 10, "not possible", "", missing.reason])
     return text.getvalue()
 
 

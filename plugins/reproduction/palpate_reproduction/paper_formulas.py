@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import ast
+import math
 import operator
 from collections.abc import Callable, Mapping
+from decimal import Decimal
 
 from palpate import ConfigurationError
+
+from palpate_reproduction.item import half_digit
 
 _OPERATORS: dict[type[ast.operator], Callable[[float, float], float]] = {
     ast.Add: operator.add,
@@ -23,6 +27,17 @@ def value_of(formula: str, given: Mapping[str, float]) -> float:
         return _value(ast.parse(formula, mode="eval").body, given)
     except (SyntaxError, KeyError, TypeError, ZeroDivisionError, OverflowError) as error:
         raise ConfigurationError(f"formula {formula!r}: {error}") from error
+
+
+def rounding(formula: str, given: Mapping[str, Decimal]) -> float:
+    """Standard uncertainty of a formula's value by the digits of the numbers that are given."""
+    numbers = {name: float(number) for name, number in given.items()}
+    value = value_of(formula, numbers)
+    changes = [
+        value_of(formula, numbers | {name: numbers[name] + half_digit(number)}) - value
+        for name, number in given.items()
+    ]
+    return math.hypot(*changes) / math.sqrt(3.0)
 
 
 def _value(node: ast.expr, given: Mapping[str, float]) -> float:

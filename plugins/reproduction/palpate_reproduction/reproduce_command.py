@@ -21,7 +21,7 @@ from palpate_reproduction.item_rows import Maker, Row
 from palpate_reproduction.item_table import csv_text, latex_text, table_of, tally
 from palpate_reproduction.reproduction_page import page
 
-_SHOWN = {"row", "quantity", "unit", "value", "spread", "tolerance", "source"}  # of what was published
+_SHOWN = {"row", "quantity", "unit", "spread", "source"}  # of what was published
 
 
 def reproduce(
@@ -40,18 +40,20 @@ def reproduce(
     stage: StageOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Reproduce the paper's tables and figures and compare them with the published numbers, each with its tolerance.
+    """Reproduce the paper's tables and figures, and compare them with the published numbers.
 
-    Fetches nothing: recordings that are not in the folder are named, with their source, and skipped. Results
-    from simulated data are marked and never count as reproduced. Ends with 1 where a number is outside its tolerance,
-    or could not be made.
+    A number counts if it comes from a recording, lies within twice the combined uncertainty of both, and no constant
+    was fitted to it. Fetches nothing: recordings that are not in the folder are named, with their source, and skipped.
+    Ends with 1 where a number is outside its tolerance, or could not be made.
     """
     demand_scheduler(scheduler, stage)
     paper = paper if scheduler is None else paper.resolve()
     items, known = load_items(paper, names or ()), load_recordings(paper)
     check_recordings(items, known)
-    wanted = {row.recording: known[row.recording] for item in items for row in item.published if row.recording}
-    found = files.find(data, wanted) if data is not None else {}
+    asked = {row.recording for item in items for row in item.published if row.recording}
+    asked |= {known[name].delay_of for name in asked} - {""}
+    wanted = {name: recording for name, recording in known.items() if name in asked}
+    found = files.find(data, known) if data is not None else {}
     folder = make_folder("reproduce", out, datetime.now(UTC).astimezone())
     maker = Maker(paper, folder / "runs", found, known)
     if scheduler is not None:
@@ -63,7 +65,7 @@ def reproduce(
             made.append((item, rows))
             _tell(item, rows)
             _write(folder, item, rows)
-        write_new(folder / "index.html", page(made, known))
+        write_new(folder / "index.html", page(made, known, found, maker.delays))
         lacking = {name: recording for name, recording in wanted.items() if name not in found}
         typer.echo(_summary(made, lacking))
         typer.echo(f"written to {folder}: index.html, and a CSV, LaTeX and picture of each")
@@ -80,13 +82,15 @@ def _tell(item: Item, rows: Sequence[Row]) -> None:
     table = table_of(item, rows)
     console(140).print(table.view() if rows else table.title, highlight=False, markup=False)
     for missing in item.missing:
-        typer.echo(f"not reproduced: {missing.what}: {missing.reason}")
+        typer.echo(f"not possible from public data: {missing.what}: {missing.reason}")
 
 
 def _rows(rows: Sequence[Row]) -> list[dict[str, Any]]:
     return [
         {
             **row.published.model_dump(mode="json", include=_SHOWN),
+            "value": row.published.number,
+            "tolerance": row.tolerance,
             "status": row.status,
             "found": row.value,
             "std": row.std,
@@ -107,7 +111,7 @@ def _write(folder: Path, item: Item, rows: Sequence[Row]) -> None:
 
 
 def _summary(made: Sequence[tuple[Item, Sequence[Row]]], lacking: dict[str, AuthorsRecording]) -> str:
-    lines = [tally([row for _, rows in made for row in rows])]
+    lines = [tally(made)]
     if lacking:
         lines.append(f"{len(lacking)} recordings are not here ({', '.join(lacking)}); get them from")
         lines.append(files.how_to_get(lacking.values()))
