@@ -12,6 +12,7 @@ from palpate import ADVICE
 from palpate_report.run_contents import RunContents
 
 Level = Literal["good: trust it", "doubtful: look at it", "invalid: do not use it"]
+_MISFIT = 1.5  # times the least residual of the run's tracks: what leaves more is not shown first
 LEVELS: tuple[Level, ...] = get_args(Level)  # from the best to the worst
 
 
@@ -49,7 +50,15 @@ def judge(record: RunContents) -> RunVerdict:
     tracks = [_track(name, table) for name, table in tables.items()]
     if not tracks:
         return RunVerdict(LEVELS[2], (), ("The run has no track.",))
-    best = min(tracks, key=lambda track: (LEVELS.index(track.level), _width(tables[track.track])))
+    least = min((rms for table in tables.values() if (rms := table["force_rms"]) is not None), default=0.0)
+    best = min(
+        tracks,
+        key=lambda track: (
+            LEVELS.index(track.level),
+            (tables[track.track]["force_rms"] or math.inf) > _MISFIT * least,
+            _width(tables[track.track]),
+        ),
+    )
     return RunVerdict(best.level, tuple(tracks), (), best.track)
 
 

@@ -20,8 +20,7 @@ def _sign(of: str, meaning: str) -> FlagMeaning:
 _MODEL = {
     "lack-of-fit": _doubtful(
         "The model does not describe this record to the noise of its channel.",
-        "Use a model of the named reason (thickness, memory, timing, lift-off, tip, drift), a steadier segment, or a "
-        "fit in place of a filter.",
+        "Use a model of the reason that is named, or the steady part that is; else compare models (`palpate compare`).",
     ),
     "inconsistent": _sign("lack-of-fit", "The innovations are larger or smaller than the filter expects."),
     "coloured-innovations": _sign("lack-of-fit", "Innovations correlate from sample to sample."),
