@@ -24,7 +24,8 @@ def viscosity(palpate, file, folder, *overrides):
     done = palpate("run", file, "--json", "--out", folder, "--set", 'run.tracks=["dr/kinematic"]', *overrides)
     assert done.returncode == 0, done.stderr
     track = json.loads(done.stdout)["tracks"]["dr/kinematic"]
-    return track["parameters"], [flag["code"] for flag in track["flags"]]
+    flags = [*track["flags"], *track.get("immaterial", ())]
+    return track["parameters"], [sign["code"] for flag in flags for sign in (flag, *flag.get("evidence", ()))]
 
 
 @pytest.mark.slow

@@ -84,7 +84,7 @@ def compare(
     with print_aside(as_json):
         typer.echo(f"picture: {_draw(result, reference)}\nwritten to {result.folder}, all tracks in compare.csv")
         _along(pipeline, result, points)
-    if all(any(flag.code == "failed" for flag in track.flags) for track in result.tracks.values()):
+    if any(flag.code == "failed" for track in result.tracks.values() for flag in track.flags):
         raise typer.Exit(1)
 
 
