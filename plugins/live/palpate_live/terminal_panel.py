@@ -72,6 +72,7 @@ class Watcher:
         self._beyond = {track: np.zeros(len(parameters)) for track, parameters in tracks.items()}
         self._flags: dict[str | None, tuple[Flag, ...]] = {}
         self._guard: GuardState | None = None
+        self._judged = set[str]()  # tracks of which more than the estimator's own standard deviation is known
 
     def progress(self, now: float, total: float | None, behind: float) -> None:
         """How far it is [s], of how much, and how far the estimates are behind."""
@@ -95,6 +96,7 @@ class Watcher:
         for track, found in health.get("tracks", {}).items():
             parts = found["parameters"].values()
             self._beyond[track] = np.array([beyond(part) for part in parts])
+            self._judged.add(track)
 
     def flags(self, track: str | None, flags: tuple[Flag, ...]) -> None:
         """Current flags on a track, or the record."""
@@ -126,6 +128,8 @@ class Watcher:
     def _value(self, track: str, column: int) -> str:
         (value, std), beyond = self._values[track][:, column], self._beyond[track][column]
         factor = display_unit(self._tracks[track][column].unit)[1]
+        if track not in self._judged:  # of an offline track, whose result says how well it is known
+            return f"{float(value) * factor:.4g}"
         return value_with_uncertainty(float(value) * factor, float(np.hypot(std, beyond)) * factor)
 
     def _codes(self, track: str | None) -> str:
