@@ -44,8 +44,8 @@ def weigh(flags: Sequence[Flag], values: Mapping[str, UncertainValue], registry:
         sizes[id(said)] = _size(flag, values)
         findings.append(said)
         for name in moved if flag.severity != "note" else ():
-            own = "invalid" if _leaves_nothing(flag, name, registry) else flag.severity or "doubtful"
-            by_value[name] = max(by_value[name], own, key=VERDICTS.index)
+            own: Verdict = "invalid" if _leaves_nothing(flag, name, registry) else flag.severity or "doubtful"
+            by_value[name] = VERDICTS[max(VERDICTS.index(by_value[name]), VERDICTS.index(own))]
     findings.sort(key=lambda flag: (-VERDICTS.index(flag.severity or "doubtful"), -sizes[id(flag)]))
     return WeighedFlags(tuple(findings), tuple(immaterial), by_value)
 

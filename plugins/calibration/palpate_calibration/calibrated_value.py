@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from palpate import Floats
@@ -79,7 +80,8 @@ def _beyond(values: Floats, std: Floats) -> float:
     if len(values) < 2 or surplus(0.0) <= 0:
         return 0.0
     most = float(np.ptp(values) ** 2) * len(values)
-    return float(brentq(surplus, 0.0, most, xtol=1e-12 * most))
+    root: Any = brentq(surplus, 0.0, most, xtol=1e-12 * most)
+    return float(root)
 
 
 def calibrated_value(measured: MeasuredValue) -> CalibratedValue:

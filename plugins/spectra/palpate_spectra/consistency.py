@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from palpate import Floats
@@ -65,7 +66,9 @@ def kramers_kronig(lines: Sequence[ModulusLine]) -> Consistency:
         white = np.linalg.solve(half, both)
         sizes = np.linalg.norm(white, axis=0)
         strengths[:] = nnls(white / sizes, np.linalg.solve(half, moduli))[0] / sizes
-        return Attempt(moduli - both @ strengths, both[:, strengths > 0], basis @ strengths)
+        slopes: Any = both[:, strengths > 0]
+        prediction: Any = basis @ strengths
+        return Attempt(moduli - both @ strengths, slopes, prediction)
 
     joint = fit_jointly(lines, attempt)
     # Neighbouring times share a strength: together they are one arm, of a time between theirs.

@@ -138,7 +138,7 @@ def fit_jointly(
     measured = np.array([line.shear for line in lines], np.complex128)
     alone = np.sqrt(shared_covariance(lines, measured, without).diagonal())  # of each line by itself, as a start
     found, scatter = attempt(np.diag(alone), 0), RecordingScatter()
-    between: tuple[Floats, ...] = ()
+    half, between = np.diag(alone), tuple[Floats, ...]()
     for rounds in range(1, _ROUNDS):
         shared = shared_covariance(lines, found.prediction, without)
         if recordings > 1:
