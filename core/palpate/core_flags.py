@@ -22,10 +22,6 @@ def _note(meaning: str, remedy: str) -> FlagMeaning:
     return FlagMeaning("note", meaning, remedy)
 
 
-def _sign(of: str, meaning: str) -> FlagMeaning:
-    return FlagMeaning("note", meaning, "", evidence_of=of)
-
-
 _ESTIMATE = {
     "diagnosis-failed": _structural(
         "A plugin that judges results ended in an error; its judgement is missing.",
@@ -39,7 +35,9 @@ _ESTIMATE = {
         "Nothing was estimated, for the reason that is given.",
         "Palpate for longer, or change the setting that the message names.",
     ),
-    "never-started": _sign("no-estimate", "The samples in contact were too few for the estimator to start on."),
+    "never-started": FlagMeaning.sign(
+        "no-estimate", "The samples in contact were too few for the estimator to start on."
+    ),
     "failed": _invalid(
         "The code of an estimator or a contact model raised an exception, or answered in a wrong form; none is given.",
         "Fix the plugin where the message says; parts have checks (docs: plugins/testing).",
@@ -68,19 +66,21 @@ _ESTIMATE = {
         "The filter left its range: it restarted, its depth was not positive, or its step was too long.",
         "Use a kinematic filter, or check tare, touch threshold and the noise that is declared.",
     ),
-    "depth-not-positive": _sign(
+    "depth-not-positive": FlagMeaning.sign(
         "filter-unstable", "The estimated depth was not positive although the force says that there is contact."
     ),
-    "restarted": _sign("filter-unstable", "The filter restarted from its start values."),
-    "too-stiff": _sign("filter-unstable", "The contact is too stiff for the filter's time step."),
-    "covariance-repaired": _sign("filter-unstable", "The covariance lost its positivity to rounding and was repaired."),
-    "resumed": _sign("gaps", "The estimate was carried over a pause in the samples or in the contact."),
-    "blind": _sign("gaps", "Samples lacked a measurement and were predicted only."),
+    "restarted": FlagMeaning.sign("filter-unstable", "The filter restarted from its start values."),
+    "too-stiff": FlagMeaning.sign("filter-unstable", "The contact is too stiff for the filter's time step."),
+    "covariance-repaired": FlagMeaning.sign(
+        "filter-unstable", "The covariance lost its positivity to rounding and was repaired."
+    ),
+    "resumed": FlagMeaning.sign("gaps", "The estimate was carried over a pause in the samples or in the contact."),
+    "blind": FlagMeaning.sign("gaps", "Samples lacked a measurement and were predicted only."),
 }
 
 _RECORD = {
-    "invalid": _sign("gaps", "A stream has readings that are marked invalid."),
-    "duplicates": _sign("gaps", "Time-stamps of a stream are repeated."),
+    "invalid": FlagMeaning.sign("gaps", "A stream has readings that are marked invalid."),
+    "duplicates": FlagMeaning.sign("gaps", "Time-stamps of a stream are repeated."),
     "backwards": _structural(
         "The time of a stream goes backwards.", 'Use another clock, such as time = "log", or record again.'
     ),

@@ -80,6 +80,11 @@ class FlagMeaning:
     voids: bool = False  # the values that it names are none
     evidence_of: str = ""
 
+    @classmethod
+    def sign(cls, of: str, meaning: str) -> FlagMeaning:
+        """The meaning of a sign `of` a flag, whose severity and remedy apply."""
+        return cls("note", meaning, "", evidence_of=of)
+
 
 UNREGISTERED = FlagMeaning("doubtful", "A flag that no plugin has registered.", "Ask the authors of the plugin.", True)
 
@@ -90,13 +95,13 @@ def judged_flags(flags: Iterable[Flag], meanings: Mapping[str, FlagMeaning]) -> 
     Where the other one was not raised itself, its evidence raises it. Its effects are the largest of all that are
     known, and not known where none is.
     """
-    causes: dict[str, list[Flag]] = {}
+    causes: dict[tuple[str, int | None], list[Flag]] = {}
     for place, flag in enumerate(flags):
         meaning = meanings.get(flag.code, UNREGISTERED)
-        apart = f" {place}" if meaning.severity == "note" and not meaning.evidence_of else ""  # notes are no doubts
+        is_note = meaning.severity == "note" and not meaning.evidence_of  # which is no doubt, and stands by itself
         head = meaning.evidence_of if meaning.evidence_of in meanings else flag.code
-        causes.setdefault(head + apart, []).append(flag)
-    return tuple(_one(code.partition(" ")[0], signs, meanings) for code, signs in causes.items())
+        causes.setdefault((head, place if is_note else None), []).append(flag)
+    return tuple(_one(code, signs, meanings) for (code, _), signs in causes.items())
 
 
 def _one(code: str, signs: list[Flag], meanings: Mapping[str, FlagMeaning]) -> Flag:

@@ -74,7 +74,7 @@ def test_data_in_nanonewtons_are_judged_by_their_own_noise():
 def test_an_offset_in_air_is_judged_by_the_force_that_counts_as_touch():
     def untared(air, touch):
         report = AlignmentReport({}, Tare(0.0, 0.001, touch / 5), touch, None, 1, air, 1500, 0, 0, 3.0, None)
-        return bool(list(air_force_flags(ending(record(100.0 + 0 * TIME), report), None, [])))
+        return bool(list(air_force_flags(KelvinVoigt(), ending(record(100.0 + 0 * TIME), report), None)))
 
     assert untared(0.06, 0.25)
     assert not untared(0.04, 0.25)

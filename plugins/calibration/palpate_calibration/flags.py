@@ -7,17 +7,13 @@ def _structural(meaning: str, remedy: str) -> FlagMeaning:
     return FlagMeaning("doubtful", meaning, remedy, structural=True)
 
 
-def _sign(of: str, meaning: str) -> FlagMeaning:
-    return FlagMeaning("note", meaning, "", evidence_of=of)
-
-
 CALIBRATION_FLAGS = {
     "calibration-old": _structural("The calibration is older than allowed, or from the future.", "Calibrate again."),
     "calibration-other": _structural(
         "The calibration was made with another sensor, arm or tip.", "Calibrate what is on the robot now."
     ),
-    "calibration-sensor": _sign("calibration-other", "The calibration was made with another sensor or arm."),
-    "calibration-tip": _sign("calibration-other", "The calibration was made with another tip."),
+    "calibration-sensor": FlagMeaning.sign("calibration-other", "The calibration was made with another sensor or arm."),
+    "calibration-tip": FlagMeaning.sign("calibration-other", "The calibration was made with another tip."),
     "calibration-offset": _structural(
         "The sensor was restarted after its offset was calibrated: the offset has moved.",
         "Calibrate again, or let the standstill or the free air give the tare.",
@@ -31,6 +27,10 @@ CALIBRATION_FLAGS = {
         "The tip's mass or a delay in the file contradicts the calibration.",
         "Correct one of them, or leave tip_mass or the delay out of the file.",
     ),
-    "calibration-mass": _sign("calibration-contradicted", "The tip's mass in the file contradicts the calibration."),
-    "calibration-delay": _sign("calibration-contradicted", "The delay in the file contradicts the calibration."),
+    "calibration-mass": FlagMeaning.sign(
+        "calibration-contradicted", "The tip's mass in the file contradicts the calibration."
+    ),
+    "calibration-delay": FlagMeaning.sign(
+        "calibration-contradicted", "The delay in the file contradicts the calibration."
+    ),
 }

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 from palpate import FlagMeaning
 
-
-def _sign(of: str, meaning: str) -> FlagMeaning:
-    return FlagMeaning("note", meaning, "", evidence_of=of)
-
-
 FIT_FLAGS = {
-    "not-fitted": _sign("no-estimate", "No fit was made, for the reason that is given."),
-    "too-few-samples": _sign("no-estimate", "There are too few samples to fit."),
-    "segment-empty": _sign("no-estimate", "The segment holds no samples."),
-    "no-force": _sign("no-estimate", "The record has no force, or one that never changes."),
-    "no-time": _sign("no-estimate", "The time does not advance from every sample to the next."),
-    "misfit": _sign("lack-of-fit", "The residual is more than twice the noise."),
-    "correlated-residuals": _sign(
+    "not-fitted": FlagMeaning.sign("no-estimate", "No fit was made, for the reason that is given."),
+    "too-few-samples": FlagMeaning.sign("no-estimate", "There are too few samples to fit."),
+    "segment-empty": FlagMeaning.sign("no-estimate", "The segment holds no samples."),
+    "no-force": FlagMeaning.sign("no-estimate", "The record has no force, or one that never changes."),
+    "no-time": FlagMeaning.sign("no-estimate", "The time does not advance from every sample to the next."),
+    "misfit": FlagMeaning.sign("lack-of-fit", "The residual is more than twice the noise."),
+    "correlated-residuals": FlagMeaning.sign(
         "lack-of-fit", "The residuals correlate over many samples; the uncertainty counts it."
     ),
     "at-bound": FlagMeaning(
@@ -25,7 +20,7 @@ FIT_FLAGS = {
         "Widen the bound, or fix the unknown, with a reason for either.",
         structural=True,
     ),
-    "hard-to-tell-apart": _sign("undetermined", "Two unknowns have nearly the same effect on the force."),
+    "hard-to-tell-apart": FlagMeaning.sign("undetermined", "Two unknowns have nearly the same effect on the force."),
     "force-constraint-tight": FlagMeaning(
         "doubtful",
         "The force_uncertainty of the surface is less than the force is off in air.",

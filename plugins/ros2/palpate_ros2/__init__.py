@@ -53,11 +53,8 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "Stop one of them, or give it another topic.",
             structural=True,
         ),
-        "ros2-restarted": FlagMeaning(
-            "note",
-            "A publisher left and another one took over its topic: tare and settings may differ.",
-            "",
-            evidence_of="ros2-publishers",
+        "ros2-restarted": FlagMeaning.sign(
+            "ros2-publishers", "A publisher left and another one took over its topic: tare and settings may differ."
         ),
         "ros2-unread": FlagMeaning(
             "doubtful",
@@ -65,11 +62,9 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "Check who publishes it (palpate info ros2://DOMAIN), and whether it is still the same driver.",
             structural=True,
         ),
-        "ros2-clock": FlagMeaning(
-            "note",
+        "ros2-clock": FlagMeaning.sign(
+            "clock-wander",
             "The stamps of a publisher jumped, as when a clock is set; they were mapped again from there on.",
-            "",
-            evidence_of="clock-wander",
         ),
         "ros2-clocks": FlagMeaning(
             "invalid",

@@ -32,17 +32,13 @@ def palpate_flags() -> dict[str, FlagMeaning]:
             "G' and G'' over frequency are not those of one causal, passive, linear material.",
             "Check the tip's mass, delays and series_stiffness; take recordings of one specimen at one depth only.",
         ),
-        "loss-not-distinguishable": FlagMeaning(
-            "note",
+        "loss-not-distinguishable": FlagMeaning.sign(
+            "delay-unclear",
             "The declared uncertainty of timing alone could explain the loss modulus at this frequency.",
-            "",
-            evidence_of="delay-unclear",
         ),
-        "delay-found": FlagMeaning(
-            "note",
+        "delay-found": FlagMeaning.sign(
+            "delay-unclear",
             "Under every law that the data support, the force is late by more than the declared timing allows.",
-            "",
-            evidence_of="delay-unclear",
         ),
         "not-linear-viscoelastic": FlagMeaning(
             "doubtful",

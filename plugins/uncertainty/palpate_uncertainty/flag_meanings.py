@@ -13,22 +13,18 @@ def _note(meaning: str, remedy: str) -> FlagMeaning:
     return FlagMeaning("note", meaning, remedy)
 
 
-def _sign(of: str, meaning: str) -> FlagMeaning:
-    return FlagMeaning("note", meaning, "", evidence_of=of)
-
-
 _MODEL = {
     "lack-of-fit": _doubtful(
         "The model does not describe this record to the noise of its channel.",
         "Use a model of the reason that is named, or the steady part that is; else compare models (`palpate compare`).",
     ),
-    "inconsistent": _sign("lack-of-fit", "The innovations are larger or smaller than the filter expects."),
-    "coloured-innovations": _sign("lack-of-fit", "Innovations correlate from sample to sample."),
-    "elsewhere": _sign(
+    "inconsistent": FlagMeaning.sign("lack-of-fit", "The innovations are larger or smaller than the filter expects."),
+    "coloured-innovations": FlagMeaning.sign("lack-of-fit", "Innovations correlate from sample to sample."),
+    "elsewhere": FlagMeaning.sign(
         "lack-of-fit",
         "Least squares on the samples that a filter used ends more than three uncertainties from its estimate.",
     ),
-    "overconfident": _sign(
+    "overconfident": FlagMeaning.sign(
         "lack-of-fit", "The filter's standard deviation is below half of the Cramer-Rao bound of the samples it used."
     ),
     "implausible": FlagMeaning(
@@ -76,11 +72,17 @@ _RIG = {
         "Calibrate the delay (`palpate calibrate`), or declare it with its uncertainty in [alignment]; log the "
         "measured pose, not the command.",
     ),
-    "timing-undeclared": _sign("delay-unclear", "No uncertainty of the time between force and motion is declared."),
-    "commanded-motion": _sign("delay-unclear", "The position has no noise of a sensor: it may be the command."),
-    "self-timed": _sign("delay-unclear", "The motion determines the delay of the force, law by law."),
-    "delay-by-law": _sign("delay-unclear", "The record prefers a law other than the model's, with another delay."),
-    "not-distinguishable-from-delay": _sign(
+    "timing-undeclared": FlagMeaning.sign(
+        "delay-unclear", "No uncertainty of the time between force and motion is declared."
+    ),
+    "commanded-motion": FlagMeaning.sign(
+        "delay-unclear", "The position has no noise of a sensor: it may be the command."
+    ),
+    "self-timed": FlagMeaning.sign("delay-unclear", "The motion determines the delay of the force, law by law."),
+    "delay-by-law": FlagMeaning.sign(
+        "delay-unclear", "The record prefers a law other than the model's, with another delay."
+    ),
+    "not-distinguishable-from-delay": FlagMeaning.sign(
         "delay-unclear", "The declared uncertainty of timing alone could explain the parameter."
     ),
     "force-late": _doubtful(
@@ -96,9 +98,11 @@ _RIG = {
         'Record a second of free air first (tare = "free-air") or set [alignment] tare_uncertainty; find hum, drag, '
         "cable or drift that it names.",
     ),
-    "tare-undeclared": _sign("tare-unclear", "No uncertainty of the zero of the force is declared or measured."),
-    "untared": _sign("tare-unclear", "Before the first touch the force is not zero."),
-    "force-in-air": _sign(
+    "tare-undeclared": FlagMeaning.sign(
+        "tare-unclear", "No uncertainty of the zero of the force is declared or measured."
+    ),
+    "untared": FlagMeaning.sign("tare-unclear", "Before the first touch the force is not zero."),
+    "force-in-air": FlagMeaning.sign(
         "tare-unclear", "In air the force follows the motion, has its frequency, or is not zero after the contact."
     ),
     "series-compliance": _note(

@@ -9,7 +9,7 @@ import numpy as np
 from palpate import Diagnosed, Flag, Floats, TrackEnd, TrackEvidence
 
 from palpate_uncertainty.force_sensitivity import Along, along
-from palpate_uncertainty.influence import answer
+from palpate_uncertainty.influence import answer, effects_by_name
 from palpate_uncertainty.lack_of_fit import standstill
 from palpate_uncertainty.refit import sweeps
 from palpate_uncertainty.uncertainty_budget import per_newton
@@ -70,7 +70,9 @@ def _tone(track: TrackEvidence, course: Along) -> Iterator[Flag]:
         return
     angle = 2.0 * np.pi * rhythm[0] * course.time
     parts = [answer(course.jacobian, size * wave) for wave in (np.sin(angle), np.cos(angle))]
-    effects = _named(track, np.hypot(parts[0], parts[1]) if parts[0] is not None and parts[1] is not None else None)
+    effects = effects_by_name(
+        track.model, np.hypot(parts[0], parts[1]) if parts[0] is not None and parts[1] is not None else None
+    )
     text = f"at standstill the force has a sine of {size:.2g} +- {error:.1g} N at {rhythm[0]:.3g} Hz, as the motion has"
     yield Flag("force-in-air", text, effects=effects)
 
@@ -113,7 +115,7 @@ def _with_motion(track: TrackEvidence, found: _Motion, course: Along) -> Iterato
         height = track.surface - course.depth - found.reference
         error = found.weights[0] * -course.rate + found.weights[1] * height
         text = f"in air the force changes {' and '.join(said)}"
-        yield Flag("force-in-air", text, effects=_named(track, answer(course.jacobian, error)))
+        yield Flag("force-in-air", text, effects=effects_by_name(track.model, answer(course.jacobian, error)))
 
 
 def _moved_zero(track: TrackEvidence, end: TrackEnd, course: Along) -> Iterator[Flag]:
@@ -126,7 +128,7 @@ def _moved_zero(track: TrackEvidence, end: TrackEnd, course: Along) -> Iterator[
         return
     shifts = per_newton(course)
     text = f"after the contact the force is {zero:+.2g} +- {error:.1g} N, where it should be none"
-    yield Flag("force-in-air", text, effects=_named(track, None if shifts is None else zero * shifts))
+    yield Flag("force-in-air", text, effects=effects_by_name(track.model, None if shifts is None else zero * shifts))
 
 
 def _estimates_zero(track: TrackEvidence, end: TrackEnd) -> bool:
@@ -180,7 +182,7 @@ def _by_adhesion(track: TrackEvidence, course: Along, pull: float) -> dict[str, 
     for i, parameter in enumerate(track.model.parameters):
         if parameter.role == "viscous":
             moved[i] += wider * abs(track.values[i])
-    return _named(track, moved)
+    return effects_by_name(track.model, moved)
 
 
 def _far(track: TrackEvidence, air: _Air, above: float = _NEAR) -> _Air:
@@ -231,10 +233,3 @@ def _together(flags: Sequence[Flag]) -> dict[str, float]:
         for name, size in (flag.effects or {}).items():
             terms[name] = float(np.hypot(terms.get(name, 0.0), size))
     return terms
-
-
-def _named(track: TrackEvidence, shifts: Floats | None) -> dict[str, float] | None:
-    """Sizes of shifts (k,) or (k + 1,) of the parameters by name."""
-    if shifts is None:
-        return None
-    return {p.name: abs(float(shift)) for p, shift in zip(track.model.parameters, shifts, strict=False)}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from palpate import Floats
+from palpate import ContactModel, Floats
 
 _INDISTINCT = 1e-6  # ratio of singular values below which parameters and surface cannot be distinguished
 
@@ -21,3 +21,10 @@ def answer(jacobian: Floats, error: Floats) -> Floats | None:
     if np.linalg.cond(normal) > _INDISTINCT**-2:
         return None
     return np.asarray(np.linalg.solve(normal, (unit * error[:, None]).sum(axis=0)) / scale)
+
+
+def effects_by_name(model: ContactModel, shifts: Floats | None) -> dict[str, float] | None:
+    """Sizes of shifts (k,) of the parameters, or (k + 1,) with the surface, by name; None where they are not known."""
+    if shifts is None:
+        return None
+    return {p.name: abs(float(shift)) for p, shift in zip(model.parameters, shifts, strict=False)}

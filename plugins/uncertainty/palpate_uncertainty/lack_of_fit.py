@@ -133,9 +133,7 @@ def _along_a_sweep(track: TrackEvidence) -> Diagnosed | None:
         return _table(found)
     local = replace(course, used=here)
     fit = refit(local, track.values, float(np.median(course.height[here])) + _DEEP)
-    rhythm = oscillation(local.time[here], local.height[here])
-    frequency, phase = rhythm or (None, None)
-    base = _NullBase(local, fit, _null(track, fit.residual, phase), phase, frequency)
+    base = _null_base(track, local, fit)
     if base.test(fit.residual).p >= LEVEL:  # the stretch alone does not show what it is
         names = [parameter.name for parameter in track.model.parameters]
         flag = Flag("lack-of-fit", _sentence(found, [], False, found.null), effects=dict.fromkeys(names, math.inf))
@@ -167,10 +165,15 @@ def _base(track: TrackEvidence, known: dict[Any, _NullBase]) -> _NullBase:
     if key not in known:
         course = make_course(track, used)
         fit = refit(course, track.values, track.surface)
-        rhythm = oscillation(course.time[course.used], course.height[course.used])
-        frequency, phase = rhythm or (None, None)
-        known[key] = _NullBase(course, fit, _null(track, fit.residual, phase), phase, frequency)
+        known[key] = _null_base(track, course, fit)
     return known[key]
+
+
+def _null_base(track: TrackEvidence, course: Course, fit: Refit) -> _NullBase:
+    """A fit to a course, with the course's oscillation and the noise to test it against."""
+    rhythm = oscillation(course.time[course.used], course.height[course.used])
+    frequency, phase = rhythm or (None, None)
+    return _NullBase(course, fit, _null(track, fit.residual, phase), phase, frequency)
 
 
 def _deep(track: TrackEvidence) -> NDArray[np.bool_]:
@@ -274,15 +277,7 @@ def _is_allowed_drift(track: TrackEvidence, base: _NullBase, other: Refit) -> bo
 
 def _steady(track: TrackEvidence, base: _NullBase) -> SteadyPart | None:
     """The rest of the record that is one steady contact; None where there is none."""
-
-    def test(course: Course, residual: Floats) -> WhitenessTest:
-        rows = course.used
-        rhythm = oscillation(course.time[rows], course.height[rows])
-        phase = rhythm[1] if rhythm else None
-        null = _null(track, residual, phase)
-        return whiteness_tests(residual, course.runs[rows], course.time[rows], -course.height[rows], phase, null)
-
-    return steady_part(base.course, base.fit, test, LEVEL)
+    return steady_part(base.course, base.fit, lambda rest, fit: _null_base(track, rest, fit).test(fit.residual), LEVEL)
 
 
 def _left(others: Sequence[tuple[Refit, WhitenessTest]], first: WhitenessTest) -> dict[str, float]:

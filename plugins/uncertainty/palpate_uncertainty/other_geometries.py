@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from palpate import Diagnosed, Floats, TrackEvidence
 
+from palpate_uncertainty.refit import depths_in_contact
+
 
 def other_geometries(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]:
     """Of every track whose model names other geometries: how far its values may lie from theirs.
@@ -17,8 +19,7 @@ def other_geometries(tracks: Sequence[TrackEvidence]) -> Mapping[str, Diagnosed]
     """
     found = {}
     for track in tracks:
-        depth = track.surface - track.kept.position[track.kept.used]
-        depth = depth[np.isfinite(depth) & (depth > 0)]
+        depth = depths_in_contact(track)
         if len(depth) and np.isfinite(track.values).all():
             others = track.model.other_geometries(float(np.mean(depth)), track.values.tolist())
             if others:

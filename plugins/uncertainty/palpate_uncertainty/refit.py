@@ -111,6 +111,12 @@ def sweeps(track: TrackEvidence) -> bool:
     return track.estimator.follows_changes or (len(place) > 0 and bool(np.max(np.ptp(place, axis=0)) > APART))
 
 
+def depths_in_contact(track: TrackEvidence) -> Floats:
+    """Depths (n,) [m] of the samples that a track used, by its surface, where they are known and positive."""
+    depth = track.surface - track.kept.position[track.kept.used]
+    return np.asarray(depth[np.isfinite(depth) & (depth > 0)])
+
+
 def possible(track: TrackEvidence) -> bool:
     """Whether all of a track's numbers are within what is possible, so that its model can be asked for forces."""
     pairs = zip(track.model.parameters, track.values.tolist(), strict=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from palpate import ContactModel, Floats
+from palpate import ContactModel
 from palpate.host import display_unit
 
 from palpate_uncertainty.model_alternatives import Refit, refit
@@ -34,11 +34,12 @@ class SteadyPart:
 
 
 def steady_part(
-    course: Course, fit: Refit, test: Callable[[Course, Floats], WhitenessTest], level: float
+    course: Course, fit: Refit, test: Callable[[Course, Refit], WhitenessTest], level: float
 ) -> SteadyPart | None:
     """The longest rest of the record, of at least half of it, that a model fitted to it leaves steady in time.
 
-    `test` are the tests of a residual on a course; the one over time must be above a `level`. None where no rest is.
+    `test` are the tests of what a fit to a course leaves; the one over time must be above a `level`. None where no rest
+    is.
     """
     times = course.time[course.used]
     for share in _SHARES if len(times) else ():
@@ -47,6 +48,6 @@ def steady_part(
         if np.count_nonzero(rest.used) < _ENOUGH:
             return None
         local = refit(rest, fit.theta, fit.surface)
-        if test(rest, local.residual).tests.get("time", 1.0) >= level:
+        if test(rest, local).tests.get("time", 1.0) >= level:
             return SteadyPart(begin - float(times[0]), local)
     return None

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from palpate import Diagnosed, Flag, Indenter, TrackEvidence
 
+from palpate_uncertainty.refit import depths_in_contact
+
 _BONDED = (1.133, 1.283, 0.769, 0.0975)  # of X, X^2, ...: Dimitriadis et al. 2002, eq. 13
 _MATTERS = 0.05  # of the elasticity
 _THIN = 30e-3  # [m]; who needs less than this for 5 % need not be asked
@@ -41,8 +43,7 @@ def _contact_radius(track: TrackEvidence) -> float | None:
     tip, thickness = getattr(track.model, "indenter", None), getattr(track.model, "thickness", None)
     if "thickness" not in type(track.model).model_fields or not isinstance(tip, Indenter):
         return None
-    depth = track.surface - track.kept.position[track.kept.used]
-    depth = depth[np.isfinite(depth) & (depth > 0)]
+    depth = depths_in_contact(track)
     if thickness not in (None, "half-space") or not len(depth):
         return None
     radius = float(tip.contact_radius(float(np.mean(depth))))
