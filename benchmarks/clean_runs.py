@@ -1,7 +1,7 @@
 """How often a clean run is called doubtful: random simulated palpations in which every assumption holds.
 
 Run: python benchmarks/clean_runs.py [RUNS [FIRST SEED]]. Each run draws material, tip, depth, amplitude, frequency and
-noise for `pipelines/point.toml`, in ranges where the force determines E and eta to a tenth, no deeper than the tip's
+noise for `pipelines/filters.toml`, in ranges where the force determines E and eta to a tenth, no deeper than the tip's
 radius; everything is declared as it is. The tracks are of estimators that are documented as unbiased there: the
 kinematic filter, the smoother and the fit.
 """
@@ -18,7 +18,7 @@ import numpy as np
 from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
 
-PIPELINE = Path(__file__).parents[1] / "pipelines" / "point.toml"
+PIPELINE = Path(__file__).parents[1] / "pipelines" / "filters.toml"
 ESTIMATORS = {"kinematic": "kinematic-ekf", "smoother": "kinematic-smoother", "fit": "casadi-fit"}
 
 

@@ -282,7 +282,7 @@ def csv(options: argparse.Namespace) -> None:
 def sweep(options: argparse.Namespace) -> None:
     """A second of contact with one filter, so many settings of its noise."""
     count, folder = int(options.settings), options.folder
-    text = (PIPELINES / "point.toml").read_text().replace('duration = "10 s"', 'duration = "1 s"')
+    text = (PIPELINES / "filters.toml").read_text().replace('duration = "10 s"', 'duration = "1 s"')
     text = text.partition("[estimator.kinematic]")[0]
     stds = ", ".join(f"{0.02 + 0.06 * i / count:.6f}" for i in range(count))
     pipeline = folder / "sweep.toml"
@@ -331,7 +331,7 @@ def day(options: argparse.Namespace) -> None:
         hours = options.hours / 24
         watched(
             f"rig and log, {hours:g} h",
-            *("run", PIPELINES / "point.toml", "--out", folder / "rig"),
+            *("run", PIPELINES / "filters.toml", "--out", folder / "rig"),
             *("--set", f"trajectory.press.duration={3600 * hours} s", "--set", "run.estimates_interval=1 s"),
         )
 

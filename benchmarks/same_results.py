@@ -50,7 +50,7 @@ def run_all(folder: Path) -> None:
     logs = folder / "logs"
     logs.mkdir()
     palpate("log", "export", point / "log.mcap", "--out", logs / "point.csv")
-    palpate("run", "pipelines/point.toml", "--set", "run.seed=2", "--out", folder / "second")
+    palpate("run", "pipelines/filters.toml", "--set", "run.seed=2", "--out", folder / "second")
     palpate("log", "export", folder / "second" / "log.mcap", "--out", logs / "second.csv")
     signals = ("--force", "/rig/wrench:wrench.force.z", "--position", "/rig/tip:pose.position.z")
     pipeline = folder / "csv.toml"

@@ -18,7 +18,7 @@ from palpate.config import load_pipeline
 from palpate.pipeline import run_pipeline
 from palpate.pipeline.tracks import start_tracks
 
-PIPELINE = Path(__file__).parents[1] / "pipelines" / "point.toml"
+PIPELINE = Path(__file__).parents[1] / "pipelines" / "filters.toml"
 _CASES = {"1 of 12-20 ms": (1, 0.012, 0.020), "1 of 22-40 ms": (1, 0.022, 0.040)}
 _CASES |= {"10 of 12-20 ms": (10, 0.012, 0.020), "10 of 22-40 ms": (10, 0.022, 0.040)}
 

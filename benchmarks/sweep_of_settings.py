@@ -26,10 +26,10 @@ FEW = 8  # runs in this process
 
 def log_of(folder: Path, seconds: float) -> str:
     """Record a palpation of so many seconds; the pipeline that replays it with one filter."""
-    made = [*PALPATE, "run", ROOT / "pipelines/point.toml", "--out", folder / "made"]
+    made = [*PALPATE, "run", ROOT / "pipelines/filters.toml", "--out", folder / "made"]
     made += ["--set", f"trajectory.press.duration={seconds:g} s"]
     subprocess.run(made, check=True, stdout=subprocess.DEVNULL)
-    text = (ROOT / "pipelines/point.toml").read_text(encoding="utf-8")
+    text = (ROOT / "pipelines/filters.toml").read_text(encoding="utf-8")
     head, rest = text.split("[device.rig]")
     alignment = "[alignment]" + rest.split("[alignment]")[1].split("[estimator.ekf]")[0]
     device = f'[device.rig]\ntype = "mcap-replay"\nfile = "{folder / "made" / "log.mcap"}"\n\n'

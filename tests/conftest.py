@@ -120,7 +120,7 @@ radius = "{radius}"
 @pytest.fixture
 def point_pipeline(tmp_path):
     """A copy of the example pipeline in a folder of its own."""
-    return Path(shutil.copy(ROOT / "pipelines" / "point.toml", tmp_path))
+    return Path(shutil.copy(ROOT / "pipelines" / "filters.toml", tmp_path / "point.toml"))
 
 
 @pytest.fixture

@@ -329,7 +329,7 @@ def test_pipelines_in_the_folder_of_a_paper_are_not_named(palpate, tmp_path, roo
     (paper / "pipelines").mkdir()
     shutil.copy(shipped / "recordings.toml", paper)
     canary(paper / "pipelines")
-    text = (root / "pipelines" / "point.toml").read_text().replace("[run]\n", '[run]\nplugins = ["canary.py"]\n', 1)
+    text = (root / "pipelines" / "filters.toml").read_text().replace("[run]\n", '[run]\nplugins = ["canary.py"]\n', 1)
     (paper / "pipelines" / "point.toml").write_text(text)
     (paper / "items" / "one.toml").write_text(
         'label = "one"\ntitle = "One"\n[[published]]\nrow = "E"\nquantity = "elasticity"\nunit = "kPa"\nvalue = 1.0\n'

@@ -33,7 +33,7 @@ def whole(tmp_path_factory):
     """A run that nobody damages."""
     overrides = ["trajectory.press.duration=1 s", 'run.tracks=["dr/ekf"]']
     folder = tmp_path_factory.mktemp("whole") / "run"
-    run_pipeline(load_pipeline(ROOT / "pipelines" / "point.toml", overrides), folder)
+    run_pipeline(load_pipeline(ROOT / "pipelines" / "filters.toml", overrides), folder)
     return folder
 
 

@@ -13,7 +13,7 @@ def run(root, tmp_path_factory):
     from palpate.host import load_pipeline, run_pipeline
 
     return run_pipeline(
-        load_pipeline(root / "pipelines" / "point.toml", SHORT[1::2]), tmp_path_factory.mktemp("f") / "r"
+        load_pipeline(root / "pipelines" / "filters.toml", SHORT[1::2]), tmp_path_factory.mktemp("f") / "r"
     ).folder
 
 

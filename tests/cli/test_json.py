@@ -18,8 +18,8 @@ SHORT = ["trajectory.press.duration=2 s"]
 def folder(root, tmp_path_factory):
     """A pipeline of a point, a run of it with its log, and a run along a line."""
     made = tmp_path_factory.mktemp("json")
-    for name in ("point", "sweep", "guided"):
-        shutil.copy(root / "pipelines" / f"{name}.toml", made)
+    for name, copy in (("filters", "point"), ("sweep", "sweep"), ("guided", "guided")):
+        shutil.copy(root / "pipelines" / f"{name}.toml", made / f"{copy}.toml")
     run_pipeline(load_pipeline(made / "point.toml", [*SHORT, 'run.tracks=["dr/ekf"]']), made / "run")
     run_pipeline(load_pipeline(made / "sweep.toml", [*LINE, 'run.tracks=["dr/kinematic"]']), made / "line")
     settings = '[sweep]\n"run.seed" = [1, 2]\n'

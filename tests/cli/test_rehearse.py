@@ -155,7 +155,7 @@ def test_a_rig_without_a_twin_needs_a_specimen(rehearse, rig):
 
 
 def test_a_pipeline_without_a_robot_has_nothing_to_rehearse(rehearse, root):
-    done = rehearse(root / "pipelines" / "point.toml")
+    done = rehearse(root / "pipelines" / "filters.toml")
     assert done.returncode == 2
     assert "nothing to rehearse: there is no live device with a [trajectory.*] table" in done.stderr
 

@@ -25,7 +25,7 @@ def recorded(tmp_path_factory, root):
     from palpate.pipeline import run_pipeline
 
     folder = tmp_path_factory.mktemp("recorded")
-    file = shutil.copy(root / "pipelines" / "point.toml", folder)
+    file = shutil.copy(root / "pipelines" / "filters.toml", folder / "point.toml")
     return run_pipeline(load_pipeline(type(root)(file), SHORT[1::2]), folder / "run").folder
 
 
@@ -201,7 +201,7 @@ def test_an_assumption_belongs_to_its_model_or_to_all(root):
     from palpate.pipeline.run_result import _assumed
 
     kinds = ["model.kv.type=kelvin-voigt", 'run.assumed=["model.dr.poisson", "alignment.tip_mass"]']
-    pipeline = load_pipeline(root / "pipelines" / "point.toml", kinds)
+    pipeline = load_pipeline(root / "pipelines" / "filters.toml", kinds)
     said = {model: [flag.message for flag in _assumed(pipeline, model)] for model in (None, "dr", "kv")}
     assert ["alignment.tip_mass" in text and "poisson" not in text for text in said[None]] == [True]
     assert ["model.dr.poisson" in text for text in said["dr"]] == [True]

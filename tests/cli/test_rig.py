@@ -59,7 +59,7 @@ def test_a_robot_without_limits_does_not_move(live, tmp_path):
 
 def test_a_pipeline_without_a_twin(root):
     with pytest.raises(ConfigurationError, match=r"one \[twin\.\*\] table is wanted"):
-        called("twin", root / "pipelines" / "point.toml")
+        called("twin", root / "pipelines" / "filters.toml")
 
 
 @pytest.mark.slow

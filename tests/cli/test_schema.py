@@ -39,13 +39,13 @@ def validator():
 
 @pytest.fixture(scope="module")
 def point():
-    return tomllib.loads((ROOT / "pipelines" / "point.toml").read_text())
+    return tomllib.loads((ROOT / "pipelines" / "filters.toml").read_text())
 
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
     """What a short run has found."""
-    text = (ROOT / "pipelines" / "point.toml").read_text()
+    text = (ROOT / "pipelines" / "filters.toml").read_text()
     folder = tmp_path_factory.mktemp("result")
     (folder / "point.toml").write_text(text)
     pipeline = load_pipeline(folder / "point.toml", ["trajectory.press.duration=1 s"])

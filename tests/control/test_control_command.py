@@ -51,7 +51,7 @@ def measured(tmp_path_factory, root):
     from palpate.pipeline import run_pipeline
 
     folder = tmp_path_factory.mktemp("measured")
-    file = shutil.copy(root / "pipelines" / "point.toml", folder)
+    file = shutil.copy(root / "pipelines" / "filters.toml", folder / "point.toml")
     run_pipeline(load_pipeline(Path(file), SHORT[1::2]), folder / "run")
     return folder
 

@@ -66,7 +66,7 @@ def test_what_is_a_size_is_not_below_none(key):
 
 
 def test_a_pipeline_resolves_its_signals_and_does_so_anew_with_other_devices():
-    pipeline = load_pipeline(PIPELINES / "point.toml")
+    pipeline = load_pipeline(PIPELINES / "filters.toml")
     assert pipeline.ports is pipeline.ports
     assert pipeline.ports["force"].key == ("rig", "wrench")
     faster = pipeline.devices["rig"].model_copy(update={"sensor_rate": 1234.0})
@@ -103,7 +103,7 @@ def test_a_calibration_counts_the_gaps_that_the_alignment_counts(gap, gaps):
 
 
 def test_abilities_are_told_by_what_a_device_has():
-    rig = load_pipeline(PIPELINES / "point.toml").devices["rig"]
+    rig = load_pipeline(PIPELINES / "filters.toml").devices["rig"]
     arm = load_pipeline(PIPELINES / "point_ur3e.toml").devices["arm"]
     assert isinstance(rig, KnowsTruth)
     assert isinstance(rig, Turnable)
@@ -143,9 +143,9 @@ def test_a_channel_that_cannot_serve_is_a_mistake_of_the_file(override, words):
         "stop_force": "'12 N'", "stiffness": "'3 N/mm'",
     }  # fmt: skip
     safety = [f"safety.{key}={value}" for key, value in limits.items()]
-    load_pipeline(PIPELINES / "point.toml", safety)
+    load_pipeline(PIPELINES / "filters.toml", safety)
     with pytest.raises(ConfigurationError) as caught:
-        load_pipeline(PIPELINES / "point.toml", [*safety, override])
+        load_pipeline(PIPELINES / "filters.toml", [*safety, override])
     assert words in str(caught.value)
 
 

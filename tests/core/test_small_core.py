@@ -68,7 +68,7 @@ for name in registry.load().commands:
         print(f"{name} --help ended with {code}")
 main(["run", pipeline, "--out", out, "--set", "trajectory.press.duration=1 s"])
 """
-# What a run of pipelines/point.toml says where a family is away: by name, the part that is missing.
+# What a run of pipelines/filters.toml says where a family is away: by name, the part that is missing.
 NEEDED = {
     "palpate_commands": "'run'",
     "palpate_devices": "mcap",
@@ -83,7 +83,7 @@ NEEDED = {
 @pytest.mark.parametrize("family", FAMILIES)
 def test_without_a_family(family, root, tmp_path):
     """Its package cannot be imported: that is said; all other commands answer, and a run names the part it lacks."""
-    command = [sys.executable, "-c", WITHOUT, family, root / "pipelines" / "point.toml", tmp_path / "run"]
+    command = [sys.executable, "-c", WITHOUT, family, root / "pipelines" / "filters.toml", tmp_path / "run"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, cwd=tmp_path)
     assert "--help ended with" not in done.stdout
     assert "ModuleNotFoundError" in done.stderr

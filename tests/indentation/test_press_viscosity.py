@@ -193,7 +193,7 @@ def test_an_uncertainty_that_is_none_is_refused():
 def run(tmp_path_factory):
     """The README's first run."""
     folder = tmp_path_factory.mktemp("readme") / "point"
-    call(["run", "pipelines/point.toml", "--out", str(folder)])
+    call(["run", "pipelines/filters.toml", "--out", str(folder)])
     return folder
 
 
@@ -202,7 +202,7 @@ def run(tmp_path_factory):
 def test_the_press_of_the_readmes_run_has_the_truth(seed, tmp_path):
     """112.5 kPa within two uncertainties, the true tip first, no flag; by the run's viscosity and the press's."""
     folder = tmp_path / "point"
-    call(["run", "pipelines/point.toml", "--set", f"run.seed={seed}", "--out", str(folder)])
+    call(["run", "pipelines/filters.toml", "--set", f"run.seed={seed}", "--out", str(folder)])
     call(["fit", "indentation", str(folder), "--out", str(tmp_path / "of_run")])
     (folder / "result.json").unlink()
     call(["fit", "indentation", str(folder), "--out", str(tmp_path / "of_press")])

@@ -477,7 +477,7 @@ def test_settings_are_compared_along_a_sweep(palpate, root, tmp_path):
 
 @pytest.mark.slow
 def test_points_of_what_is_no_sweep_are_refused(palpate, root, raster_run, tmp_path):
-    done = palpate("compare", root / "pipelines" / "point.toml", "--estimators", "ekf", "--points", raster_run)
+    done = palpate("compare", root / "pipelines" / "filters.toml", "--estimators", "ekf", "--points", raster_run)
     assert done.returncode == 2
     assert "no sweep along a line" in done.stderr
 

@@ -18,7 +18,7 @@ FORCE = {"force": "/rig/wrench:wrench.force.z"}
 
 @pytest.fixture(scope="module")
 def short(root):
-    return palpate.load(root / "pipelines" / "point.toml").set("trajectory.press.duration", "2 s")
+    return palpate.load(root / "pipelines" / "filters.toml").set("trajectory.press.duration", "2 s")
 
 
 @pytest.fixture(scope="module")

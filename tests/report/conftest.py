@@ -26,4 +26,4 @@ def runs(tmp_path_factory):
 @pytest.fixture(scope="session")
 def point(runs):
     """The example of a point, with both of its tracks."""
-    return runs("point", "trajectory.press.duration=5 s")
+    return runs("filters", "trajectory.press.duration=5 s")

@@ -178,7 +178,7 @@ def test_a_spoilt_file_spoils_nothing_else(palpate, copied, file, content):
 
 def test_no_contact_is_refused_in_words(palpate, runs, tmp_path):
     short = 'run.tracks=["dr/kinematic"]', "trajectory.press.duration=6 s"
-    run = runs("point", *short, "device.rig.specimen.surface=-30 mm")
+    run = runs("filters", *short, "device.rig.specimen.surface=-30 mm")
     palpate("report", run, "-o", tmp_path / "r.html")
     page = read(tmp_path / "r.html")
     assert page.text.index("do not use it") < page.text.index("no-contact") < page.text.index("Press deeper")
@@ -209,7 +209,8 @@ def test_anonymous_names_neither_host_nor_path(palpate, point, tmp_path):
 @pytest.mark.slow
 def test_many_runs_are_compared(palpate, runs, tmp_path):
     made = [
-        runs("point", 'run.tracks=["dr/kinematic"]', "trajectory.press.duration=2 s", f"run.seed={k}") for k in range(3)
+        runs("filters", 'run.tracks=["dr/kinematic"]', "trajectory.press.duration=2 s", f"run.seed={k}")
+        for k in range(3)
     ]
     for k, run in enumerate(made, 1):
         shutil.copytree(run, tmp_path / f"run-{k}")

@@ -11,16 +11,16 @@ ONE = 'run.tracks=["dr/kinematic"]'
 SHORT = "trajectory.press.duration=6 s"
 
 CASES = {
-    "as it should be": ("point", (ONE, SHORT), TRUST),
-    "twice the noise": ("point", (ONE, SHORT, "device.rig.force_std=0.1 N"), TRUST),
-    "stiff": ("point", (ONE, SHORT, "device.rig.specimen.elasticity=400 kPa", "trajectory.press.bias=2 mm"), TRUST),
-    "surface elsewhere": ("point", (ONE, SHORT, "device.rig.specimen.surface=-1 mm"), TRUST),
-    "seed 9": ("point", (ONE, SHORT, "run.seed=9"), TRUST),
-    "too short": ("point", ('run.tracks=["dr/ekf"]', "trajectory.press.duration=1 s"), LOOK),
+    "as it should be": ("filters", (ONE, SHORT), TRUST),
+    "twice the noise": ("filters", (ONE, SHORT, "device.rig.force_std=0.1 N"), TRUST),
+    "stiff": ("filters", (ONE, SHORT, "device.rig.specimen.elasticity=400 kPa", "trajectory.press.bias=2 mm"), TRUST),
+    "surface elsewhere": ("filters", (ONE, SHORT, "device.rig.specimen.surface=-1 mm"), TRUST),
+    "seed 9": ("filters", (ONE, SHORT, "run.seed=9"), TRUST),
+    "too short": ("filters", ('run.tracks=["dr/ekf"]', "trajectory.press.duration=1 s"), LOOK),
     "timing nobody declares": ("late", (ONE,), LOOK),
     "a model without the material's memory": ("relaxation", ('run.tracks=["half-space/ekf"]',), LOOK),
     "a filter that expects one material, on a sweep": ("sweep", ('run.tracks=["dr/ekf"]',), LOOK),
-    "nothing touched": ("point", (ONE, SHORT, "device.rig.specimen.surface=-30 mm"), REFUSE),
+    "nothing touched": ("filters", (ONE, SHORT, "device.rig.specimen.surface=-30 mm"), REFUSE),
 }
 
 

@@ -11,7 +11,7 @@ SHORT = ["trajectory.press.duration=3 s", 'run.tracks=["*/kinematic"]']
 
 
 def specimen(root, **changes):
-    sim = load_pipeline(root / "pipelines" / "point.toml").devices["rig"]
+    sim = load_pipeline(root / "pipelines" / "filters.toml").devices["rig"]
     return sim.specimen.model_copy(update=changes)
 
 
@@ -32,7 +32,7 @@ def test_the_force_is_that_of_the_depth_that_is_left(root):
 def test_what_is_declared_tells_what_is_missing(root, tmp_path):
     """E is low by what the declared stiffness says, and the flag stands there."""
     sets = [*SHORT, "device.rig.series_stiffness=100 N/mm", "alignment.series_stiffness=100 N/mm"]
-    result = run_pipeline(load_pipeline(root / "pipelines" / "point.toml", sets), tmp_path / "soft")
+    result = run_pipeline(load_pipeline(root / "pipelines" / "filters.toml", sets), tmp_path / "soft")
     track = result.tracks["dr/kinematic"]
     found = track.parameters["elasticity"]
     assert found.value < 0.985 * 112.5e3

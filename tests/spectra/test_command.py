@@ -14,7 +14,7 @@ def run(tmp_path_factory, root):
     from palpate.pipeline import run_pipeline
 
     folder = tmp_path_factory.mktemp("spectrum") / "run"
-    run_pipeline(load_pipeline(root / "pipelines" / "point.toml", SHORT), folder)
+    run_pipeline(load_pipeline(root / "pipelines" / "filters.toml", SHORT), folder)
     return folder
 
 

@@ -243,7 +243,7 @@ def test_mistakes_are_one_clear_message(palpate, folder, tmp_path, arguments, sa
 
 
 def test_a_sine_has_no_hold(palpate, root, tmp_path):
-    done = palpate("spectrum", "relaxation", root / "pipelines" / "point.toml", "--out", tmp_path / "out")
+    done = palpate("spectrum", "relaxation", root / "pipelines" / "filters.toml", "--out", tmp_path / "out")
     assert done.returncode == 2
     assert "nothing is held" in done.stderr
 

@@ -219,7 +219,7 @@ def test_the_bias_of_a_design_is_the_one_that_a_run_has(root, tmp_path):
     settings += ["trajectory.press.frequency=5 Hz", "trajectory.press.amplitude=1.5 mm"]
     settings += ['estimator.fit={type="casadi-fit"}', 'run.tracks=["dr/fit"]']
     settings += ["design.frequencies=[5.0]", 'design.amplitudes=["1.5 mm"]']
-    pipeline = replace(load_pipeline(root / "pipelines" / "point.toml", settings), sinks={})
+    pipeline = replace(load_pipeline(root / "pipelines" / "filters.toml", settings), sinks={})
     (said,) = run_design(pipeline, "dr").palpations
     found = run_pipeline(pipeline, tmp_path / "run").tracks["dr/fit"].parameters
     for name, share in said.relative_bias(theta).items():

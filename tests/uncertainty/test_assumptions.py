@@ -122,7 +122,7 @@ def ran(tmp_path_factory, root):
     from palpate.config import load_pipeline
     from palpate.pipeline import run_pipeline
 
-    pipeline = load_pipeline(root / "pipelines" / "point.toml", ["trajectory.press.duration=3 s"])
+    pipeline = load_pipeline(root / "pipelines" / "filters.toml", ["trajectory.press.duration=3 s"])
     return run_pipeline(pipeline, tmp_path_factory.mktemp("ran") / "run")
 
 

@@ -11,7 +11,7 @@ from palpate_models import DimensionalityReduction, Sphere
 from palpate_uncertainty.budget_command import budget
 from palpate_uncertainty.monte_carlo import cases, propagate_draws, with_number
 
-PIPELINE = Path(__file__).parents[2] / "pipelines" / "point.toml"
+PIPELINE = Path(__file__).parents[2] / "pipelines" / "filters.toml"
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ SETS = ("trajectory.press.duration=6 s", 'run.tracks=["dr/kinematic"]')
 @pytest.fixture(scope="module")
 def runs(root, tmp_path_factory):
     """The same palpation of a material that fades, and of one that does not."""
-    folder, file = tmp_path_factory.mktemp("one"), root / "pipelines" / "point.toml"
+    folder, file = tmp_path_factory.mktemp("one"), root / "pipelines" / "filters.toml"
     tables = {"fades": (*SETS, f"device.rig.specimen={FADES}"), "stays": SETS}
     return {name: run_pipeline(load_pipeline(file, list(sets)), folder / name) for name, sets in tables.items()}
 
