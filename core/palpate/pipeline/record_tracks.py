@@ -1,0 +1,109 @@
+"""The tracks of a pipeline on one record after the other: what a run finds, in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from palpate.alignment import Aligner
+from palpate.clocks import clock
+from palpate.config import Pipeline
+from palpate.device import Batch, Device, is_live
+from palpate.errors import ConfigurationError
+from palpate.estimation import Estimates, Samples, Tracker
+from palpate.pipeline.arrivals import Arrivals, Progress
+from palpate.pipeline.flow import Flow
+from palpate.pipeline.interrupt import Interrupt
+from palpate.pipeline.provenance import run_facts
+from palpate.pipeline.run_result import Result, build_result
+from palpate.pipeline.tracks import RunningTrack, Tracks, start_tracks
+
+
+@dataclass(frozen=True)
+class RecordOutcome:
+    """What a run of one record finds: its samples, every estimate, its result."""
+
+    pipeline: Pipeline
+    samples: Samples
+    estimates: Mapping[str, Sequence[Estimates]]  # blocks of each track
+    result: Result  # without a folder
+
+
+class RecordTracks:
+    """The tracks of a pipeline, for many records that are read alike.
+
+    It finds what `run_pipeline` finds, by the same code and to the same digits, and writes nothing, opens no sink and
+    starts no thread. An estimator that is `reusable` keeps its tracker, and what that has compiled, from record to
+    record. Raises ConfigurationError for a pipeline with a live device.
+    """
+
+    def __init__(self, pipeline: Pipeline) -> None:
+        if is_live(pipeline.devices):
+            raise ConfigurationError(f"{pipeline.path}: has a live device; only what is recorded can be read again")
+        self.pipeline = pipeline
+        self._reusable: dict[str, Tracker] = {}
+
+    def estimate(
+        self,
+        devices: Mapping[str, Device] | None = None,
+        batches: Iterable[tuple[str, Batch]] | None = None,
+        name: str | None = None,
+        text: str | None = None,
+    ) -> RecordOutcome:
+        """The outcome of one record.
+
+        `devices` stand for those of the pipeline, which they are alike but for the record that they name; `batches`
+        with the device of each, in the order of their arrival, for what the devices would send; `name` and `text` for
+        those of the pipeline. Raises LogError where the record cannot be read, and PalpateError as a run does.
+        """
+        pipeline = self._with(devices, name, text)
+        started = datetime.fromtimestamp(clock().epoch_ns() / 1e9, UTC).astimezone()
+        began = clock().now()
+        tracks = Tracks(list(self._started(pipeline)))
+        aligner = Aligner(pipeline.alignment, pipeline.ports)
+        blocks: list[Samples] = []
+        found: dict[str, list[Estimates]] = {}
+
+        def take(samples: Samples) -> None:
+            if len(samples):
+                blocks.append(samples)
+                for track, estimates in tracks.estimate(samples).items():
+                    found.setdefault(track, []).append(estimates)
+
+        def pass_on(arrivals: Arrivals) -> Progress:
+            take(aligner.aligned(arrivals))
+            return Progress(aligner.reached, 0.0)
+
+        if batches is None:
+            Flow(pipeline, pass_on, Interrupt()).run()
+        else:
+            for arrival in batches:
+                pass_on([arrival])
+        last = aligner.aligned([], final=True)
+        take(last)
+        if (offline := tracks.estimate_offline()) is not None:
+            found |= {track: [estimates] for track, estimates in offline[1].items()}
+        facts = run_facts(pipeline)
+        facts |= {"started": started.isoformat(timespec="seconds"), "duration": clock().now() - began}
+        report = aligner.report
+        results = tracks.results(pipeline, report)
+        result = build_result(pipeline, Path(), facts, None, report, results, Interrupt())
+        return RecordOutcome(pipeline, Samples.joined(blocks or [last]), found, result)
+
+    def _with(self, devices: Mapping[str, Device] | None, name: str | None, text: str | None) -> Pipeline:
+        pipeline = self.pipeline
+        run = pipeline.run if name is None else pipeline.run.model_copy(update={"name": name})
+        return replace(
+            pipeline,
+            run=run,
+            devices=pipeline.devices if devices is None else devices,
+            text=pipeline.text if text is None else text,
+        )
+
+    def _started(self, pipeline: Pipeline) -> Iterator[RunningTrack]:
+        for running in start_tracks(pipeline):
+            if running.track.estimator.reusable:
+                running.tracker = self._reusable.setdefault(str(running.track.name), running.tracker)
+            yield running
