@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from palpate.alignment import Aligner
 from palpate.clocks import clock
@@ -51,12 +52,14 @@ class RecordTracks:
         batches: Iterable[tuple[str, Batch]] | None = None,
         name: str | None = None,
         text: str | None = None,
+        provenance: bool = True,
     ) -> RecordOutcome:
         """The outcome of one record.
 
         `devices` stand for those of the pipeline, which they are alike but for the record that they name; `batches`
         with the device of each, in the order of their arrival, for what the devices would send; `name` and `text` for
-        those of the pipeline. Raises LogError where the record cannot be read, and PalpateError as a run does.
+        those of the pipeline. Without `provenance` the result says what was found, and not by which versions from which
+        inputs; it then has no table. Raises LogError where the record cannot be read, and PalpateError as a run does.
         """
         pipeline = self._with(devices, name, text)
         started = datetime.fromtimestamp(clock().epoch_ns() / 1e9, UTC).astimezone()
@@ -85,7 +88,7 @@ class RecordTracks:
         take(last)
         if (offline := tracks.estimate_offline()) is not None:
             found |= {track: [estimates] for track, estimates in offline[1].items()}
-        facts = run_facts(pipeline)
+        facts: dict[str, Any] = run_facts(pipeline) if provenance else {}
         facts |= {"started": started.isoformat(timespec="seconds"), "duration": clock().now() - began}
         report = aligner.report
         results = tracks.results(pipeline, report)

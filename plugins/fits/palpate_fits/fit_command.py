@@ -16,7 +16,9 @@ from palpate_kit.terminal.options import FormatOption, Overrides
 from palpate_kit.terminal.progress import progress
 from palpate_kit.terminal.table import console
 
-from palpate_fits.batch_fit import CurveReader, curve_files, curves_by, fit_each
+from palpate_fits.curve_fits import CurveReader
+from palpate_fits.curve_table import fit_each
+from palpate_fits.curves import curve_files, curves_by
 from palpate_fits.evaluation import each_cycle, evaluate
 from palpate_fits.fit_jobs import LogFit, fits_of
 from palpate_fits.fit_sources import leave_out, log_device, named_pipelines, offline
