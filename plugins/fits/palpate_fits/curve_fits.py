@@ -38,14 +38,14 @@ class CurveReader:
     approved: frozenset[str] = frozenset()  # SHA-256 of the plugin files that any process may execute
 
 
-def value_names(model: ContactModel) -> list[str]:
-    """Names of what a model determines: its parameters, then what follows from them."""
-    names = [parameter.name for parameter in model.parameters]
+def value_units(model: ContactModel) -> dict[str, str]:
+    """SI unit of each value that a model determines: of its parameters, then of what follows from them."""
+    units = {parameter.name: parameter.unit for parameter in model.parameters}
     try:
-        derived = [material.name for material in model.material([1.0] * len(names))]
+        derived = {material.name: material.unit for material in model.material([1.0] * len(units))}
     except (ArithmeticError, ValueError):  # a model without a meaning at such numbers
-        derived = []
-    return list(dict.fromkeys([*names, *derived]))
+        derived = {}
+    return derived | units
 
 
 @cache

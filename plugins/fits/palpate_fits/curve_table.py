@@ -15,11 +15,12 @@ from palpate.host import Pipeline, resolved_text, write_whole
 from palpate_kit.runs.pipeline_diff import differences
 from palpate_kit.terminal.progress import report_progress
 
-from palpate_fits.curve_fits import CurveReader, Row, value_names
+from palpate_fits.curve_fits import CurveReader, Row, value_units
 from palpate_fits.curve_pool import on_cores
 from palpate_fits.curves import Curve
+from palpate_fits.file_pipelines import SETTINGS
 
-TABLE, SETTINGS = "fits.csv", "pipeline.toml"
+TABLE = "fits.csv"
 _HEAD, _KINDS = ("curve", "track"), ("", "_std", "_combined")
 _TAIL = ("rms", "samples", "x", "y", "verdict", "flags", "error")
 
@@ -27,23 +28,24 @@ _TAIL = ("rms", "samples", "x", "y", "verdict", "flags", "error")
 class FitTable:
     """``fits.csv``: written curve by curve, and gone on with where it ends."""
 
-    def __init__(self, folder: Path, pipeline: Pipeline, device: str) -> None:
-        names = [*dict.fromkeys(name for track in pipeline.tracks for name in value_names(track.model)), "surface"]
+    def __init__(self, folder: Path, pipeline: Pipeline, device: str, settings: str = SETTINGS) -> None:
+        names = [*dict.fromkeys(name for track in pipeline.tracks for name in value_units(track.model)), "surface"]
         self.names = tuple(names)
         self.columns = (*_HEAD, *(f"{name}{kind}" for name in names for kind in _KINDS), *_TAIL)
         self._tracks = len(pipeline.tracks)
         self.path = folder / TABLE
-        self._settle(folder, pipeline, device)
+        self._settle(folder, pipeline, device, folder / settings)
         self.done = self._whole() if self.path.exists() else set[str]()
         if not self.path.exists():
             write_whole(self.path, self._text([dict(zip(self.columns, self.columns, strict=True))]))
 
-    def _settle(self, folder: Path, pipeline: Pipeline, device: str) -> None:
+    def _settle(self, folder: Path, pipeline: Pipeline, device: str, settings: Path) -> None:
         """Begin a folder, or go on with one that was begun with the same settings; raises OutputError."""
-        settings, text = folder / SETTINGS, resolved_text(pipeline)
+        text = resolved_text(pipeline)
         ignored = {*pipeline.registry.tables, f"device.{device}.file"}
         if not settings.exists():
-            if folder.exists() and any(folder.iterdir()):
+            more = settings.name != SETTINGS and self.path.exists()  # of files that are read in another way
+            if not more and folder.exists() and any(folder.iterdir()):
                 raise OutputError(f"{folder}: is not empty, and holds no fits to go on with")
             folder.mkdir(parents=True, exist_ok=True)
             write_whole(settings, text)

@@ -7,7 +7,7 @@ from typing import Any
 
 import tomli_w
 from palpate import ConfigurationError, Part
-from palpate.host import Registry, Source, plain_settings, suggest
+from palpate.host import Registry, Source, plain_settings
 
 from palpate_notebook.record_object import Record
 
@@ -29,7 +29,7 @@ def part_tables(given: Sequence[str | Part], kind: str, known: Registry, with_ti
     tables: dict[str, Any] = {}
     for part in given:
         if isinstance(part, str):
-            label, table = part, {"type": _full_name(part, kind, known)}
+            label, table = part, {"type": known.named(kind, part)}
             wanted = known.find(kind, table["type"]).model_fields.get("indenter")
             if wanted is not None and (with_tip or wanted.is_required()):
                 if not with_tip:
@@ -61,14 +61,3 @@ def _without_marks(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _without_marks(item) for key, item in value.items() if key != _UNCHECKED}
     return [_without_marks(item) for item in value] if isinstance(value, list) else value
-
-
-def _full_name(name: str, kind: str, known: Registry) -> str:
-    """A part's name in full, from it or from its initials; raises ConfigurationError."""
-    names = known.parts[kind]
-    if name in names:
-        return name
-    meant = [full for full in names if "".join(word[0] for word in full.split("-")) == name and "-" in full]
-    if len(meant) != 1:
-        raise ConfigurationError(f"there is no {kind} {name!r}{suggest(name, names)}")
-    return meant[0]
