@@ -11,7 +11,7 @@ from typing import Any
 import tomli_w
 from palpate import ConfigurationError, UserError, to_si
 from palpate.host import Pipeline, Registry, Source, build_pipeline, registry, suggest
-from palpate_kit.logs.draft_pipeline import readers_of
+from palpate_kit.logs.draft_pipeline import readers_of, suggestion_of
 from palpate_kit.logs.recording import Suggestion
 
 from palpate_fits.curves import Curve
@@ -101,7 +101,7 @@ def file_groups(
     groups: dict[str, FileGroup] = {}
     for file in files:
         try:
-            suggestion = _suggestion(file, known, choices, overrides)
+            suggestion = _suggestion(file, choices, overrides)
         except UserError as error:
             refused[str(file)] = str(error).removeprefix(f"{file}: ")
             continue
@@ -114,12 +114,9 @@ def file_groups(
     yield from groups.values()
 
 
-def _suggestion(file: Path, known: Registry, choices: Mapping[str, str], overrides: Sequence[str]) -> Suggestion:
+def _suggestion(file: Path, choices: Mapping[str, str], overrides: Sequence[str]) -> Suggestion:
     """How a file is read; raises ConfigurationError with what only the user can say."""
-    reader = next((part for part in readers_of(known).values() if part.recognises(file)), None)
-    if reader is None:
-        raise ConfigurationError("no device reads such a file")
-    suggestion: Suggestion = reader.suggest(file, dict(choices))
+    suggestion = suggestion_of(file, dict(choices))
     answers = {assignment.partition("=")[0].strip() for assignment in overrides}
     asked = [text for text in suggestion.blanks if f"device.{DEVICE}.{text.partition(':')[0]}" not in answers]
     if asked:
