@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from palpate import ConfigurationError, Flag
+from palpate import ConfigurationError
 from palpate.host import Pipeline, Registry, approved_plugins, display_unit, make_folder, registry
 from palpate_kit.terminal.json_output import print_json
 from palpate_kit.terminal.progress import progress, report_progress
@@ -98,7 +98,7 @@ def _show(rows: Sequence[Row], bad: Sequence[Row], pipeline: Pipeline, folder: P
     doubtful = [row for row in rows if row.get("verdict") == "doubtful"]
     if doubtful:
         typer.echo(f"doubtful: {_causes(doubtful, known, 'doubtful')}; palpate describe CODE says what to do")
-    if any("delay-unclear" in row.get("flags", "") for row in doubtful):
+    if any({"assumed", "delay-unclear"} <= {*row.get("flags", "").split()} for row in doubtful):
         typer.echo('timing: state it by --set alignment.force.uncertainty="1 ms", or by its delay')
     typer.echo(f"{folder / TABLE}: every number; {SETTINGS} beside it: how the files were read")
     first = next((row["curve"] for row in rows if _usable(row)), None)
@@ -139,7 +139,7 @@ def _causes(rows: Sequence[Row], known: Registry, severity: str) -> str:
     """How many have which flags of a severity, the most frequent first."""
     causes: Counter[str] = Counter()
     for row in rows:
-        flags = known.judged([Flag(code, "") for code in row.get("flags", "").split()])
-        codes = [flag.code for flag in flags if flag.severity == severity]
+        meanings = {code: known.meanings.get(code) for code in row.get("flags", "").split()}
+        codes = [code for code, meaning in meanings.items() if meaning is not None and meaning.severity == severity]
         causes.update(codes or ["not read" if row.get("error") else "no value"])
     return ", ".join(f"{cause} ({count})" for cause, count in causes.most_common())
