@@ -65,35 +65,13 @@ class RecordTracks:
         started = datetime.fromtimestamp(clock().epoch_ns() / 1e9, UTC).astimezone()
         began = clock().now()
         tracks = Tracks(list(self._started(pipeline)))
-        aligner = Aligner(pipeline.alignment, pipeline.ports)
-        blocks: list[Samples] = []
-        found: dict[str, list[Estimates]] = {}
-
-        def take(samples: Samples) -> None:
-            if len(samples):
-                blocks.append(samples)
-                for track, estimates in tracks.estimate(samples).items():
-                    found.setdefault(track, []).append(estimates)
-
-        def pass_on(arrivals: Arrivals) -> Progress:
-            take(aligner.aligned(arrivals))
-            return Progress(aligner.reached, 0.0)
-
-        if batches is None:
-            Flow(pipeline, pass_on, Interrupt()).run()
-        else:
-            for arrival in batches:
-                pass_on([arrival])
-        last = aligner.aligned([], final=True)
-        take(last)
-        if (offline := tracks.estimate_offline()) is not None:
-            found |= {track: [estimates] for track, estimates in offline[1].items()}
+        aligner, samples, found = _read(pipeline, tracks, batches)
         facts: dict[str, Any] = run_facts(pipeline) if provenance else {}
         facts |= {"started": started.isoformat(timespec="seconds"), "duration": clock().now() - began}
         report = aligner.report
         results = tracks.results(pipeline, report)
         result = build_result(pipeline, Path(), facts, None, report, results, Interrupt())
-        return RecordOutcome(pipeline, Samples.joined(blocks or [last]), found, result)
+        return RecordOutcome(pipeline, samples, found, result)
 
     def _with(self, devices: Mapping[str, Device] | None, name: str | None, text: str | None) -> Pipeline:
         pipeline = self.pipeline
@@ -110,3 +88,30 @@ class RecordTracks:
             if running.track.estimator.reusable:
                 running.tracker = self._reusable.setdefault(str(running.track.name), running.tracker)
             yield running
+
+
+def _read(
+    pipeline: Pipeline, tracks: Tracks, batches: Iterable[tuple[str, Batch]] | None
+) -> tuple[Aligner, Samples, dict[str, list[Estimates]]]:
+    """A record taken along the data path to its end: what aligned it, its samples, and the blocks of every track."""
+    aligner = Aligner(pipeline.alignment, pipeline.ports)
+    blocks: list[Samples] = []
+    found: dict[str, list[Estimates]] = {}
+
+    def take(arrivals: Arrivals, final: bool = False) -> Progress:
+        samples = aligner.aligned(arrivals, final)
+        if len(samples) or final:
+            blocks.append(samples)
+        for track, estimates in tracks.estimate(samples).items():
+            found.setdefault(track, []).append(estimates)
+        return Progress(aligner.reached, 0.0)
+
+    if batches is None:
+        Flow(pipeline, take, Interrupt()).run()
+    else:
+        for arrival in batches:
+            take([arrival])
+    take([], final=True)
+    if (offline := tracks.estimate_offline()) is not None:
+        found |= {track: [estimates] for track, estimates in offline[1].items()}
+    return aligner, Samples.joined(blocks), found
