@@ -13,7 +13,8 @@ import time
 from pathlib import Path
 
 import numpy as np
-from palpate_fits.batch_fit import Curve, CurveReader, fit_curves
+from palpate_fits.curve_fits import CurveReader, fit_curves
+from palpate_fits.curves import Curve
 from scipy.optimize import curve_fit
 
 RADIUS, ELASTICITY, VISCOSITY = 5e-3, 1.1e5, 360.0

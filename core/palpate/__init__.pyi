@@ -72,6 +72,7 @@ from .notebook import (
     fit as fit,
     load as load,
     open_run as open_run,
+    prepare as prepare,
     read as read,
     record as record,
     run as run,

@@ -140,6 +140,7 @@ class Estimator(Part, ABC):
     kind: ClassVar[str] = "estimator"
     online: ClassVar[bool] = True  # False: it wants all samples in one block
     motion: ClassVar[Literal["position", "velocity", "both"]] = "both"  # what it takes the tip's motion from
+    reusable: ClassVar[bool] = False  # True: its tracker learns nothing, so that one serves any number of records
 
     @property
     def declared_noise(self) -> tuple[float, float] | None:

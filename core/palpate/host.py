@@ -43,11 +43,13 @@ from palpate.flags import SEVERITIES, verdict
 from palpate.hooks import KINDS
 from palpate.input_file import Enclosure
 from palpate.offers import function_of
-from palpate.parts import nested_settings, numbers_of, part_kind
+from palpate.parts import input_files, nested_settings, numbers_of, part_kind
 from palpate.pipeline import (
     Flow,
     Guard,
     LiveLinks,
+    RecordOutcome,
+    RecordTracks,
     Result,
     check_approach,
     declared_noise,
@@ -122,6 +124,8 @@ __all__ = [
     "Ports",
     "Quantity",
     "Reach",
+    "RecordOutcome",
+    "RecordTracks",
     "Registry",
     "Result",
     "RunSettings",
@@ -155,6 +159,7 @@ __all__ = [
     "hesitations",
     "import_plugin_file",
     "inherited_approval",
+    "input_files",
     "interruptible",
     "is_live",
     "load_pipeline",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from palpate import hooks
 from palpate.discovery import Plugin, discover, missing_methods
-from palpate.errors import PalpateError, PluginError, suggest
+from palpate.errors import ConfigurationError, PalpateError, PluginError, suggest
 from palpate.flags import Flag, FlagMeaning, judged_flags
 from palpate.offers import (
     CalibrationReader,
@@ -136,6 +136,16 @@ class Registry:
         if name in entries:
             return entries[name].part
         raise PluginError(f"there is no {kind} {name!r}{suggest(name, entries)}{self._lost}")
+
+    def named(self, kind: str, name: str) -> str:
+        """The full name of a part, from it or from its initials ("dr"); raises ConfigurationError."""
+        names = self.parts[kind]
+        if name in names:
+            return name
+        meant = [full for full in names if "".join(word[0] for word in full.split("-")) == name and "-" in full]
+        if len(meant) != 1:
+            raise ConfigurationError(f"there is no {kind} {name!r}{suggest(name, names)}")
+        return meant[0]
 
     def command(self, name: str) -> Command:
         """A command by its whole name; raises PluginError with what there is, and what may have been meant."""

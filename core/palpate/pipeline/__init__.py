@@ -10,6 +10,7 @@ from palpate.pipeline.live.links import LiveLinks
 from palpate.pipeline.live.standstill import declared_noise
 from palpate.pipeline.pipeline_run import run_pipeline
 from palpate.pipeline.planned_motion import single_trajectory
+from palpate.pipeline.record_tracks import RecordOutcome, RecordTracks
 from palpate.pipeline.run_result import Result
 from palpate.pipeline.tracks import start_tracks
 
@@ -17,6 +18,8 @@ __all__ = [
     "Flow",
     "Guard",
     "LiveLinks",
+    "RecordOutcome",
+    "RecordTracks",
     "Result",
     "check_approach",
     "declared_noise",

@@ -29,6 +29,7 @@ class CasadiFit(Estimator):
 
     online: ClassVar[bool] = False
     motion: ClassVar[Literal["position", "velocity", "both"]] = "position"
+    reusable: ClassVar[bool] = True
 
     segment: str = Field(
         default="active",

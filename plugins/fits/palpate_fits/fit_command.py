@@ -16,7 +16,9 @@ from palpate_kit.terminal.options import FormatOption, Overrides
 from palpate_kit.terminal.progress import progress
 from palpate_kit.terminal.table import console
 
-from palpate_fits.batch_fit import CurveReader, curve_files, curves_by, fit_each
+from palpate_fits.curve_fits import CurveReader
+from palpate_fits.curve_table import fit_each
+from palpate_fits.curves import curve_files, curves_by
 from palpate_fits.evaluation import each_cycle, evaluate
 from palpate_fits.fit_jobs import LogFit, fits_of
 from palpate_fits.fit_sources import leave_out, log_device, named_pipelines, offline
@@ -35,6 +37,14 @@ def fit(
     pipeline: Annotated[
         Path | None, typer.Option(help="How to read the logs: a pipeline with one device that has a file.")
     ] = None,
+    tip: Annotated[
+        str | None, typer.Option(help='Fit files without a pipeline, or folders of them: "sphere 3 mm" (its radius).')
+    ] = None,
+    model: Annotated[str, typer.Option(help="With --tip: the contact model, by name or initials.")] = "dr",
+    force: Annotated[str | None, typer.Option(help="With --tip: the column of the force.")] = None,
+    position: Annotated[str | None, typer.Option(help="With --tip: the column of the height or depth.")] = None,
+    time: Annotated[str | None, typer.Option(help="With --tip: the column of the time.")] = None,
+    rate: Annotated[str | None, typer.Option(help='With --tip: of readings without a time, as in "500 Hz".')] = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -62,6 +72,15 @@ def fit(
 ) -> None:
     """Fit every offline track to every log; compare, and evaluate what was found on one log on the others."""
     demand_scheduler(scheduler, stage)
+    if tip is not None:
+        if pipeline is not None or any(source.suffix == ".toml" for source in sources):
+            raise ConfigurationError("--tip is for files without a pipeline, which has a tip of its own")
+        from palpate_fits.file_fits import FileFit, fit_files
+
+        given = {"force": force, "position": position, "time": time, "rate": rate}
+        choices = {role: text for role, text in given.items() if text is not None}
+        fit_files(sources, FileFit(tip, model, choices, tuple(overrides or ()), out, jobs, as_json))
+        return
     if each or by:
         if scheduler is not None:
             raise ConfigurationError("--each fits curves on the cores of this machine; it has no --scheduler")

@@ -55,7 +55,8 @@ def _carried(log: Path, overrides: list[str]) -> Pipeline:
     """The pipeline that a log carries, with an offline fit where it has none; raises ConfigurationError."""
     carried = read_run_log(log)
     if carried is None:
-        raise ConfigurationError(f"{log}: is a log; say with --pipeline FILE which pipeline reads it")
+        asked = "is a log; say its tip, as in --tip 'sphere 3 mm', or say with --pipeline FILE which pipeline reads it"
+        raise ConfigurationError(f"{log}: {asked}")
     typer.echo(f"{log}: tip, models and alignment are those of its run", err=True)
     source = replay_source(carried)
     for assignment in overrides:

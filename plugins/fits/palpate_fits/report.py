@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from palpate import Estimates, FitReport, Flag, Floats
+from palpate import Estimates, Flag, Floats
 from palpate_kit.numerics.refusal import NotFitted
 
 from palpate_fits.bootstrap import block_bootstrap
@@ -60,9 +60,6 @@ def estimates_of(fit: FitOutcome) -> Estimates:
     empty.status[rows] = 0
     flags = (*fit.notes, *_flags(judged, total))
     timed = fit.unknowns.index("delay") in fit.residual.free
-    if fit.brief:
-        report = FitReport(judged.scatter.rss, judged.scatter.samples, {})
-        return replace(empty, flags=flags, report=report, timing_included=timed)
     freedom = max(judged.scatter.samples - len(fit.residual.free), 1)
     _reconstruct(fit, judged.scatter.rss / freedom, empty)
     details = _details(judged, total)
@@ -122,10 +119,10 @@ def _judge(fit: FitOutcome) -> _FitWithUncertainty:
     table, systematic = _budget(fit, sensitivities, random)
     names = [fit.unknowns.names[place] for place in free]
     jacobian = sensitivities.jacobian
-    if "delay" not in names and not fit.brief:  # no flag is raised from it
+    if "delay" not in names:
         jacobian = np.column_stack([jacobian, sensitivities.column(fit.unknowns.index("delay"), _PROBE)])
         names.append("delay")
-    apart = {} if fit.brief else condition(jacobian[:, : len(free)])
+    apart = condition(jacobian[:, : len(free)])
     apart |= identifiability(jacobian.T @ jacobian, names, len(free))
     quantile = float(stdtrit(max(found.effective_samples - len(free), 1.0), 0.5 + fit.settings.confidence / 2))
     return _FitWithUncertainty(fit, found, random, systematic, held, table, apart, quantile)
@@ -150,7 +147,7 @@ def _budget(fit: FitOutcome, found: Sensitivities, random: Floats) -> tuple[list
         shift = found.of_parameter(places[name], std)
         table.append(row(label, std, unit, shift, std, labels, values))
         variance += shift**2
-    if places["delay"] not in free and not fit.brief:
+    if places["delay"] not in free:
         shift = found.of_parameter(places["delay"], _PROBE)
         label = TIMING + ("" if fit.problem.timing_uncertainty is not None else " (not declared)")
         table.append(row(label, fit.problem.timing_uncertainty, "s", shift, _PROBE, labels, values))

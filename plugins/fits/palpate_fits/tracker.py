@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -70,7 +69,6 @@ class FitOutcome:
     solver: str
     loss: LossFunction
     notes: tuple[Flag, ...]  # flags met on the way
-    brief: bool  # whether what only the details tell is left out
 
 
 class FitTracker:
@@ -86,7 +84,6 @@ class FitTracker:
     ) -> None:
         self._settings, self._problem, self._windows = settings, problem, windows
         self._unknowns, self._sources = unknowns, sources
-        self.brief = False  # whether what only the details tell is left out
         self._residuals: dict[tuple[int, ...], Residual] = {}
         self._linear: dict[tuple[int, ...], tuple[int, ...]] = {}  # by what is free, which alone it follows from
 
@@ -113,8 +110,7 @@ class FitTracker:
         rows = segment_rows(self._windows, samples, motion.rate, course)
         rows = _without_saturation(samples, rows, notes)
         approach = first_approach(samples, course)
-        wanted = CONTACT_METHODS if not self.brief else (settings.contact_point,)
-        points = _contact_points(settings, approach, wanted)
+        points = _contact_points(settings, approach)
         unknowns = self._prepared(samples, rows, approach, points, notes)
         enough = max(_FEWEST * len(unknowns.free), 10)
         if np.count_nonzero(rows) < enough:
@@ -140,7 +136,7 @@ class FitTracker:
             solution = correct_attenuation(residual, record, unknowns, solution)
         return FitOutcome(
             settings, self._problem, samples, rows, course, motion, approach, points, self._sources, unknowns, linear,
-            record, residual, solution, solver, loss, tuple(notes), self.brief,
+            record, residual, solution, solver, loss, tuple(notes),
         )  # fmt: skip
 
     def _prepared(
@@ -267,11 +263,10 @@ def _spread(found: Estimates, samples: Samples, known: Rows) -> Estimates:
     )
 
 
-def _contact_points(settings: CasadiFit, approach: Approach | None, wanted: Sequence[str]) -> dict[str, ContactPoint]:
+def _contact_points(settings: CasadiFit, approach: Approach | None) -> dict[str, ContactPoint]:
     if approach is None:
         return {}
-    methods = [method for method in CONTACT_METHODS if method in wanted]
-    found = {method: contact_point(method, approach, settings.threshold) for method in methods}
+    found = {method: contact_point(method, approach, settings.threshold) for method in CONTACT_METHODS}
     return {method: point for method, point in found.items() if point is not None}
 
 

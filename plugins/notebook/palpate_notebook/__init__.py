@@ -11,8 +11,9 @@ if TYPE_CHECKING:
     from palpate import Device
 
     from palpate_notebook.figure_object import Picture
-    from palpate_notebook.fit_functions import compare, fit
+    from palpate_notebook.fit_functions import compare, fit, prepare
     from palpate_notebook.fit_object import Fit
+    from palpate_notebook.fitter_object import Fitter
     from palpate_notebook.map_object import MapView
     from palpate_notebook.memory_device import MemoryRecord
     from palpate_notebook.pipeline_changes import Draft, load, run
@@ -29,7 +30,8 @@ __getattr__, _, _ = lazy_loader.attach(
         "pipeline_changes": ["Draft", "load", "run"],
         "run_object": ["FinishedRun", "open_run"],
         "fit_object": ["Fit"],
-        "fit_functions": ["compare", "fit"],
+        "fit_functions": ["compare", "fit", "prepare"],
+        "fitter_object": ["Fitter"],
         "map_object": ["MapView"],
         "memory_device": ["MemoryRecord"],
         "figure_object": ["Picture"],
@@ -45,6 +47,7 @@ __all__ = [
     "Draft",
     "FinishedRun",
     "Fit",
+    "Fitter",
     "MapView",
     "MemoryRecord",
     "Picture",
@@ -56,6 +59,7 @@ __all__ = [
     "fit",
     "load",
     "open_run",
+    "prepare",
     "read",
     "record",
     "run",

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import tomli_w
-from palpate import ConfigurationError, ContactModel, Estimator, Indenter, Part, Samples
-from palpate.host import Pipeline, Registry, Source, build_pipeline, plain_settings, registry, suggest
+import numpy as np
+from palpate import Batch, ContactModel, Estimator, Indenter, Part, Samples
+from palpate.host import RecordTracks, build_parts, build_pipeline, input_files
 
 from palpate_notebook.fit_object import Fit
+from palpate_notebook.fitter_object import Fitter, RecordEstimator
+from palpate_notebook.part_tables import source_of
 from palpate_notebook.record_object import Record
 from palpate_notebook.run_object import FinishedRun
 
-_UNCHECKED = "unchecked"
+_latest = threading.local()  # the estimator of the latest call in each thread, and what it was made of
 
 
 def fit(
@@ -33,8 +36,21 @@ def fit(
 
     Raises ConfigurationError for what does not fit together, LogError for a record that cannot be read.
     """
-    run = _estimated(record, tip, [model], [estimator], uncertainties, name)
-    return Fit(run)
+    return Fit(_estimator([model], [estimator], tip, uncertainties).estimate(record, name))
+
+
+def prepare(
+    *,
+    tip: Indenter | None = None,
+    model: str | ContactModel = "dr",
+    estimator: str | Estimator = "casadi-fit",
+    uncertainties: Mapping[str, str | float] | None = None,
+) -> Fitter:
+    """A fitter for any number of records: what `fit` does of each, with all that they share done once.
+
+    Parts, names and `uncertainties` as in `fit`. Raises ConfigurationError for a part that no plugin has.
+    """
+    return Fitter(RecordEstimator([model], [estimator], tip, uncertainties))
 
 
 def compare(
@@ -47,114 +63,52 @@ def compare(
     name: str | None = None,
 ) -> FinishedRun:
     """Every model with every estimator on one record, read once; parts and names as in `fit`, which raises the same."""
-    return _estimated(record, tip, models, estimators, uncertainties, name)
+    return _estimator(models, estimators, tip, uncertainties).estimate(record, name)
 
 
 def align_record(record: Record) -> Samples:
     """The record's samples, before any model; raises like `fit`."""
-    from palpate_notebook.run_functions import execute
+    from palpate_notebook.run_functions import quietly
 
     tables = {"device": dict(record.devices), "alignment": dict(record.alignment)}
-    pipeline = build_pipeline(_source(record, tables), estimates=False)
-    return execute(pipeline, None, record).aligned
+    pipeline = build_pipeline(source_of(record, tables), estimates=False)
+    with quietly():
+        return RecordTracks(pipeline).estimate().samples
 
 
-def _estimated(
-    record: Record,
-    tip: Indenter | None,
+def readings_of(record: Record) -> dict[str, Batch]:
+    """All readings of each stream as the devices send them, by "device.stream"; no alignment has a say in them.
+
+    Raises ConfigurationError for a device that no plugin has, LogError where a log cannot be read.
+    """
+    devices = build_parts(source_of(record, {"device": dict(record.devices)}), "device")
+    found: dict[str, list[Batch]] = {}
+    for name, device in devices.items():
+        with device.connect(0) as link:
+            for batch in link.batches():
+                found.setdefault(".".join(part for part in (name, batch.stream) if part), []).append(batch)
+    return {name: _joined(batches) for name, batches in found.items()}
+
+
+def _joined(batches: Sequence[Batch]) -> Batch:
+    """One batch from those of a stream in their order."""
+    columns = [np.concatenate([getattr(batch, key) for batch in batches]) for key in ("time", "received", "values")]
+    return Batch(batches[0].stream, *columns)
+
+
+def _estimator(
     models: Sequence[str | ContactModel],
     estimators: Sequence[str | Estimator],
+    tip: Indenter | None,
     uncertainties: Mapping[str, str | float] | None,
-    name: str | None,
-) -> FinishedRun:
-    from palpate_notebook.run_functions import execute
-
-    return execute(pipeline_of(record, tip, models, estimators, uncertainties, name), None, record)
-
-
-def pipeline_of(
-    record: Record,
-    tip: Indenter | None,
-    models: Sequence[str | ContactModel],
-    estimators: Sequence[str | Estimator],
-    uncertainties: Mapping[str, str | float] | None = None,
-    name: str | None = None,
-) -> Pipeline:
-    """The pipeline that estimates a record; raises ConfigurationError with every mistake at once."""
-    for part, kind in ((models, "models"), (estimators, "estimators")):
-        if isinstance(part, str) or not part:
-            raise ConfigurationError(f'{kind}: must be a list of parts or of their names, such as ["dr"]')
-    known = registry.load()
-    tables: dict[str, Any] = {
-        "run": {
-            "name": name or record.name,
-            "uncertainties": dict(uncertainties or {}),
-            "assumed": list(record.assumed),
-        },
-        "device": dict(record.devices),
-        "alignment": dict(record.alignment),
-    }
-    if tip is not None:
-        tables["indenter"] = {"tip": table_of(tip, "tip", "indenter", known)}
-    tables["model"] = _tables(models, "model", known, tip is not None)
-    tables["estimator"] = _tables(estimators, "estimator", known, False)
-    return build_pipeline(_source(record, tables))
-
-
-def _source(record: Record, tables: dict[str, Any]) -> Source:
-    try:
-        return Source(tomli_w.dumps(tables), record.path)
-    except TypeError as error:
-        raise ConfigurationError(
-            f"{record.name}: contains something that cannot be written in a pipeline file: {error}"
-        ) from error
-
-
-def _tables(given: Sequence[str | Part], kind: str, known: Registry, with_tip: bool) -> dict[str, Any]:
-    """A table for each part, by a short name that no other has."""
-    tables: dict[str, Any] = {}
-    for part in given:
-        if isinstance(part, str):
-            label, table = part, {"type": _full_name(part, kind, known)}
-            wanted = known.find(kind, table["type"]).model_fields.get("indenter")
-            if wanted is not None and (with_tip or wanted.is_required()):
-                if not with_tip:
-                    raise ConfigurationError(f'{kind} {part!r} needs a tip, such as tip=Sphere(radius="5 mm")')
-                table["indenter"] = "tip"
-        else:
-            table = table_of(part, kind, kind, known)
-            label = table["type"]
-        count = sum(key == label or key.startswith(f"{label}_") for key in tables)
-        tables[label if not count else f"{label}_{count + 1}"] = table
-    return tables
-
-
-def table_of(part: object, what: str, kind: str, known: Registry) -> dict[str, Any]:
-    """A part as a table of a pipeline file; raises ConfigurationError for what is no part of an installed plugin."""
-    if not isinstance(part, Part) or part.kind != kind:
-        raise ConfigurationError(f"{what}: {part!r} is no {kind} and no name of one")
-    if not any(entry.part is type(part) for entry in known.parts[kind].values()):
-        raise ConfigurationError(
-            f"{what}: {type(part).__name__} is a part of no plugin: a distribution offers it by a hook, or a file "
-            "beside a pipeline does, in [run] plugins"
-        )
-    table: dict[str, Any] = _without_marks(plain_settings(part, known))
-    return table
-
-
-def _without_marks(value: Any) -> Any:
-    """Numbers of a part in Python are doubted like those of a file."""
-    if isinstance(value, dict):
-        return {key: _without_marks(item) for key, item in value.items() if key != _UNCHECKED}
-    return [_without_marks(item) for item in value] if isinstance(value, list) else value
-
-
-def _full_name(name: str, kind: str, known: Registry) -> str:
-    """A part's name in full, from it or from its initials; raises ConfigurationError."""
-    names = known.parts[kind]
-    if name in names:
-        return name
-    meant = [full for full in names if "".join(word[0] for word in full.split("-")) == name and "-" in full]
-    if len(meant) != 1:
-        raise ConfigurationError(f"there is no {kind} {name!r}{suggest(name, names)}")
-    return meant[0]
+) -> RecordEstimator:
+    """The latest estimator of this thread where it is of the same parts, and of files that have not changed since."""
+    parts = [part for part in (*models, *estimators, tip) if isinstance(part, Part)]
+    states = [(path, path.stat().st_mtime_ns) for part in parts for path in input_files(part) if path.exists()]
+    made_of: tuple[Any, ...] = (tuple(models), tuple(estimators), tip, dict(uncertainties or {}), states)
+    known: tuple[tuple[Any, ...], RecordEstimator] | None = getattr(_latest, "known", None)
+    if known is not None and known[0] == made_of:
+        return known[1]
+    found = RecordEstimator(models, estimators, tip, uncertainties)
+    _latest.known = made_of, found
+    return found

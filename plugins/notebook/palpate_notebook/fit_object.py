@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate import Flag
+from palpate import Flag, Floats
 
 from palpate_notebook.figure_object import Picture
 from palpate_notebook.quantity import UncertainQuantity
@@ -59,6 +59,11 @@ class Fit:
     def residual(self) -> float:
         """Root mean square of measured less modelled force [N]."""
         return self.track.residual
+
+    @property
+    def force(self) -> Floats:
+        """The model's contact force (n,) [N] at each sample of `run.samples`; NaN where nothing was fitted."""
+        return self.run.track_tables[self.track.name].others["force"]
 
     def summary(self, si: bool = False) -> pandas.DataFrame:
         """A row for each parameter: value, std, combined, unit; in display units, or SI."""

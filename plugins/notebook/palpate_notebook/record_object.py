@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from palpate import ConfigurationError, Floats, is_number, to_si
+from palpate import Batch, ConfigurationError, Floats, is_number, to_si
 from palpate.host import suggest
 
 from palpate_notebook.array_input import numbers, stamps
@@ -43,6 +43,13 @@ class Record:
         from palpate_notebook.fit_functions import align_record
 
         return samples_dataset(align_record(self))
+
+    @property
+    def readings(self) -> dict[str, Batch]:
+        """The readings as the devices send them, by "device.stream"; of a record that the alignment refuses, too."""
+        from palpate_notebook.fit_functions import readings_of
+
+        return readings_of(self)
 
     def plot(self) -> Picture:
         """Force, height and velocity over time."""

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from palpate import Batch, Estimates, Parameter, Samples
-from palpate.host import Pipeline, is_live, run_pipeline
+from palpate.host import Pipeline, RecordOutcome, is_live, run_pipeline
 from palpate_kit.runs.run_folder import TrackTable
 
 from palpate_notebook.run_object import FinishedRun
@@ -36,6 +36,12 @@ class RunRecorder:
     def estimates(self, track: str, estimates: Estimates) -> None:
         """Keep the estimates of a track."""
         self.found.setdefault(track, []).append(estimates)
+
+    @classmethod
+    def of(cls, outcome: RecordOutcome) -> RunRecorder:
+        """What a record in memory came to."""
+        parameters = {str(track.name): track.model.parameters for track in outcome.pipeline.tracks}
+        return cls(parameters, [outcome.samples], {name: list(found) for name, found in outcome.estimates.items()})
 
     @property
     def joined(self) -> Samples | None:
@@ -87,6 +93,24 @@ def execute(pipeline: Pipeline, folder: Path | None, holds: object = None) -> Fi
     tables = {name: kept.table(name) for name in result.tracks if name in kept.found}
     document = json.loads(json.dumps(result.table()))
     return FinishedRun(result.folder, document, (kept.joined, tables), temporary=temporary, holds=holds)
+
+
+def finished_run(outcome: RecordOutcome, holds: object) -> FinishedRun:
+    """The outcome of a record in memory as a run, which keeps what it `holds`."""
+    kept = RunRecorder.of(outcome)
+    tables = {name: kept.table(name) for name in outcome.result.tracks if name in kept.found}
+    found = (kept.joined if len(outcome.samples) else None, tables)
+    return FinishedRun(
+        None, json.loads(json.dumps(outcome.result.table())), found, origin=outcome.pipeline, holds=holds
+    )
+
+
+def write_run(pipeline: Pipeline) -> Path:
+    """A temporary folder with everything that a run writes; raises UserError like `execute`."""
+    with _place(None, True) as place, quietly():
+        result = run_pipeline(pipeline, place)
+        result.demand_whole()
+    return result.folder
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import tomllib
 import weakref
 from collections.abc import Iterator, Mapping
 from contextlib import redirect_stdout
@@ -12,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from palpate import ConfigurationError, Flag, LogError, OutputError, Samples
-from palpate.host import analysis, build_pipeline, suggest
+from palpate.host import Pipeline, analysis, build_pipeline, resolved_text, suggest
 from palpate_kit.runs.replay_source import read_run_log, replay_source
 from palpate_kit.runs.result_file import read_flags
 from palpate_kit.runs.run_folder import RunFolder, TrackTable
@@ -35,18 +36,29 @@ class FinishedRun:
 
     def __init__(
         self,
-        folder: Path,
+        folder: Path | None,
         document: Mapping[str, Any],
         found: Found | None = None,
         *,
         temporary: bool = False,
+        origin: Pipeline | None = None,
         holds: object = None,
     ) -> None:
-        self.folder = folder  # with everything that the run wrote; one of its own where none was asked for
         self.document = document  # the contents of result.json [SI]
-        self._found, self._holds = found, holds
-        if temporary:
+        self._folder, self._found, self._origin, self._holds = folder, found, origin, holds
+        if temporary and folder is not None:
             weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+
+    @property
+    def folder(self) -> Path:
+        """The folder with everything that the run wrote; of a run in memory it is made when it is first asked for."""
+        if self._folder is None:
+            from palpate_notebook.run_functions import write_run
+
+            assert self._origin is not None  # of a run in memory
+            self._folder = write_run(self._origin)
+            weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+        return self._folder
 
     @property
     def name(self) -> str:
@@ -72,6 +84,8 @@ class FinishedRun:
     @cached_property
     def pipeline(self) -> dict[str, Any]:
         """The pipeline as it was resolved: every setting [SI], by table."""
+        if self._origin is not None:
+            return tomllib.loads(resolved_text(self._origin))
         return RunFolder(self.folder).settings
 
     @property

@@ -1,0 +1,75 @@
+"""Curves: files, or parts of a log."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from palpate import Batch, ConfigurationError, Device
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One curve: a file, or its readings."""
+
+    name: str
+    file: str = ""
+    batches: tuple[Batch, ...] = ()
+
+
+def curve_files(sources: Sequence[Path], reader: type[Device]) -> Iterator[Curve]:
+    """Every file that the reader recognises, of folders in the order of their names; raises ConfigurationError."""
+    recognises = getattr(reader, "recognises", Path.is_file)
+    found = 0
+    for source in sources:
+        if not source.exists():
+            raise ConfigurationError(f"{source}: there is no such file or folder")
+        for path in sorted(source.rglob("*")) if source.is_dir() else [source]:
+            if not source.is_dir() or recognises(path):
+                found += 1
+                name = path.relative_to(source) if source.is_dir() and len(sources) == 1 else path
+                yield Curve(str(name), str(path.resolve()))
+    if not found:
+        raise ConfigurationError(f"{', '.join(map(str, sources))}: holds no file that the pipeline could read")
+
+
+def curves_by(logs: Iterable[Device], channel: str) -> Iterator[Curve]:
+    """The curves of logs: a new one begins wherever a channel changes; one is held in memory at a time.
+
+    Raises ConfigurationError where a log has no such channel, or several streams.
+    """
+    count = 0
+    for log in logs:
+        names = [known.name for known in log.streams[0].channels]
+        if len(log.streams) != 1 or channel not in names:
+            known = ", ".join(names)
+            raise ConfigurationError(
+                f"--by {channel}: the log must be one stream with that channel (there are: {known})"
+            )
+        with log.connect(0) as link:
+            for batches in _split(link.batches(), names.index(channel)):
+                yield Curve(f"{count}", batches=batches)
+                count += 1
+
+
+def _split(batches: Iterable[Batch], column: int) -> Iterator[tuple[Batch, ...]]:
+    """Batches cut where a column changes, those of one value together."""
+    waiting: list[Batch] = []
+    for batch in batches:
+        marks = batch.values[:, column]
+        before = waiting[-1].values[-1, column] if waiting else marks[0]
+        latest = np.maximum.accumulate(np.where(np.isfinite(marks), np.arange(len(marks)), -1))
+        marks = np.where(latest < 0, before, marks[latest])  # a mark that is missing is no new one
+        edges = np.flatnonzero(np.diff(marks, prepend=before) != 0).tolist()
+        for first, last in pairwise([0, *edges, len(marks)]):
+            if first in edges:
+                yield tuple(waiting)
+                waiting = []
+            if last > first:
+                rows = slice(first, last)
+                waiting.append(Batch(batch.stream, batch.time[rows], batch.received[rows], batch.values[rows]))
+    if waiting:
+        yield tuple(waiting)

@@ -1,0 +1,140 @@
+"""A fit that is prepared once, for any number of records."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from palpate import ConfigurationError, ContactModel, Device, Estimator, Indenter, PalpateError, Stream
+from palpate.host import Pipeline, RecordTracks, build_pipeline, registry
+
+from palpate_notebook.fit_object import Fit
+from palpate_notebook.part_tables import part_tables, source_of, table_of
+from palpate_notebook.record_object import Record
+from palpate_notebook.run_functions import finished_run, quietly
+from palpate_notebook.run_object import FinishedRun
+
+_NAMES = ("file", "sha256")  # keys of a device that name a record; all others say how it is read
+
+
+class RecordEstimator:
+    """Models and estimators for any number of records; those that are read alike share one pipeline."""
+
+    def __init__(
+        self,
+        models: Sequence[str | ContactModel],
+        estimators: Sequence[str | Estimator],
+        tip: Indenter | None,
+        uncertainties: Mapping[str, str | float] | None,
+    ) -> None:
+        for part, kind in ((models, "models"), (estimators, "estimators")):
+            if isinstance(part, str) or not part:
+                raise ConfigurationError(f'{kind}: must be a list of parts or of their names, such as ["dr"]')
+        known = registry.load()
+        self._uncertainties = dict(uncertainties or {})
+        tables: dict[str, Any] = {}
+        if tip is not None:
+            tables["indenter"] = {"tip": table_of(tip, "tip", "indenter", known)}
+        tables["model"] = part_tables(models, "model", known, tip is not None)
+        tables["estimator"] = part_tables(estimators, "estimator", known, False)
+        self._parts = tables
+        self._latest: _KindOfRecord | None = None
+
+    def pipeline(self, record: Record, name: str | None = None) -> Pipeline:
+        """The pipeline of a record; raises ConfigurationError with every mistake at once."""
+        return build_pipeline(source_of(record, self._tables(record, name)))
+
+    def estimate(self, record: Record, name: str | None = None) -> FinishedRun:
+        """What is estimated of a record; raises ConfigurationError, and LogError where it cannot be read."""
+        tracks = self._tracks(record, name)
+        pipeline = tracks.pipeline
+        devices = {key: _named_as(pipeline.devices[key], table) for key, table in record.devices.items()}
+        text = tomli_w.dumps(self._tables(record, name))
+        for notice in pipeline.registry.notices:
+            warnings.warn(notice, stacklevel=4)
+        with quietly():
+            outcome = tracks.estimate(devices, name=name or record.name, text=text)
+        return finished_run(outcome, record)
+
+    def _tables(self, record: Record, name: str | None) -> dict[str, Any]:
+        run = {
+            "name": name or record.name,
+            "uncertainties": self._uncertainties,
+            "assumed": list(record.assumed),
+        }
+        return {"run": run, "device": dict(record.devices), "alignment": dict(record.alignment), **self._parts}
+
+    def _tracks(self, record: Record, name: str | None) -> RecordTracks:
+        """The tracks of records that are read like this one; those of the latest kind are kept."""
+        ways = {key: {k: v for k, v in table.items() if k not in _NAMES} for key, table in record.devices.items()}
+        kind = json.dumps([ways, dict(record.alignment), record.assumed, str(record.path.parent)], default=repr)
+        if self._latest is not None and self._latest.kind == kind:
+            known = self._latest.tracks.pipeline.devices
+            if self._latest.streams == _streams(
+                {key: _named_as(known[key], table) for key, table in record.devices.items()}
+            ):
+                return self._latest.tracks
+        pipeline = self.pipeline(record, name)
+        self._latest = _KindOfRecord(kind, _streams(pipeline.devices), RecordTracks(pipeline))
+        return self._latest.tracks
+
+
+@dataclass(frozen=True)
+class _KindOfRecord:
+    """How records are read that share their tracks."""
+
+    kind: str  # what is declared of them
+    streams: list[tuple[Stream, ...]]  # of each device
+    tracks: RecordTracks
+
+
+def _streams(devices: Mapping[str, Device]) -> list[tuple[Stream, ...]]:
+    return [device.streams for device in devices.values()]
+
+
+def _named_as(device: Device, table: Mapping[str, Any]) -> Device:
+    """The device with the record that a table names."""
+    named = {key: Path(table[key]) if key == "file" else table[key] for key in _NAMES if key in table}
+    return device.model_copy(update=named)
+
+
+class Fitter:
+    """A fit that is prepared once: the same tip, model and estimator for any number of records."""
+
+    def __init__(self, estimator: RecordEstimator) -> None:
+        self._estimator = estimator
+
+    def fit(self, record: Record, *, name: str | None = None) -> Fit:
+        """The fit of a record, to the same digits as `palpate.fit`.
+
+        Raises ConfigurationError for what does not fit together, LogError for a record that cannot be read.
+        """
+        return Fit(self._estimator.estimate(record, name))
+
+    def each(
+        self,
+        records: Iterable[Record],
+        *,
+        progress: Callable[[int], object] | None = None,
+        cancelled: Callable[[], bool] | None = None,
+    ) -> Iterator[Fit | PalpateError]:
+        """The fit of each record in their order, or the error by which it is refused; the others are fitted.
+
+        `progress` is told how many are done; where `cancelled` answers True, no further record is begun.
+        """
+        for count, record in enumerate(records, start=1):
+            if cancelled is not None and cancelled():
+                return
+            found: Fit | PalpateError
+            try:
+                found = self.fit(record)
+            except PalpateError as error:
+                found = error
+            yield found
+            if progress is not None:
+                progress(count)
