@@ -1,5 +1,7 @@
 """Commands of two words, the help that names them, and the names that commands had before."""
 
+import re
+
 import pytest
 from palpate import PluginError
 from palpate.cli.commands import command_offers, help_text
@@ -17,6 +19,14 @@ def test_the_help_fits_a_mind():
         "run rehearse replay resume check init info watch fit map report plot calibrate doctor twin list describe trust"
     )
     assert set(daily.split()) <= TOP
+
+
+def test_palpate_alone_says_in_ten_lines_what_to_type_first(palpate):
+    shown = palpate().stdout
+    assert len(shown.splitlines()) <= 10
+    assert max(map(len, shown.splitlines())) <= 100
+    commands = re.findall(r"(?::|then) +palpate (\w+)", shown)
+    assert {"fit", "info", "init", "run", "rehearse"} <= set(commands) <= TOP
 
 
 def test_the_help_shows_every_word(monkeypatch):

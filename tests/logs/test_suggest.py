@@ -2,6 +2,7 @@
 
 import json
 import re
+import tomllib
 import tracemalloc
 
 import numpy as np
@@ -12,6 +13,7 @@ from palpate_kit.logs.field_statistics import FieldStatistics, sparkline
 from palpate_kit.logs.role_evidence import contact_law, derivative, force_sign, on_grid
 from palpate_kit.logs.survey import _KEPT, SampleOfRow
 from palpate_logs.csv_replay import CsvReplay
+from palpate_logs.csv_sheet import Sheet
 from palpate_logs.rosbag2_replay import Rosbag2Replay
 
 from tests.logs.bags import array_message, press, write_bag
@@ -308,3 +310,29 @@ def test_names_that_command_terminals_are_spelled_out(palpate, tmp_path):
         assert "\x1b[2J" not in done.stdout + done.stderr
         assert "\x07" not in done.stdout + done.stderr
         assert "\\u001b[2Jf" in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    ("header", "unit", "newton"),
+    [
+        ("Force [g]", "gf", 9.80665e-3),
+        ("load_kg", "kgf", 9.80665),
+        ("force_gf", "gf", 9.80665e-3),
+        ("Kraft in mN", "mN", 1e-3),
+        ("Force, N", "N", 1.0),
+        ("F / N", "N", 1.0),
+    ],
+)
+def test_a_load_in_grams_is_a_weight_and_no_newton(palpate, tmp_path, header, unit, newton):
+    time, z, _, f = press()
+    file = tmp_path / "own.csv"
+    written(file, [time, 1e3 * z, f / newton], ["t [s]", "height / mm", f'"{header}"'])
+    pipeline = tomllib.loads(palpate("info", file, "--suggest").stdout)
+    columns = pipeline["device"]["log"]["columns"]
+    assert columns["force"] == {"column": header, "unit": unit}
+    assert columns["position"]["unit"] == "mm"
+
+
+def test_an_acceleration_in_g_is_no_weight(tmp_path):
+    sheet = Sheet(tmp_path / "x.csv", ",", ("acc [g]", "Force [g]"), True)
+    assert (sheet.unit(0), sheet.unit(1)) == (None, "gf")

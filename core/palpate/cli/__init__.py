@@ -16,6 +16,7 @@ from palpate.cli.commands import (
     group_text,
     help_text,
     parse_arguments,
+    start_text,
     version_text,
 )
 from palpate.errors import PalpateError
@@ -94,6 +95,8 @@ def _forbidding(forbids: bool) -> Iterator[None]:
 def _do(invocation: Invocation, ends: bool) -> None:
     if invocation.wants == "version":
         print(version_text())
+    elif invocation.wants == "start":
+        print(start_text())
     elif invocation.wants == "help":
         print(help_text(invocation.files))
     else:

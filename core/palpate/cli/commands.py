@@ -16,6 +16,14 @@ from palpate.offers import PANELS, Command
 if TYPE_CHECKING:
     from palpate.registry import Registry
 
+_PURPOSE = "Elasticity and viscosity of soft material from robotic palpation, each with its uncertainty."
+_FIRST = (  # what somebody has, and the first command for it
+    ("A folder of curves:", 'palpate fit FOLDER --tip "sphere 3 mm"'),
+    ("A log:", "palpate info LOG --suggest -o log.toml, then palpate run log.toml"),
+    ("A robot:", "palpate init ur3e, then palpate rehearse ur3e.toml: nothing real moves"),
+    ("Nothing yet:", "palpate init point, then palpate run point.toml: a simulated rig"),
+    ("Arrays in Python:", "import palpate, then palpate.record(...) and palpate.fit(...)"),
+)
 _USAGE = "usage: palpate [--plugin FILE]... [--no-plugins] COMMAND [ARGUMENT]..."
 _HELP = ("-h", "--help")
 
@@ -24,7 +32,7 @@ _HELP = ("-h", "--help")
 class Invocation:
     """What the command line asks for."""
 
-    wants: Literal["help", "version", "command"]
+    wants: Literal["start", "help", "version", "command"]
     words: tuple[str, ...] = ()  # the command and its arguments
     files: tuple[Path, ...] = ()  # plugins beside those that are installed
     forbids: bool = False  # plugin files that a pipeline names
@@ -43,6 +51,8 @@ class CommandCall:
 
 def parse_arguments(arguments: Sequence[str]) -> Invocation:
     """What the arguments ask for; raises ConfigurationError for an option that is none."""
+    if not arguments:
+        return Invocation("start")
     rest, files, forbids = list(arguments), list[Path](), False
     while rest and rest[0].startswith("-"):
         word = rest.pop(0)
@@ -98,13 +108,22 @@ def version_text() -> str:
     return f"palpate {importlib.metadata.version('palpate')}"
 
 
+def start_text() -> str:
+    """What to type first, by what somebody has; only commands that are installed."""
+    offers = command_offers().commands
+    missing = {"fit", "info", "init"} - {name.partition(" ")[0] for name in offers}
+    lines = [f"{task:<19} {command}" for task, command in _FIRST if command.split()[1] not in missing]
+    last = "palpate --help lists every command; palpate COMMAND --help says more."
+    return "\n".join([_PURPOSE, "", *lines, "", last])
+
+
 def help_text(files: Sequence[Path] = ()) -> str:
     """Usage, and every command with its line, by panels; of subcommands the words."""
     registry = command_offers(files)
     lines = [
         _USAGE,
         "",
-        "Elasticity and viscosity of soft material from robotic palpation, each with its uncertainty.",
+        _PURPOSE,
     ]
     for panel, title in PANELS.items():
         rows = {

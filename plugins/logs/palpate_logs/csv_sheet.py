@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import gzip
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -26,7 +27,11 @@ _LINE = 100_000  # characters; the csv module takes no longer cell
 _BLOCK = 4096  # rows at once
 _UNIT = 20  # characters of a unit; a longer one is none
 _NAME, _NAMED = 40, 12  # characters of a column's name, and columns, that are shown
-_SUFFIXES = ("mm_s", "um_s", "m_s", "mm", "um", "cm", "mN", "kN", "ns", "us", "ms", "m", "N", "s")
+_LOADS = ("mN", "kN", "kgf", "gf", "kg", "N", "g")
+_SUFFIXES = ("mm_s", "um_s", "m_s", "mm", "um", "cm", *_LOADS, "ns", "us", "ms", "m", "s")
+_WEIGHT = {"g": "gf", "kg": "kgf", "lb": "lbf"}  # a load cell that was calibrated with masses
+_LOAD = re.compile(r"force|load|weight|kraft|gewicht|^fz?\b|^fz?_", re.IGNORECASE)  # g is also an acceleration
+_BEHIND = re.compile(r"(?:\s*/\s*|,\s*|\s+in\s+)(\S{1,20})")  # "Force / N", "Force, N", "Force in N"
 
 
 @dataclass(frozen=True)
@@ -68,8 +73,10 @@ class Sheet:
                 yield block[[bool(cells) for cells in part]]
 
     def unit(self, column: int) -> str | None:
-        """The unit that the name of a column ends in; None where it names none."""
+        """The unit that the name of a column ends in, for a load in grams gf; None where it names none."""
         unit = _unit_text(self.names[column])
+        if _LOAD.search(self.names[column]):
+            unit = _WEIGHT.get(unit, unit)
         try:
             return unit if unit and si_unit(unit) else None
         except ValueError:
@@ -108,13 +115,15 @@ def _refuse_decimal_commas(
 
 
 def _unit_text(name: str) -> str:
-    """What stands in the last brackets of a name, or behind its last ``_``; empty where that is no unit's length."""
+    """What stands in the last brackets of a name, or behind its last ``_``, ``/``, comma or "in"; empty for none."""
     name = name.strip()
     if name[-1:] in ("]", ")"):
         begin = max(name.rfind("["), name.rfind("("))
         unit = name[begin + 1 : -1].strip() if begin >= 0 else ""
         return unit.replace("_s", "/s").replace("^-1", "") if len(unit) <= _UNIT else ""
     found = next((unit for unit in _SUFFIXES if name.endswith(f"_{unit}") and len(name) > len(unit) + 1), "")
+    if not found and (behind := list(_BEHIND.finditer(name))) and behind[-1].end() == len(name):
+        return behind[-1][1]
     return found.replace("_s", "/s")
 
 
